@@ -67,6 +67,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         atomic::write_bytes(file, scene.camera.to_toml().as_bytes())?;
         console.say(format_args!("wrote     {}", file.display()))?;
     }
+    let team = console.team();
+    let seats = team.as_ref().map_or(&[][..], |team| team.seats());
+    for (rank, seat) in seats.iter().enumerate() {
+        let cores: Vec<String> = seat.cores.iter().map(usize::to_string).collect();
+        console.say(format_args!("process   {rank} on {}, cores {}", seat.host, cores.join(" ")))?;
+    }
     let adapters = render::adapters()?;
     for adapter in &adapters {
         console.say(format_args!("adapter   {} ({})", adapter.name, adapter.kind))?;
@@ -82,6 +88,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.summary(&json!({
         "verb": "info",
         "version": env!("CARGO_PKG_VERSION"),
+        "processes": seats,
         "adapters": adapters,
         "scene": scene.as_ref().map(describe),
         "rig": rig.as_ref().map(rig_info::describe),

@@ -44,10 +44,11 @@ fn joined() -> Result<Role> {
 
     let Some(world) = World::join()? else { return Ok(Role::Leader(None)) };
     let world: Arc<dyn Comm> = Arc::new(world);
-    let seat = share_cores(&*world);
+    let seats = share_cores(&*world);
+    let seat = seats[world.rank()].clone();
     greet(&*world, &seat.host, &program())?;
     if world.rank() == 0 {
-        return Ok(Role::Leader(Some(Team::lead(world))));
+        return Ok(Role::Leader(Some(Team::lead(world, seats))));
     }
     crate::machine::start_threads();
     let mut servant = Servant::new(Arc::clone(&world), seat.host, seat.local_rank);

@@ -6,7 +6,7 @@
 use super::Comm;
 
 /// Where a process of a team runs.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Seat {
     /// The name of the machine.
     pub host: String,
@@ -26,24 +26,40 @@ fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
 }
 
 /// Divides the cores of each machine among the processes of the team that run on it and may use the same ones, and binds this process to its share.
-/// Threads that it starts later are bound as well. Every process of the team must call it, before it starts threads.
+/// Threads that it starts later are bound as well. Returns where each process runs, by rank. Every process of the team must call it, before it starts
+/// threads.
 ///
 /// Open MPI binds each process to one core where it is not told otherwise. This default is lifted first; a binding that the user asked for stays.
-pub fn share_cores(comm: &dyn Comm) -> Seat {
+pub fn share_cores(comm: &dyn Comm) -> Vec<Seat> {
     if is_bound_by_default() {
         system::unbind();
     }
-    let host = system::host();
-    let cores = system::cores();
-    let mine = text(&host, &cores);
-    let all = comm.exchange(vec![mine.clone().into_bytes(); comm.size()]);
-    let here = |bytes: &Vec<u8>| bytes.split(|&byte| byte == b' ').next() == Some(host.as_bytes());
-    let count = |of: &dyn Fn(&Vec<u8>) -> bool, to: usize| all[..to].iter().filter(|bytes| of(bytes)).count();
-    let same = |bytes: &Vec<u8>| *bytes == mine.as_bytes();
-    let (local_rank, local_size) = (count(&here, comm.rank()), count(&here, comm.size()));
-    let own = share(&cores, count(&same, comm.rank()), count(&same, comm.size()));
+    let (host, cores) = (system::host(), system::cores());
+    let all = exchange_text(comm, &text(&host, &cores));
+    let equal = |to: usize| all[..to].iter().filter(|other| **other == all[comm.rank()]).count();
+    let own = share(&cores, equal(comm.rank()), equal(comm.size()));
     let own = if own.len() < cores.len() && system::bind(&own) { own } else { cores };
-    Seat { host, local_rank, local_size, cores: own }
+    seats(&exchange_text(comm, &text(&host, &own)))
+}
+
+/// Sends a text to every process of the team, and returns theirs, by rank.
+fn exchange_text(comm: &dyn Comm, text: &str) -> Vec<String> {
+    let all = comm.exchange(vec![text.as_bytes().to_vec(); comm.size()]);
+    all.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect()
+}
+
+/// Where processes run that sent these texts.
+fn seats(texts: &[String]) -> Vec<Seat> {
+    let parts: Vec<(&str, &str)> =
+        texts.iter().map(|text| text.split_once(' ').unwrap_or((text, ""))).collect();
+    let count = |host: &str, to: usize| parts[..to].iter().filter(|(other, _)| *other == host).count();
+    let seat = |(rank, (host, cores)): (usize, &(&str, &str))| Seat {
+        host: (*host).to_owned(),
+        local_rank: count(host, rank),
+        local_size: count(host, parts.len()),
+        cores: cores.split(',').filter_map(|core| core.parse().ok()).collect(),
+    };
+    parts.iter().enumerate().map(seat).collect()
 }
 
 /// The machine's name and the cores, as every process of the team understands them.
@@ -111,6 +127,15 @@ mod system {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn processes_of_a_machine_are_counted() {
+        let found = seats(&[text("a", &[0, 1]), text("b", &[0]), text("a", &[2])]);
+        let of = |seat: &Seat| (seat.host.clone(), seat.local_rank, seat.local_size, seat.cores.clone());
+        assert_eq!(of(&found[0]), ("a".into(), 0, 2, vec![0, 1]));
+        assert_eq!(of(&found[1]), ("b".into(), 0, 1, vec![0]));
+        assert_eq!(of(&found[2]), ("a".into(), 1, 2, vec![2]));
+    }
 
     #[test]
     fn cores_are_divided_and_shared_where_there_are_too_few() {

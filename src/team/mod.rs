@@ -74,6 +74,7 @@ pub fn greet(comm: &dyn Comm, host: &str, program: &str) -> Result<()> {
 /// The team as its leader sees it.
 pub struct Team {
     comm: Arc<dyn Comm>,
+    seats: Vec<Seat>,
     /// The number of the next object. Whoever holds the lock talks to the others.
     next: Mutex<u64>,
     /// Objects that the others still hold, and that nobody needs any more.
@@ -81,15 +82,21 @@ pub struct Team {
 }
 
 impl Team {
-    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve`].
-    pub fn lead(comm: Arc<dyn Comm>) -> Arc<Self> {
+    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve`]. `seats` says where the
+    /// processes run, by rank, for the user.
+    pub fn lead(comm: Arc<dyn Comm>, seats: Vec<Seat>) -> Arc<Self> {
         debug_assert_eq!(comm.rank(), 0, "the process of rank 0 leads");
-        Arc::new(Self { comm, next: Mutex::new(0), released: Mutex::default() })
+        Arc::new(Self { comm, seats, next: Mutex::new(0), released: Mutex::default() })
     }
 
     /// The number of processes.
     pub fn size(&self) -> usize {
         self.comm.size()
+    }
+
+    /// Where each process runs, by rank; empty where nobody said so.
+    pub fn seats(&self) -> &[Seat] {
+        &self.seats
     }
 
     /// A new object, which no process holds yet.

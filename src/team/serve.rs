@@ -99,7 +99,7 @@ mod tests {
                 })
             })
             .collect();
-        let team = Team::lead(Arc::new(leader));
+        let team = Team::lead(Arc::new(leader), Vec::new());
         let first = team.remote();
         let second = team.remote();
         assert_eq!(first.command(b"a").receive_all(), [vec![b'a', 1], vec![b'a', 2]]);

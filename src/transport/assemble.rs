@@ -70,8 +70,7 @@ fn run<const C: usize>(
     let Share { chunks, direct, ambient, has_halves, summary } =
         Share::trace(tracer, settings, &all, split, &project)?;
     let direct = if rig.symmetric { direct } else { Vec::new() };
-    let (mut layers, sums) = layers(&chunks, rig, all.camera.clone(), split, &direct);
-    drop(chunks);
+    let (mut layers, sums) = layers(chunks, rig, all.camera.clone(), split, &direct);
     // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
     let matrix =
@@ -88,9 +87,10 @@ pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
     }
 }
 
-/// These rows of the matrix by number of bounces, with the sums over each. `direct` is their part of the diagonal, or empty.
+/// These rows of the matrix by number of bounces, with the sums over each. `direct` is their part of the diagonal, or empty. The chunks are dropped
+/// as soon as they are combined.
 pub(super) fn layers<const C: usize>(
-    chunks: &[Chunk<C>],
+    chunks: Vec<Chunk<C>>,
     rig: RigShape,
     rows: Range<usize>,
     split: bool,
@@ -98,7 +98,8 @@ pub(super) fn layers<const C: usize>(
 ) -> (Vec<Layer>, Vec<RowSums<C>>) {
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, rows: sums } = combine(chunks, rig, rows, bounces.len(), direct);
+    let Combined { layers, rows: sums } = combine(&chunks, rig, rows, bounces.len(), direct);
+    drop(chunks);
     let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
     (bounces.iter().zip(layers).map(tiled).collect(), sums)
 }

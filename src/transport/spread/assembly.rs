@@ -158,21 +158,20 @@ fn merge<const C: usize>(
     let received = comm.exchange((0..comm.size()).map(message).collect());
     let mut chunks = [Vec::new(), Vec::new()];
     let (mut own_camera, mut own_projector) = (Some(camera), Some(projector));
-    for (rank, bytes) in received.iter().enumerate() {
+    for (rank, bytes) in received.into_iter().enumerate() {
         if rank == comm.rank() {
             chunks[0].extend(own_camera.take().into_iter().flatten());
             chunks[1].extend(own_projector.take().into_iter().flatten());
         } else {
-            let mut from = wire::Reader(bytes);
+            let mut from = wire::Reader(&bytes);
             chunks[0].push(wire::take_chunk(&mut from, true)?);
             chunks[1].push(wire::take_chunk(&mut from, false)?);
         }
     }
-    drop(received);
     let rows = pixels[comm.rank()].camera.clone();
     let direct = if rig.symmetric { direct } else { Vec::new() };
-    let (layers, sums) =
-        layers(&chunks.into_iter().flatten().collect::<Vec<_>>(), rig, rows.clone(), split, &direct);
+    let chunks: Vec<Chunk<C>> = chunks.into_iter().flatten().collect();
+    let (layers, sums) = layers(chunks, rig, rows.clone(), split, &direct);
     let planes = vec![Vec::new(); C];
     let matrix = TransportMatrix { rig, channels, direct: planes, layers, rows, spread: None };
     Ok(Own { matrix, direct, ambient, sums, has_halves, summary })

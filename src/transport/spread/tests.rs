@@ -30,7 +30,7 @@ impl Crew {
                 serve(&*comm, &mut Servant::new(Arc::clone(&comm), "here".into(), turn));
             })
         };
-        Self { others: comms.map(serving).collect(), team: Team::lead(leader) }
+        Self { others: comms.map(serving).collect(), team: Team::lead(leader, Vec::new()) }
     }
 
     /// Ends the team; a thread that panicked fails the test.
