@@ -83,6 +83,7 @@
 //! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
 //! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
 //! | patterns painted by hand, their photo seen at once | [`paint`] |
+//! | more than one machine can hold | [`team`]: processes that each trace and keep a part |
 //! | the figures | [`paper`] makes them again, and holds them to bounds |
 //!
 //! Units, conventions and the symmetric estimator are described in [`render`] and [`transport`].
@@ -93,19 +94,20 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, machine, error
-//! paper     → lab, report, analysis, measure, rig, transport, scene, krylov, io, sparse, operator, observer, image, error
+//! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, image, machine, error
+//! paper     → lab, report, analysis, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
 //! paint     → lab, report, analysis, transport, krylov, io, sparse, operator, image, error
-//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, file, machine, error
+//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, image, file, machine, error
 //! report    → analysis, measure, rig, krylov, io, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error
 //! cache     → transport, render, scene, gpu, io, image, error
 //! measure   → rig, transport, render, io, operator, journal, image, file, error
 //! rig       → transport, image, error
-//! transport → render, gpu, io, sparse, operator, journal, observer, image, error
-//! render    → scene, gpu, observer, image, error
+//! transport → render, scene, gpu, team, io, sparse, operator, journal, observer, image, error
+//! render    → scene, gpu, team, observer, image, error
 //! scene     → image, file, error
 //! gpu       → machine, error
+//! team      → error
 //! krylov    → operator, observer, error
 //! io        → sparse, image, file, machine, error
 //! sparse    → operator, error

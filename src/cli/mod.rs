@@ -23,6 +23,7 @@ mod paint;
 mod pattern;
 mod photo;
 mod plan;
+mod plan_ranks;
 mod probe;
 mod progress;
 mod projector;

@@ -5,17 +5,19 @@ use serde_json::{Value, json};
 
 use super::console::Console;
 use super::opening::Opening;
-use super::options::{SourceArgs, count};
+use super::options::{SourceArgs, count, number};
 use super::trace::TraceArgs;
-use super::{Outcome, compensate, eigs, segment};
+use super::{Outcome, compensate, eigs, plan_ranks, segment};
 use crate::analysis::plan::Cost;
 use crate::error::{Error, Result};
 use crate::lab::{ChannelChoice, Lab, Plan, PlanRequest, RigSource, SourceKind};
 use crate::transport::Channels;
 
-/// Predict photos, time and error of a verb on a rig, from its virtual twin
+/// Predict photos, time and error of a verb on a rig, from its virtual twin; or memory and time of a scene on several machines
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  krylux plan rig.toml segment --photos 40 --groups 2")]
+#[command(
+    after_help = "Examples:\n  krylux plan rig.toml segment --photos 40 --groups 2\n  krylux plan scene.glb --size 1024 --spp 64 --ranks 1,8,64"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -24,8 +26,14 @@ pub(super) struct Args {
     /// Runs on the twin, each with its own noise
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = count::<u64>)]
     trials: u64,
+    /// Numbers of processes (MPI ranks) on which a scene is to be traced, each on a machine like this one
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = count::<usize>)]
+    ranks: Vec<usize>,
+    /// Bandwidth of the network between the machines, in Gbit/s, for --ranks
+    #[arg(long, value_name = "X", default_value_t = 10.0, value_parser = number::<f64>)]
+    network: f64,
     #[command(subcommand)]
-    question: Question,
+    question: Option<Question>,
 }
 
 #[derive(Subcommand)]
@@ -42,7 +50,17 @@ enum Question {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if !args.ranks.is_empty() && args.question.is_none() {
+        return plan_ranks::run(args.ranks.as_slice(), args.network, &args.source, &args.trace, console);
+    }
     let path = &args.source.source;
+    let Some(question) = &args.question else {
+        return Err(Error::Option {
+            option: "plan".into(),
+            fault: "it is not said what is to be planned".into(),
+            help: "give a verb on a rig (segment, compensate or eigs), or --ranks with a scene".into(),
+        });
+    };
     if SourceKind::of(path) != SourceKind::Rig || args.trials == 0 {
         let (option, fault, help) = match args.trials {
             0 => ("--trials", "0 runs predict nothing".into(), "ask for at least 1, better 3"),
@@ -52,7 +70,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let opening = Opening::new(&args.source, &args.trace).channels(ChannelChoice::Native);
     let lab = opening.open(console)?;
-    let request = request(args, &lab)?;
+    let request = request(question, &lab)?;
     let found = lab.plan(&request, args.trials)?;
     say(&found, console)?;
     let range =
@@ -74,9 +92,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn request(args: &Args, lab: &Lab) -> Result<PlanRequest> {
+fn request(question: &Question, lab: &Lab) -> Result<PlanRequest> {
     let seed = lab.seed();
-    Ok(match &args.question {
+    Ok(match question {
         Question::Segment(question) => PlanRequest::Segment(question.part(), question.options(seed, None)),
         Question::Compensate(question) => {
             let target = question.target(lab.resolution(), Channels::Luma)?;

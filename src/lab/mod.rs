@@ -76,7 +76,7 @@ pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOv
 pub use source::SourceKind;
 pub use verbs::{
     BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, MatrixRequest, Plan, PlanRequest,
-    Questions, RelightRequest, SeparateRequest, SinglePhoto,
+    Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto,
 };
 pub use verification::VerifiedEigenpairs;
 

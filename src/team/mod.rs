@@ -43,6 +43,21 @@ pub trait Comm: Send + Sync {
     /// Whether a message from another process has arrived.
     fn has_message(&self, from: usize) -> bool;
 
+    /// Passes a message of the leader on to every process, and returns it: `Some` in the leader, `None` in the others. Each process passes it on to
+    /// others, so that the leader alone does not send it to all. Every process of the team must call it.
+    fn broadcast(&self, message: Option<&[u8]>) -> Vec<u8> {
+        // A tree: the parent's number lacks the lowest bit that is set in a rank.
+        let rank = self.rank();
+        let message = match message {
+            Some(message) => message.to_vec(),
+            None => self.receive(rank & rank.saturating_sub(1)),
+        };
+        let below = if rank == 0 { usize::BITS } else { rank.trailing_zeros() };
+        let children = (0..below).rev().map(|bit| rank | 1 << bit).filter(|child| *child < self.size());
+        children.for_each(|child| self.send(child, &message));
+        message
+    }
+
     /// Sends `outgoing[rank]` to each other process, and returns what each of them sent to this one; the own message comes back. Every process of
     /// the team must call it.
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
@@ -183,6 +198,11 @@ impl Turn<'_> {
     /// Sends a message to all others.
     pub fn send_all(&self, message: &[u8]) {
         self.others().for_each(|rank| self.comm.send(rank, message));
+    }
+
+    /// Passes a message on to all others, who take it by [`Comm::broadcast`].
+    pub fn broadcast(&self, message: &[u8]) {
+        self.comm.broadcast(Some(message));
     }
 
     /// Receives a message from each of the others, by rank.

@@ -102,6 +102,25 @@ mod tests {
     }
 
     #[test]
+    fn a_broadcast_reaches_every_member_of_a_team_of_any_size() {
+        for size in 1..10 {
+            let members: Vec<_> = threads(size)
+                .into_iter()
+                .map(|comm| {
+                    std::thread::spawn(move || {
+                        let message = (comm.rank() == 0).then_some(&b"all"[..]);
+                        comm.broadcast(message)
+                    })
+                })
+                .collect();
+            for member in members {
+                let found = member.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+                assert_eq!(found, b"all", "{size}");
+            }
+        }
+    }
+
+    #[test]
     fn a_message_that_was_looked_for_is_received_afterwards() {
         let mut both = threads(2);
         let other = both.pop().unwrap_or_else(|| unreachable!("there are two"));

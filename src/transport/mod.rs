@@ -31,6 +31,7 @@ mod pixel_sums;
 mod products;
 mod retraced;
 mod rows;
+mod scaling;
 mod share;
 mod simulated;
 mod spread;
@@ -51,6 +52,7 @@ pub use noise::{Noise, pooled};
 pub use operator::MatrixOperator;
 pub use products::Products;
 pub use retraced::{Retraced, RetracedOperator};
+pub use scaling::{Network, Probe, Scaled};
 pub use spread::{Servant, share_scene};
 pub(crate) use tiles::CompressedRows;
 

@@ -127,3 +127,18 @@ fn a_full_disk_is_one_error() {
     let message = assert_error(&output.expect("the program is built"), &["cannot write", "matrix.npz"]);
     assert!(!message.contains("ZipWriter"), "{message}");
 }
+
+#[test]
+fn several_processes_without_mpi_are_refused() {
+    // Each of them would do everything, and write the same files.
+    if cfg!(feature = "mpi") {
+        return;
+    }
+    for launcher in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"] {
+        let output =
+            command_without_graphics(&["info"]).env(launcher, "2").output().expect("the program is built");
+        assert_error(&output, &["2 processes", "--features mpi"]);
+        let one = command(&["info"]).env(launcher, "1").output().expect("the program is built");
+        assert!(one.status.success(), "{}", text(&one.stderr));
+    }
+}

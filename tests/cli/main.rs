@@ -14,6 +14,7 @@ mod kept;
 mod light;
 mod limits;
 mod live;
+mod machines;
 mod manners;
 mod manual;
 mod operator;

@@ -32,7 +32,7 @@ impl Spread {
         }
         let interleaved = size_of::<V>() == size_of::<Interleaved>();
         let turn = self.command(&Command::Multiply { product, interleaved });
-        turn.send_all(bytemuck::cast_slice(from));
+        turn.broadcast(bytemuck::cast_slice(from));
         let mut rows = self.rows(transposed);
         let first = rows.next().unwrap_or_default();
         own.multiply_own(product, first.start, from, &mut to[first]);
@@ -73,7 +73,7 @@ pub(super) fn multiply_part<V: Summable>(
     product: Product,
     rows: &Range<usize>,
 ) {
-    let from: Vec<V> = bytemuck::pod_collect_to_vec(&comm.receive(0));
+    let from: Vec<V> = bytemuck::pod_collect_to_vec(&comm.broadcast(None));
     let mut to = vec![V::default(); rows.len()];
     own.multiply_own(product, rows.start, &from, &mut to);
     comm.send(0, bytemuck::cast_slice(&to));

@@ -1,0 +1,281 @@
+//! What a matrix takes on several processes, predicted from a short probe.
+
+use std::time::Instant;
+
+use super::assemble::{layers, planes, shape};
+use super::share::Share;
+use super::{Channels, Part, TransportMatrix, luminance};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::render::{TraceSettings, Tracer};
+
+/// Pixels on the longer side of the probe, and its most samples.
+const SIDE: usize = 128;
+const SAMPLES: u32 = 64;
+/// Products and vector operations that are timed.
+const REPEATS: u32 = 5;
+/// Entries of the vectors that are timed: more than the caches hold.
+const LONG: usize = 1 << 21;
+
+/// Bytes of a process without a matrix: the program, software Vulkan and its kernels. Measured on Debian 12.
+const BASE: f64 = 130e6;
+/// The peak of memory over the arrays that are in use at the time, since allocators keep what was freed. Measured with
+/// 512x512 pixels and 256 samples: 1.30 in one process, 1.12 in each of four.
+const SLACK: f64 = 1.3;
+
+/// The measured constants of a scene on this machine. Times are those of all cores that this process has.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Probe {
+    /// Seconds to trace a light path.
+    pub path: f64,
+    /// Connections of a light path.
+    pub connections: f64,
+    /// The share of all pixels that the paths of a pixel reach about evenly: it tells how many connections share an entry.
+    pub reached: f64,
+    /// Seconds to merge an entry into the matrix.
+    pub merge: f64,
+    /// Seconds to multiply an entry.
+    pub multiply: f64,
+    /// Seconds to orthogonalise an entry of a vector against one other vector.
+    pub orthogonalize: f64,
+}
+
+/// The network between the machines.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Network {
+    /// Bytes a second that a process can send.
+    pub bandwidth: f64,
+    /// Seconds from sending a short message to its arrival.
+    pub latency: f64,
+}
+
+/// What a question of so many photos takes, on so many processes that are each like the one of the probe. Times in seconds, memory in bytes.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Scaled {
+    /// Number of processes.
+    pub processes: usize,
+    /// Entries of the whole matrix.
+    pub entries: f64,
+    /// Peak memory of a process while the matrix is assembled.
+    pub memory: f64,
+    /// Memory that the leader needs for its vectors.
+    pub vectors_memory: f64,
+    /// Tracing.
+    pub tracing: f64,
+    /// Merging contributions.
+    pub merging: f64,
+    /// Exchanging contributions.
+    pub exchange: f64,
+    /// Products of all photos.
+    pub products: f64,
+    /// Sending patterns and receiving photos.
+    pub messages: f64,
+    /// Vector work of the method, which the leader does alone.
+    pub vectors: f64,
+}
+
+impl Scaled {
+    /// All of the time.
+    pub fn seconds(&self) -> f64 {
+        self.parts().iter().map(|(_, seconds)| seconds).sum()
+    }
+
+    /// The part that takes the longest.
+    pub fn binds(&self) -> &'static str {
+        self.parts().into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or("", |(name, _)| name)
+    }
+
+    fn parts(&self) -> [(&'static str, f64); 6] {
+        [
+            ("tracing", self.tracing),
+            ("merging", self.merging),
+            ("exchange", self.exchange),
+            ("products", self.products),
+            ("messages", self.messages),
+            ("vectors", self.vectors),
+        ]
+    }
+}
+
+impl Probe {
+    /// Traces and assembles a small matrix of the scene in this process, and measures what that takes.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub fn measure(tracer: &mut Tracer, settings: &TraceSettings) -> Result<Self> {
+        let small = |size: Resolution| {
+            let scale = (SIDE as f64 / size.width.max(size.height) as f64).min(1.0);
+            let side = |pixels: usize| ((pixels as f64 * scale) as usize).max(1);
+            Resolution::new(side(size.width), side(size.height))
+        };
+        let pilot = TraceSettings {
+            resolution: small(settings.resolution),
+            projector: settings.projector.map(small),
+            samples: 1,
+            ..*settings
+        };
+        // This trace compiles the kernels as well, so that the next one measures tracing alone.
+        let (mut connections, mut paths) = (0, 0);
+        tracer.trace(&pilot, &mut |batch| {
+            paths += batch.len();
+            connections += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
+            Ok(())
+        })?;
+        let connections = connections as f64 / paths.max(1) as f64;
+        let pilot = TraceSettings { samples: settings.samples.min(SAMPLES), ..pilot };
+        let all = tracer.start_pixels(&pilot);
+        let start = Instant::now();
+        let share = Share::trace(tracer, &pilot, &all, false, &|rgb| [luminance(rgb)])?;
+        let (summary, direct) = (share.summary, share.direct);
+        let found: usize = share.chunks.iter().map(|chunk| chunk.keys.len()).sum();
+        let rig = shape(tracer, &pilot);
+        let direct = if rig.symmetric { direct } else { Vec::new() };
+        let (layers, _) = layers(share.chunks, rig, all.camera, false, &direct);
+        let rest = start.elapsed().saturating_sub(summary.tracing).as_secs_f64();
+        let matrix = TransportMatrix::new(rig, Channels::Luma, planes(&direct), layers);
+        let entries = matrix.nonzeros().max(1) as f64;
+        let starts = (paths as f64).max(1.0);
+        let ends = rig.projector.pixels() as f64;
+        Ok(Self {
+            path: summary.tracing.as_secs_f64() / summary.paths.max(1) as f64,
+            connections,
+            reached: reached(connections * f64::from(pilot.samples), found as f64 / starts, ends),
+            merge: rest / entries,
+            multiply: product_seconds(&matrix) / entries,
+            orthogonalize: vector_seconds(),
+        })
+    }
+
+    /// What `photos` photos by a Krylov method take on so many processes. Each photo is a product, and its vector is orthogonalised twice against
+    /// all before.
+    pub fn scaled(
+        &self,
+        settings: &TraceSettings,
+        channels: Channels,
+        symmetric: bool,
+        photos: usize,
+        (processes, network): (usize, Network),
+    ) -> Scaled {
+        let camera = settings.resolution.pixels() as f64;
+        let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;
+        let (channels, photos, count) = (channels.count() as f64, photos as f64, processes as f64);
+        let paths = camera * f64::from(settings.samples) * if symmetric { 1.0 } else { 2.0 };
+        // Contributions to one row; in a coaxial rig half of them are mirrored.
+        let of_row = |times: f64| {
+            let reached = (self.reached * projector).max(1.0);
+            reached * (1.0 - (-times * self.connections * f64::from(settings.samples) / reached).exp())
+        };
+        let entries = camera * of_row(2.0);
+        let found = camera * of_row(1.0) * if symmetric { 1.0 } else { 2.0 };
+        let contribution = 4.0 + 8.0 * channels;
+        let entry = 4.0 + 4.0 * channels;
+        let away = (count - 1.0) / count;
+        let exchanged = found / count * contribution * (1.0 + 2.0 * away);
+        let combined = found / count * contribution * (1.0 + away) + entries / count * entry;
+        // In tiles, columns take half as much; a twentieth is padding.
+        let tiled = entries / count * (entry + 1.05 * (entry - 2.0));
+        let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
+        let is_team = if processes > 1 { 1.0 } else { 0.0 };
+        Scaled {
+            processes,
+            entries,
+            memory: BASE + SLACK * exchanged.max(combined).max(tiled),
+            vectors_memory: 8.0 * photos * camera * channels,
+            tracing: paths * self.path / count,
+            merging: entries * self.merge / count,
+            exchange: found / count * contribution * away / network.bandwidth,
+            products: photos * channels * entries * self.multiply / count,
+            messages: is_team
+                * photos
+                * channels
+                * (message(8.0 * projector, count.log2().ceil()) + message(8.0 * camera * away, 1.0)),
+            vectors: 2.0 * channels * photos * photos / 2.0 * camera * self.orthogonalize,
+        }
+    }
+}
+
+/// The share of `ends` pixels that `connections` of a pixel reach about evenly, if they hit `found` different ones.
+fn reached(connections: f64, found: f64, ends: f64) -> f64 {
+    let hit = |share: f64| {
+        let reached = share * ends;
+        reached * (1.0 - (-connections / reached).exp())
+    };
+    let (mut low, mut high) = (found / ends, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if hit(middle) < found { low = middle } else { high = middle }
+    }
+    high.clamp(f64::MIN_POSITIVE, 1.0)
+}
+
+/// Seconds of a product.
+fn product_seconds(matrix: &TransportMatrix) -> f64 {
+    let x = vec![1.0; matrix.projector_resolution().pixels()];
+    let mut y = vec![0.0; matrix.resolution().pixels()];
+    matrix.apply(Part::Full, 0, &x, &mut y);
+    let start = Instant::now();
+    (0..REPEATS).for_each(|_| matrix.apply(Part::Full, 0, &x, &mut y));
+    std::hint::black_box(y);
+    start.elapsed().as_secs_f64() / f64::from(REPEATS)
+}
+
+/// Seconds to subtract from an entry of a vector its part along another vector.
+fn vector_seconds() -> f64 {
+    let (mut x, y) = (vec![1.0; LONG], vec![0.5; LONG]);
+    let start = Instant::now();
+    for _ in 0..REPEATS {
+        let along: f64 = x.iter().zip(&y).map(|(x, y)| x * y).sum();
+        x.iter_mut().zip(&y).for_each(|(x, y)| *x -= 1e-9 * along * y);
+    }
+    std::hint::black_box(x);
+    start.elapsed().as_secs_f64() / f64::from(REPEATS) / LONG as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROBE: Probe = Probe {
+        path: 2e-7,
+        connections: 2.5,
+        reached: 0.5,
+        merge: 3e-8,
+        multiply: 1e-9,
+        orthogonalize: 1e-9,
+    };
+    const NETWORK: Network = Network { bandwidth: 1.25e9, latency: 2e-5 };
+
+    fn scaled(side: usize, samples: u32, processes: usize) -> Scaled {
+        let settings = TraceSettings::new(Resolution::new(side, side), samples);
+        PROBE.scaled(&settings, Channels::Luma, true, 50, (processes, NETWORK))
+    }
+
+    #[test]
+    fn work_and_memory_are_divided_and_messages_are_not() {
+        let [one, eight] = [1, 8].map(|processes| scaled(512, 256, processes));
+        assert_eq!(one.entries, eight.entries);
+        assert!((one.tracing / eight.tracing - 8.0).abs() < 1e-9);
+        assert!((eight.memory - BASE) < 0.25 * (one.memory - BASE));
+        assert_eq!((one.messages, one.exchange), (0.0, 0.0));
+        assert!(eight.messages > 0.0 && eight.vectors == one.vectors);
+        assert_eq!(scaled(2048, 64, 64).binds(), "vectors", "what one process does alone binds in the end");
+    }
+
+    #[test]
+    fn a_matrix_has_no_more_entries_than_the_pixels_that_are_reached() {
+        let full = scaled(32, 1 << 20, 1);
+        assert!((full.entries - 0.5 * 1024.0 * 1024.0).abs() < 1.0, "{}", full.entries);
+        // Twice the paths of few samples: nearly all entries are different.
+        let [few, more] = [1, 2].map(|samples| scaled(512, samples, 1).entries);
+        assert!((more / few - 2.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_reached_share_explains_the_entries_that_were_found() {
+        // 300 connections that hit 200 different pixels of 1000.
+        let share = reached(300.0, 200.0, 1000.0);
+        let hit = share * 1000.0 * (1.0 - (-300.0 / (share * 1000.0)).exp());
+        assert!((hit - 200.0).abs() < 1e-6, "{share}");
+        assert_eq!(reached(300.0, 300.0, 1000.0), 1.0, "no two hit the same");
+    }
+}
