@@ -62,7 +62,8 @@ fn what_comes_back_is_what_was_traced_to_the_last_bit() {
             // For SciPy, each file is a matrix: the last layer.
             let files = files(cache.folder());
             assert_eq!(files.len(), channels.count());
-            let layer = traced.matrix.layers().last().expect("there is global light");
+            let layers = traced.matrix.layers().expect("they are in this process");
+            let layer = layers.last().expect("there is global light");
             let weights = |channel| layer.to_csr(channel).expect("a layer is well formed");
             let matrices: Vec<_> = (0..channels.count()).map(weights).collect();
             for file in files {
