@@ -36,7 +36,7 @@ pub struct Probe {
     pub merge: f64,
     /// Seconds to multiply an entry.
     pub multiply: f64,
-    /// Seconds to orthogonalise an entry of a vector against one other vector.
+    /// Seconds to orthogonalize an entry of a vector against one other vector.
     pub orthogonalize: f64,
 }
 
@@ -146,7 +146,7 @@ impl Probe {
         })
     }
 
-    /// What `photos` photos by a Krylov method take on so many processes. Each photo is a product, and its vector is orthogonalised twice against
+    /// What `photos` photos by a Krylov method take on so many processes. Each photo is a product, and its vector is orthogonalized twice against
     /// all before.
     pub fn scaled(
         &self,
