@@ -88,6 +88,8 @@ impl Request {
     fn settings(&self, py: Python<'_>) -> PyResult<Settings> {
         let resolution = |size: Option<(usize, usize)>| size.map(|(w, h)| Resolution::new(w, h));
         Ok(Settings {
+            // Processes under MPI are started by the program.
+            team: None,
             camera: self.camera.clone(),
             camera_file: self.camera_file.clone(),
             auto_camera: self.auto_camera,

@@ -1,7 +1,7 @@
 //! Several processes that work on one question: one of them leads, the others hold what it cannot hold alone, and compute on it.
 //!
 //! The process of rank 0 leads. It runs the program as if it were alone: it speaks, writes files and keeps the journal. Each other process waits in
-//! [`serve`] for commands, which are about *objects* that every process holds a part of: a scene on its device, or some rows of a matrix. The leader
+//! [`serve()`] for commands, which are about *objects* that every process holds a part of: a scene on its device, or some rows of a matrix. The leader
 //! names an object by a [`Remote`]; the others let go of it once that is dropped. What a command says is up to the caller: here are only bytes.
 //!
 //! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
@@ -97,7 +97,7 @@ pub struct Team {
 }
 
 impl Team {
-    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve`]. `seats` says where the
+    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve()`]. `seats` says where the
     /// processes run, by rank, for the user.
     pub fn lead(comm: Arc<dyn Comm>, seats: Vec<Seat>) -> Arc<Self> {
         debug_assert_eq!(comm.rank(), 0, "the process of rank 0 leads");
@@ -137,7 +137,7 @@ impl fmt::Debug for Team {
     }
 }
 
-/// The other processes leave [`serve`].
+/// The other processes leave [`serve()`].
 impl Drop for Team {
     fn drop(&mut self) {
         self.turn().tell(&Envelope::End);

@@ -96,7 +96,7 @@ impl Comm for World {
     fn send(&self, to: usize, message: &[u8]) {
         let world = world();
         let process = world.process_at_rank(to as i32);
-        pieces(message).for_each(|(piece, tag)| {
+        for (piece, tag) in pieces(message) {
             mpi::request::scope(|scope| {
                 let mut request = Some(process.immediate_send_with_tag(scope, piece, tag));
                 wait(|| match request.take()?.test() {
@@ -106,8 +106,8 @@ impl Comm for World {
                         None
                     }
                 });
-            })
-        });
+            });
+        }
     }
 
     fn receive(&self, from: usize) -> Vec<u8> {

@@ -35,7 +35,7 @@ pub(super) struct Own<const C: usize> {
 /// [`assemble_layers`](crate::transport::assemble_layers), with the same bits.
 ///
 /// # Errors
-/// As [`Tracer::trace`]; [`Error::Team`] where another process failed.
+/// As [`Tracer::trace`]; [`Error::Team`](crate::Error::Team) where another process failed.
 pub(in crate::transport) fn assemble<const C: usize>(
     tracer: &mut Tracer,
     settings: &TraceSettings,

@@ -19,7 +19,7 @@ use crate::transport::matrix::{Direction, Product};
 use crate::transport::tiles::Interleaved;
 use crate::transport::{Channels, TransportMatrix, luminance};
 
-/// What a process that does not lead has: the scenes that the leader shares, and its rows of their matrices. [`crate::team::serve`] lets it work.
+/// What a process that does not lead has: the scenes that the leader shares, and its rows of their matrices. [`serve`](crate::team::serve()) lets it work.
 pub struct Servant {
     comm: Arc<dyn Comm>,
     /// The name of the machine, for messages.

@@ -9,6 +9,7 @@ use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Operator};
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
+use crate::sparse::Csr;
 use crate::team::{Comm, Team, serve, threads};
 use crate::transport::{
     Assembled, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, Transport, assemble_layers,
@@ -80,8 +81,11 @@ fn pattern(pixels: usize) -> Vec<f64> {
     (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.4).collect()
 }
 
+/// Vectors, numbers and entries.
+type Told = (Vec<Vec<f64>>, Vec<f64>, Vec<Csr>);
+
 /// Everything that a matrix tells: products of single vectors and of a block in both directions, norms, entries, ambient light and noise.
-fn told(traced: &Assembled) -> Result<(Vec<Vec<f64>>, Vec<f64>, Vec<crate::sparse::Csr>)> {
+fn told(traced: &Assembled) -> Result<Told> {
     let matrix = &traced.matrix;
     let (mut vectors, mut norms, mut entries) = (Vec::new(), Vec::new(), Vec::new());
     for part in [Part::Full, Part::Direct, Part::Global] {
