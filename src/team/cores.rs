@@ -68,7 +68,7 @@ fn text(host: &str, cores: &[usize]) -> String {
     format!("{host} {}", cores.join(","))
 }
 
-/// Whether Open MPI started this process, and nobody told it how to bind.
+/// Whether Open MPI started this process, without being told how to bind it.
 fn is_bound_by_default() -> bool {
     let is_set = |name| std::env::var_os(name).is_some();
     is_set("OMPI_COMM_WORLD_SIZE")

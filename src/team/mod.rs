@@ -90,9 +90,9 @@ pub fn greet(comm: &dyn Comm, host: &str, program: &str) -> Result<()> {
 pub struct Team {
     comm: Arc<dyn Comm>,
     seats: Vec<Seat>,
-    /// The number of the next object. Whoever holds the lock talks to the others.
+    /// The number of the next object. The thread that holds the lock talks to the others.
     next: Mutex<u64>,
-    /// Objects that the others still hold, and that nobody needs any more.
+    /// Objects that the others still hold, and that are no longer needed.
     released: Mutex<Vec<u64>>,
 }
 
@@ -109,7 +109,7 @@ impl Team {
         self.comm.size()
     }
 
-    /// Where each process runs, by rank; empty where nobody said so.
+    /// Where each process runs, by rank; empty where it is not known.
     pub fn seats(&self) -> &[Seat] {
         &self.seats
     }
@@ -121,7 +121,7 @@ impl Team {
         Remote { team: Arc::clone(self), id: *next }
     }
 
-    /// Waits until nobody else talks to the team. The others first let go of what nobody needs.
+    /// Waits until no other thread talks to the team. The other processes first let go of what is no longer needed.
     fn turn(&self) -> Turn<'_> {
         let turn = Turn { comm: &*self.comm, _alone: lock(&self.next) };
         for id in std::mem::take(&mut *lock(&self.released)) {

@@ -6,7 +6,7 @@ use super::Comm;
 pub(super) enum Envelope<'a> {
     /// The team's work is done.
     End,
-    /// Nobody needs the object of this number any more.
+    /// The object of this number is no longer needed.
     Release(u64),
     /// A command about the object of this number.
     Command(u64, &'a [u8]),
