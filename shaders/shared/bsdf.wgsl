@@ -76,16 +76,20 @@ fn bsdf_response(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> Response {
     }
     // The lobes are evaluated in the frame of the shading normal. All cosines outside the lobes are
     // geometric.
-    let frame = frame_around(bsdf.shading);
-    let o = to_local(frame, wo);
-    var i = to_local(frame, wi);
+    var o = wo;
+    var i = wi;
+    if (CORNERS) {
+        let frame = frame_around(bsdf.shading);
+        o = to_local(frame, wo);
+        i = to_local(frame, wi);
+    }
     if (!(wo.z > 0.0 && o.z > 0.0 && wi.z * i.z > 0.0)) {
         return Response(vec3f(0.0), 0.0);
     }
     let solid = bsdf.eta_o != bsdf.eta_t;
     let bent = beyond && solid;
     let n_i = select(bsdf.eta_o, bsdf.eta_t, beyond);
-    let smooth_surface = bsdf.alpha < MIN_ALPHA;
+    let smooth_surface = !bsdf_rough(bsdf);
 
     // The diffuse base. Under a smooth coat, the coupling uses the cosines of the delta lobes, which are
     // geometric.
@@ -211,8 +215,11 @@ fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec4f) -> BsdfSample {
 // Samples a direction of the regular lobes; the zero vector where a facet sends light to the wrong side.
 // `diffuse` is a sample of the cosine-weighted hemisphere.
 fn bsdf_sample_regular(bsdf: Bsdf, wo: vec3f, diffuse: vec3f, u: vec3f) -> vec3f {
-    let shares = select(bsdf_rough_shares(bsdf), vec2f(0.0, 1.0), bsdf.alpha < MIN_ALPHA);
-    if (u.z >= shares.x) {
+    var shares = vec2f(0.0, 1.0);
+    if (bsdf_rough(bsdf)) {
+        shares = bsdf_rough_shares(bsdf);
+    }
+    if (!FACETS || u.z >= shares.x) {
         return select(diffuse, bsdf_mirrored(diffuse), u.z - shares.x < bsdf_through_share(bsdf) * shares.y);
     }
     let frame = frame_around(bsdf.shading);

@@ -6,6 +6,10 @@
 override MATTE: bool = false;
 // Some surfaces have textures, or normals and colours at their corners.
 override CORNERS: bool = true;
+// Some surfaces are rough, and neither plain Lambertian nor smooth: they have microfacets.
+override FACETS: bool = true;
+// Some surfaces transmit light into what lies behind them.
+override TRANSMITS: bool = true;
 // Some surfaces reflect or refract into single directions, so that paths have specular chains.
 override CHAINS: bool = true;
 // Some surfaces let light pass straight through, so that shadow rays have to look at the surfaces that they

@@ -43,6 +43,11 @@ fn bsdf_plain(bsdf: Bsdf) -> bool {
         && bsdf.opacity == 1.0 && bsdf.shading.z == 1.0 && bsdf.eta_o == 1.0;
 }
 
+// Whether a surface that is not plain has microfacets, instead of being smooth.
+fn bsdf_rough(bsdf: Bsdf) -> bool {
+    return FACETS && bsdf.alpha >= MIN_ALPHA;
+}
+
 // Reflectance and transmittance of one microfacet.
 struct Facet {
     // Share of the light that the blend of all three materials reflects.
@@ -157,7 +162,7 @@ struct Deltas {
 // The delta lobes at these cosines of the incident light: on this side, and beyond the surface. A rough
 // surface has none.
 fn bsdf_deltas(bsdf: Bsdf, cos_o: f32, cos_t: f32) -> Deltas {
-    if (bsdf.alpha >= MIN_ALPHA) {
+    if (bsdf_rough(bsdf)) {
         return Deltas();
     }
     let facet = bsdf_facet(bsdf, cos_o, cos_t);

@@ -52,7 +52,8 @@ struct Parameters {
     sampling: u32,
     // The most paths that one invocation traces, one after the other.
     paths_per_invocation: u32,
-    padding: u32,
+    // Number of photons.
+    photons: u32,
 }
 
 // The sampler: scrambled Sobol points, or independent numbers.

@@ -193,7 +193,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
 
     var surface: Surface;
     surface.ior = 1.0;
-    if (!MATTE && (flags & MATERIAL_LETS_LIGHT_THROUGH) != 0u) {
+    if (TRANSMITS && (flags & MATERIAL_LETS_LIGHT_THROUGH) != 0u) {
         let diffuse = material_texel(index, MATERIAL_DIFFUSE_TRANSMISSION);
         let medium = material_texel(index, MATERIAL_ABSORPTION);
         look.transmission = medium.w;

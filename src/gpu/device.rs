@@ -97,7 +97,7 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures and light buffer are storage textures: six in the largest kernel. Every
+            // Geometry, textures, light buffer and photons are storage textures: seven in the largest kernel. Every
             // desktop driver allows eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()

@@ -26,6 +26,10 @@ pub(super) struct SceneFeatures {
     pub(super) matte: bool,
     /// Some surfaces have textures, or normals and colours at their corners.
     pub(super) corners: bool,
+    /// Some surfaces are rough, and neither plain Lambertian nor smooth.
+    pub(super) facets: bool,
+    /// Some surfaces transmit light.
+    pub(super) transmits: bool,
     /// Some surfaces reflect or refract into single directions.
     pub(super) chains: bool,
     /// Some surfaces let light pass straight through.
@@ -41,12 +45,24 @@ pub(super) struct SceneFeatures {
 
 impl Features {
     /// The values by the names of the shader's overrides.
-    pub(super) fn constants(&self) -> [(&'static str, f64); 13] {
-        let SceneFeatures { matte, corners, chains, passable, media, small_tree, few_pairs } = self.scene;
+    pub(super) fn constants(&self) -> [(&'static str, f64); 15] {
+        let SceneFeatures {
+            matte,
+            corners,
+            facets,
+            transmits,
+            chains,
+            passable,
+            media,
+            small_tree,
+            few_pairs,
+        } = self.scene;
         let flag = |set: bool| f64::from(u8::from(set));
         [
             ("MATTE", flag(matte)),
             ("CORNERS", flag(corners)),
+            ("FACETS", flag(facets)),
+            ("TRANSMITS", flag(transmits)),
             ("CHAINS", flag(chains)),
             ("PASSABLE", flag(passable)),
             ("MEDIA", flag(media)),
@@ -71,6 +87,8 @@ mod tests {
         let scene = SceneFeatures {
             matte: true,
             corners: true,
+            facets: true,
+            transmits: true,
             chains: true,
             passable: true,
             media: true,

@@ -88,10 +88,15 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     let matte = |m: &Material| {
         m.metallic == 0.0 && m.specular == 0.0 && !m.lets_light_through() && m.alpha_mode == AlphaMode::Opaque
     };
+    let transmits = scene.materials.iter().any(Material::lets_light_through);
+    // A turned normal or a medium makes microfacets of any rough surface. A texture only makes it smoother.
+    let facets = |m: &Material| m.roughness * m.roughness >= MIN_ALPHA && (corners || transmits || !matte(m));
     SceneFeatures {
         // Normals at the corners turn even a Lambertian surface's shading normal.
         matte: !corners && scene.materials.iter().all(matte),
         corners,
+        facets: scene.materials.iter().any(facets),
+        transmits,
         chains: scene.materials.iter().any(mirrors),
         passable: scene.materials.iter().any(Material::lets_light_straight_through),
         media: scene.materials.iter().any(|m| m.lets_light_through() && m.volume.is_some()),

@@ -71,7 +71,7 @@ impl Output {
                 &kernel.output_layout,
                 [
                     staging.results.buffer.as_entire_binding(),
-                    chains.photons.as_entire_binding(),
+                    view(&chains.photons),
                     chains.buckets.as_entire_binding(),
                     view(light_buffer),
                 ],

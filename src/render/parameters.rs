@@ -39,7 +39,7 @@ pub(super) struct Parameters {
     pub(super) stride: u32,
     pub(super) sampling: u32,
     pub(super) paths_per_invocation: u32,
-    pub(super) padding: u32,
+    pub(super) photons: u32,
 }
 
 #[cfg(test)]
@@ -52,7 +52,7 @@ mod tests {
     fn parameters_have_the_layout_of_the_shader() {
         let members = offsets!(
             Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
-            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_per_invocation, padding
+            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_per_invocation, photons
         );
         assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
         let members = offsets!(

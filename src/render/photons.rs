@@ -22,7 +22,7 @@ use super::pipeline::{PhotonBuffers, Pipeline};
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// A photon as `trace_photons` records it: `Photon` in `shaders/shared/photons.wgsl`.
+/// A photon as `trace_photons` records it: four texels, which `shaders/shared/photons.wgsl` describes.
 type Photon = [[u32; 4]; 4];
 
 /// The most surfaces of a chain: their number has four bits.
@@ -38,6 +38,8 @@ pub(super) struct PhotonMap {
     pub(super) buffers: PhotonBuffers,
     /// Number of buckets minus 1; 0 without photons.
     pub(super) bucket_mask: u32,
+    /// Number of photons.
+    pub(super) photons: u32,
     /// Radius of gathering, in metres.
     pub(super) radius: f32,
 }
@@ -79,10 +81,10 @@ impl PhotonMap {
     /// A map without photons.
     pub(super) fn empty(gpu: &Gpu) -> Result<Self> {
         let buffers = PhotonBuffers {
-            photons: gpu.storage::<Photon>("photons", &[])?,
+            photons: gpu.texel_array("photons", &[])?,
             buckets: gpu.storage::<u32>("photon buckets", &[])?,
         };
-        Ok(Self { buffers, bucket_mask: 0, radius: 1.0 })
+        Ok(Self { buffers, bucket_mask: 0, photons: 0, radius: 1.0 })
     }
 
     /// Traces the chains of `request` and sorts their photons.
@@ -146,44 +148,75 @@ impl PhotonMap {
         if photons.is_empty() {
             return Ok(none);
         }
-        let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / size_of::<Photon>() as u64;
+        let bytes = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer).min(gpu.texel_bytes());
+        let room = bytes / size_of::<Photon>() as u64;
         let photons = fitting(photons, room as usize);
         let pixel_area = endpoint.image_area() / endpoint.pixels() as f64;
         let radius = gather.radius * median_radius(&photons, pixel_area);
         Self::sort(gpu, photons, radius)
     }
 
-    /// Sorts photons into the buckets of the hash grid.
+    /// Moves photons to the device, sorted into a grid.
     fn sort(gpu: &Gpu, photons: Vec<Photon>, radius: f32) -> Result<Self> {
-        let buckets = photons.len().next_power_of_two().max(2);
-        let mask = buckets as u32 - 1;
-        let mut keyed: Vec<(u32, Photon)> = photons
-            .into_par_iter()
-            .map(|photon| (bucket(&photon, inverse_cell(radius), mask), photon))
-            .collect();
-        // The sort is stable: photons of one bucket stay in the order of their paths.
-        keyed.par_sort_by_key(|&(bucket, _)| bucket);
-        let mut start = Vec::with_capacity(buckets + 1);
-        let mut sorted: Vec<Photon> = Vec::with_capacity(keyed.len());
-        let mut runs = keyed.chunk_by(|a, b| a.0 == b.0).peekable();
-        for bucket in 0..=mask {
-            start.push(sorted.len() as u32);
-            if let Some(run) = runs.next_if(|run| run[0].0 == bucket) {
-                thin(run, &mut sorted);
-            }
-        }
-        start.push(sorted.len() as u32);
+        let Grid { mask, start, photons } = Grid::new(photons, inverse_cell(radius));
         let buffers = PhotonBuffers {
-            photons: gpu.storage("photons", &sorted)?,
+            photons: gpu.texel_array("photons", &texels(&photons))?,
             buckets: gpu.storage("photon buckets", &start)?,
         };
-        Ok(Self { buffers, bucket_mask: mask, radius })
+        Ok(Self { buffers, bucket_mask: mask, photons: photons.len() as u32, radius })
     }
 
     /// 1 over the width of a grid cell.
     pub(super) fn inverse_cell(&self) -> f32 {
         inverse_cell(self.radius)
     }
+}
+
+/// Photons in the buckets of a hash grid.
+struct Grid {
+    /// Number of buckets, a power of two, minus 1.
+    mask: u32,
+    /// The first photon of each bucket, and the end of the last one.
+    start: Vec<u32>,
+    photons: Vec<Photon>,
+}
+
+impl Grid {
+    /// Sorts `photons` by the buckets of their cells.
+    fn new(photons: Vec<Photon>, inverse_cell: f32) -> Self {
+        let buckets = photons.len().next_power_of_two().max(2);
+        let mask = buckets as u32 - 1;
+        let mut keyed: Vec<(u32, Photon)> = photons
+            .into_par_iter()
+            .map(|photon| (hash(cell(&photon, inverse_cell)) & mask, photon))
+            .collect();
+        // The sort is stable: photons of one bucket stay in the order of their paths.
+        keyed.par_sort_by_key(|&(bucket, _)| bucket);
+        let mut start = Vec::with_capacity(buckets + 2);
+        let mut photons: Vec<Photon> = Vec::with_capacity(keyed.len());
+        let mut runs = keyed.chunk_by(|a, b| a.0 == b.0).peekable();
+        for bucket in 0..=mask {
+            start.push(photons.len() as u32);
+            if let Some(run) = runs.next_if(|run| run[0].0 == bucket) {
+                thin(run, &mut photons);
+            }
+        }
+        start.push(photons.len() as u32);
+        // The first bucket comes once more behind the last one, so that the photons of two neighbouring cells
+        // along x always lie side by side.
+        photons.extend_from_within(..start[1] as usize);
+        start.push(photons.len() as u32);
+        Self { mask, start, photons }
+    }
+}
+
+/// The photons in the order in which the shader reads them: the first texels of all, by which it finds those
+/// that are near; then the three other texels of each.
+fn texels(photons: &[Photon]) -> Vec<[u32; 4]> {
+    let mut texels = Vec::with_capacity(4 * photons.len());
+    texels.extend(photons.iter().map(|photon| photon[0]));
+    texels.extend(photons.iter().flat_map(|photon| &photon[1..]));
+    texels
 }
 
 /// An even selection of at most `room` photons, the most that fit the device. Their power is increased, so
@@ -218,14 +251,16 @@ fn inverse_cell(radius: f32) -> f32 {
     0.5 / radius
 }
 
-/// The bucket of a photon's position, by the same hash as `photon_bucket` in `shaders/shared/photons.wgsl`.
-fn bucket(photon: &Photon, inverse_cell: f32, mask: u32) -> u32 {
-    let cell = |word: u32| ((f32::from_bits(word) * inverse_cell).floor() as i32).cast_unsigned();
-    let key = cell(photon[0][1]).wrapping_mul(73_856_093)
-        ^ cell(photon[0][2]).wrapping_mul(19_349_663)
-        ^ cell(photon[0][3]).wrapping_mul(83_492_791);
-    let mixed = key.wrapping_mul(0x9e37_79b1);
-    (mixed ^ mixed >> 15) & mask
+/// The grid cell of a photon's position.
+fn cell(photon: &Photon, inverse_cell: f32) -> [i32; 3] {
+    [1, 2, 3].map(|axis| (f32::from_bits(photon[0][axis]) * inverse_cell).floor() as i32)
+}
+
+/// The hash of a grid cell, as `photon_hash` in `shaders/shared/photons.wgsl`.
+pub(super) fn hash(cell: [i32; 3]) -> u32 {
+    let [x, y, z] = cell.map(i32::cast_unsigned);
+    let mixed = (y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791)).wrapping_mul(0x9e37_79b1);
+    (mixed ^ mixed >> 15).wrapping_add(x)
 }
 
 /// The radius of a disc with the area of a pixel's footprint through its chain, in the median over the
@@ -240,6 +275,35 @@ fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_photons_of_two_neighbouring_cells_lie_side_by_side() {
+        let place = |index: u32| {
+            let at = |step: u32| (f32::from((index * step % 97) as u8) / 8.0 - 6.0).to_bits();
+            [[index, at(7), at(13), at(31)], [0; 4], [0; 4], [0; 4]]
+        };
+        let photons: Vec<Photon> = (0..97).map(place).collect();
+        let grid = Grid::new(photons.clone(), 1.0);
+        for y in -6..7 {
+            for z in -6..7 {
+                for x in -7..7 {
+                    let bucket = (hash([x, y, z]) & grid.mask) as usize;
+                    let found = &grid.photons[grid.start[bucket] as usize..grid.start[bucket + 2] as usize];
+                    let inside = |photon: &&Photon| {
+                        let [at, row @ ..] = cell(photon, 1.0);
+                        row == [y, z] && (at == x || at == x + 1)
+                    };
+                    let indices = |photons: &[Photon]| -> Vec<u32> {
+                        let mut indices: Vec<u32> = photons.iter().filter(inside).map(|p| p[0][0]).collect();
+                        indices.sort_unstable();
+                        indices
+                    };
+                    assert_eq!(indices(found), indices(&photons), "{x}, {y}, {z}");
+                }
+            }
+        }
+        assert_eq!(texels(&grid.photons)[..2], [grid.photons[0][0], grid.photons[1][0]]);
+    }
 
     #[test]
     fn a_selection_of_photons_carries_the_light_of_all() {

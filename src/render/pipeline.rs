@@ -44,11 +44,8 @@ impl Pipeline {
                     storage(true),
                 ],
             );
-            let output_layout = bind_group_layout(
-                gpu,
-                "output",
-                &[storage(false), storage(true), storage(true), TEXEL_ARRAY],
-            );
+            let output_layout =
+                bind_group_layout(gpu, "output", &[storage(false), TEXEL_ARRAY, storage(true), TEXEL_ARRAY]);
             let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(name),
                 bind_group_layouts: &[Some(&scene_layout), Some(&output_layout)],
@@ -70,7 +67,7 @@ impl Pipeline {
 /// The photon map of an endpoint's specular chains, as the shaders read it.
 #[derive(Clone)]
 pub(super) struct PhotonBuffers {
-    pub(super) photons: wgpu::Buffer,
+    pub(super) photons: wgpu::TextureView,
     pub(super) buckets: wgpu::Buffer,
 }
 

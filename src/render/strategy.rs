@@ -130,6 +130,7 @@ impl StrategyBuilder<'_> {
         };
         parameters.stride = layout.stride() as u32;
         parameters.bucket_mask = chains.bucket_mask;
+        parameters.photons = chains.photons;
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
         Ok(Strategy { parameters, features, max_paths_per_invocation, chains, light_buffer, layout })
@@ -171,6 +172,6 @@ fn parameters(
         stride: 0,
         sampling: settings.sampler.word(),
         paths_per_invocation: 1,
-        padding: 0,
+        photons: 0,
     }
 }

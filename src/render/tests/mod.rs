@@ -10,6 +10,7 @@ mod light_buffer;
 mod material;
 mod observer;
 mod path_records;
+mod photons;
 mod random;
 mod reciprocity;
 mod sampler;
