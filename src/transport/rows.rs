@@ -10,20 +10,11 @@ use crate::render::{Batch, Connection, Run};
 
 /// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest
 /// bits) its class of bounces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
 pub(super) struct Key(u32);
 
 impl Key {
-    /// The number that stands for it.
-    pub(super) fn bits(self) -> u32 {
-        self.0
-    }
-
-    /// The key of this number.
-    pub(super) fn from_bits(bits: u32) -> Self {
-        Self(bits)
-    }
-
     const CLASS_BITS: u32 = 2;
     /// Marks a single contribution, not yet summed, from the second half of the samples.
     const HALF: u32 = 1 << 31;
@@ -66,7 +57,7 @@ pub(super) struct Row {
 }
 
 /// Rows of finished pixels in ascending order, each with its entries by ascending key.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Chunk<const C: usize> {
     pub(super) rows: Vec<Row>,
     pub(super) keys: Vec<Key>,
@@ -84,7 +75,7 @@ impl<const C: usize> Chunk<C> {
     }
 
     /// The rows of the camera's pixels, and those of the projector's, which come after them.
-    pub(super) fn split(mut self) -> [Self; 2] {
+    fn split(mut self) -> [Self; 2] {
         let row = self.rows.partition_point(|row| row.from_camera);
         let entry = if row == 0 { 0 } else { self.rows[row - 1].end };
         let mut rows = self.rows.split_off(row);
@@ -92,6 +83,39 @@ impl<const C: usize> Chunk<C> {
         let keys = self.keys.split_off(entry);
         let (means, errors) = (self.means.split_off(entry), self.errors.split_off(entry));
         [self, Self { rows, keys, means, errors }]
+    }
+
+    /// Whether its rows are some of these `pixels`, in ascending order, with their entries in ascending order, each of `classes` classes and at one of
+    /// `others` pixels.
+    pub(super) fn is_of(&self, pixels: &Range<usize>, others: usize, classes: usize) -> bool {
+        let is_row = |(row, span): (Row, Range<usize>)| {
+            let keys = &self.keys[span];
+            pixels.contains(&(row.pixel as usize))
+                && keys.is_sorted_by(|a, b| a < b)
+                && keys.last().is_some_and(|last| (last.other() as usize) < others)
+                && keys.iter().all(|key| key.class() < classes)
+        };
+        self.rows.is_sorted_by(|a, b| a.pixel < b.pixel) && self.spans().all(is_row)
+    }
+
+    /// Every contribution: the pixel that its paths start from, its key, and the bits of its values.
+    pub(super) fn contributions(&self) -> impl Iterator<Item = (u32, Key, [[u32; C]; 2])> + '_ {
+        let of_row = move |(row, span): (Row, Range<usize>)| {
+            span.map(move |at| {
+                let values = [self.means[at], self.errors[at]].map(|values| values.map(f32::to_bits));
+                (row.pixel, self.keys[at], values)
+            })
+        };
+        self.spans().flat_map(of_row)
+    }
+
+    /// The chunks of the camera's paths, and those of the projector's, which come after them.
+    pub(super) fn by_endpoint(chunks: Vec<Self>) -> [Vec<Self>; 2] {
+        let mut parts = [Vec::new(), Vec::new()];
+        for chunk in chunks {
+            parts.iter_mut().zip(chunk.split()).for_each(|(part, chunk)| part.push(chunk));
+        }
+        parts
     }
 
     /// The chunk of these rows. Rows without entries are left out: their endpoint is not known.

@@ -13,6 +13,7 @@ mod relight;
 mod scaling;
 mod segment;
 mod separate;
+mod shards;
 mod solve;
 
 pub use calibrate::Calibrated;
@@ -23,3 +24,4 @@ pub use plan::{Plan, PlanRequest};
 pub use relight::{BLOCK, Questions, RelightRequest};
 pub use scaling::Scaling;
 pub use separate::SeparateRequest;
+pub use shards::{JoinedShards, TracedShard, join_shards};
