@@ -10,6 +10,7 @@
 mod check;
 mod file;
 mod key;
+mod origin;
 mod record;
 mod shard;
 
@@ -20,7 +21,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 pub use key::Key;
-pub use shard::{ShardFile, ShardOrigin, write_shard};
+pub use origin::ShardOrigin;
+pub use shard::{ShardFile, write_shard};
 
 use crate::error::{Error, Result};
 use crate::transport::{Assembled, Channels};

@@ -3,10 +3,10 @@
 
 use std::ops::Range;
 
+use super::chunk::Chunk;
 use super::combine::{Combined, RowSums, combine};
 use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
-use super::rows::Chunk;
 use super::share::Share;
 use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance, spread};
 use crate::error::Result;

@@ -20,6 +20,7 @@ mod assemble;
 mod backend;
 mod block;
 mod choice;
+mod chunk;
 mod combine;
 mod contributions;
 mod estimated;

@@ -6,7 +6,7 @@
 use std::io::{self, Read, Write};
 
 use super::assemble::{shape, whole};
-use super::rows::Chunk;
+use super::chunk::Chunk;
 use super::share::Share;
 use super::wire::{self, Garbled};
 use super::{Assembled, Channels, RigShape, luminance};

@@ -6,8 +6,8 @@ use std::ops::Range;
 
 use bytemuck::Pod;
 
+use super::chunk::{Chunk, Key, Row};
 use super::combine::RowSums;
-use super::rows::{Chunk, Key, Row};
 use super::tiles::CompressedRows;
 
 /// What is wrong with bytes that should be arrays.

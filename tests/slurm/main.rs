@@ -1,7 +1,7 @@
 //! Jobs under Slurm: an array of shards by the script of `docs/clusters.md`, and processes that work together by MPI.
 //!
-//! Where Slurm is not installed or its daemons cannot start, the tests say why and do nothing; with `KRYLUX_REQUIRE_SLURM=1` they fail instead. A
-//! program that was built with MPI is named by `KRYLUX_MPI_PROGRAM`.
+//! Where Slurm is not installed or its daemons cannot start, the tests say why and do nothing; with `KRYLUX_REQUIRE_SLURM=1` they fail instead.
+//! Processes that work together are tested with `--features mpi`, or with the program that `KRYLUX_MPI_PROGRAM` names.
 #![cfg(target_os = "linux")]
 #![allow(clippy::panic, reason = "a failed test panics")]
 

@@ -9,9 +9,9 @@ use crate::error::Result;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::team::{Comm, Turn};
 use crate::transport::assemble::{finish, layers, planes, shape};
+use crate::transport::chunk::Chunk;
 use crate::transport::combine::RowSums;
 use crate::transport::layer::{Bounces, Layer};
-use crate::transport::rows::Chunk;
 use crate::transport::share::Share;
 use crate::transport::{Assembled, Channels, TransportMatrix, wire};
 

@@ -1,32 +1,18 @@
-//! A matrix traced in shards, by machines that know nothing of each other.
+//! The matrix of all its shards, which were traced by machines that know nothing of each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::matrix::bounces_apart;
-use crate::cache::{ShardFile, ShardOrigin, write_shard};
+use crate::cache::ShardFile;
 use crate::error::{Error, Result};
-use crate::io::atomic;
-use crate::lab::scene::SceneSource;
-use crate::lab::source::Source;
 use crate::lab::text;
-use crate::lab::traced::{report_matrix, report_trace, store};
-use crate::lab::{CacheChoice, Lab, Log, SharedObserver};
+use crate::lab::traced::{report_matrix, store};
+use crate::lab::{CacheChoice, Log, SharedObserver};
 use crate::machine;
 use crate::sparse::Csr;
-use crate::transport::{self, Assembled, Channels, Part, Shard, ShardRecord};
-
-/// A shard in its file.
-#[derive(Clone, Debug)]
-pub struct TracedShard {
-    /// What is known of it beside its contributions.
-    pub record: ShardRecord,
-    /// The bytes of its file.
-    pub bytes: u64,
-    /// Whether it was traced now; otherwise it was there already.
-    pub is_new: bool,
-}
+use crate::transport::{self, Assembled, Part, Shard, ShardRecord};
 
 /// The matrix of all shards.
 #[derive(Debug)]
@@ -38,7 +24,7 @@ pub struct JoinedShards {
 }
 
 impl JoinedShards {
-    /// The matrices of every channel, `[channel]`, each with a name for its file, as [`Lab::matrices`]. `part` is which light; it is all light where
+    /// The matrices of every channel, `[channel]`, each with a name for its file, as [`Lab::matrices`](crate::lab::Lab::matrices). `part` is which light; it is all light where
     /// it is `None`.
     ///
     /// # Errors
@@ -60,105 +46,7 @@ impl JoinedShards {
     }
 }
 
-impl Lab {
-    /// Traces part `of.0` (from 1) of `of.1` of a scene's matrix into a file for [`join_shards`]. Where the file has this shard already, nothing is
-    /// traced; another shard, or a part of one, is replaced.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--shard` for a source that is no scene, and where there is no such part; [`Error::Data`] where the file is there and is
-    /// no shard; [`Error::Write`]; those of tracing.
-    pub fn trace_shard(&mut self, of: (usize, usize), file: &Path) -> Result<TracedShard> {
-        let refused = |fault: String, help: &str| {
-            Err(Error::Option { option: "--shard".into(), fault, help: help.into() })
-        };
-        let Source::Scene(scene) = &self.source else {
-            let fault = format!("{} is not traced: only a scene has shards", self.name());
-            return refused(fault, "leave it out, or give a scene");
-        };
-        if let Some(team) = self.settings.team.as_ref().filter(|team| team.size() > 1) {
-            let fault = format!("{} processes work together, and trace the whole matrix", team.size());
-            return refused(fault, "leave it out, or start one process for each shard");
-        }
-        scene.trace_shard(self.channels, self.settings.split_bounces, of, file)
-    }
-}
-
-impl SceneSource {
-    fn trace_shard(
-        &self,
-        channels: Channels,
-        split: bool,
-        of: (usize, usize),
-        file: &Path,
-    ) -> Result<TracedShard> {
-        let origin = self.shard_origin(channels, split);
-        atomic::check_writable(file)?;
-        if file.exists() {
-            if !ShardFile::is_begun(file)? {
-                return Err(Error::Data {
-                    path: file.into(),
-                    fault: "the file is there, and is not a shard".into(),
-                    help: "name another file by -o, or remove this one".into(),
-                });
-            }
-            if let Some(there) = self.whole_shard(file, &origin, of) {
-                return Ok(there);
-            }
-        }
-        let shard = transport::trace_shard(&mut self.tracer(), &self.settings, channels, split, of)?;
-        report_trace(&shard.record().summary, &self.observer);
-        let bytes = write_shard(file, &origin, &shard)?;
-        Ok(TracedShard { record: shard.record().clone(), bytes, is_new: true })
-    }
-
-    /// What all shards of the matrix have in common.
-    fn shard_origin(&self, channels: Channels, split: bool) -> ShardOrigin {
-        let settings = &self.settings;
-        let projector = settings.projector.unwrap_or(settings.resolution);
-        let more = [
-            ("program", format!("krylux {}", env!("CARGO_PKG_VERSION"))),
-            ("camera", self.scene.camera.name.clone()),
-            ("projector's size", projector.to_string()),
-            ("sampler", format!("{:?}", settings.sampler)),
-            ("Russian roulette", settings.russian_roulette.to_string()),
-            ("number of chains through mirrors", settings.gather.photons.to_string()),
-            ("radius of chains through mirrors", settings.gather.radius.to_string()),
-            ("splitting of bounces", split.to_string()),
-        ];
-        let facts = self.facts(channels).into_iter().chain(more);
-        ShardOrigin {
-            key: self.key(channels, split),
-            facts: facts.map(|(name, fact)| (name.to_owned(), fact)).collect(),
-        }
-    }
-
-    /// The shard that is asked for, if the file has it already. What else is there is said.
-    fn whole_shard(&self, file: &Path, origin: &ShardOrigin, of: (usize, usize)) -> Option<TracedShard> {
-        let found = ShardFile::open(file).and_then(|there| {
-            let record = there.record();
-            let mut differences = origin.differences(there.origin());
-            if (record.part, record.parts) != of {
-                differences.push(format!("it is part {} of {}", record.part, record.parts));
-            }
-            Ok((differences, there.read()?))
-        });
-        let replaced = |why: &str| {
-            self.observer.note(format_args!("note: {} is replaced: {why}", file.display()));
-            None
-        };
-        match found {
-            Ok((differences, shard)) if differences.is_empty() => {
-                let bytes = std::fs::metadata(file).map_or(0, |about| about.len());
-                Some(TracedShard { record: shard.record().clone(), bytes, is_new: false })
-            }
-            Ok((differences, _)) => replaced(&differences.join("; ")),
-            Err(Error::Data { fault, .. }) => replaced(&fault),
-            Err(error) => replaced(&error.to_string()),
-        }
-    }
-}
-
-/// The matrix of all shards, in any order: the same bits as [`Lab::matrices`] of one machine. It is kept in the cache, so that it is not traced where
+/// The matrix of all shards, in any order: the same bits as [`Lab::matrices`](crate::lab::Lab::matrices) of one machine. It is kept in the cache, so that it is not traced where
 /// another question needs it.
 ///
 /// # Errors
