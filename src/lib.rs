@@ -100,7 +100,7 @@
 //! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, image, file, machine, error
 //! report    → analysis, measure, rig, krylov, io, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error
-//! cache     → transport, render, scene, gpu, io, image, error
+//! cache     → transport, render, scene, gpu, io, image, file, error
 //! measure   → rig, transport, render, io, operator, journal, image, file, error
 //! rig       → transport, image, error
 //! transport → render, scene, gpu, team, io, sparse, operator, journal, observer, image, error

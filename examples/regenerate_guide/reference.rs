@@ -52,7 +52,11 @@ fn leaves<'a>(command: &'a Command, before: &[&'a str]) -> Vec<(String, &'a Comm
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help") {
         let name = [before, &[verb.get_name()]].concat();
         let below = leaves(verb, &name);
-        if below.is_empty() { found.push((name.join(" "), verb)) } else { found.extend(below) }
+        // A verb with arguments of its own does something without the verbs below it.
+        if below.is_empty() || verb.get_positionals().next().is_some() {
+            found.push((name.join(" "), verb));
+        }
+        found.extend(below);
     }
     found
 }

@@ -71,6 +71,12 @@ impl Key {
         Self { hex, label, channels, rig }
     }
 
+    /// A key that a file names; `None` if it names none: keys are names of files.
+    pub(super) fn stored(hex: String, label: String, channels: Channels, rig: RigShape) -> Option<Self> {
+        let is_digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
+        (hex.len() == HEX_DIGITS && hex.bytes().all(is_digit)).then_some(Self { hex, label, channels, rig })
+    }
+
     /// The key in hexadecimal.
     pub fn hex(&self) -> &str {
         &self.hex

@@ -4,11 +4,15 @@
 //! channel: a ZIP archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are
 //! written atomically, so several runs can share a cache. A damaged file is recognized by its checksum; its
 //! matrix is then traced again.
+//!
+//! Parts of a matrix that are traced one by one are files of another kind ([`ShardFile`]), which the user names.
 
 mod check;
 mod file;
 mod key;
+mod origin;
 mod record;
+mod shard;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,6 +21,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 pub use key::Key;
+pub use origin::ShardOrigin;
+pub use shard::{ShardFile, write_shard};
 
 use crate::error::{Error, Result};
 use crate::transport::{Assembled, Channels};

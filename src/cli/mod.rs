@@ -207,14 +207,15 @@ mod tests {
         paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
     }
 
-    /// The examples that each verb shows, by its name; a verb that has verbs shows theirs.
+    /// The examples that each verb shows, by its name; a verb that only has verbs shows theirs.
     fn examples(command: &Command, name: &str) -> Vec<(String, Vec<String>)> {
         let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help");
         let verbs: Vec<_> =
             verbs.flat_map(|verb| examples(verb, &format!("{name} {}", verb.get_name()))).collect();
         let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
         let lines = text.lines().filter_map(|line| line.strip_prefix("  ")).map(str::to_owned).collect();
-        if verbs.is_empty() { vec![(name.to_owned(), lines)] } else { verbs }
+        let is_one = verbs.is_empty() || command.get_positionals().next().is_some();
+        verbs.into_iter().chain(is_one.then(|| (name.to_owned(), lines))).collect()
     }
 
     #[test]

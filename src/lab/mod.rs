@@ -53,6 +53,7 @@ mod tests_of_runs;
 #[cfg(test)]
 mod tests_of_verification;
 mod through_rig;
+mod traced;
 mod transport;
 mod verbs;
 mod verification;
@@ -75,8 +76,8 @@ pub use rig::RigSource;
 pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
 pub use source::SourceKind;
 pub use verbs::{
-    BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, MatrixRequest, Plan, PlanRequest,
-    Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto,
+    BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
+    PlanRequest, Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto, TracedShard, join_shards,
 };
 pub use verification::VerifiedEigenpairs;
 

@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use super::operator::lock;
 use super::settings::Settings;
-use super::text::{grouped, percent};
+use super::text::grouped;
+use super::traced::{report_matrix, report_trace, store};
 use super::{Log, SharedObserver, Truth};
 use crate::cache::{Cache, Found, Key};
 use crate::error::{Error, Result};
@@ -16,9 +17,9 @@ use crate::io::manifest;
 use crate::journal::Identity;
 use crate::measure::RunManifest;
 use crate::observer::{Estimate, Level, Step};
-use crate::render::{TraceSettings, TraceSummary, Tracer};
+use crate::render::{TraceSettings, Tracer};
 use crate::scene::{self, LoadOptions, Scene};
-use crate::transport::{self, Assembled, Backend, Channels, Noise};
+use crate::transport::{self, Assembled, Backend, Channels};
 
 /// The label of a pixel that sees no region, as in all label images.
 const NO_REGION: u8 = 255;
@@ -35,7 +36,7 @@ pub(super) struct SceneSource {
     backend: Backend,
     /// The matrix that was asked for last; clones of the source share it.
     kept: Arc<Mutex<Option<Kept>>>,
-    observer: SharedObserver,
+    pub(super) observer: SharedObserver,
 }
 
 /// An assembled matrix, with its channels and whether its second bounce is a layer apart.
@@ -112,22 +113,28 @@ impl SceneSource {
     }
 
     /// Names the matrix that tracing would make.
-    fn key(&self, channels: Channels, split: bool) -> Key {
+    pub(super) fn key(&self, channels: Channels, split: bool) -> Key {
         Key::new(&self.scene, &self.adapter, &self.settings, channels, split)
     }
 
     /// `identity` with all that a trace depends on.
     pub(super) fn identity(&self, identity: Identity, channels: Channels) -> Identity {
+        let named = self.facts(channels).into_iter().fold(identity, |all, (name, fact)| all.with(name, fact));
+        named.with("all that is traced", self.key(channels, false).hex())
+    }
+
+    /// What a trace depends on, by name, as far as it can be said in a few words.
+    pub(super) fn facts(&self, channels: Channels) -> Vec<(&'static str, String)> {
         let (settings, adapter) = (&self.settings, &self.adapter);
-        identity
-            .with("scene", blake3::Hash::from_bytes(self.scene.hash).to_string())
-            .with("size", settings.resolution)
-            .with("samples per pixel", settings.samples)
-            .with("bounces", settings.max_bounces)
-            .with("seed", settings.seed)
-            .with("channels", channels.count())
-            .with("adapter", format!("{} {} {}", adapter.name, adapter.driver, adapter.driver_version))
-            .with("all that is traced", self.key(channels, false).hex())
+        vec![
+            ("scene", blake3::Hash::from_bytes(self.scene.hash).to_string()),
+            ("size", settings.resolution.to_string()),
+            ("samples per pixel", settings.samples.to_string()),
+            ("bounces", settings.max_bounces.to_string()),
+            ("seed", settings.seed.to_string()),
+            ("channels", channels.count().to_string()),
+            ("adapter", format!("{} {} {}", adapter.name, adapter.driver, adapter.driver_version)),
+        ]
     }
 
     /// Notes what a trace depends on.
@@ -213,13 +220,7 @@ impl SceneSource {
             let paths = grouped(traced.summary.paths);
             observer.info(format_args!("traced    {paths} light paths, from the cache"));
         }
-        observer.info(format_args!(
-            "matrix    {} entries, {:.1} MiB, {:.2} s in all",
-            grouped(traced.matrix.nonzeros() as u64),
-            traced.matrix.bytes() as f64 / f64::from(1 << 20),
-            start.elapsed().as_secs_f64()
-        ));
-        report_noise(traced.noise.as_ref(), observer);
+        report_matrix(&traced, start, observer);
         match self.cache.as_ref().filter(|_| is_new) {
             Some(_) if traced.matrix.processes() > 1 => {
                 observer.detail(format_args!(
@@ -296,44 +297,4 @@ fn load(path: &Path, options: &LoadOptions<'_>, observer: &SharedObserver) -> Re
 fn loading(observer: &SharedObserver, done: u64) -> Result<()> {
     let step = Step { stage: "loading", done, total: 2, estimate: Estimate::None };
     if observer.0.step(&step).is_break() { Err(Error::Interrupted) } else { Ok(()) }
-}
-
-/// A matrix that cannot be kept is no reason to fail: the next run traces again.
-fn store(cache: &Cache, key: &Key, traced: &Assembled, observer: &SharedObserver) {
-    match cache.store(key, traced) {
-        Ok(true) => {
-            observer.detail(format_args!("cache     {} in {}", key.hex(), cache.folder().display()));
-        }
-        Ok(false) => observer.detail(format_args!("cache     not kept: larger than the cache")),
-        Err(error) => {
-            observer.note(format_args!("note: the matrix is not kept for later runs: {error}"));
-        }
-    }
-}
-
-/// The lines about a finished trace.
-fn report_trace(summary: &TraceSummary, observer: &SharedObserver) {
-    let seconds = summary.tracing.as_secs_f64();
-    observer.detail(format_args!(
-        "dispatch  {} of them, the longest {:.0} ms",
-        summary.dispatches,
-        summary.longest.as_secs_f64() * 1e3
-    ));
-    observer.info(format_args!(
-        "traced    {} light paths, {} rays in {seconds:.2} s ({:.2} M rays/s)",
-        grouped(summary.paths),
-        grouped(summary.rays),
-        summary.rays as f64 / seconds.max(1e-9) / 1e6
-    ));
-}
-
-/// The line about a matrix's noise.
-fn report_noise(noise: Option<&Noise>, observer: &SharedObserver) {
-    let Some(noise) = noise else { return };
-    observer.info(format_args!(
-        "noise     {} % of the white photo, {} % of the matrix, {} % without direct light",
-        percent(noise.white_relative),
-        percent(noise.operator),
-        percent(noise.global)
-    ));
 }

@@ -3,10 +3,10 @@
 
 use std::ops::Range;
 
+use super::chunk::Chunk;
 use super::combine::{Combined, RowSums, combine};
 use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
-use super::rows::Chunk;
 use super::share::Share;
 use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance, spread};
 use crate::error::Result;
@@ -65,16 +65,25 @@ fn run<const C: usize>(
     if tracer.remote().is_some() {
         return spread::assemble(tracer, settings, channels, split, project);
     }
-    let rig = shape(tracer, settings);
     let all = tracer.start_pixels(settings);
-    let Share { chunks, direct, ambient, has_halves, summary } =
-        Share::trace(tracer, settings, &all, split, &project)?;
+    let share = Share::trace(tracer, settings, &all, split, &project)?;
+    whole(share, shape(tracer, settings), channels, split)
+}
+
+/// The matrix of all light paths.
+pub(super) fn whole<const C: usize>(
+    share: Share<C>,
+    rig: RigShape,
+    channels: Channels,
+    split: bool,
+) -> Result<Assembled> {
+    let Share { chunks, direct, ambient, has_halves, summary } = share;
+    let rows = 0..rig.camera.pixels();
     let direct = if rig.symmetric { direct } else { Vec::new() };
-    let (mut layers, sums) = layers(chunks, rig, all.camera.clone(), split, &direct);
+    let (mut layers, sums) = layers(chunks, rig, rows.clone(), split, &direct);
     // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
-    let matrix =
-        TransportMatrix { rig, channels, direct: planes(&direct), layers, rows: all.camera, spread: None };
+    let matrix = TransportMatrix { rig, channels, direct: planes(&direct), layers, rows, spread: None };
     finish(matrix, &ambient, has_halves.then_some(&sums), summary)
 }
 

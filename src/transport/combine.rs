@@ -11,7 +11,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::rows::{Chunk, Key};
+use super::chunk::{Chunk, Key};
 use super::tiles::CompressedRows;
 
 /// Approximate number of contributions in one block.

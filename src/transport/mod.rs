@@ -12,11 +12,15 @@
 //! its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device,
 //! and products are taken there ([`Backend`]). Two independent halves of the samples tell how far `Â` is from
 //! the truth ([`Noise`]).
+//!
+//! A matrix can be traced by many machines: in [`Shard`]s that are joined later, or by a team of processes that each keep
+//! a part of it ([`share_scene`]). All bits are those of one machine.
 
 mod assemble;
 mod backend;
 mod block;
 mod choice;
+mod chunk;
 mod combine;
 mod contributions;
 mod estimated;
@@ -32,12 +36,14 @@ mod products;
 mod retraced;
 mod rows;
 mod scaling;
+mod shard;
 mod share;
 mod simulated;
 mod spread;
 #[cfg(test)]
 mod tests;
 mod tiles;
+mod wire;
 
 pub use assemble::{Assembled, assemble, assemble_layers};
 pub use backend::Backend;
@@ -53,6 +59,7 @@ pub use operator::MatrixOperator;
 pub use products::Products;
 pub use retraced::{Retraced, RetracedOperator};
 pub use scaling::{Network, Probe, Scaled};
+pub use shard::{MOST_PARTS, Shard, ShardRecord, join_shards, trace_shard};
 pub use spread::{Servant, share_scene};
 pub(crate) use tiles::CompressedRows;
 

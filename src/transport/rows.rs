@@ -1,49 +1,11 @@
 //! The contributions of the light paths from each pixel, summed pixel by pixel as the paths arrive.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
+use super::chunk::{Chunk, Key, Row};
 use super::noise::Halves;
 use crate::error::{Error, Result};
 use crate::render::{Batch, Connection, Run};
-
-/// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest
-/// bits) its class of bounces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Key(u32);
-
-impl Key {
-    /// The number that stands for it.
-    pub(super) fn bits(self) -> u32 {
-        self.0
-    }
-
-    /// The key of this number.
-    pub(super) fn from_bits(bits: u32) -> Self {
-        Self(bits)
-    }
-
-    const CLASS_BITS: u32 = 2;
-    /// Marks a single contribution, not yet summed, from the second half of the samples.
-    const HALF: u32 = 1 << 31;
-
-    /// The key for this pixel and class.
-    pub(super) fn new(other: u32, class: u32) -> Self {
-        debug_assert!(other < 1 << 28 && class < 1 << Self::CLASS_BITS);
-        Self(other << Self::CLASS_BITS | class)
-    }
-
-    /// The pixel at the other end.
-    pub(super) fn other(self) -> u32 {
-        self.0 >> Self::CLASS_BITS
-    }
-
-    /// The class of bounces.
-    pub(super) fn class(self) -> usize {
-        (self.0 & ((1 << Self::CLASS_BITS) - 1)) as usize
-    }
-}
 
 /// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
 /// and 2 are all later ones.
@@ -53,66 +15,6 @@ pub(super) fn class(bounces: u32, split: bool) -> u32 {
         2 => 1,
         _ if split => 2,
         _ => 1,
-    }
-}
-
-/// The paths from one pixel. A pixel of the camera is a row of the matrix, a pixel of the projector a column.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
-    pub(super) pixel: u32,
-    pub(super) from_camera: bool,
-    /// Index after its last entry in the chunk.
-    pub(super) end: usize,
-}
-
-/// Rows of finished pixels in ascending order, each with its entries by ascending key.
-#[derive(Debug)]
-pub(super) struct Chunk<const C: usize> {
-    pub(super) rows: Vec<Row>,
-    pub(super) keys: Vec<Key>,
-    /// Means over the samples, for each key.
-    pub(super) means: Vec<[f32; C]>,
-    /// Their errors (`e` of [`super::Noise`]).
-    pub(super) errors: Vec<[f32; C]>,
-}
-
-impl<const C: usize> Chunk<C> {
-    /// Each row with the range of its entries.
-    pub(super) fn spans(&self) -> impl Iterator<Item = (Row, Range<usize>)> + '_ {
-        let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
-        self.rows.iter().zip(starts).map(|(&row, start)| (row, start..row.end))
-    }
-
-    /// The rows of the camera's pixels, and those of the projector's, which come after them.
-    pub(super) fn split(mut self) -> [Self; 2] {
-        let row = self.rows.partition_point(|row| row.from_camera);
-        let entry = if row == 0 { 0 } else { self.rows[row - 1].end };
-        let mut rows = self.rows.split_off(row);
-        rows.iter_mut().for_each(|row| row.end -= entry);
-        let keys = self.keys.split_off(entry);
-        let (means, errors) = (self.means.split_off(entry), self.errors.split_off(entry));
-        [self, Self { rows, keys, means, errors }]
-    }
-
-    /// The chunk of these rows. Rows without entries are left out: their endpoint is not known.
-    fn join(mut rows: Vec<Finished<C>>) -> Self {
-        rows.retain(|row| !row.entries.is_empty());
-        let count = rows.iter().map(|row| row.entries.len()).sum();
-        let mut chunk = Self {
-            rows: Vec::with_capacity(rows.len()),
-            keys: Vec::with_capacity(count),
-            means: Vec::with_capacity(count),
-            errors: Vec::with_capacity(count),
-        };
-        for row in rows {
-            for (key, mean, error) in row.entries {
-                chunk.keys.push(key);
-                chunk.means.push(mean);
-                chunk.errors.push(error);
-            }
-            chunk.rows.push(Row { pixel: row.pixel, from_camera: row.from_camera, end: chunk.keys.len() });
-        }
-        chunk
     }
 }
 
@@ -206,11 +108,10 @@ impl<const C: usize> Rows<C> {
                 _ => Vec::new(),
             };
             for run in runs {
-                let half = run.half as u32 * Key::HALF;
                 paths.connections(run, |connection| {
                     let value = project(connection.value);
                     if value.iter().any(|&value| value != 0.0) {
-                        entries.push(self.entry(pixel, half, &connection, value)?);
+                        entries.push(self.entry(pixel, run.half, &connection, value)?);
                     }
                     Ok(())
                 })?;
@@ -220,7 +121,7 @@ impl<const C: usize> Rows<C> {
         let done = whole.par_iter().map(|runs| self.finish(collect(runs)?));
         finished.extend(done.collect::<Vec<_>>());
         let last = collect(last)?;
-        self.chunks.push(Chunk::join(finished.into_iter().collect::<Result<_>>()?));
+        self.chunks.push(chunk(finished.into_iter().collect::<Result<_>>()?));
         self.open = Some(last);
         Ok(())
     }
@@ -229,13 +130,13 @@ impl<const C: usize> Rows<C> {
     pub(super) fn close(&mut self) -> Result<()> {
         if let Some(open) = self.open.take() {
             let row = self.finish(open)?;
-            self.chunks.push(Chunk::join(vec![row]));
+            self.chunks.push(chunk(vec![row]));
         }
         Ok(())
     }
 
     /// The entry of a connection of a path from `pixel`.
-    fn entry(&self, pixel: u32, half: u32, connection: &Connection, value: [f32; C]) -> Result<Entry<C>> {
+    fn entry(&self, pixel: u32, half: usize, connection: &Connection, value: [f32; C]) -> Result<Entry<C>> {
         let Connection { camera, projector, bounces, .. } = *connection;
         let (other, from_camera) = match (camera == pixel, projector == pixel) {
             (true, true) => (pixel, None),
@@ -243,7 +144,7 @@ impl<const C: usize> Rows<C> {
             (false, true) => (camera, Some(false)),
             (false, false) => return Err(stray(pixel)),
         };
-        let key = Key(Key::new(other, class(bounces, self.split)).0 | half);
+        let key = Key::new(other, class(bounces, self.split)).of_half(half);
         Ok(Entry { key, from_camera, value })
     }
 
@@ -256,15 +157,14 @@ impl<const C: usize> Rows<C> {
         if entries.iter().any(|entry| entry.from_camera.is_some_and(|camera| camera != from_camera)) {
             return Err(stray(pixel));
         }
-        let position = |entry: &Entry<C>| Key(entry.key.0 & !Key::HALF);
+        let position = |entry: &Entry<C>| entry.key.position();
         // The sort is stable: contributions to one position stay in path order.
         entries.sort_by_key(position);
         let merged = entries.chunk_by(|a, b| position(a) == position(b)).map(|run| {
             let mut estimates = [[0.0_f64; 2]; C];
             for entry in run {
-                let half = usize::from(entry.key.0 & Key::HALF != 0);
                 for (estimate, value) in estimates.iter_mut().zip(entry.value) {
-                    halves.add(estimate, half, f64::from(value));
+                    halves.add(estimate, entry.key.half(), f64::from(value));
                 }
             }
             (
@@ -275,6 +175,27 @@ impl<const C: usize> Rows<C> {
         });
         Ok(Finished { pixel, from_camera, entries: merged.collect() })
     }
+}
+
+/// The chunk of these rows. Rows without entries are left out: their endpoint is not known.
+fn chunk<const C: usize>(mut rows: Vec<Finished<C>>) -> Chunk<C> {
+    rows.retain(|row| !row.entries.is_empty());
+    let count = rows.iter().map(|row| row.entries.len()).sum();
+    let mut chunk = Chunk {
+        rows: Vec::with_capacity(rows.len()),
+        keys: Vec::with_capacity(count),
+        means: Vec::with_capacity(count),
+        errors: Vec::with_capacity(count),
+    };
+    for row in rows {
+        for (key, mean, error) in row.entries {
+            chunk.keys.push(key);
+            chunk.means.push(mean);
+            chunk.errors.push(error);
+        }
+        chunk.rows.push(Row { pixel: row.pixel, from_camera: row.from_camera, end: chunk.keys.len() });
+    }
+    chunk
 }
 
 /// The error for a connection that does not belong to its path's pixel.

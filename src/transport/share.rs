@@ -1,7 +1,8 @@
 //! What the light paths from some pixels contribute to the matrix: the part of a process that traces only these, or everything.
 
+use super::chunk::Chunk;
 use super::pixel_sums::PixelSums;
-use super::rows::{Chunk, Rows};
+use super::rows::Rows;
 use crate::error::Result;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 

@@ -22,5 +22,6 @@ mod piles;
 mod products;
 mod reproduce;
 mod rig;
+mod shards;
 mod streams;
 mod verbs;

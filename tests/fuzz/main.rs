@@ -137,6 +137,8 @@ fuzzed_by!(
     camera_file,
     journal,
     cache,
+    shard,
+    forged_shard,
     calibration,
     calibration_array,
     model,

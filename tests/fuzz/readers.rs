@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use krylux::cache::{Cache, Found, Key, LIMIT};
+use krylux::cache::{Cache, Found, Key, LIMIT, ShardFile, ShardOrigin, write_shard};
 use krylux::image::{Image, Resolution};
 use krylux::io::model::{ChannelArrays, DirectArrays, ModelArrays};
 use krylux::io::{exr, npy, picture, png, sparse};
@@ -10,7 +10,7 @@ use krylux::journal::Journal;
 use krylux::measure::{Calibration, RigFile};
 use krylux::render::{AdapterSummary, TraceSettings, Tracer};
 use krylux::scene;
-use krylux::transport::{Channels, assemble};
+use krylux::transport::{Channels, assemble, join_shards, trace_shard};
 
 use crate::{Reader, seeds};
 
@@ -234,6 +234,65 @@ pub fn cache() -> Reader {
                 let mut photo = vec![0.0; 16];
                 found.matrix.apply(krylux::transport::Part::Full, 0, &[1.0; 16], &mut photo);
             }
+        },
+    }
+}
+
+/// The whole of a small matrix as one shard: in one channel, and in three with bounces and the projector apart.
+fn shards(folder: &Path) -> Vec<Vec<u8>> {
+    let shard = |scene: &str, channels, split, settings| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);
+        let scene = scene::load(&path, None).expect("shipped scenes load");
+        let mut tracer = Tracer::new(&scene, None).expect("there is a Vulkan driver");
+        let shard = trace_shard(&mut tracer, &settings, channels, split, (1, 1));
+        let key = Key::new(&scene, &adapter(), &settings, channels, split);
+        let origin = ShardOrigin { key, facts: [("seed".into(), "0".into())].into() };
+        let path = folder.join("seed.krylux");
+        write_shard(&path, &origin, &shard.expect("shipped scenes can be traced"))
+            .expect("it can be written");
+        std::fs::read(path).expect("it was written")
+    };
+    let settings = TraceSettings::new(Resolution::new(4, 4), 2);
+    let apart = TraceSettings { projector: Some(Resolution::new(5, 3)), ..settings };
+    vec![
+        shard("assets/scenes/corner/scene.glb", Channels::Luma, false, settings),
+        shard("tests/reference/peer/separated.glb", Channels::Rgb, true, apart),
+    ]
+}
+
+fn read_shard(folder: &Path) {
+    let shard = ShardFile::open(&folder.join("file.krylux")).and_then(ShardFile::read);
+    if let Ok(joined) = shard.and_then(|shard| join_shards(vec![shard])) {
+        let matrix = joined.matrix;
+        let mut photo = vec![0.0; matrix.resolution().pixels()];
+        matrix.apply(
+            krylux::transport::Part::Full,
+            0,
+            &vec![1.0; matrix.projector_resolution().pixels()],
+            &mut photo,
+        );
+    }
+}
+
+pub fn shard() -> Reader {
+    Reader { name: "shard", file: "file.krylux", seeds: shards, read: read_shard }
+}
+
+/// Shards of a stranger, who can calculate digests.
+pub fn forged_shard() -> Reader {
+    Reader {
+        name: "forged_shard",
+        file: "file.krylux",
+        seeds: shards,
+        read: |folder| {
+            let path = folder.join("file.krylux");
+            let mut bytes = std::fs::read(&path).expect("it was just written");
+            if let Some(end) = bytes.len().checked_sub(32) {
+                let digest = blake3::hash(&bytes[..end]);
+                bytes[end..].copy_from_slice(digest.as_bytes());
+                std::fs::write(&path, bytes).expect("the folder can be written");
+            }
+            read_shard(folder);
         },
     }
 }

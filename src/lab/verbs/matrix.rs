@@ -4,7 +4,7 @@ use crate::analysis::brute_force;
 use crate::error::{Error, Result};
 use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::sparse::Csr;
-use crate::transport::{Bounces, Part};
+use crate::transport::{Assembled, Bounces, Part};
 
 /// Which matrices are wanted.
 #[derive(Clone, Copy, Debug)]
@@ -66,19 +66,7 @@ impl Lab {
                 help: "leave it out, or give a scene".into(),
             });
         };
-        let channel = |channel| {
-            let mut matrices = vec![("_direct", traced.matrix.to_csr(Part::Direct, channel)?)];
-            for layer in &*traced.matrix.layers()? {
-                match layer.bounces() {
-                    // It is in the direct part already.
-                    Bounces::One => {}
-                    Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
-                    Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
-                }
-            }
-            Ok(matrices)
-        };
-        (0..count).map(channel).collect()
+        bounces_apart(&traced)
     }
 
     /// One part of the traced matrix, `[channel]`, where there is one.
@@ -87,4 +75,21 @@ impl Lab {
         let channels = 0..traced.matrix.channels().count();
         channels.map(|channel| traced.matrix.to_csr(part, channel)).collect::<Result<_>>().map(Some)
     }
+}
+
+/// The first bounce, the second one and the rest as matrices of their own, `[channel]`, each with a name for its file.
+pub(super) fn bounces_apart(traced: &Assembled) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+    let channel = |channel| {
+        let mut matrices = vec![("_direct", traced.matrix.to_csr(Part::Direct, channel)?)];
+        for layer in &*traced.matrix.layers()? {
+            match layer.bounces() {
+                // It is in the direct part already.
+                Bounces::One => {}
+                Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
+                Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
+            }
+        }
+        Ok(matrices)
+    };
+    (0..traced.matrix.channels().count()).map(channel).collect()
 }

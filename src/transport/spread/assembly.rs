@@ -2,18 +2,18 @@
 
 use std::ops::Range;
 
+use super::Spread;
 use super::balance::balanced;
-use super::command::{Command, answer, from_bytes, garbled, read_answer, to_bytes};
-use super::{Spread, wire};
+use super::command::{Command, answer, from_bytes, garbled, read_answer, to_bytes, unread};
 use crate::error::Result;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::team::{Comm, Turn};
 use crate::transport::assemble::{finish, layers, planes, shape};
+use crate::transport::chunk::Chunk;
 use crate::transport::combine::RowSums;
 use crate::transport::layer::{Bounces, Layer};
-use crate::transport::rows::Chunk;
 use crate::transport::share::Share;
-use crate::transport::{Assembled, Channels, TransportMatrix};
+use crate::transport::{Assembled, Channels, TransportMatrix, wire};
 
 /// What the leader says after the trace: the processes go on, or they drop what they have.
 const GO_ON: u8 = 1;
@@ -144,16 +144,18 @@ fn merge<const C: usize>(
 ) -> Result<Own<C>> {
     let rig = shape(tracer, settings);
     let Share { chunks, direct, ambient, has_halves, summary } = share;
-    let [camera, projector] = by_endpoint(chunks);
+    let [camera, projector] = Chunk::by_endpoint(chunks);
     let message = |rank: usize| {
-        let (mut bytes, rows) = (Vec::new(), &pixels[rank].camera);
-        if rank != comm.rank() {
+        wire::message(|to| {
+            if rank == comm.rank() {
+                return Ok(());
+            }
+            let rows = &pixels[rank].camera;
             // The rows of the camera's pixels are here; in a coaxial rig their paths count for the pixels at their ends as well.
             let camera: &[Chunk<C>] = if rig.symmetric { &camera } else { &[] };
-            wire::put_chunks(&mut bytes, camera, true, rows);
-            wire::put_chunks(&mut bytes, &projector, false, rows);
-        }
-        bytes
+            wire::put_chunks(to, camera, true, rows)?;
+            wire::put_chunks(to, &projector, false, rows)
+        })
     };
     let received = comm.exchange((0..comm.size()).map(message).collect());
     let mut chunks = [Vec::new(), Vec::new()];
@@ -163,9 +165,9 @@ fn merge<const C: usize>(
             chunks[0].extend(own_camera.take().into_iter().flatten());
             chunks[1].extend(own_projector.take().into_iter().flatten());
         } else {
-            let mut from = wire::Reader(&bytes);
-            chunks[0].push(wire::take_chunk(&mut from, true)?);
-            chunks[1].push(wire::take_chunk(&mut from, false)?);
+            let mut from = wire::Reader::new(&bytes);
+            chunks[0].push(wire::take_chunk(&mut from, true).map_err(unread)?);
+            chunks[1].push(wire::take_chunk(&mut from, false).map_err(unread)?);
         }
     }
     let rows = pixels[comm.rank()].camera.clone();
@@ -175,15 +177,6 @@ fn merge<const C: usize>(
     let planes = vec![Vec::new(); C];
     let matrix = TransportMatrix { rig, channels, direct: planes, layers, rows, spread: None };
     Ok(Own { matrix, direct, ambient, sums, has_halves, summary })
-}
-
-/// The chunks of the camera's paths, and those of the projector's, which come after them.
-fn by_endpoint<const C: usize>(chunks: Vec<Chunk<C>>) -> [Vec<Chunk<C>>; 2] {
-    let mut parts = [Vec::new(), Vec::new()];
-    for chunk in chunks {
-        parts.iter_mut().zip(chunk.split()).for_each(|(part, chunk)| part.push(chunk));
-    }
-    parts
 }
 
 /// Keeps the layers that the leader keeps.
@@ -205,22 +198,23 @@ impl<const C: usize> Own<C> {
         let nonzeros: Vec<u64> = self.matrix.layers.iter().map(|layer| layer.nonzeros() as u64).collect();
         // Numbers can be sent.
         let head = to_bytes(&(nonzeros, self.matrix.bytes() as u64, self.has_halves)).unwrap_or_default();
-        let mut bytes = (head.len() as u64).to_le_bytes().to_vec();
-        bytes.extend(head);
-        wire::put_estimates(&mut bytes, &self.direct);
-        wire::put_estimates(&mut bytes, &self.ambient);
-        wire::put_sums(&mut bytes, &self.sums);
-        bytes
+        wire::message(|to| {
+            wire::put(to, &head)?;
+            wire::put_estimates(to, &self.direct)?;
+            wire::put_estimates(to, &self.ambient)?;
+            wire::put_sums(to, &self.sums)
+        })
     }
 
     /// Adds what the process of the next pixels sent. Returns its number of entries of each layer, and their bytes.
     fn add_part(&mut self, bytes: &[u8]) -> Result<(Vec<u64>, u64)> {
-        let mut from = wire::Reader(bytes);
-        let (nonzeros, size, has_halves): (Vec<u64>, u64, bool) = from_bytes(&from.take::<u8>()?)?;
+        let mut from = wire::Reader::new(bytes);
+        let (nonzeros, size, has_halves): (Vec<u64>, u64, bool) =
+            from_bytes(&from.take::<u8>().map_err(unread)?)?;
         self.has_halves &= has_halves;
-        self.direct.extend(wire::take_estimates::<C>(&mut from)?);
-        self.ambient.extend(wire::take_estimates::<C>(&mut from)?);
-        self.sums.extend(wire::take_sums::<C>(&mut from)?);
+        self.direct.extend(wire::take_estimates::<C>(&mut from).map_err(unread)?);
+        self.ambient.extend(wire::take_estimates::<C>(&mut from).map_err(unread)?);
+        self.sums.extend(wire::take_sums::<C>(&mut from).map_err(unread)?);
         Ok((nonzeros, size))
     }
 }

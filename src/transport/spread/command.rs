@@ -9,6 +9,7 @@ use crate::scene::Scene;
 use crate::team::Comm;
 use crate::transport::Channels;
 use crate::transport::matrix::Product;
+use crate::transport::wire::Garbled;
 
 /// A command about an object: a scene, or the rows of a matrix.
 #[derive(Serialize, Deserialize)]
@@ -60,6 +61,11 @@ pub(super) fn garbled(why: &str) -> Error {
         fault: format!("a message of another process cannot be read ({why})"),
         help: "start the same program on every machine; if it is, this is a fault in krylux".into(),
     }
+}
+
+/// As [`garbled`], for arrays.
+pub(super) fn unread(Garbled(why): Garbled) -> Error {
+    garbled(&why)
 }
 
 /// Sends an answer to the leader: a value, or why there is none.

@@ -21,7 +21,6 @@ mod servant;
 #[cfg(test)]
 mod tests;
 mod transpose;
-mod wire;
 
 pub(super) use assembly::assemble;
 pub(super) use retrace::trace;

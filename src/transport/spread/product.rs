@@ -2,14 +2,15 @@
 
 use std::ops::Range;
 
-use super::command::Command;
-use super::{Spread, wire};
+use super::Spread;
+use super::command::{Command, unread};
 use crate::error::Result;
 use crate::team::{Comm, Turn};
 use crate::transport::TransportMatrix;
 use crate::transport::layer::Layer;
 use crate::transport::matrix::{Direction, Product};
 use crate::transport::tiles::{Interleaved, Summable};
+use crate::transport::wire;
 
 impl Spread {
     /// Gives the other processes a command about the matrix.
@@ -48,7 +49,7 @@ impl Spread {
             let mut rows = own.to_rows();
             let turn = self.command(&Command::Rows { layer: at });
             for bytes in turn.receive_all() {
-                wire::append_rows(&mut rows, &bytes)?;
+                wire::append_rows(&mut rows, &bytes).map_err(unread)?;
             }
             Ok(Layer::new(own.bounces(), own.tiles().cols(), &rows))
         };

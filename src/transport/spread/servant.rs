@@ -9,7 +9,6 @@ use super::command::{Command, answer, from_bytes};
 use super::product::multiply_part;
 use super::retrace::trace_part;
 use super::transpose::transpose_part;
-use super::wire;
 use crate::error::Result;
 use crate::observer::{Observer, Step};
 use crate::render::{AdapterSummary, StartPixels, TraceSettings, Tracer};
@@ -17,6 +16,7 @@ use crate::scene::Scene;
 use crate::team::{Comm, Worker};
 use crate::transport::matrix::{Direction, Product};
 use crate::transport::tiles::Interleaved;
+use crate::transport::wire;
 use crate::transport::{Channels, TransportMatrix, luminance};
 
 /// What a process that does not lead has: the scenes that the leader shares, and its rows of their matrices. [`serve`](crate::team::serve()) lets it work.

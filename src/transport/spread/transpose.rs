@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
+use super::Spread;
 use super::command::Command;
-use super::{Spread, wire};
 use crate::render::StartPixels;
 use crate::team::Comm;
 use crate::transport::TransportMatrix;
 use crate::transport::layer::Layer;
 use crate::transport::tiles::CompressedRows;
+use crate::transport::wire;
 
 impl Spread {
     /// Lets every process make its rows of the transpose.

@@ -1,0 +1,237 @@
+//! The files of shards: parts of a matrix that are traced one by one, perhaps on other machines.
+//!
+//! A file is a line that names the format, a line of JSON that says what the shard is of, its arrays, and the BLAKE3 digest of all bytes before
+//! the digest. It is written and read in one pass.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::{Key, ShardOrigin};
+use crate::error::{Error, Result};
+use crate::file;
+use crate::io::atomic;
+use crate::transport::{Shard, ShardRecord};
+
+/// The first line, before the number of the format.
+const NAME: &str = "krylux shard ";
+/// The number of the format.
+const FORMAT: &str = "1";
+/// The longest line at the beginning.
+const LONGEST_LINE: u64 = 1 << 16;
+/// The bytes of a digest.
+const DIGEST: u64 = blake3::OUT_LEN as u64;
+
+/// The second line of a file.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    key: String,
+    label: String,
+    facts: BTreeMap<String, String>,
+    #[serde(flatten)]
+    record: ShardRecord,
+}
+
+/// Writes a shard, and returns the number of its bytes.
+///
+/// # Errors
+/// [`Error::Write`].
+pub fn write_shard(path: &Path, origin: &ShardOrigin, shard: &Shard) -> Result<u64> {
+    let head = Head {
+        key: origin.key.hex().into(),
+        label: origin.key.label().into(),
+        facts: origin.facts.clone(),
+        record: shard.record().clone(),
+    };
+    let mut bytes = 0;
+    atomic::write_with(path, |file| {
+        let mut file = Digested { inner: file, hasher: blake3::Hasher::new() };
+        writeln!(file, "{NAME}{FORMAT}")?;
+        serde_json::to_writer(&mut file, &head)?;
+        file.write_all(b"\n")?;
+        shard.write(&mut file)?;
+        bytes = file.hasher.count() + DIGEST;
+        file.inner.write_all(file.hasher.finalize().as_bytes())
+    })?;
+    Ok(bytes)
+}
+
+/// The file of a shard, of which only the head is read so far.
+#[derive(Debug)]
+pub struct ShardFile {
+    path: PathBuf,
+    origin: ShardOrigin,
+    record: ShardRecord,
+    rest: Digested<BufReader<File>>,
+    /// The bytes of the arrays.
+    bytes: u64,
+}
+
+impl ShardFile {
+    /// Whether a file begins as the files of shards do. An empty one does.
+    ///
+    /// # Errors
+    /// [`Error::Read`].
+    pub fn is_begun(path: &Path) -> Result<bool> {
+        let mut begin = Vec::new();
+        let file = file::open(path)?;
+        file.take(NAME.len() as u64).read_to_end(&mut begin).map_err(Error::reading(path))?;
+        Ok(NAME.as_bytes().starts_with(&begin))
+    }
+
+    /// Opens a file, and reads what it is of.
+    ///
+    /// # Errors
+    /// [`Error::Read`]; [`Error::Data`] where it is not the whole file of a shard.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = file::open(path)?;
+        let length = file.metadata().map_err(Error::reading(path))?.len();
+        let mut rest = Digested { inner: BufReader::new(file), hasher: blake3::Hasher::new() };
+        let mut line = || rest.line().map_err(Error::reading(path));
+        let name = line()?;
+        require_format(path, &name)?;
+        let head = line()?;
+        let damaged = |why: &str| damaged(path, why, None);
+        let Head { key, label, facts, record } =
+            serde_json::from_slice(&head).map_err(|error| damaged(&error.to_string()))?;
+        let key = Key::stored(key, label, record.channels, record.rig)
+            .ok_or_else(|| damaged("it names its matrix by no key"))?;
+        record.check().map_err(|why| damaged(&why))?;
+        let bytes = length.checked_sub(rest.hasher.count() + DIGEST);
+        let bytes = bytes.ok_or_else(|| damaged("it ends early"))?;
+        Ok(Self { path: path.into(), origin: ShardOrigin { key, facts }, record, rest, bytes })
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What it is of.
+    pub fn origin(&self) -> &ShardOrigin {
+        &self.origin
+    }
+
+    /// What is known of the shard beside its contributions.
+    pub fn record(&self) -> &ShardRecord {
+        &self.record
+    }
+
+    /// The bytes that its contributions take.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Reads the shard.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where the file is cut short or damaged.
+    pub fn read(self) -> Result<Shard> {
+        let Self { path, record, mut rest, bytes, .. } = self;
+        let of = (record.part, record.parts);
+        let read = Shard::read(record, &mut rest, bytes).and_then(|shard| {
+            let found = rest.hasher.finalize();
+            let mut digest = [0; DIGEST as usize];
+            rest.inner.read_exact(&mut digest).map_err(|error| error.to_string())?;
+            // Hashes are compared in constant time, which does no harm.
+            if found == blake3::Hash::from_bytes(digest) {
+                Ok(shard)
+            } else {
+                Err("its content does not match its digest".into())
+            }
+        });
+        read.map_err(|why| damaged(&path, &why, Some(of)))
+    }
+}
+
+/// Checks the first line of a file.
+fn require_format(path: &Path, line: &[u8]) -> Result<()> {
+    let text = String::from_utf8_lossy(line);
+    match text.strip_prefix(NAME) {
+        Some(format) if format == format!("{FORMAT}\n") => Ok(()),
+        Some(format) if format.ends_with('\n') => Err(Error::Data {
+            path: path.into(),
+            fault: format!(
+                "it is a shard of format {}, and this program reads format {FORMAT}",
+                format.trim()
+            ),
+            help: "use the version of krylux that wrote it".into(),
+        }),
+        // So is a file without any bytes.
+        _ if format!("{NAME}{FORMAT}\n").as_bytes().starts_with(line) => {
+            Err(damaged(path, "it ends early", None))
+        }
+        _ => Err(Error::Data {
+            path: path.into(),
+            fault: "it is not a shard".into(),
+            help: "give files that `krylux matrix SOURCE --shard K/N -o FILE` wrote".into(),
+        }),
+    }
+}
+
+/// The error for a file that is not whole. `of` is its part and the number of parts, where the head could be read.
+fn damaged(path: &Path, why: &str, of: Option<(usize, usize)>) -> Error {
+    let (part, parts) = of.map_or(("K".into(), "N".into()), |(k, n)| (k.to_string(), n.to_string()));
+    Error::Data {
+        path: path.into(),
+        fault: format!("the shard is cut short or damaged ({why})"),
+        help: format!("trace it again: krylux matrix SOURCE … --shard {part}/{parts} -o {}", path.display()),
+    }
+}
+
+/// A reader or writer with the hash of what went through it.
+#[derive(Debug)]
+struct Digested<F> {
+    inner: F,
+    hasher: blake3::Hasher,
+}
+
+impl<F: BufRead> Digested<F> {
+    /// The next line with its end, or as much of it as there is.
+    fn line(&mut self) -> io::Result<Vec<u8>> {
+        let mut line = Vec::new();
+        self.inner.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)?;
+        self.hasher.update(&line);
+        Ok(line)
+    }
+}
+
+impl<F: Read> Read for Digested<F> {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(to)?;
+        self.hasher.update(&to[..read]);
+        Ok(read)
+    }
+}
+
+impl<F: Write> Write for Digested<F> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.inner.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_line_tells_what_a_file_is() {
+        let said = |line: &str| match require_format(Path::new("a.krylux"), line.as_bytes()) {
+            Ok(()) => String::new(),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(said("krylux shard 1\n"), "");
+        assert!(said("krylux shard 2\n").contains("format 2"));
+        assert!(said("").contains("cut short") && said("krylux sh").contains("cut short"));
+        assert!(said("PK\u{3}\u{4}").contains("not a shard") && said("krylux").contains("cut short"));
+    }
+}

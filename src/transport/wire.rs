@@ -1,0 +1,210 @@
+//! Contributions and sums as bytes: messages between processes of one program, and the files of shards. Numbers have the byte order of the machine,
+//! which is little-endian wherever Vulkan runs.
+
+use std::io::{self, Read, Write};
+use std::ops::Range;
+
+use bytemuck::Pod;
+
+use super::chunk::{Chunk, Key, Row};
+use super::combine::RowSums;
+use super::tiles::CompressedRows;
+
+/// What is wrong with bytes that should be arrays.
+#[derive(Debug)]
+pub(super) struct Garbled(pub(super) String);
+
+type Result<T> = std::result::Result<T, Garbled>;
+
+/// What `write` writes.
+pub(super) fn message(write: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write(&mut bytes).expect("memory takes all bytes");
+    bytes
+}
+
+/// Writes an array: its length, and its elements.
+pub(super) fn put<T: Pod>(to: &mut impl Write, array: &[T]) -> io::Result<()> {
+    put_pieces(to, array.len(), std::iter::once(array))
+}
+
+/// As [`put`], for an array of this length whose pieces lie apart.
+fn put_pieces<'a, T: Pod>(
+    to: &mut impl Write,
+    length: usize,
+    mut pieces: impl Iterator<Item = &'a [T]>,
+) -> io::Result<()> {
+    to.write_all(&(length as u64).to_le_bytes())?;
+    pieces.try_for_each(|piece| to.write_all(bytemuck::cast_slice(piece)))
+}
+
+/// Arrays one after the other, from a message or a file.
+pub(super) struct Reader<R> {
+    from: R,
+    /// The number of bytes that are left.
+    left: u64,
+}
+
+impl<'a> Reader<&'a [u8]> {
+    /// The arrays of a message.
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self::of(bytes, bytes.len() as u64)
+    }
+}
+
+impl<R: Read> Reader<R> {
+    /// The arrays in the next `left` bytes.
+    pub(super) fn of(from: R, left: u64) -> Self {
+        Self { from, left }
+    }
+
+    /// The next array.
+    pub(super) fn take<T: Pod>(&mut self) -> Result<Vec<T>> {
+        let mut array = vec![T::zeroed(); self.length(size_of::<T>())?];
+        self.fill(bytemuck::cast_slice_mut(&mut array))?;
+        Ok(array)
+    }
+
+    /// The next array, whose elements are `C` numbers each.
+    fn take_channels<const C: usize>(&mut self) -> Result<Vec<[f32; C]>> {
+        let length = self.length(size_of::<f32>())?;
+        if length % C > 0 {
+            return Err(Garbled("its arrays have other lengths".into()));
+        }
+        let mut array = vec![[0.0_f32; C]; length / C];
+        self.fill(bytemuck::cast_slice_mut(array.as_flattened_mut()))?;
+        Ok(array)
+    }
+
+    /// The length of the next array. It is not longer than what is left, whatever is said.
+    fn length(&mut self, element: usize) -> Result<usize> {
+        let mut length = [0; 8];
+        self.fill(&mut length)?;
+        let length = u64::from_le_bytes(length);
+        let is_there = length.checked_mul(element as u64).is_some_and(|bytes| bytes <= self.left);
+        usize::try_from(length).ok().filter(|_| is_there).ok_or_else(ends_early)
+    }
+
+    fn fill(&mut self, bytes: &mut [u8]) -> Result<()> {
+        self.left = self.left.checked_sub(bytes.len() as u64).ok_or_else(ends_early)?;
+        self.from.read_exact(bytes).map_err(|error| Garbled(error.to_string()))
+    }
+
+    /// Fails if anything is left.
+    pub(super) fn end(self) -> Result<()> {
+        if self.left == 0 { Ok(()) } else { Err(Garbled(format!("{} bytes too many", self.left))) }
+    }
+}
+
+fn ends_early() -> Garbled {
+    Garbled("it ends early".into())
+}
+
+/// The contributions of some chunks to these `rows`, of the pixels of one endpoint. A pixel without such contributions is left out.
+pub(super) fn put_chunks<const C: usize>(
+    to: &mut impl Write,
+    chunks: &[Chunk<C>],
+    from_camera: bool,
+    rows: &Range<usize>,
+) -> io::Result<()> {
+    let of_chunk = |chunk: &'_ Chunk<C>| {
+        let wanted = |(row, span): (Row, Range<usize>)| {
+            let of_row = &chunk.keys[span.clone()];
+            let at = |pixel: usize| span.start + of_row.partition_point(|key| (key.other() as usize) < pixel);
+            let wanted = at(rows.start)..at(rows.end);
+            (row.from_camera == from_camera && !wanted.is_empty()).then_some((row.pixel, wanted))
+        };
+        chunk.spans().filter_map(wanted).collect::<Vec<(u32, Range<usize>)>>()
+    };
+    let wanted: Vec<_> = chunks.iter().map(|chunk| (chunk, of_chunk(chunk))).collect();
+    let spans =
+        || wanted.iter().flat_map(|(chunk, rows)| rows.iter().map(move |(_, span)| (*chunk, span.clone())));
+    let pixels: Vec<u32> = wanted.iter().flat_map(|(_, rows)| rows.iter().map(|(pixel, _)| *pixel)).collect();
+    let mut entries = 0;
+    let ends: Vec<u64> = spans()
+        .map(|(_, span)| {
+            entries += span.len();
+            entries as u64
+        })
+        .collect();
+    put(to, &pixels)?;
+    put(to, &ends)?;
+    put_pieces(to, entries, spans().map(|(chunk, span)| &chunk.keys[span]))?;
+    put_pieces(to, entries * C, spans().map(|(chunk, span)| chunk.means[span].as_flattened()))?;
+    put_pieces(to, entries * C, spans().map(|(chunk, span)| chunk.errors[span].as_flattened()))
+}
+
+/// The chunk that [`put_chunks`] wrote.
+pub(super) fn take_chunk<const C: usize>(
+    from: &mut Reader<impl Read>,
+    from_camera: bool,
+) -> Result<Chunk<C>> {
+    let (pixels, ends) = (from.take::<u32>()?, from.take::<u64>()?);
+    let keys: Vec<Key> = from.take()?;
+    let (means, errors) = (from.take_channels::<C>()?, from.take_channels::<C>()?);
+    let entries = keys.len();
+    let is_whole = pixels.len() == ends.len()
+        && ends.last().map_or(0, |&end| end) == entries as u64
+        && ends.is_sorted()
+        && (means.len(), errors.len()) == (entries, entries);
+    if !is_whole {
+        return Err(Garbled("its arrays have other lengths".into()));
+    }
+    let rows = pixels.into_iter().zip(ends).map(|(pixel, end)| Row { pixel, from_camera, end: end as usize });
+    Ok(Chunk { rows: rows.collect(), keys, means, errors })
+}
+
+/// Writes the means and errors of pixels.
+pub(super) fn put_estimates<const C: usize>(
+    to: &mut impl Write,
+    estimates: &[[[f64; 2]; C]],
+) -> io::Result<()> {
+    put::<f64>(to, estimates.as_flattened().as_flattened())
+}
+
+/// The means and errors that [`put_estimates`] wrote.
+pub(super) fn take_estimates<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<[[f64; 2]; C]>> {
+    Ok(from.take::<f64>()?.as_chunks::<2>().0.as_chunks::<C>().0.to_vec())
+}
+
+/// Writes the sums over rows.
+pub(super) fn put_sums<const C: usize>(to: &mut impl Write, sums: &[RowSums<C>]) -> io::Result<()> {
+    let of_row = |row: &RowSums<C>| {
+        [&row.mean[..], &row.error, &[row.mean_squares, row.error_squares], &row.global].concat()
+    };
+    put(to, &sums.iter().flat_map(of_row).collect::<Vec<f64>>())
+}
+
+/// The sums that [`put_sums`] wrote.
+pub(super) fn take_sums<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<RowSums<C>>> {
+    let values = from.take::<f64>()?;
+    let row = |row: &[f64]| RowSums {
+        mean: std::array::from_fn(|channel| row[channel]),
+        error: std::array::from_fn(|channel| row[C + channel]),
+        mean_squares: row[2 * C],
+        error_squares: row[2 * C + 1],
+        global: [row[2 * C + 2], row[2 * C + 3]],
+    };
+    Ok(values.chunks_exact(2 * C + 4).map(row).collect())
+}
+
+/// Rows of a layer as bytes.
+pub(super) fn rows_to_bytes(rows: &CompressedRows) -> Vec<u8> {
+    message(|to| {
+        put(to, &rows.row_start.iter().map(|&start| start as u64).collect::<Vec<_>>())?;
+        put(to, &rows.columns)?;
+        rows.weights.iter().try_for_each(|plane| put(to, plane))
+    })
+}
+
+/// The rows that [`rows_to_bytes`] wrote, appended to `rows`.
+pub(super) fn append_rows(rows: &mut CompressedRows, bytes: &[u8]) -> Result<()> {
+    let mut from = Reader::new(bytes);
+    let before = rows.columns.len();
+    rows.row_start.extend(from.take::<u64>()?.iter().skip(1).map(|&start| before + start as usize));
+    rows.columns.extend(from.take::<u32>()?);
+    rows.weights.iter_mut().try_for_each(|plane| {
+        plane.extend(from.take::<f32>()?);
+        Ok(())
+    })
+}
