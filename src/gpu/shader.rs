@@ -204,8 +204,12 @@ mod tests {
             validated("", &module).unwrap_or_else(|e| unreachable!("{e}"));
             module.functions.iter().filter_map(|(_, function)| function.name.clone()).collect()
         };
-        let (matte, all) =
-            (functions(&["MATTE"]), functions(&["CORNERS", "CHAINS", "PASSABLE", "MEDIA", "LENSES"]));
+        let (matte, all) = (
+            functions(&["MATTE"]),
+            functions(&["CORNERS", "FACETS", "TRANSMITS", "CHAINS", "PASSABLE", "MEDIA", "LENSES"]),
+        );
+        let smooth = functions(&["CHAINS"]);
+        assert!(!smooth.iter().any(|function| function == "bsdf_facets"), "{smooth:?}");
         for name in ["surface_texture", "photons_gather", "bsdf_facets", "footprint_turn"] {
             assert!(!matte.iter().any(|function| function == name), "{name} in {matte:?}");
             assert!(all.iter().any(|function| function == name), "{name} not in {all:?}");

@@ -13,6 +13,7 @@ mod materials;
 mod output;
 mod pairs;
 mod parameters;
+mod photon_grid;
 mod photons;
 mod piles;
 mod pipeline;

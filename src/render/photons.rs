@@ -8,8 +8,6 @@
 //! Illumination using Photon Maps", EGWR 1996); its bias depends on how much transport changes within the
 //! radius.
 
-use rayon::prelude::*;
-
 use super::dispatch::Dispatches;
 use super::features::Features;
 use super::geometry::GpuScene;
@@ -17,20 +15,14 @@ use super::light_buffer;
 use super::materials::NONE;
 use super::output::{Output, StagingBuffers};
 use super::parameters::{GpuEndpoint, Parameters};
+use super::photon_grid::{Grid, MAX_BUCKET, Photon, brightened};
 use super::piles;
 use super::pipeline::{PhotonBuffers, Pipeline};
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// A photon as `trace_photons` records it: four texels, which `shaders/shared/photons.wgsl` describes.
-type Photon = [[u32; 4]; 4];
-
 /// The most surfaces of a chain: their number has four bits.
 const MAX_CHAIN: u32 = 15;
-
-/// The most photons in one bucket, so that no invocation loops longer than the driver allows. In fuller
-/// buckets an even selection of photons is kept, and their power is increased accordingly.
-const MAX_BUCKET: usize = 512;
 
 /// The photon map of one endpoint, on the device.
 #[derive(Clone)]
@@ -148,8 +140,10 @@ impl PhotonMap {
         if photons.is_empty() {
             return Ok(none);
         }
-        let bytes = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer).min(gpu.texel_bytes());
-        let room = bytes / size_of::<Photon>() as u64;
+        let bytes = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer);
+        let each = size_of::<Photon>() as u64;
+        // The photons of one bucket are there twice.
+        let room = (bytes / each).min(gpu.texel_bytes() / each - MAX_BUCKET as u64);
         let photons = fitting(photons, room as usize);
         let pixel_area = endpoint.image_area() / endpoint.pixels() as f64;
         let radius = gather.radius * median_radius(&photons, pixel_area);
@@ -169,44 +163,6 @@ impl PhotonMap {
     /// 1 over the width of a grid cell.
     pub(super) fn inverse_cell(&self) -> f32 {
         inverse_cell(self.radius)
-    }
-}
-
-/// Photons in the buckets of a hash grid.
-struct Grid {
-    /// Number of buckets, a power of two, minus 1.
-    mask: u32,
-    /// The first photon of each bucket, and the end of the last one.
-    start: Vec<u32>,
-    photons: Vec<Photon>,
-}
-
-impl Grid {
-    /// Sorts `photons` by the buckets of their cells.
-    fn new(photons: Vec<Photon>, inverse_cell: f32) -> Self {
-        let buckets = photons.len().next_power_of_two().max(2);
-        let mask = buckets as u32 - 1;
-        let mut keyed: Vec<(u32, Photon)> = photons
-            .into_par_iter()
-            .map(|photon| (hash(cell(&photon, inverse_cell)) & mask, photon))
-            .collect();
-        // The sort is stable: photons of one bucket stay in the order of their paths.
-        keyed.par_sort_by_key(|&(bucket, _)| bucket);
-        let mut start = Vec::with_capacity(buckets + 2);
-        let mut photons: Vec<Photon> = Vec::with_capacity(keyed.len());
-        let mut runs = keyed.chunk_by(|a, b| a.0 == b.0).peekable();
-        for bucket in 0..=mask {
-            start.push(photons.len() as u32);
-            if let Some(run) = runs.next_if(|run| run[0].0 == bucket) {
-                thin(run, &mut photons);
-            }
-        }
-        start.push(photons.len() as u32);
-        // The first bucket comes once more behind the last one, so that the photons of two neighbouring cells
-        // along x always lie side by side.
-        photons.extend_from_within(..start[1] as usize);
-        start.push(photons.len() as u32);
-        Self { mask, start, photons }
     }
 }
 
@@ -231,36 +187,9 @@ fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
     photons.into_iter().step_by(step).map(|photon| brightened(photon, share)).collect()
 }
 
-/// Appends an even selection of at most [`MAX_BUCKET`] photons of a bucket, with the total power of all.
-fn thin(run: &[(u32, Photon)], sorted: &mut Vec<Photon>) {
-    let kept = run.len().min(MAX_BUCKET);
-    let share = run.len() as f32 / kept as f32;
-    sorted.extend((0..kept).map(|index| brightened(run[index * run.len() / kept].1, share)));
-}
-
-/// The photon with its power multiplied by `share`.
-fn brightened(mut photon: Photon, share: f32) -> Photon {
-    for power in &mut photon[1][1..] {
-        *power = (f32::from_bits(*power) * share).to_bits();
-    }
-    photon
-}
-
 /// 1 over the width of a grid cell, which is two radii.
 fn inverse_cell(radius: f32) -> f32 {
     0.5 / radius
-}
-
-/// The grid cell of a photon's position.
-fn cell(photon: &Photon, inverse_cell: f32) -> [i32; 3] {
-    [1, 2, 3].map(|axis| (f32::from_bits(photon[0][axis]) * inverse_cell).floor() as i32)
-}
-
-/// The hash of a grid cell, as `photon_hash` in `shaders/shared/photons.wgsl`.
-pub(super) fn hash(cell: [i32; 3]) -> u32 {
-    let [x, y, z] = cell.map(i32::cast_unsigned);
-    let mixed = (y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791)).wrapping_mul(0x9e37_79b1);
-    (mixed ^ mixed >> 15).wrapping_add(x)
 }
 
 /// The radius of a disc with the area of a pixel's footprint through its chain, in the median over the
@@ -277,32 +206,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_photons_of_two_neighbouring_cells_lie_side_by_side() {
-        let place = |index: u32| {
-            let at = |step: u32| (f32::from((index * step % 97) as u8) / 8.0 - 6.0).to_bits();
-            [[index, at(7), at(13), at(31)], [0; 4], [0; 4], [0; 4]]
-        };
-        let photons: Vec<Photon> = (0..97).map(place).collect();
-        let grid = Grid::new(photons.clone(), 1.0);
-        for y in -6..7 {
-            for z in -6..7 {
-                for x in -7..7 {
-                    let bucket = (hash([x, y, z]) & grid.mask) as usize;
-                    let found = &grid.photons[grid.start[bucket] as usize..grid.start[bucket + 2] as usize];
-                    let inside = |photon: &&Photon| {
-                        let [at, row @ ..] = cell(photon, 1.0);
-                        row == [y, z] && (at == x || at == x + 1)
-                    };
-                    let indices = |photons: &[Photon]| -> Vec<u32> {
-                        let mut indices: Vec<u32> = photons.iter().filter(inside).map(|p| p[0][0]).collect();
-                        indices.sort_unstable();
-                        indices
-                    };
-                    assert_eq!(indices(found), indices(&photons), "{x}, {y}, {z}");
-                }
-            }
-        }
-        assert_eq!(texels(&grid.photons)[..2], [grid.photons[0][0], grid.photons[1][0]]);
+    fn the_texels_by_which_photons_are_found_come_first() {
+        let photon = |index: u32| [0, 1, 2, 3].map(|texel| [10 * index + texel; 4]);
+        let words: Vec<u32> = texels(&[photon(1), photon(2)]).iter().map(|texel| texel[0]).collect();
+        assert_eq!(words, [10, 20, 11, 12, 13, 21, 22, 23]);
     }
 
     #[test]
@@ -312,12 +219,7 @@ mod tests {
             |photons: &[Photon]| photons.iter().map(|photon| f32::from_bits(photon[1][2])).sum::<f32>();
         let photons: Vec<Photon> = (0..1000).map(photon).collect();
         assert_eq!(fitting(photons.clone(), 1000), photons);
-        let fitted = fitting(photons.clone(), 300);
+        let fitted = fitting(photons, 300);
         assert_eq!((fitted.len(), light(&fitted)), (250, 2000.0));
-        let bucket: Vec<(u32, Photon)> = photons.into_iter().map(|photon| (0, photon)).collect();
-        let mut sorted = Vec::new();
-        thin(&bucket, &mut sorted);
-        // 1000/512 is rounded, and added up 512 times.
-        assert!(sorted.len() == MAX_BUCKET && (light(&sorted) - 2000.0).abs() < 0.01);
     }
 }

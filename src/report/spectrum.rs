@@ -1,5 +1,7 @@
 //! Eigenpairs as pictures, plots and a table.
 
+use rayon::prelude::*;
+
 use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Kind, Legend, Values};
 use super::plot::{LinePlot, Series, StemPlot};
@@ -42,7 +44,7 @@ pub(super) fn pictures(
             .in_series("eigenvector");
         Ok((format!("eigenvector-{:02}", index + 1), figure))
     };
-    vectors.iter().zip(values).enumerate().map(picture).collect()
+    vectors.par_iter().zip(values).enumerate().map(picture).collect()
 }
 
 /// Each eigenvector as a layer of an `.exr` file, named `eigenvector01` and so on.

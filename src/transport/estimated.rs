@@ -1,8 +1,11 @@
 //! Products with their errors, by tracing anew. With another seed than that of a matrix they are independent of it, so that they can tell
 //! how good an answer is that was computed with this matrix.
 
+use rayon::prelude::*;
+
 use super::contributions::Way;
 use super::matrix::{Direction, Part};
+use super::stripes::Stripes;
 use super::{Channels, Retraced, RetracedOperator, Transport, luminance};
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
@@ -107,39 +110,52 @@ impl Retraced<'_> {
         }
         let mut found = Vec::with_capacity(asked.len());
         for asked in asked.chunks(TOGETHER) {
-            found.extend(self.estimated_block(part, channel, asked)?);
+            // Each number of patterns has its own loops, so that a single one costs no more than it needs.
+            found.extend(match asked.len() {
+                1 => self.estimated_block::<1>(part, channel, asked)?,
+                2 => self.estimated_block::<2>(part, channel, asked)?,
+                3 | 4 => self.estimated_block::<4>(part, channel, asked)?,
+                _ => self.estimated_block::<TOGETHER>(part, channel, asked)?,
+            });
         }
         Ok(found)
     }
 
-    fn estimated_block(
+    /// The products with at most `P` patterns.
+    fn estimated_block<const P: usize>(
         &mut self,
         part: Part,
         channel: usize,
         asked: &[Question<'_>],
     ) -> Result<Vec<EstimatedProduct>> {
         let symmetric = self.tracer.symmetric(&self.settings);
-        let mut lit = vec![[0.0; TOGETHER]; self.pattern_resolution().pixels()];
-        let mut shifts = [0.0; TOGETHER];
+        let mut lit = vec![[0.0; P]; self.pattern_resolution().pixels()];
+        let mut shifts = [0.0; P];
         for (place, question) in asked.iter().enumerate() {
             lit.iter_mut().zip(question.pattern).for_each(|(lit, &value)| lit[place] = value);
             shifts[place] = question.shift;
         }
-        let mut sums = Sums::new(self.photo_resolution().pixels(), symmetric);
+        let mut sums = Sums::<P>::new(self.photo_resolution().pixels(), symmetric);
         let way = Way { direction: Direction::Forward, part, with_ambient: false };
         let is_gray = self.channels == Channels::Luma;
         let project = |rgb: [f32; 3]| [if is_gray { luminance(rgb) } else { rgb[channel] }];
         self.each(way, project, &mut |contributions| {
             let halves = contributions.halves();
-            contributions.entries(|run, [row, column], value| {
-                for (place, light) in lit[column].iter().enumerate() {
-                    halves.add(&mut sums.products[row][place], run.half, value * light);
-                    if symmetric {
-                        let own = lit[row][place];
-                        let term = value * own * (light - shifts[place] * own);
-                        halves.add(&mut sums.of_starts[run.pixel as usize][place], run.half, term);
+            // Each sum belongs to one task, which adds to it in path order.
+            sums.shares(rayon::current_num_threads()).into_par_iter().for_each(|mut share| {
+                contributions.entries(|run, [row, column], value| {
+                    if let Some(products) = share.products.at(row) {
+                        for (product, light) in products.iter_mut().zip(&lit[column]) {
+                            halves.add(product, run.half, value * light);
+                        }
                     }
-                }
+                    if symmetric && let Some(sums) = share.of_starts.at(run.pixel as usize) {
+                        let pairs = lit[row].iter().zip(&lit[column]).zip(&shifts);
+                        for (sum, ((own, light), shift)) in sums.iter_mut().zip(pairs) {
+                            halves.add(sum, run.half, value * own * (light - shift * own));
+                        }
+                    }
+                });
             });
         })?;
         Ok((0..asked.len()).map(|place| sums.product(place)).collect())
@@ -199,17 +215,30 @@ impl Adjoint for EstimatedOperator<'_> {
 }
 
 /// Sums over the light paths, for each pattern of a block: means and errors.
-struct Sums {
+struct Sums<const P: usize> {
     /// Of each row of the product.
-    products: Vec<[[f64; 2]; TOGETHER]>,
+    products: Vec<[[f64; 2]; P]>,
     /// Of the quadratic form, by the pixels that the paths start from, which are independent of each other; for a coaxial rig.
-    of_starts: Vec<[[f64; 2]; TOGETHER]>,
+    of_starts: Vec<[[f64; 2]; P]>,
 }
 
-impl Sums {
+/// The sums that one of several tasks adds to.
+struct Share<'a, const P: usize> {
+    products: Stripes<'a, [[f64; 2]; P]>,
+    of_starts: Stripes<'a, [[f64; 2]; P]>,
+}
+
+impl<const P: usize> Sums<P> {
     fn new(rows: usize, symmetric: bool) -> Self {
         let starts = if symmetric { rows } else { 0 };
-        Self { products: vec![[[0.0; 2]; TOGETHER]; rows], of_starts: vec![[[0.0; 2]; TOGETHER]; starts] }
+        Self { products: vec![[[0.0; 2]; P]; rows], of_starts: vec![[[0.0; 2]; P]; starts] }
+    }
+
+    /// The shares of `tasks` tasks.
+    fn shares(&mut self, tasks: usize) -> Vec<Share<'_, P>> {
+        let both =
+            Stripes::of(&mut self.products, tasks).into_iter().zip(Stripes::of(&mut self.of_starts, tasks));
+        both.map(|(products, of_starts)| Share { products, of_starts }).collect()
     }
 
     fn product(&self, place: usize) -> EstimatedProduct {

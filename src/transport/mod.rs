@@ -40,6 +40,7 @@ mod shard;
 mod share;
 mod simulated;
 mod spread;
+mod stripes;
 #[cfg(test)]
 mod tests;
 mod tiles;

@@ -1,7 +1,7 @@
 //! The photon map: shader and host find the same buckets.
 
 use super::kernel::{gpu, run};
-use crate::render::photons::hash;
+use crate::render::photon_grid::hash;
 
 #[test]
 fn shader_and_host_agree_on_the_hash_of_a_cell() {

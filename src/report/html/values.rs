@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use flate2::Compression;
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{Block, Figure, Report};
@@ -122,27 +123,33 @@ pub(super) struct Embedded {
 
 impl Embedded {
     pub(super) fn new(report: &Report) -> Self {
-        let mut embedded = Self::default();
-        let mut bytes = 0;
+        let mut figures: Vec<([usize; 3], &Figure)> = Vec::new();
         for (section, of) in report.sections.iter().enumerate() {
             for (block, of) in of.blocks.iter().enumerate() {
-                let Block::Figures(figures) = of else { continue };
-                for (number, figure) in figures.iter().enumerate() {
-                    embedded.add([section, block, number], figure, &mut bytes);
-                }
+                let Block::Figures(of) = of else { continue };
+                let of = of.iter().enumerate();
+                figures.extend(of.map(|(number, figure)| ([section, block, number], figure)));
             }
+        }
+        let values: Vec<([usize; 3], &Figure, &Values)> = figures
+            .into_iter()
+            .filter_map(|(at, figure)| Some((at, figure, figure.values.as_ref()?)))
+            .collect();
+        let texts: Vec<String> = values.par_iter().map(|(.., values)| packed(&values.planes)).collect();
+        let mut embedded = Self::default();
+        let mut bytes = 0;
+        for ((at, figure, values), text) in values.into_iter().zip(texts) {
+            embedded.add(at, figure, values.describe(), text, &mut bytes);
         }
         embedded
     }
 
-    fn add(&mut self, at: [usize; 3], figure: &Figure, bytes: &mut usize) {
-        let Some(values) = &figure.values else { return };
-        let mut about = values.describe();
+    /// Adds a figure's values, whose description is `about`, packed as `text`.
+    fn add(&mut self, at: [usize; 3], figure: &Figure, mut about: Value, text: String, bytes: &mut usize) {
         about["name"] = json!(figure.name);
         about["file"] = json!(figure.file);
         about["series"] = json!(figure.series);
         about["flips"] = json!(figure.flips);
-        let text = packed(&values.planes);
         if *bytes + text.len() <= MOST_BYTES {
             *bytes += text.len();
             let id = format!("values-{}", self.sections.len());

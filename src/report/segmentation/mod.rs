@@ -3,6 +3,8 @@
 mod evidence;
 mod features;
 
+use rayon::prelude::*;
+
 use super::html::{Block, Figure, Legend, Report, Section, Swatch, Values};
 use super::palette::{Palette, label_color, paint_labels};
 use super::run::{Files, Run};
@@ -96,7 +98,7 @@ impl Scored<'_> {
             }
             .named("true region", "labels-true.npy"))
         });
-        let labels = self.segmented.segmentation.labels.iter().zip(self.palettes()).map(
+        let labels = self.segmented.segmentation.labels.par_iter().zip(self.palettes()).map(
             |((groups, labels), palette)| {
                 let score = self.scores.iter().find(|(of, _)| of == groups);
                 let score =
