@@ -21,7 +21,7 @@ impl Key {
 
     /// This key, for a single contribution of this half of the samples.
     pub(super) fn of_half(self, half: usize) -> Self {
-        Self(self.0 | half as u32 * Self::HALF)
+        Self(self.0 | (half as u32 * Self::HALF))
     }
 
     /// The half of the samples that a single contribution is of, 0 or 1.
