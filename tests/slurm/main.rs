@@ -101,10 +101,9 @@ fn slurm_runs_an_array_of_shards_and_processes_that_work_together() {
 
 /// `srun` starts two processes of one segmentation.
 fn processes_work_together(cluster: &Cluster) {
-    let Some(program) = std::env::var_os("KRYLUX_MPI_PROGRAM") else {
-        println!(
-            "not run: processes under srun: KRYLUX_MPI_PROGRAM names no program that was built with MPI"
-        );
+    let own = cfg!(feature = "mpi").then(|| env!("CARGO_BIN_EXE_krylux").into());
+    let Some(program) = std::env::var_os("KRYLUX_MPI_PROGRAM").or(own) else {
+        println!("not run: processes under srun: it takes --features mpi, or KRYLUX_MPI_PROGRAM");
         return;
     };
     let kinds = cluster.run(cluster.command("srun", &["--mpi=list"]));
@@ -122,8 +121,15 @@ fn processes_work_together(cluster: &Cluster) {
             std::fs::read(cluster.work().join(folder).join(name)).expect("a segmentation leaves it")
         })
     };
-    let mut together = cluster.command("srun", &["--mpi=pmix", "--ntasks=2", "--mem=0"]);
-    together.arg(&program);
+    let srun = |arguments: &[&str]| {
+        let mut command = cluster.command("srun", &["--mpi=pmix", "--ntasks=2", "--mem=0"]);
+        command.arg(&program).args(arguments);
+        command
+    };
+    let info = cluster.run(srun(&["info", "--json"]));
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap_or_default();
+    assert_eq!(info["processes"].as_array().map(Vec::len), Some(2), "one of them speaks: {info}");
+    let together = srun(&[]);
     let mut alone = Command::new(env!("CARGO_BIN_EXE_krylux"));
     alone.current_dir(cluster.work());
     assert!(segment(together, "together") == segment(alone, "alone"), "two processes find the bits of one");
