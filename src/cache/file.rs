@@ -248,7 +248,7 @@ fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
         let weights = arrays.iter_mut().map(|arrays| std::mem::take(&mut arrays.layers[index].2)).collect();
         let (starts, columns, _) = std::mem::take(&mut arrays[0].layers[index]);
         let row_start = starts.into_iter().map(|start| start as usize).collect();
-        Layer::new(bounces, rig.projector.pixels(), &CompressedRows { row_start, columns, weights })
+        Layer::new(bounces, rig.projector.pixels(), vec![CompressedRows { row_start, columns, weights }])
     });
     let layers = layers.collect();
     Some(Assembled {

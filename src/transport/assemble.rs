@@ -109,7 +109,7 @@ pub(super) fn layers<const C: usize>(
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
     let Combined { layers, rows: sums } = combine(&chunks, rig, rows, bounces.len(), direct);
     drop(chunks);
-    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
+    let tiled = |(&bounces, pieces)| Layer::new(bounces, rig.projector.pixels(), pieces);
     (bounces.iter().zip(layers).map(tiled).collect(), sums)
 }
 

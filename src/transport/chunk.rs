@@ -13,6 +13,9 @@ impl Key {
     /// Marks a single contribution, not yet summed, from the second half of the samples.
     const HALF: u32 = 1 << 31;
 
+    /// Larger than any other key.
+    pub(super) const END: Self = Self(u32::MAX);
+
     /// The key for this pixel and class.
     pub(super) fn new(other: u32, class: u32) -> Self {
         debug_assert!(other < 1 << 28 && class < 1 << Self::CLASS_BITS);
@@ -58,18 +61,49 @@ pub(super) struct Row {
 #[derive(Clone, Debug)]
 pub(super) struct Chunk<const C: usize> {
     pub(super) rows: Vec<Row>,
-    pub(super) keys: Vec<Key>,
-    /// Means over the samples, for each key.
-    pub(super) means: Vec<[f32; C]>,
-    /// Their errors (`e` of [`super::Noise`]).
-    pub(super) errors: Vec<[f32; C]>,
+    pub(super) terms: Vec<Term<C>>,
+}
+
+/// The sum of the contributions to one position of a row.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Term<const C: usize> {
+    pub(super) key: Key,
+    /// Mean over the samples.
+    pub(super) mean: [f32; C],
+    /// Its error (`e` of [`super::Noise`]).
+    pub(super) error: [f32; C],
+}
+
+impl<const C: usize> Term<C> {
+    /// An entry of no light.
+    pub(super) fn none(key: Key) -> Self {
+        Self { key, mean: [0.0; C], error: [0.0; C] }
+    }
+}
+
+/// The terms of a row at these pixels. The terms ascend.
+pub(super) fn at<'a, const C: usize>(terms: &'a [Term<C>], pixels: &Range<usize>) -> &'a [Term<C>] {
+    let place = |pixel: usize| terms.partition_point(|term| (term.key.other() as usize) < pixel);
+    &terms[place(pixels.start)..place(pixels.end)]
 }
 
 impl<const C: usize> Chunk<C> {
-    /// Each row with the range of its entries.
-    pub(super) fn spans(&self) -> impl Iterator<Item = (Row, Range<usize>)> + '_ {
+    /// No rows.
+    pub(super) fn new() -> Self {
+        Self { rows: Vec::new(), terms: Vec::new() }
+    }
+
+    /// Gives back the memory that the chunk will not need, since it gets no more rows.
+    pub(super) fn closed(mut self) -> Self {
+        self.rows.shrink_to_fit();
+        self.terms.shrink_to_fit();
+        self
+    }
+
+    /// Each row with its entries.
+    pub(super) fn rows(&self) -> impl Iterator<Item = (Row, &[Term<C>])> {
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
-        self.rows.iter().zip(starts).map(|(&row, start)| (row, start..row.end))
+        self.rows.iter().zip(starts).map(|(&row, start)| (row, &self.terms[start..row.end]))
     }
 
     /// The rows of the camera's pixels, and those of the projector's, which come after them.
@@ -78,33 +112,29 @@ impl<const C: usize> Chunk<C> {
         let entry = if row == 0 { 0 } else { self.rows[row - 1].end };
         let mut rows = self.rows.split_off(row);
         rows.iter_mut().for_each(|row| row.end -= entry);
-        let keys = self.keys.split_off(entry);
-        let (means, errors) = (self.means.split_off(entry), self.errors.split_off(entry));
-        [self, Self { rows, keys, means, errors }]
+        let terms = self.terms.split_off(entry);
+        [self, Self { rows, terms }]
     }
 
     /// Whether its rows are some of these `pixels`, in ascending order, with their entries in ascending order, each of `classes` classes and at one of
     /// `others` pixels.
     pub(super) fn is_of(&self, pixels: &Range<usize>, others: usize, classes: usize) -> bool {
-        let is_row = |(row, span): (Row, Range<usize>)| {
-            let keys = &self.keys[span];
+        let is_row = |(row, terms): (Row, &[Term<C>])| {
             pixels.contains(&(row.pixel as usize))
-                && keys.is_sorted_by(|a, b| a < b)
-                && keys.last().is_some_and(|last| (last.other() as usize) < others)
-                && keys.iter().all(|key| key.class() < classes)
+                && terms.is_sorted_by(|a, b| a.key < b.key)
+                && terms.last().is_some_and(|last| (last.key.other() as usize) < others)
+                && terms.iter().all(|term| term.key.class() < classes)
         };
-        self.rows.is_sorted_by(|a, b| a.pixel < b.pixel) && self.spans().all(is_row)
+        self.rows.is_sorted_by(|a, b| a.pixel < b.pixel) && self.rows().all(is_row)
     }
 
     /// Every contribution: the pixel that its paths start from, its key, and the bits of its values.
     pub(super) fn contributions(&self) -> impl Iterator<Item = (u32, Key, [[u32; C]; 2])> + '_ {
-        let of_row = move |(row, span): (Row, Range<usize>)| {
-            span.map(move |at| {
-                let values = [self.means[at], self.errors[at]].map(|values| values.map(f32::to_bits));
-                (row.pixel, self.keys[at], values)
+        self.rows().flat_map(|(row, terms)| {
+            terms.iter().map(move |term| {
+                (row.pixel, term.key, [term.mean, term.error].map(|values| values.map(f32::to_bits)))
             })
-        };
-        self.spans().flat_map(of_row)
+        })
     }
 
     /// The chunks of the camera's paths, and those of the projector's, which come after them.

@@ -3,27 +3,31 @@
 //!
 //! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`.
 //! Where the projector stands apart, the rows of the camera's pixels are rows of `A`, and those of the
-//! projector's pixels are columns of `A`. The entries of a row ascend, so that a cursor in each row yields
-//! the transpose one block at a time, without a second copy of `F`.
+//! projector's pixels are columns of `A`. The transpose comes one block at a time (`transpose`), without a second
+//! copy of `F`. A row of `A` is then two rows merged, one of `F` and one of its transpose, which both ascend.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::chunk::{Chunk, Key};
-use super::tiles::CompressedRows;
+use super::chunk::{Chunk, Key, Term};
+use super::tiles::{CompressedRows, take};
+use super::transpose::{Sources, Transposed};
 
-/// Approximate number of contributions in one block.
+/// Approximate number of contributions in one block, unless there were too many blocks.
 const BLOCK: usize = 1 << 21;
+
+/// The most blocks: each looks at all contributions once.
+const MOST_BLOCKS: usize = 6;
 
 /// Number of rows that one task merges.
 const ROWS_PER_TASK: usize = 64;
 
 /// The sparse part of the matrix, with the sums from which its noise follows.
 pub(super) struct Combined<const C: usize> {
-    /// One layer for each class: one bounce, then the others.
-    pub(super) layers: Vec<CompressedRows>,
+    /// One layer for each class: one bounce, then the others. A layer comes as pieces, a block of rows each.
+    pub(super) layers: Vec<Vec<CompressedRows>>,
     /// Sums for each of the rows.
     pub(super) rows: Vec<RowSums<C>>,
 }
@@ -39,14 +43,6 @@ pub(super) struct RowSums<const C: usize> {
     pub(super) global: [f64; 2],
 }
 
-/// One contribution to a row, with its error.
-#[derive(Clone, Copy)]
-struct Term<const C: usize> {
-    key: Key,
-    mean: [f32; C],
-    error: [f32; C],
-}
-
 /// Merges the chunks into these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each of the rows and
 /// channel, or empty. The chunks have all contributions to these rows, those of the camera's paths first, by ascending start pixel.
 pub(super) fn combine<const C: usize>(
@@ -56,212 +52,169 @@ pub(super) fn combine<const C: usize>(
     classes: usize,
     direct: &[[[f64; 2]; C]],
 ) -> Combined<C> {
-    let terms = count_terms(chunks, rig, &rows);
-    let total: usize = terms.iter().sum();
-    let nothing = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
-    let mut layers = vec![nothing; classes];
-    // The last layer holds nearly all entries. It never has more than this, and the system does not commit
-    // memory that is not written.
-    if let Some(main) = layers.last_mut() {
-        main.columns.reserve_exact(total);
-        main.weights.iter_mut().for_each(|plane| plane.reserve_exact(total));
-    }
-    // The first entry of each row of a chunk that counts, mirrored, for one of the rows.
-    let begin = |chunk: &Chunk<C>, span: Range<usize>| {
-        span.start + chunk.keys[span].partition_point(|key| (key.other() as usize) < rows.start)
-    };
-    let mut cursors: Vec<Vec<usize>> =
-        chunks.iter().map(|chunk| chunk.spans().map(|(_, span)| begin(chunk, span)).collect()).collect();
-    let mut sums = Vec::with_capacity(rows.len());
-    let mut first = 0;
-    while first < rows.len() {
-        let mut last = first + 1;
-        let mut held = terms[first];
-        while last < rows.len() && held + terms[last] <= BLOCK {
-            held += terms[last];
+    let mut sources = Sources::new(chunks, rig, &rows);
+    let terms = sources.terms();
+    let total: usize = terms.iter().map(|&terms| terms as usize).sum();
+    let most = BLOCK.max(total / MOST_BLOCKS);
+    let mut combined = Combined { layers: vec![Vec::new(); classes], rows: Vec::with_capacity(rows.len()) };
+    let mut last = 0;
+    // One block at least, so that layers of no rows have their channels as well.
+    while last < rows.len() || combined.layers.iter().any(Vec::is_empty) {
+        let (first, mut held) = (last, 0);
+        while last < rows.len() && (last == first || held + terms[last] as usize <= most) {
+            held += terms[last] as usize;
             last += 1;
         }
-        let of_block = rows.start + first..rows.start + last;
-        let mut block = gather(chunks, rig, of_block.clone(), &terms[first..last], &mut cursors);
-        let direct = direct.get(first..last).unwrap_or_default();
-        merge(&mut block, of_block.start, &terms[first..last], direct, &mut layers, &mut sums);
-        first = last;
+        let block = Block { rows: first..last, pixel: rows.start, terms: &terms, direct };
+        let transposed = sources.transposed(first..last);
+        block.merge(&sources, &transposed, &mut combined);
     }
-    Combined { layers, rows: sums }
+    combined
 }
 
-/// The number of terms of each of these rows of the matrix.
-fn count_terms<const C: usize>(chunks: &[Chunk<C>], rig: RigShape, rows: &Range<usize>) -> Vec<usize> {
-    let mut terms = vec![0_usize; rows.len()];
-    let mut count = |row: u32, more: usize| {
-        if let Some(terms) = (row as usize).checked_sub(rows.start).and_then(|row| terms.get_mut(row)) {
-            *terms += more;
-        }
-    };
-    for chunk in chunks {
-        for (row, span) in chunk.spans() {
-            if rig.symmetric || row.from_camera {
-                count(row.pixel, span.len());
-            }
-            if rig.symmetric || !row.from_camera {
-                chunk.keys[span].iter().for_each(|key| count(key.other(), 1));
-            }
-        }
-    }
-    terms
+/// Rows that are merged at the same time.
+struct Block<'a, const C: usize> {
+    /// Counted from the first row that is made, whose pixel is `pixel`.
+    rows: Range<usize>,
+    pixel: usize,
+    /// The number of terms of each row that is made, and the diagonal of [`combine`].
+    terms: &'a [u32],
+    direct: &'a [[[f64; 2]; C]],
 }
 
-/// The terms of the rows `block` of the matrix, row after row. The terms of a row are ordered by start pixel.
-/// This is the same order for an entry and its mirror image, so that their sums agree to the last bit.
-fn gather<const C: usize>(
-    chunks: &[Chunk<C>],
-    rig: RigShape,
-    block: Range<usize>,
-    terms: &[usize],
-    cursors: &mut [Vec<usize>],
-) -> Vec<Term<C>> {
-    let mut next = Vec::with_capacity(terms.len());
-    let mut count = 0;
-    for terms in terms {
-        next.push(count);
-        count += terms;
-    }
-    let nothing = Term { key: Key::new(0, 0), mean: [0.0; C], error: [0.0; C] };
-    let mut gathered = vec![nothing; count];
-    let mut put = |row: usize, term: Term<C>| {
-        let at = &mut next[row - block.start];
-        gathered[*at] = term;
-        *at += 1;
-    };
-    for (chunk, cursors) in chunks.iter().zip(cursors) {
-        for ((row, span), cursor) in chunk.spans().zip(cursors) {
-            let term = |at: usize, key: Key| Term { key, mean: chunk.means[at], error: chunk.errors[at] };
-            if (rig.symmetric || row.from_camera) && block.contains(&(row.pixel as usize)) {
-                span.clone().for_each(|at| put(row.pixel as usize, term(at, chunk.keys[at])));
-            }
-            if rig.symmetric || !row.from_camera {
-                while *cursor < span.end && (chunk.keys[*cursor].other() as usize) < block.end {
-                    let key = chunk.keys[*cursor];
-                    let mirrored = Key::new(row.pixel, key.class() as u32);
-                    put(key.other() as usize, term(*cursor, mirrored));
-                    *cursor += 1;
+impl<const C: usize> Block<'_, C> {
+    /// Merges the rows of the matrix with those of the transpose, and appends them to the layers and to the sums.
+    fn merge(&self, sources: &Sources<'_, C>, transposed: &[Transposed<C>], to: &mut Combined<C>) {
+        let tasks: Vec<usize> = self.rows.clone().step_by(ROWS_PER_TASK).collect();
+        let merged: Vec<Merged<C>> = tasks
+            .into_par_iter()
+            .map(|first| {
+                let rows = first..self.rows.end.min(first + ROWS_PER_TASK);
+                let mut merged = Merged::new(to.layers.len());
+                // Nearly all entries are the last layer's.
+                if let Some(main) = merged.layers.last_mut() {
+                    let most = self.terms[rows.clone()].iter().sum::<u32>() as usize;
+                    main.columns.reserve(most);
+                    main.weights.iter_mut().for_each(|plane| plane.reserve(most));
                 }
-            }
+                let mut mirrored = Vec::new();
+                for row in rows {
+                    mirrored.clear();
+                    transposed
+                        .iter()
+                        .for_each(|part| mirrored.extend_from_slice(part.row(row - self.rows.start)));
+                    let pixel = (self.pixel + row) as u32;
+                    merged.row(pixel, sources.own(row), &mirrored, self.direct.get(row));
+                }
+                merged
+            })
+            .collect();
+        let mut parts: Vec<Vec<CompressedRows>> = to.layers.iter().map(|_| Vec::new()).collect();
+        for task in merged {
+            to.rows.extend(task.sums);
+            parts.iter_mut().zip(task.layers).for_each(|(parts, part)| parts.push(part));
         }
+        to.layers.iter_mut().zip(parts).for_each(|(pieces, parts)| pieces.push(joined::<C>(parts)));
     }
-    gathered
 }
 
-/// Merges the terms of a block: it sorts the terms of each row, sums those of equal column and class, and
-/// appends the rows to the layers and to `sums`. `first` is the first row of the block; `counts` has the number
-/// of terms of each row of the block, and `direct` its part of the diagonal.
-fn merge<const C: usize>(
-    terms: &mut [Term<C>],
-    first: usize,
-    counts: &[usize],
-    direct: &[[[f64; 2]; C]],
-    layers: &mut [CompressedRows],
-    sums: &mut Vec<RowSums<C>>,
-) {
-    let block = first;
-    let mut tasks = Vec::new();
-    let mut rest = terms;
-    for (task, counts) in counts.chunks(ROWS_PER_TASK).enumerate() {
-        let (mine, tail) = rest.split_at_mut(counts.iter().sum());
-        tasks.push((first + task * ROWS_PER_TASK, counts, mine));
-        rest = tail;
+/// The rows of several tasks as one piece. Its arrays are long, so that the system gets their memory back with them.
+fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
+    let count = parts.iter().map(|part| part.columns.len()).sum();
+    let mut joined =
+        CompressedRows { row_start: vec![0], columns: vec![0; count], weights: vec![vec![0.0; count]; C] };
+    let mut columns = joined.columns.as_mut_slice();
+    let mut planes: Vec<&mut [f32]> = joined.weights.iter_mut().map(Vec::as_mut_slice).collect();
+    let (mut to, mut before) = (Vec::new(), 0);
+    for part in &parts {
+        joined.row_start.extend(part.row_start.iter().skip(1).map(|end| before + end));
+        let count = part.columns.len();
+        before += count;
+        let planes: Vec<&mut [f32]> = planes.iter_mut().map(|plane| take(plane, count)).collect();
+        to.push((take(&mut columns, count), planes));
     }
-    let merged: Vec<Merged<C>> = tasks
-        .into_par_iter()
-        .map(|(first, counts, terms)| {
-            let mut merged = Merged { layers: vec![Default::default(); layers.len()], sums: Vec::new() };
-            let mut rest = terms;
-            for (row, &count) in (first..).zip(counts) {
-                let (mine, tail) = rest.split_at_mut(count);
-                merged.row(row as u32, mine, direct.get(row - block));
-                rest = tail;
-            }
-            merged
-        })
-        .collect();
-    for task in merged {
-        sums.extend(task.sums);
-        for (layer, part) in layers.iter_mut().zip(task.layers) {
-            let before = layer.columns.len();
-            layer.row_start.extend(part.ends.iter().map(|end| before + end));
-            layer.columns.extend(part.columns);
-            for (channel, plane) in layer.weights.iter_mut().enumerate() {
-                plane.extend(part.weights.iter().map(|weight| weight[channel]));
-            }
-        }
-    }
+    parts.into_par_iter().zip(to).for_each(|(part, (columns, planes))| {
+        columns.copy_from_slice(&part.columns);
+        planes.into_iter().zip(&part.weights).for_each(|(to, from)| to.copy_from_slice(from));
+    });
+    joined
 }
 
 /// The merged rows of one task.
 struct Merged<const C: usize> {
-    layers: Vec<LayerRows<C>>,
+    layers: Vec<CompressedRows>,
     sums: Vec<RowSums<C>>,
 }
 
-/// The rows of one layer: the end of each row, and its entries.
-#[derive(Clone)]
-struct LayerRows<const C: usize> {
-    ends: Vec<usize>,
-    columns: Vec<u32>,
-    weights: Vec<[f32; C]>,
-}
-
-impl<const C: usize> Default for LayerRows<C> {
-    fn default() -> Self {
-        Self { ends: Vec::new(), columns: Vec::new(), weights: Vec::new() }
-    }
-}
-
 impl<const C: usize> Merged<C> {
-    /// Merges the terms of one row: terms of equal column and class are summed in `f64`.
-    fn row(&mut self, row: u32, terms: &mut [Term<C>], direct: Option<&[[f64; 2]; C]>) {
-        terms.sort_by_key(|term| term.key);
-        let mut sums = RowSums {
-            mean: [0.0; C],
-            error: [0.0; C],
-            mean_squares: 0.0,
-            error_squares: 0.0,
-            global: [0.0; 2],
-        };
+    /// No rows yet, of so many layers.
+    fn new(layers: usize) -> Self {
+        let nothing =
+            CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
+        Self { layers: vec![nothing; layers], sums: Vec::new() }
+    }
+
+    /// Merges one row: terms of equal column and class are summed in `f64`.
+    fn row(&mut self, row: u32, own: &[Term<C>], mirrored: &[Term<C>], mut direct: Option<&[[f64; 2]; C]>) {
+        let mut sums = RowSums::default();
         let none = [[0.0; 2]; C];
-        let mut direct = direct;
-        for column in terms.chunk_by(|a, b| a.key.other() == b.key.other()) {
-            let at = column[0].key.other();
-            let diagonal = if at == row { direct.take().unwrap_or(&none) } else { &none };
-            let mut whole = *diagonal;
-            let mut global = none;
-            for run in column.chunk_by(|a, b| a.key == b.key) {
-                let mut sum = none;
-                for term in run {
-                    for (channel, sum) in sum.iter_mut().enumerate() {
-                        sum[0] += f64::from(term.mean[channel]);
-                        sum[1] += f64::from(term.error[channel]);
-                    }
-                }
-                let class = run[0].key.class();
-                add(&mut whole, &sum);
-                if class > 0 {
-                    add(&mut global, &sum);
-                }
-                let layer = &mut self.layers[class];
-                layer.columns.push(at);
-                layer.weights.push(sum.map(|[mean, _]| mean as f32));
+        let mut column = u32::MAX;
+        let (mut whole, mut global) = (none, none);
+        each_key(own, mirrored, |key, sum| {
+            if key.other() != column {
+                sums.add(&whole, &global);
+                column = key.other();
+                whole = if column == row { *direct.take().unwrap_or(&none) } else { none };
+                global = none;
             }
-            sums.add(&whole, &global);
-        }
+            let class = key.class();
+            add(&mut whole, &sum);
+            if class > 0 {
+                add(&mut global, &sum);
+            }
+            let layer = &mut self.layers[class];
+            layer.columns.push(column);
+            layer.weights.iter_mut().zip(sum).for_each(|(plane, [mean, _])| plane.push(mean as f32));
+        });
+        sums.add(&whole, &global);
         // The diagonal entry of this row has direct light only.
         if let Some(direct) = direct {
             sums.add(direct, &none);
         }
         self.sums.push(sums);
         for layer in &mut self.layers {
-            layer.ends.push(layer.columns.len());
+            layer.row_start.push(layer.columns.len());
         }
+    }
+}
+
+/// Calls `visit` with each key of a row and of its mirror image, ascending, and the sums of its one or two entries. An
+/// entry of the matrix and its own mirror image are the sum of the same two numbers, so that they agree to the last bit.
+fn each_key<const C: usize>(
+    own: &[Term<C>],
+    mirrored: &[Term<C>],
+    mut visit: impl FnMut(Key, [[f64; 2]; C]),
+) {
+    let nothing = Term::none(Key::END);
+    let (mut first, mut second) = (0, 0);
+    loop {
+        let next = [own.get(first).unwrap_or(&nothing), mirrored.get(second).unwrap_or(&nothing)];
+        let key = next[0].key.min(next[1].key);
+        if key == Key::END {
+            return;
+        }
+        // Which of the two comes next is a matter of chance: a branch would often be predicted wrongly.
+        let has = next.map(|term| term.key == key);
+        let [a, b] = [0, 1].map(|which| if has[which] { next[which] } else { &nothing });
+        visit(
+            key,
+            std::array::from_fn(|channel| {
+                let sum = |a: f32, b: f32| f64::from(a) + f64::from(b);
+                [sum(a.mean[channel], b.mean[channel]), sum(a.error[channel], b.error[channel])]
+            }),
+        );
+        first += usize::from(has[0]);
+        second += usize::from(has[1]);
     }
 }
 
@@ -269,6 +222,12 @@ impl<const C: usize> Merged<C> {
 fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
     for (to, more) in to.iter_mut().flatten().zip(more.iter().flatten()) {
         *to += more;
+    }
+}
+
+impl<const C: usize> Default for RowSums<C> {
+    fn default() -> Self {
+        Self { mean: [0.0; C], error: [0.0; C], mean_squares: 0.0, error_squares: 0.0, global: [0.0; 2] }
     }
 }
 

@@ -44,9 +44,9 @@ pub(super) fn square(value: f32) -> f64 {
 }
 
 impl Layer {
-    /// A layer of `cols` columns.
-    pub(crate) fn new(bounces: Bounces, cols: usize, rows: &CompressedRows) -> Self {
-        Self { bounces, tiles: Tiles::new(cols, rows), transpose: OnceLock::new() }
+    /// A layer of `cols` columns. Its rows are those of `pieces`, one after the other.
+    pub(crate) fn new(bounces: Bounces, cols: usize, pieces: Vec<CompressedRows>) -> Self {
+        Self { bounces, tiles: Tiles::new(cols, pieces), transpose: OnceLock::new() }
     }
 
     /// The bounces of this light.
@@ -79,9 +79,9 @@ impl Layer {
         self.tiles.to_rows()
     }
 
-    /// `sum` with the squares of the entries of one channel added, row by row and from left to right.
+    /// `sum` with the squares of the entries of one channel added: each row is summed from left to right, and then the rows.
     pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
-        self.to_rows().weights[channel].iter().fold(sum, |sum, &weight| sum + square(weight))
+        self.tiles.squares(channel, sum)
     }
 
     /// Its entries in tiles.
@@ -102,7 +102,7 @@ impl Layer {
 
     fn transposed(&self) -> Self {
         let (rows, transpose) = self.transposed_rows();
-        Self::new(self.bounces, rows, &transpose)
+        Self::new(self.bounces, rows, vec![transpose])
     }
 
     /// The number of rows of this layer (the columns of the transpose), and all channels of the transpose in

@@ -44,6 +44,7 @@ mod stripes;
 #[cfg(test)]
 mod tests;
 mod tiles;
+mod transpose;
 mod wire;
 
 pub use assemble::{Assembled, assemble, assemble_layers};

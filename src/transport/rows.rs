@@ -2,10 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, Key, Row};
+use super::chunk::{Chunk, Key, Row, Term};
 use super::noise::Halves;
 use crate::error::{Error, Result};
 use crate::render::{Batch, Connection, Run};
+
+/// Number of pixels whose contributions one task sums.
+const PIXELS_PER_TASK: usize = 16;
 
 /// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
 /// and 2 are all later ones.
@@ -49,13 +52,6 @@ struct Entry<const C: usize> {
     value: [f32; C],
 }
 
-/// A pixel with its summed entries: key, mean and error.
-struct Finished<const C: usize> {
-    pixel: u32,
-    from_camera: bool,
-    entries: Vec<(Key, [f32; C], [f32; C])>,
-}
-
 impl<const C: usize> Rows<C> {
     pub(super) fn new(samples: u32, split: bool) -> Self {
         Self { samples, split, chunks: Vec::new(), open: None }
@@ -95,18 +91,16 @@ impl<const C: usize> Rows<C> {
     ) -> Result<()> {
         let pixels: Vec<&[Run]> = runs.chunk_by(|a, b| a.pixel == b.pixel).collect();
         let Some((last, whole)) = pixels.split_last() else { return Ok(()) };
-        let mut finished = Vec::new();
-        let mut open = self.open.take();
         let goes_on = (runs[0].pixel, samples, from_camera);
-        if open.as_ref().is_some_and(|open| (open.pixel, open.paths, open.from_camera) != goes_on) {
-            finished.extend(open.take().map(|open| self.finish(open)));
-        }
-        let collect = |runs: &[Run]| -> Result<Open<C>> {
+        let (open, closed) = match self.open.take() {
+            Some(open) if (open.pixel, open.paths, open.from_camera) == goes_on => (Some(open), None),
+            other => (None, other),
+        };
+        let collect = |runs: &[Run], entries: &mut Vec<Entry<C>>| -> Result<()> {
             let pixel = runs[0].pixel;
-            let mut entries = match &open {
-                Some(open) if open.pixel == pixel => open.entries.clone(),
-                _ => Vec::new(),
-            };
+            if let Some(open) = open.as_ref().filter(|open| open.pixel == pixel) {
+                entries.extend(&open.entries);
+            }
             for run in runs {
                 paths.connections(run, |connection| {
                     let value = project(connection.value);
@@ -116,22 +110,39 @@ impl<const C: usize> Rows<C> {
                     Ok(())
                 })?;
             }
-            Ok(Open { pixel, paths: samples, from_camera, entries })
+            Ok(())
         };
-        let done = whole.par_iter().map(|runs| self.finish(collect(runs)?));
-        finished.extend(done.collect::<Vec<_>>());
-        let last = collect(last)?;
-        self.chunks.push(chunk(finished.into_iter().collect::<Result<_>>()?));
+        let chunk = |pixels: &[&[Run]]| -> Result<Chunk<C>> {
+            let (mut chunk, mut entries) = (Chunk::new(), Vec::new());
+            for runs in pixels {
+                entries.clear();
+                collect(runs, &mut entries)?;
+                self.finish((runs[0].pixel, samples, from_camera), &mut entries, &mut chunk)?;
+            }
+            Ok(chunk.closed())
+        };
+        let done: Vec<Result<Chunk<C>>> = whole.par_chunks(PIXELS_PER_TASK).map(chunk).collect();
+        let mut entries = Vec::new();
+        collect(last, &mut entries)?;
+        let last = Open { pixel: last[0].pixel, paths: samples, from_camera, entries };
+        closed.into_iter().try_for_each(|open| self.push(open))?;
+        for chunk in done {
+            self.chunks.push(chunk?);
+        }
         self.open = Some(last);
         Ok(())
     }
 
     /// Finishes the last pixel, after the last batch.
     pub(super) fn close(&mut self) -> Result<()> {
-        if let Some(open) = self.open.take() {
-            let row = self.finish(open)?;
-            self.chunks.push(chunk(vec![row]));
-        }
+        self.open.take().into_iter().try_for_each(|open| self.push(open))
+    }
+
+    /// Adds a chunk of one complete pixel.
+    fn push(&mut self, Open { pixel, paths, from_camera, mut entries }: Open<C>) -> Result<()> {
+        let mut chunk = Chunk::new();
+        self.finish((pixel, paths, from_camera), &mut entries, &mut chunk)?;
+        self.chunks.push(chunk.closed());
         Ok(())
     }
 
@@ -148,9 +159,17 @@ impl<const C: usize> Rows<C> {
         Ok(Entry { key, from_camera, value })
     }
 
-    /// Sums the contributions of a complete pixel.
-    fn finish(&self, open: Open<C>) -> Result<Finished<C>> {
-        let Open { pixel, paths, from_camera, mut entries } = open;
+    /// Sums the contributions of a complete pixel, from which so many paths start, and adds them to `chunk` as a row. It is a pixel of the
+    /// camera or of the projector, where that is known. A row without entries is left out.
+    fn finish(
+        &self,
+        (pixel, paths, from_camera): (u32, u32, Option<bool>),
+        entries: &mut [Entry<C>],
+        chunk: &mut Chunk<C>,
+    ) -> Result<()> {
+        if entries.is_empty() {
+            return Ok(());
+        }
         let halves = Halves::new(self.samples, paths);
         let from_camera =
             from_camera.or_else(|| entries.iter().find_map(|entry| entry.from_camera)).unwrap_or(true);
@@ -160,42 +179,22 @@ impl<const C: usize> Rows<C> {
         let position = |entry: &Entry<C>| entry.key.position();
         // The sort is stable: contributions to one position stay in path order.
         entries.sort_by_key(position);
-        let merged = entries.chunk_by(|a, b| position(a) == position(b)).map(|run| {
+        for run in entries.chunk_by(|a, b| position(a) == position(b)) {
             let mut estimates = [[0.0_f64; 2]; C];
             for entry in run {
                 for (estimate, value) in estimates.iter_mut().zip(entry.value) {
                     halves.add(estimate, entry.key.half(), f64::from(value));
                 }
             }
-            (
-                position(&run[0]),
-                estimates.map(|[mean, _]| mean as f32),
-                estimates.map(|[_, error]| error as f32),
-            )
-        });
-        Ok(Finished { pixel, from_camera, entries: merged.collect() })
-    }
-}
-
-/// The chunk of these rows. Rows without entries are left out: their endpoint is not known.
-fn chunk<const C: usize>(mut rows: Vec<Finished<C>>) -> Chunk<C> {
-    rows.retain(|row| !row.entries.is_empty());
-    let count = rows.iter().map(|row| row.entries.len()).sum();
-    let mut chunk = Chunk {
-        rows: Vec::with_capacity(rows.len()),
-        keys: Vec::with_capacity(count),
-        means: Vec::with_capacity(count),
-        errors: Vec::with_capacity(count),
-    };
-    for row in rows {
-        for (key, mean, error) in row.entries {
-            chunk.keys.push(key);
-            chunk.means.push(mean);
-            chunk.errors.push(error);
+            chunk.terms.push(Term {
+                key: position(&run[0]),
+                mean: estimates.map(|[mean, _]| mean as f32),
+                error: estimates.map(|[_, error]| error as f32),
+            });
         }
-        chunk.rows.push(Row { pixel: row.pixel, from_camera: row.from_camera, end: chunk.keys.len() });
+        chunk.rows.push(Row { pixel, from_camera, end: chunk.terms.len() });
+        Ok(())
     }
-    chunk
 }
 
 /// The error for a connection that does not belong to its path's pixel.

@@ -127,7 +127,7 @@ impl Probe {
         let start = Instant::now();
         let share = Share::trace(tracer, &pilot, &all, false, &|rgb| [luminance(rgb)])?;
         let (summary, direct) = (share.summary, share.direct);
-        let found: usize = share.chunks.iter().map(|chunk| chunk.keys.len()).sum();
+        let found: usize = share.chunks.iter().map(|chunk| chunk.terms.len()).sum();
         let rig = shape(tracer, &pilot);
         let direct = if rig.symmetric { direct } else { Vec::new() };
         let (layers, _) = layers(share.chunks, rig, all.camera, false, &direct);

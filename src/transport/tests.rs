@@ -59,7 +59,7 @@ fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
     let Combined { layers, .. } =
         combine(&rows(paths, split).chunks, rig, 0..rig.camera.pixels(), bounces.len(), &[]);
-    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
+    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), rows);
     let layers = bounces.iter().zip(layers).map(tiled).collect();
     TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers)
 }
@@ -157,8 +157,57 @@ fn where_batches_are_cut_makes_no_difference() {
     }
     rows.close().unwrap_or_else(|error| unreachable!("{error}"));
     let Combined { layers, .. } = combine(&rows.chunks, rig, 0..rig.camera.pixels(), 2, &[]);
-    let of_whole: Vec<_> = whole.layers.iter().map(Layer::to_rows).collect();
-    assert_eq!(of_whole, layers);
+    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), rows);
+    let layers: Vec<_> = [Bounces::One, Bounces::Global].iter().zip(layers).map(tiled).collect();
+    assert_eq!(whole.layers, layers);
+}
+
+#[test]
+fn the_number_of_threads_makes_no_difference() {
+    for (rig, paths) in [separated(), with_lens()] {
+        let of = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
+            pool.install(|| {
+                let chunks = rows(&paths, true).chunks;
+                let Combined { layers, rows } = combine(&chunks, rig, 0..rig.camera.pixels(), 3, &[]);
+                let sums: Vec<_> = rows.iter().map(|row| [row.error_squares, row.mean_squares]).collect();
+                (layers, sums)
+            })
+        };
+        let one = of(1);
+        assert_eq!(one, of(2));
+        assert_eq!(one, of(7));
+    }
+}
+
+#[test]
+fn some_rows_alone_are_those_of_the_whole() {
+    for (rig, paths) in [separated(), with_lens()] {
+        let chunks = rows(&paths, true).chunks;
+        let of = |rows: std::ops::Range<usize>| {
+            let count = rows.len();
+            let Combined { layers, rows: sums } = combine(&chunks, rig, rows, 3, &[]);
+            let tiled = |pieces| Layer::new(Bounces::Rest, rig.projector.pixels(), pieces).to_rows();
+            let layers: Vec<_> = layers.into_iter().map(tiled).collect();
+            assert!(
+                layers.iter().all(|layer| layer.row_start.len() == count + 1 && layer.weights.len() == 1)
+            );
+            let sums: Vec<_> = sums.iter().map(|row| [row.error_squares, row.mean_squares]).collect();
+            (layers, sums)
+        };
+        let pixels = rig.camera.pixels();
+        let (whole, of_whole) = of(0..pixels);
+        for rows in [0..4, 4..9, 9..9, 9..pixels] {
+            let (part, of_part) = of(rows.clone());
+            assert_eq!(of_part, of_whole[rows.clone()]);
+            for (part, whole) in part.iter().zip(&whole) {
+                let entries = whole.row_start[rows.start]..whole.row_start[rows.end];
+                assert_eq!(part.columns, whole.columns[entries.clone()]);
+                assert_eq!(part.weights[0], whole.weights[0][entries]);
+            }
+        }
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use bytemuck::Pod;
 
-use super::chunk::{Chunk, Key, Row};
+use super::chunk::{Chunk, Key, Row, Term, at};
 use super::combine::RowSums;
 use super::tiles::CompressedRows;
 
@@ -25,17 +25,8 @@ pub(super) fn message(write: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> Vec
 
 /// Writes an array: its length, and its elements.
 pub(super) fn put<T: Pod>(to: &mut impl Write, array: &[T]) -> io::Result<()> {
-    put_pieces(to, array.len(), std::iter::once(array))
-}
-
-/// As [`put`], for an array of this length whose pieces lie apart.
-fn put_pieces<'a, T: Pod>(
-    to: &mut impl Write,
-    length: usize,
-    mut pieces: impl Iterator<Item = &'a [T]>,
-) -> io::Result<()> {
-    to.write_all(&(length as u64).to_le_bytes())?;
-    pieces.try_for_each(|piece| to.write_all(bytemuck::cast_slice(piece)))
+    to.write_all(&(array.len() as u64).to_le_bytes())?;
+    to.write_all(bytemuck::cast_slice(array))
 }
 
 /// Arrays one after the other, from a message or a file.
@@ -69,7 +60,7 @@ impl<R: Read> Reader<R> {
     fn take_channels<const C: usize>(&mut self) -> Result<Vec<[f32; C]>> {
         let length = self.length(size_of::<f32>())?;
         if length % C > 0 {
-            return Err(Garbled("its arrays have other lengths".into()));
+            return Err(other_lengths());
         }
         let mut array = vec![[0.0_f32; C]; length / C];
         self.fill(bytemuck::cast_slice_mut(array.as_flattened_mut()))?;
@@ -100,6 +91,10 @@ fn ends_early() -> Garbled {
     Garbled("it ends early".into())
 }
 
+fn other_lengths() -> Garbled {
+    Garbled("its arrays have other lengths".into())
+}
+
 /// The contributions of some chunks to these `rows`, of the pixels of one endpoint. A pixel without such contributions is left out.
 pub(super) fn put_chunks<const C: usize>(
     to: &mut impl Write,
@@ -107,31 +102,44 @@ pub(super) fn put_chunks<const C: usize>(
     from_camera: bool,
     rows: &Range<usize>,
 ) -> io::Result<()> {
-    let of_chunk = |chunk: &'_ Chunk<C>| {
-        let wanted = |(row, span): (Row, Range<usize>)| {
-            let of_row = &chunk.keys[span.clone()];
-            let at = |pixel: usize| span.start + of_row.partition_point(|key| (key.other() as usize) < pixel);
-            let wanted = at(rows.start)..at(rows.end);
-            (row.from_camera == from_camera && !wanted.is_empty()).then_some((row.pixel, wanted))
-        };
-        chunk.spans().filter_map(wanted).collect::<Vec<(u32, Range<usize>)>>()
-    };
-    let wanted: Vec<_> = chunks.iter().map(|chunk| (chunk, of_chunk(chunk))).collect();
-    let spans =
-        || wanted.iter().flat_map(|(chunk, rows)| rows.iter().map(move |(_, span)| (*chunk, span.clone())));
-    let pixels: Vec<u32> = wanted.iter().flat_map(|(_, rows)| rows.iter().map(|(pixel, _)| *pixel)).collect();
+    let wanted: Vec<(u32, &[Term<C>])> = chunks
+        .iter()
+        .flat_map(Chunk::rows)
+        .filter(|(row, _)| row.from_camera == from_camera)
+        .map(|(row, terms)| (row.pixel, at(terms, rows)))
+        .filter(|(_, terms)| !terms.is_empty())
+        .collect();
+    let pixels: Vec<u32> = wanted.iter().map(|(pixel, _)| *pixel).collect();
     let mut entries = 0;
-    let ends: Vec<u64> = spans()
-        .map(|(_, span)| {
-            entries += span.len();
+    let ends: Vec<u64> = wanted
+        .iter()
+        .map(|(_, terms)| {
+            entries += terms.len();
             entries as u64
         })
         .collect();
     put(to, &pixels)?;
     put(to, &ends)?;
-    put_pieces(to, entries, spans().map(|(chunk, span)| &chunk.keys[span]))?;
-    put_pieces(to, entries * C, spans().map(|(chunk, span)| chunk.means[span].as_flattened()))?;
-    put_pieces(to, entries * C, spans().map(|(chunk, span)| chunk.errors[span].as_flattened()))
+    put_words(to, entries, &wanted, |term| [bytemuck::cast(term.key)])?;
+    put_words(to, entries, &wanted, |term| term.mean.map(f32::to_bits))?;
+    put_words(to, entries, &wanted, |term| term.error.map(f32::to_bits))
+}
+
+/// Writes an array of the words that `part` takes of each of the terms of these rows, of which there are so many.
+fn put_words<const C: usize, const N: usize>(
+    to: &mut impl Write,
+    terms: usize,
+    rows: &[(u32, &[Term<C>])],
+    part: impl Fn(&Term<C>) -> [u32; N],
+) -> io::Result<()> {
+    to.write_all(&((terms * N) as u64).to_le_bytes())?;
+    let mut words = Vec::new();
+    for (_, terms) in rows {
+        words.clear();
+        words.extend(terms.iter().map(&part));
+        to.write_all(bytemuck::cast_slice(words.as_flattened()))?;
+    }
+    Ok(())
 }
 
 /// The chunk that [`put_chunks`] wrote.
@@ -140,18 +148,23 @@ pub(super) fn take_chunk<const C: usize>(
     from_camera: bool,
 ) -> Result<Chunk<C>> {
     let (pixels, ends) = (from.take::<u32>()?, from.take::<u64>()?);
-    let keys: Vec<Key> = from.take()?;
-    let (means, errors) = (from.take_channels::<C>()?, from.take_channels::<C>()?);
-    let entries = keys.len();
+    let mut terms: Vec<Term<C>> = from.take::<Key>()?.into_iter().map(Term::none).collect();
+    let means = from.take_channels::<C>()?;
     let is_whole = pixels.len() == ends.len()
-        && ends.last().map_or(0, |&end| end) == entries as u64
+        && ends.last().map_or(0, |&end| end) == terms.len() as u64
         && ends.is_sorted()
-        && (means.len(), errors.len()) == (entries, entries);
+        && means.len() == terms.len();
     if !is_whole {
-        return Err(Garbled("its arrays have other lengths".into()));
+        return Err(other_lengths());
     }
+    terms.iter_mut().zip(means).for_each(|(term, mean)| term.mean = mean);
+    let errors = from.take_channels::<C>()?;
+    if errors.len() != terms.len() {
+        return Err(other_lengths());
+    }
+    terms.iter_mut().zip(errors).for_each(|(term, error)| term.error = error);
     let rows = pixels.into_iter().zip(ends).map(|(pixel, end)| Row { pixel, from_camera, end: end as usize });
-    Ok(Chunk { rows: rows.collect(), keys, means, errors })
+    Ok(Chunk { rows: rows.collect(), terms })
 }
 
 /// Writes the means and errors of pixels.

@@ -63,7 +63,7 @@ pub(in crate::transport) fn coaxial() -> Assembled {
     let resolution = Resolution::new(37, 29);
     let pixels = resolution.pixels();
     let layers = [(Bounces::Two, 60), (Bounces::Rest, 20)]
-        .map(|(bounces, per_row)| Layer::new(bounces, pixels, &symmetric(random, pixels, per_row)));
+        .map(|(bounces, per_row)| Layer::new(bounces, pixels, vec![symmetric(random, pixels, per_row)]));
     let plane = |_| (0..pixels).map(|_| random.random_range(0.0..9.0)).collect();
     let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
     let matrix = TransportMatrix::new(rig, Channels::Rgb, [0, 1, 2].map(plane).into(), layers.into());
@@ -78,7 +78,7 @@ fn apart() -> TransportMatrix {
         RigShape { camera: Resolution::new(33, 21), projector: Resolution::new(19, 23), symmetric: false };
     let shape = [rig.camera.pixels(), rig.projector.pixels()];
     let layers = [(Bounces::One, 2), (Bounces::Global, 50)]
-        .map(|(bounces, per_row)| Layer::new(bounces, shape[1], &rows(random, shape, per_row)));
+        .map(|(bounces, per_row)| Layer::new(bounces, shape[1], vec![rows(random, shape, per_row)]));
     TransportMatrix::new(rig, Channels::Rgb, vec![Vec::new(); 3], layers.into())
 }
 

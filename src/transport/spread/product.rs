@@ -51,7 +51,7 @@ impl Spread {
             for bytes in turn.receive_all() {
                 wire::append_rows(&mut rows, &bytes).map_err(unread)?;
             }
-            Ok(Layer::new(own.bounces(), own.tiles().cols(), &rows))
+            Ok(Layer::new(own.bounces(), own.tiles().cols(), vec![rows]))
         };
         own.iter().enumerate().map(layer).collect()
     }

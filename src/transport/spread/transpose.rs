@@ -43,7 +43,7 @@ pub(super) fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[S
         layer.keep_transpose(Layer::new(
             layer.bounces(),
             own.rig.camera.pixels(),
-            &joined(&parts, mine.len()),
+            vec![joined(&parts, mine.len())],
         ));
     }
 }

@@ -5,24 +5,30 @@ use std::cmp::Reverse;
 use rayon::prelude::*;
 
 use super::slice::{LANES, Slice};
-use super::{CompressedRows, Pages, Shape, Start, Tiles};
+use super::{CompressedRows, Pages, Pieces, Shape, Start, Tiles};
 
 /// Rows of a window. Within it, rows are sorted by length, so that a slice has rows of about equally many
 /// entries.
 const WINDOW: usize = 512;
 
+/// Bands for each thread that are filled before the rows' memory is given back.
+const BANDS_AT_A_TIME: usize = 2;
+
 impl Tiles {
-    pub(in crate::transport) fn new(cols: usize, from: &CompressedRows) -> Self {
-        let (rows, entries) = (from.row_start.len() - 1, from.columns.len());
-        Self::of_shape(Shape::new(rows, cols, entries, rayon::current_num_threads()), cols, from)
+    /// The matrix of `cols` columns whose rows are those of `pieces`, one after the other. The memory of the pieces is
+    /// given back as soon as their rows are in tiles.
+    pub(in crate::transport) fn new(cols: usize, pieces: Vec<CompressedRows>) -> Self {
+        let from = Pieces::new(pieces);
+        let shape = Shape::new(from.rows(), cols, from.entries(), rayon::current_num_threads());
+        Self::of_shape(shape, cols, from)
     }
 
-    pub(super) fn of_shape(shape: Shape, cols: usize, from: &CompressedRows) -> Self {
-        let rows = from.row_start.len() - 1;
+    pub(super) fn of_shape(shape: Shape, cols: usize, mut from: Pieces) -> Self {
+        let (rows, entries) = (from.rows(), from.entries());
         let bands: Vec<usize> = (0..rows).step_by(shape.rows).collect();
-        let band = |&first: &usize| Band { shape, cols, from, first, end: (first + shape.rows).min(rows) };
         // A first pass counts, so that memory is allocated once; a second pass fills it.
-        let sizes: Vec<Vec<Start>> = bands.par_iter().map(|first| band(first).sizes()).collect();
+        let sizes: Vec<Vec<Start>> =
+            bands.par_iter().map(|&first| Band::new(shape, cols, &from, first).sizes()).collect();
         let mut tiles = vec![Start::default()];
         let mut end = Start::default();
         for size in sizes.iter().flatten() {
@@ -32,7 +38,7 @@ impl Tiles {
         let mut slices = vec![Slice::default(); end.slice];
         let mut columns = Pages::zeros(end.step);
         let mut weights: Vec<Pages<[f32; LANES]>> =
-            from.weights.iter().map(|_| Pages::zeros(end.step)).collect();
+            (0..from.channels()).map(|_| Pages::zeros(end.step)).collect();
         let mut to = Vec::new();
         let (mut slices_left, mut columns_left) = (slices.as_mut_slice(), &mut columns[..]);
         let mut weights_left: Vec<&mut [[f32; LANES]]> =
@@ -45,8 +51,13 @@ impl Tiles {
                 weights: weights_left.iter_mut().map(|plane| take(plane, steps)).collect(),
             });
         }
-        bands.par_iter().zip(to).for_each(|(first, to)| band(first).fill(to));
-        Self { rows, cols, entries: from.columns.len(), shape, tiles, slices, columns, weights }
+        let mut to = to.into_iter();
+        for bands in bands.chunks(BANDS_AT_A_TIME * rayon::current_num_threads()) {
+            let to: Vec<Filled<'_>> = to.by_ref().take(bands.len()).collect();
+            bands.par_iter().zip(to).for_each(|(&first, to)| Band::new(shape, cols, &from, first).fill(to));
+            from.release_before(bands.last().map_or(0, |first| first + shape.rows));
+        }
+        Self { rows, cols, entries, shape, tiles, slices, columns, weights }
     }
 
     pub(in crate::transport) fn to_rows(&self) -> CompressedRows {
@@ -58,12 +69,13 @@ impl Tiles {
         let mut next = row_start.clone();
         let mut columns = vec![0; self.entries];
         let mut weights = vec![vec![0.0; self.entries]; self.weights.len()];
+        let planes: Vec<&[[f32; LANES]]> = self.weights.iter().map(|plane| &plane[..]).collect();
         // The tiles of a row come from left to right, and so do the entries within each.
         self.each(|row, column, step, lane| {
             let at = next[row];
             next[row] += 1;
             columns[at] = column as u32;
-            for (to, from) in weights.iter_mut().zip(&self.weights) {
+            for (to, from) in weights.iter_mut().zip(&planes) {
                 to[at] = from[step][lane];
             }
         });
@@ -73,6 +85,7 @@ impl Tiles {
     /// Calls `visit` with row, column, step and lane of each entry, tile by tile.
     fn each(&self, mut visit: impl FnMut(usize, usize, usize, usize)) {
         let across = self.cols.div_ceil(self.shape.columns);
+        let columns = &self.columns[..];
         for (tile, ends) in self.tiles.windows(2).enumerate() {
             let first_row = tile / across * self.shape.rows;
             let end_row = (first_row + self.shape.rows).min(self.rows);
@@ -84,7 +97,7 @@ impl Tiles {
                 for (lane, row) in slice.rows.iter().map(|&row| first_row + usize::from(row)).enumerate() {
                     let mut before = None;
                     for step in steps.clone() {
-                        let column = self.columns[step][lane];
+                        let column = columns[step][lane];
                         // The remaining steps of this lane are padding.
                         if row == end_row || before >= Some(column) {
                             break;
@@ -102,7 +115,7 @@ impl Tiles {
 struct Band<'a> {
     shape: Shape,
     cols: usize,
-    from: &'a CompressedRows,
+    from: &'a Pieces,
     first: usize,
     end: usize,
 }
@@ -119,11 +132,17 @@ struct Filled<'a> {
 struct Segment {
     /// Row within the band.
     row: usize,
+    /// Index of the first entry in the row's piece.
     first: usize,
     length: usize,
 }
 
-impl Band<'_> {
+impl<'a> Band<'a> {
+    /// The band from the row `first` on.
+    fn new(shape: Shape, cols: usize, from: &'a Pieces, first: usize) -> Self {
+        Self { shape, cols, from, first, end: from.rows().min(first + shape.rows) }
+    }
+
     /// The number of slices and steps of each tile.
     fn sizes(&self) -> Vec<Start> {
         let mut sizes = Vec::new();
@@ -148,19 +167,19 @@ impl Band<'_> {
                     // Columns within a tile fit 16 bits.
                     let place = |column: &u32| (*column as usize - first_column) as u16;
                     let mut last = 0;
-                    for (columns, place) in
-                        columns.iter_mut().zip(self.from.columns[entries].iter().map(place))
-                    {
+                    let (piece, _) = self.from.row(self.first + segment.row);
+                    for (columns, place) in columns.iter_mut().zip(piece.columns[entries].iter().map(place)) {
                         columns[lane] = place;
                         last = place;
                     }
                     columns[segment.length..].iter_mut().for_each(|columns| columns[lane] = last);
                 }
-                for (to, from) in to.weights.iter_mut().zip(&self.from.weights) {
+                for (channel, to) in to.weights.iter_mut().enumerate() {
                     let to = take(to, longest);
                     for (lane, segment) in segments.iter().enumerate() {
                         let entries = segment.first..segment.first + segment.length;
-                        to.iter_mut().zip(&from[entries]).for_each(|(to, &weight)| to[lane] = weight);
+                        let from = &self.from.row(self.first + segment.row).0.weights[channel][entries];
+                        to.iter_mut().zip(from).for_each(|(to, &weight)| to[lane] = weight);
                     }
                 }
             }
@@ -170,18 +189,17 @@ impl Band<'_> {
     /// Calls `visit` with each tile's first column and its non-empty rows, window by window, the longest row
     /// of a window first.
     fn each_tile(&self, mut visit: impl FnMut(usize, &[Segment])) {
-        let mut next = self.from.row_start[self.first..self.end].to_vec();
-        let ends = &self.from.row_start[self.first + 1..=self.end];
+        let mut rows: Vec<_> = (self.first..self.end).map(|row| self.from.row(row)).collect();
         let mut segments = Vec::new();
         for first_column in (0..self.cols).step_by(self.shape.columns) {
             let end_column = first_column + self.shape.columns;
             segments.clear();
-            for (row, (next, &end)) in next.iter_mut().zip(ends).enumerate() {
-                let first = *next;
+            for (row, (piece, left)) in rows.iter_mut().enumerate() {
+                let first = left.start;
                 let in_tile = |column: &&u32| (**column as usize) < end_column;
-                *next += self.from.columns[first..end].iter().take_while(in_tile).count();
-                if *next > first {
-                    segments.push(Segment { row, first, length: *next - first });
+                left.start += piece.columns[left.clone()].iter().take_while(in_tile).count();
+                if left.start > first {
+                    segments.push(Segment { row, first, length: left.start - first });
                 }
             }
             for window in segments.chunk_by_mut(in_one_window) {
@@ -199,7 +217,7 @@ fn in_one_window(a: &Segment, b: &Segment) -> bool {
 }
 
 /// Splits off the first `count` elements of `rest`.
-fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+pub(in crate::transport) fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let (mine, others) = std::mem::take(rest).split_at_mut(count);
     *rest = others;
     mine

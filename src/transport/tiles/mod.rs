@@ -18,8 +18,12 @@ mod sums;
 mod tests;
 mod value;
 
+use rayon::prelude::*;
+
+pub(super) use build::take;
 use pages::Pages;
 pub(crate) use rows::CompressedRows;
+use rows::Pieces;
 use shape::Shape;
 use slice::{LANES, Slice};
 pub(super) use sums::Summable;
@@ -92,6 +96,37 @@ impl Tiles {
         }
         product.truncate(rows);
         product
+    }
+}
+
+impl Tiles {
+    /// `sum` with the squares of all entries added. Each row is summed from left to right, and then the rows are added
+    /// to `sum` one by one, so that neither the shape, nor the number of threads, nor a cut between rows changes the bits.
+    pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
+        let across = self.cols.div_ceil(self.shape.columns);
+        let bands: Vec<Vec<f64>> = (0..self.rows.div_ceil(self.shape.rows))
+            .into_par_iter()
+            .map(|band| {
+                let mut sums = vec![0.0; self.shape.rows + 1];
+                let [start, end] = [self.tiles[band * across], self.tiles[(band + 1) * across]];
+                let mut step = start.step;
+                for slice in &self.slices[start.slice..end.slice] {
+                    let steps = step..step + slice.steps as usize;
+                    step = steps.end;
+                    let mut of_lanes = slice.rows.map(|row| sums[usize::from(row)]);
+                    for weights in &self.weights[channel][steps] {
+                        of_lanes
+                            .iter_mut()
+                            .zip(weights)
+                            .for_each(|(sum, &weight)| *sum += f64::from(weight).powi(2));
+                    }
+                    slice.rows.iter().zip(of_lanes).for_each(|(&row, sum)| sums[usize::from(row)] = sum);
+                }
+                sums.truncate(self.shape.rows.min(self.rows - band * self.shape.rows));
+                sums
+            })
+            .collect();
+        bands.iter().flatten().fold(sum, |sum, row| sum + row)
     }
 }
 

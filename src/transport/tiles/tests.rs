@@ -28,6 +28,26 @@ fn shapes() -> impl Strategy<Value = Shape> {
     (6..12_u32, 6..16_u32).prop_map(|(rows, columns)| Shape { rows: 1 << rows, columns: 1 << columns })
 }
 
+/// The matrix cut into pieces of `each` rows.
+fn cut(of: &CompressedRows, each: usize) -> Vec<CompressedRows> {
+    let rows = of.row_start.len() - 1;
+    let piece = |first: usize| {
+        let row_start = &of.row_start[first..=rows.min(first + each)];
+        let entries = row_start[0]..row_start[row_start.len() - 1];
+        CompressedRows {
+            row_start: row_start.iter().map(|start| start - entries.start).collect(),
+            columns: of.columns[entries.clone()].to_vec(),
+            weights: of.weights.iter().map(|plane| plane[entries.clone()].to_vec()).collect(),
+        }
+    };
+    (0..rows).step_by(each).map(piece).collect()
+}
+
+/// One piece.
+fn pieces(of: &CompressedRows) -> Pieces {
+    Pieces::new(vec![of.clone()])
+}
+
 /// The sums of the rows, from left to right.
 fn product(from: &CompressedRows, channel: usize, x: &[f64]) -> Vec<f64> {
     let of_row = |ends: &[usize]| {
@@ -56,8 +76,14 @@ proptest! {
         rows in 1..3000_usize, cols in 1..5000_usize, per_row in 0..12_usize, shape in shapes(), seed: u64,
     ) {
         let rows = matrix(rows, cols, per_row, seed);
-        let tiles = Tiles::of_shape(shape, cols, &rows);
+        let tiles = Tiles::of_shape(shape, cols, pieces(&rows));
         prop_assert_eq!(tiles.nonzeros(), rows.columns.len());
+        prop_assert!(tiles == Tiles::of_shape(shape, cols, Pieces::new(cut(&rows, 100))));
+        let square = |weight: &f32| f64::from(*weight).powi(2);
+        let of_row = |ends: &[usize]| {
+            rows.weights[1][ends[0]..ends[1]].iter().map(square).fold(0.0, |sum, square| sum + square)
+        };
+        prop_assert_eq!(tiles.squares(1, 0.25), rows.row_start.windows(2).map(of_row).fold(0.25, |sum, row| sum + row));
         prop_assert_eq!(tiles.to_rows(), rows);
     }
 
@@ -66,7 +92,7 @@ proptest! {
         rows in 1..3000_usize, cols in 1..5000_usize, shape in shapes(), seed: u64,
     ) {
         let from = matrix(rows, cols, 3, seed);
-        let tiles = Tiles::of_shape(shape, cols, &from);
+        let tiles = Tiles::of_shape(shape, cols, pieces(&from));
         let x = pattern(cols);
         for channel in 0..2 {
             let bands = 0..rows.div_ceil(tiles.band_rows());
@@ -83,7 +109,7 @@ proptest! {
 #[test]
 fn all_kernels_give_the_same_bits() {
     let from = matrix(700, 4000, 40, 7);
-    let tiles = Tiles::of_shape(Shape { rows: 1024, columns: 4096 }, 4000, &from);
+    let tiles = Tiles::of_shape(Shape { rows: 1024, columns: 4096 }, 4000, pieces(&from));
     let x = pattern(4000);
     for channel in 0..2 {
         let expected = product(&from, channel, &x);
