@@ -117,7 +117,7 @@ pub fn main() -> ExitCode {
         Err(why) => return usage::report(&why),
     };
     machine::start_threads();
-    let console = Console::new(&cli.global, team);
+    let console = Console::new(&cli.global, team.clone());
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console),
         Verb::Segment(args) => segment::run(args, &console),
@@ -145,6 +145,10 @@ pub fn main() -> ExitCode {
         #[cfg(any(feature = "gige", feature = "usb3"))]
         Verb::DescribeCamera(args) => rig::describe::run(args, &console),
     };
+    if let Some(team) = team {
+        // Not left to the last one who has it: MPI takes a process that ends without a word for a failure.
+        team.end();
+    }
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::NotGoodEnough) => ExitCode::from(1),

@@ -53,6 +53,8 @@ fn joined() -> Result<Role> {
     crate::machine::start_threads();
     let mut servant = Servant::new(Arc::clone(&world), seat.host, seat.local_rank);
     serve(&*world, &mut servant);
+    drop(servant);
+    world.close();
     Ok(Role::Served)
 }
 

@@ -13,6 +13,7 @@ mod threads;
 mod world;
 
 use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub use cores::{Seat, share_cores};
@@ -58,6 +59,9 @@ pub trait Comm: Send + Sync {
         message
     }
 
+    /// Ends the messages of this process: none is sent or received afterwards. Every process of the team must call it.
+    fn close(&self) {}
+
     /// Sends `outgoing[rank]` to each other process, and returns what each of them sent to this one; the own message comes back. Every process of
     /// the team must call it.
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
@@ -94,6 +98,7 @@ pub struct Team {
     next: Mutex<u64>,
     /// Objects that the others still hold, and that are no longer needed.
     released: Mutex<Vec<u64>>,
+    has_ended: AtomicBool,
 }
 
 impl Team {
@@ -101,12 +106,26 @@ impl Team {
     /// processes run, by rank, for the user.
     pub fn lead(comm: Arc<dyn Comm>, seats: Vec<Seat>) -> Arc<Self> {
         debug_assert_eq!(comm.rank(), 0, "the process of rank 0 leads");
-        Arc::new(Self { comm, seats, next: Mutex::new(0), released: Mutex::default() })
+        Arc::new(Self {
+            comm,
+            seats,
+            next: Mutex::new(0),
+            released: Mutex::default(),
+            has_ended: AtomicBool::new(false),
+        })
     }
 
     /// The number of processes.
     pub fn size(&self) -> usize {
         self.comm.size()
+    }
+
+    /// Ends the work of the team: the other processes leave [`serve()`]. Nothing that they hold may be used afterwards.
+    pub fn end(&self) {
+        if !self.has_ended.swap(true, Ordering::SeqCst) {
+            self.turn().tell(&Envelope::End);
+            self.comm.close();
+        }
     }
 
     /// Where each process runs, by rank; empty where it is not known.
@@ -140,7 +159,7 @@ impl fmt::Debug for Team {
 /// The other processes leave [`serve()`].
 impl Drop for Team {
     fn drop(&mut self) {
-        self.turn().tell(&Envelope::End);
+        self.end();
     }
 }
 

@@ -1,5 +1,6 @@
 //! The processes that MPI started together.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use mpi::Threading;
@@ -29,7 +30,8 @@ const LAUNCHERS: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"];
 pub struct World {
     rank: usize,
     size: usize,
-    _universe: Universe,
+    /// MPI, until it is closed.
+    universe: Mutex<Option<Universe>>,
 }
 
 impl World {
@@ -51,7 +53,11 @@ impl World {
             return Err(fault("this MPI cannot be used by a program with several threads"));
         }
         let world = universe.world();
-        Ok(Some(Self { rank: world.rank() as usize, size: world.size() as usize, _universe: universe }))
+        Ok(Some(Self {
+            rank: world.rank() as usize,
+            size: world.size() as usize,
+            universe: Mutex::new(Some(universe)),
+        }))
     }
 }
 
@@ -128,6 +134,11 @@ impl Comm for World {
 
     fn has_message(&self, from: usize) -> bool {
         world().process_at_rank(from as i32).immediate_probe().is_some()
+    }
+
+    fn close(&self) {
+        // MPI ends when it is dropped.
+        drop(self.universe.lock().unwrap_or_else(PoisonError::into_inner).take());
     }
 
     fn exchange(&self, mut outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>> {

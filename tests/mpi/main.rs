@@ -108,12 +108,14 @@ fn assert_equal_files(case: &Case, verb: &[&str]) {
         std::fs::create_dir(&inner).expect("it is new");
         let out = if verb[0] == "matrix" { inner.join("matrix.npz") } else { inner.join("run") };
         let arguments = arguments(&out);
-        run(start(&arguments.iter().map(String::as_str).collect::<Vec<_>>()));
-        content(&inner)
+        let output = run(start(&arguments.iter().map(String::as_str).collect::<Vec<_>>()));
+        (output.status.code(), content(&inner))
     };
-    let expected = left("alone", &program::command);
+    let (status, expected) = left("alone", &program::command);
     for processes in 1..=4 {
-        let found = left(&format!("of{processes}"), &|arguments| mpirun(processes, arguments));
+        let (found_status, found) =
+            left(&format!("of{processes}"), &|arguments| mpirun(processes, arguments));
+        assert_eq!(found_status, status, "{} {verb:?} with {processes} processes", case.name);
         let names =
             |files: &[(PathBuf, Vec<u8>)]| files.iter().map(|file| file.0.clone()).collect::<Vec<_>>();
         assert_eq!(names(&found), names(&expected), "{} {verb:?} with {processes} processes", case.name);
