@@ -108,9 +108,11 @@ enum Outcome {
 pub fn main() -> ExitCode {
     let team = match team::join() {
         Ok(team::Role::Leader(team)) => team,
-        #[cfg(feature = "mpi")]
-        Ok(team::Role::Served) => return ExitCode::SUCCESS,
-        Err(error) => return team::report(&error),
+        Ok(team::Role::Ended(status)) => return status,
+        Err(error) => {
+            eprintln!("krylux: error: {error}");
+            return ExitCode::from(2);
+        }
     };
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

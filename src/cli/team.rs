@@ -3,16 +3,17 @@
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use crate::error::{Error, Result};
+#[cfg(not(feature = "mpi"))]
+use crate::error::Error;
+use crate::error::Result;
 use crate::team::Team;
 
 /// What this process is to do.
 pub(super) enum Role {
     /// It runs the program; the team, if there is one, helps.
     Leader(Option<Arc<Team>>),
-    /// It has helped the leader, which is done.
-    #[cfg(feature = "mpi")]
-    Served,
+    /// It does not lead, and has nothing more to do: it ends with this status.
+    Ended(ExitCode),
 }
 
 /// The verbs by which the program starts itself. They are no members of the team of the process that started them.
@@ -21,20 +22,12 @@ const HELPERS: [&str; 2] = ["projector", "describe-camera"];
 /// Joins the other processes, if there are any. Those that do not lead return when the leader has ended.
 ///
 /// # Errors
-/// [`Error::Team`] where the processes cannot work together.
+/// [`Error::Team`](crate::Error::Team) where the processes cannot work together.
 pub(super) fn join() -> Result<Role> {
     if std::env::args().nth(1).is_some_and(|verb| HELPERS.contains(&verb.as_str())) {
         return Ok(Role::Leader(None));
     }
     joined()
-}
-
-/// Says why the processes cannot work together, once.
-pub(super) fn report(error: &Error) -> ExitCode {
-    if std::env::var("OMPI_COMM_WORLD_RANK").map_or(true, |rank| rank == "0") {
-        eprintln!("krylux: error: {error}");
-    }
-    ExitCode::from(2)
 }
 
 #[cfg(feature = "mpi")]
@@ -46,16 +39,20 @@ fn joined() -> Result<Role> {
     let world: Arc<dyn Comm> = Arc::new(world);
     let seats = share_cores(&*world);
     let seat = seats[world.rank()].clone();
-    greet(&*world, &seat.host, &program())?;
+    let greeted = greet(&*world, &seats, &program());
     if world.rank() == 0 {
+        greeted?;
         return Ok(Role::Leader(Some(Team::lead(world, seats))));
+    }
+    if greeted.is_err() {
+        // The leader says it.
+        return Ok(Role::Ended(ExitCode::from(2)));
     }
     crate::machine::start_threads();
     let mut servant = Servant::new(Arc::clone(&world), seat.host, seat.local_rank);
     serve(&*world, &mut servant);
-    drop(servant);
     world.close();
-    Ok(Role::Served)
+    Ok(Role::Ended(ExitCode::SUCCESS))
 }
 
 /// The version of this program, with a digest of its file where that can be read.
@@ -66,17 +63,21 @@ fn program() -> String {
     format!("krylux {}{digest}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Without MPI, several processes would all do the same, and write the same files.
+/// Without MPI, several processes would all do the same, and write the same files. The first one says so.
 #[cfg(not(feature = "mpi"))]
 fn joined() -> Result<Role> {
-    let size = |name| std::env::var(name).ok()?.parse::<usize>().ok();
-    match ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"].into_iter().find_map(size) {
-        Some(processes) if processes > 1 => Err(Error::Team {
+    let number = |of: &str| {
+        let names = ["OMPI_COMM_WORLD", "PMI"].map(|launcher| format!("{launcher}_{of}"));
+        names.iter().find_map(|name| std::env::var(name).ok()?.parse::<usize>().ok())
+    };
+    match (number("SIZE"), number("RANK")) {
+        (None | Some(0 | 1), _) => Ok(Role::Leader(None)),
+        (Some(processes), None | Some(0)) => Err(Error::Team {
             fault: format!(
                 "{processes} processes were started together, but this krylux was built without MPI"
             ),
             help: "build it with `--features mpi`, or start one process".into(),
         }),
-        _ => Ok(Role::Leader(None)),
+        _ => Ok(Role::Ended(ExitCode::from(2))),
     }
 }

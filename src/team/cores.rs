@@ -43,7 +43,7 @@ pub fn share_cores(comm: &dyn Comm) -> Vec<Seat> {
 }
 
 /// Sends a text to every process of the team, and returns theirs, by rank.
-fn exchange_text(comm: &dyn Comm, text: &str) -> Vec<String> {
+pub(super) fn exchange_text(comm: &dyn Comm, text: &str) -> Vec<String> {
     let all = comm.exchange(vec![text.as_bytes().to_vec(); comm.size()]);
     all.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect()
 }

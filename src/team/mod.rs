@@ -67,25 +67,22 @@ pub trait Comm: Send + Sync {
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
 }
 
-/// Checks that all processes run the same program: `program` is what identifies it. Every process of the team must call it.
+/// Checks that all processes run the same program: `program` is what identifies it, and `seats` says where the processes run. Every process of the
+/// team must call it.
 ///
 /// # Errors
 /// [`Error::Team`] in every process, with the machines that run another program than the leader.
-pub fn greet(comm: &dyn Comm, host: &str, program: &str) -> Result<()> {
-    let mine = format!("{host}\n{program}").into_bytes();
-    let all = comm.exchange(vec![mine; comm.size()]);
-    let texts: Vec<String> = all.iter().map(|bytes| String::from_utf8_lossy(bytes).into_owned()).collect();
-    let split =
-        |text: &String| text.split_once('\n').map(|(host, program)| (host.to_owned(), program.to_owned()));
-    let all: Vec<(String, String)> = texts.iter().filter_map(split).collect();
-    let others = all.iter().enumerate().filter(|(_, (_, program))| *program != all[0].1);
+pub fn greet(comm: &dyn Comm, seats: &[Seat], program: &str) -> Result<()> {
+    let programs = cores::exchange_text(comm, program);
+    let host = |rank: usize| seats.get(rank).map_or("", |seat| &seat.host);
+    let others = programs.iter().enumerate().filter(|(_, other)| **other != programs[0]);
     let others: Vec<String> =
-        others.map(|(rank, (host, program))| format!("process {rank} on {host} runs {program}")).collect();
+        others.map(|(rank, other)| format!("process {rank} on {} runs {other}", host(rank))).collect();
     if others.is_empty() {
         return Ok(());
     }
     Err(Error::Team {
-        fault: format!("process 0 on {} runs {}, but {}", all[0].0, all[0].1, others.join(", ")),
+        fault: format!("process 0 on {} runs {}, but {}", host(0), programs[0], others.join(", ")),
         help: "start the same program on every machine".into(),
     })
 }

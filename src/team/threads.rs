@@ -71,12 +71,10 @@ impl Comm for Threads {
         for (rank, message) in outgoing.into_iter().enumerate().filter(|(rank, _)| *rank != self.rank) {
             let _ = self.to[rank].send(message);
         }
-        let mut own = Some(own);
-        let receive = |rank| match (rank == self.rank).then(|| own.take()) {
-            Some(own) => own.unwrap_or_default(),
-            None => self.receive(rank),
-        };
-        (0..self.size()).map(receive).collect()
+        let receive = |rank| if rank == self.rank { Vec::new() } else { self.receive(rank) };
+        let mut received: Vec<_> = (0..self.size()).map(receive).collect();
+        received[self.rank] = own;
+        received
     }
 }
 

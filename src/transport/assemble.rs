@@ -79,7 +79,6 @@ pub(super) fn whole<const C: usize>(
 ) -> Result<Assembled> {
     let Share { chunks, direct, ambient, has_halves, summary } = share;
     let rows = 0..rig.camera.pixels();
-    let direct = if rig.symmetric { direct } else { Vec::new() };
     let (mut layers, sums) = layers(chunks, rig, rows.clone(), split, &direct);
     // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);

@@ -1,12 +1,8 @@
 //! A prediction of the memory that a matrix will need, before it is traced.
 
-use super::Channels;
+use super::{Channels, pilot};
 use crate::error::Result;
-use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
-
-/// Pixels on each side of the small pilot trace that counts connections.
-const PILOT: usize = 64;
 
 /// The predicted size of a matrix. It is an upper bound, apart from the sampling error of the pilot trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,20 +31,9 @@ pub fn predict(
     if most.bytes <= limit as f64 {
         return Ok(most);
     }
-    let small = |Resolution { width, height }| Resolution::new(width.min(PILOT), height.min(PILOT));
-    let pilot = TraceSettings {
-        resolution: small(settings.resolution),
-        projector: settings.projector.map(small),
-        samples: 1,
-        ..*settings
-    };
-    let mut connections = 0_usize;
-    let summary = tracer.trace(&pilot, &mut |batch| {
-        connections += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
-        Ok(())
-    })?;
+    let (_, per_path) = pilot::connections(tracer, &pilot::of(settings))?;
     // A few thousand paths determine the mean to a few per cent.
-    Ok(predict(1.05 * connections as f64 / summary.paths.max(1) as f64))
+    Ok(predict(1.05 * per_path))
 }
 
 /// The prediction for `per_path` connections per path.
@@ -86,6 +71,7 @@ pub fn photo_bytes(settings: &TraceSettings, channels: Channels) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Resolution;
 
     #[test]
     fn memory_grows_with_the_number_of_paths_until_the_matrix_is_full() {

@@ -31,6 +31,7 @@ mod layer;
 mod matrix;
 mod noise;
 mod operator;
+mod pilot;
 mod pixel_sums;
 mod products;
 mod retraced;

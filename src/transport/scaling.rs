@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use super::assemble::{layers, planes, shape};
+use super::assemble::{shape, whole};
 use super::share::Share;
-use super::{Channels, Part, TransportMatrix, luminance};
+use super::{Channels, Part, TransportMatrix, luminance, pilot};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
@@ -115,27 +115,18 @@ impl Probe {
             ..*settings
         };
         // This trace compiles the kernels as well, so that the next one measures tracing alone.
-        let (mut connections, mut paths) = (0, 0);
-        tracer.trace(&pilot, &mut |batch| {
-            paths += batch.len();
-            connections += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
-            Ok(())
-        })?;
-        let connections = connections as f64 / paths.max(1) as f64;
+        let (paths, connections) = pilot::connections(tracer, &pilot)?;
         let pilot = TraceSettings { samples: settings.samples.min(SAMPLES), ..pilot };
         let all = tracer.start_pixels(&pilot);
         let start = Instant::now();
         let share = Share::trace(tracer, &pilot, &all, false, &|rgb| [luminance(rgb)])?;
-        let (summary, direct) = (share.summary, share.direct);
+        let summary = share.summary;
         let found: usize = share.chunks.iter().map(|chunk| chunk.terms.len()).sum();
-        let rig = shape(tracer, &pilot);
-        let direct = if rig.symmetric { direct } else { Vec::new() };
-        let (layers, _) = layers(share.chunks, rig, all.camera, false, &direct);
+        let matrix = whole(share, shape(tracer, &pilot), Channels::Luma, false)?.matrix;
         let rest = start.elapsed().saturating_sub(summary.tracing).as_secs_f64();
-        let matrix = TransportMatrix::new(rig, Channels::Luma, planes(&direct), layers);
         let entries = matrix.nonzeros().max(1) as f64;
         let starts = (paths as f64).max(1.0);
-        let ends = rig.projector.pixels() as f64;
+        let ends = matrix.projector_resolution().pixels() as f64;
         Ok(Self {
             path: summary.tracing.as_secs_f64() / summary.paths.max(1) as f64,
             connections,

@@ -229,8 +229,7 @@ impl<const C: usize> OfPixels<C> {
     ) -> Result<Self> {
         let share = Share::trace(tracer, settings, &record.pixels, record.split, &project)?;
         (record.has_halves, record.summary) = (share.has_halves, share.summary);
-        let direct = if record.rig.symmetric { share.direct } else { Vec::new() };
-        Ok(Self { chunks: Chunk::by_endpoint(share.chunks), direct, ambient: share.ambient })
+        Ok(Self { chunks: Chunk::by_endpoint(share.chunks), direct: share.direct, ambient: share.ambient })
     }
 
     /// The contributions of all pixels, from parts in their order.

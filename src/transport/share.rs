@@ -10,7 +10,7 @@ use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 pub(super) struct Share<const C: usize> {
     /// Contributions to the matrix, in the order of the paths: those of the camera's pixels come first.
     pub(super) chunks: Vec<Chunk<C>>,
-    /// Direct light of each of the camera's pixels, which returns to its own pixel, with its error.
+    /// Direct light of each of the camera's pixels, which returns to its own pixel, with its error; empty where the rig is not coaxial.
     pub(super) direct: Vec<[[f64; 2]; C]>,
     /// Light that the scene emits towards each of the camera's pixels, with its error.
     pub(super) ambient: Vec<[[f64; 2]; C]>,
@@ -55,7 +55,8 @@ impl<const C: usize> Share<C> {
         rows.close()?;
         // Combining needs the most memory of all steps.
         tracer.release_buffers();
-        let (direct, ambient) = (direct.estimates, ambient.estimates);
+        let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };
+        let ambient = ambient.estimates;
         Ok(Self { chunks: rows.chunks, direct, ambient, has_halves, summary })
     }
 }

@@ -21,7 +21,7 @@ const STOP: u8 = 0;
 
 /// What one process has of a matrix.
 pub(super) struct Own<const C: usize> {
-    pub(super) matrix: TransportMatrix,
+    matrix: TransportMatrix,
     /// Of its pixels.
     direct: Vec<[[f64; 2]; C]>,
     ambient: Vec<[[f64; 2]; C]>,
@@ -63,11 +63,10 @@ pub(in crate::transport) fn assemble<const C: usize>(
         nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
     }
     // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal. All processes keep the same layers.
-    let mut kept =
-        own.matrix.layers.iter().zip(&nonzeros).map(|(layer, &elsewhere)| {
-            layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
-        });
-    let keep: Vec<u8> = kept.by_ref().map(u8::from).collect();
+    let keeps = |(layer, &elsewhere): (&Layer, &u64)| {
+        layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
+    };
+    let keep: Vec<u8> = own.matrix.layers.iter().zip(&nonzeros).map(keeps).map(u8::from).collect();
     turn.send_all(&keep);
     drop(turn);
     retain(&mut own.matrix.layers, &keep);
@@ -90,18 +89,9 @@ pub(super) fn assemble_part<const C: usize>(
 ) -> Option<TransportMatrix> {
     let share = Share::trace(tracer, settings, &pixels[comm.rank()], of.1, &project);
     // The leader hears how it went, and says how it goes on.
-    let share = match share {
-        Ok(share) => {
-            answer(comm, Ok(share.summary));
-            Some(share)
-        }
-        Err(error) => {
-            answer(comm, Err::<TraceSummary, _>(error));
-            None
-        }
-    };
+    answer(comm, share.as_ref().map(|share| share.summary));
     let goes_on = comm.receive(0) == [GO_ON];
-    let share = share.filter(|_| goes_on)?;
+    let share = share.ok().filter(|_| goes_on)?;
     // The leader and the others wait for this process: a message that it cannot read ends the team.
     let own = merge(comm, tracer, settings, of, pixels, share).expect("all processes run the same program");
     comm.send(0, &own.to_bytes());
@@ -158,20 +148,18 @@ fn merge<const C: usize>(
         })
     };
     let received = comm.exchange((0..comm.size()).map(message).collect());
-    let mut chunks = [Vec::new(), Vec::new()];
-    let (mut own_camera, mut own_projector) = (Some(camera), Some(projector));
+    let (mut own, mut chunks) = ([camera, projector], [Vec::new(), Vec::new()]);
     for (rank, bytes) in received.into_iter().enumerate() {
-        if rank == comm.rank() {
-            chunks[0].extend(own_camera.take().into_iter().flatten());
-            chunks[1].extend(own_projector.take().into_iter().flatten());
+        let of_rank = if rank == comm.rank() {
+            std::mem::take(&mut own)
         } else {
             let mut from = wire::Reader::new(&bytes);
-            chunks[0].push(wire::take_chunk(&mut from, true).map_err(unread)?);
-            chunks[1].push(wire::take_chunk(&mut from, false).map_err(unread)?);
-        }
+            let mut chunk = |from_camera| wire::take_chunk(&mut from, from_camera).map_err(unread);
+            [vec![chunk(true)?], vec![chunk(false)?]]
+        };
+        chunks.iter_mut().zip(of_rank).for_each(|(all, more)| all.extend(more));
     }
     let rows = pixels[comm.rank()].camera.clone();
-    let direct = if rig.symmetric { direct } else { Vec::new() };
     let chunks: Vec<Chunk<C>> = chunks.into_iter().flatten().collect();
     let (layers, sums) = layers(chunks, rig, rows.clone(), split, &direct);
     let planes = vec![Vec::new(); C];

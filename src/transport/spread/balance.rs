@@ -5,9 +5,7 @@ use std::ops::Range;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::render::{StartPixels, TraceSettings, Tracer};
-
-/// Pixels on each side of the small trace that tells where the work is.
-const PILOT: usize = 64;
+use crate::transport::pilot;
 
 /// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays that a part of the picture takes;
 /// counts are the same each time, where measured seconds are not.
@@ -19,14 +17,8 @@ pub(super) fn balanced(
     settings: &TraceSettings,
     processes: usize,
 ) -> Result<Vec<StartPixels>> {
-    let small = |Resolution { width, height }| Resolution::new(width.min(PILOT), height.min(PILOT));
     let projector = tracer.projector_resolution(settings);
-    let pilot = TraceSettings {
-        resolution: small(settings.resolution),
-        projector: settings.projector.map(small),
-        samples: 1,
-        ..*settings
-    };
+    let pilot = pilot::of(settings);
     let sizes = [pilot.resolution, tracer.projector_resolution(&pilot)];
     let mut rays = sizes.map(|size| vec![0_u64; size.height]);
     tracer.trace(&pilot, &mut |batch| {

@@ -69,7 +69,7 @@ pub(super) fn unread(Garbled(why): Garbled) -> Error {
 }
 
 /// Sends an answer to the leader: a value, or why there is none.
-pub(super) fn answer<T: Serialize>(comm: &dyn Comm, answer: Result<T>) {
+pub(super) fn answer<T: Serialize>(comm: &dyn Comm, answer: std::result::Result<T, impl ToString>) {
     let answer = answer.map_err(|error| error.to_string());
     // An answer has no file names, so that it can be sent.
     comm.send(0, &to_bytes(&answer).unwrap_or_default());
