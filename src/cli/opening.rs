@@ -53,7 +53,7 @@ impl<'a> Opening<'a> {
     }
 
     /// The settings of the laboratory.
-    pub(super) fn settings(&self) -> Settings {
+    pub(super) fn settings(&self, console: &Console) -> Settings {
         let mut settings = Settings {
             camera: self.view.camera.clone(),
             camera_file: self.view.camera_file.clone(),
@@ -64,6 +64,7 @@ impl<'a> Opening<'a> {
             cache: self.trace.cache.choice(),
             channels: self.channels,
             split_bounces: self.split_bounces,
+            team: console.team(),
             ..Settings::default()
         };
         if let Some(operator) = self.operator {
@@ -75,8 +76,7 @@ impl<'a> Opening<'a> {
     /// The builder, watched by the console.
     pub(super) fn builder(&self, console: &Console) -> LabBuilder {
         let observer = SharedObserver(std::sync::Arc::new(console.clone()));
-        let settings = Settings { team: console.team(), ..self.settings() };
-        let builder = Lab::builder(self.source).settings(settings).observer(observer);
+        let builder = Lab::builder(self.source).settings(self.settings(console)).observer(observer);
         builder.allow_programs(console.allows_programs())
     }
 

@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     files.iter().chain(&args.error).try_for_each(|file| picture::check_writable(file))?;
     let channels = args.channels.map_or(ChannelChoice::Native, Into::into);
     let opening = Opening::new(&args.source, &args.trace).channels(channels);
-    let mut settings = opening.settings();
+    let mut settings = opening.settings(console);
     settings.operator = args.operator.into();
     let is_scene = SourceKind::of(&args.source.source) == SourceKind::Scene;
     if args.error.is_some() && is_scene && settings.operator == OperatorChoice::Auto {

@@ -56,7 +56,7 @@ impl SceneSource {
         let options = LoadOptions { camera, camera_file, auto_camera, strict };
         let load = || load(path, &options, observer);
         let (scene, mut tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
-        share(&mut tracer, &scene, settings)?;
+        share(&mut tracer, &scene, settings, observer)?;
         loading(observer, 2)?;
         Self::new(scene, tracer, trace, settings, observer)
     }
@@ -65,7 +65,7 @@ impl SceneSource {
     /// hash names.
     pub(super) fn in_memory(scene: Scene, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
         let mut tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
-        share(&mut tracer, &scene, settings)?;
+        share(&mut tracer, &scene, settings, observer)?;
         let source = Self::new(scene, tracer, settings.trace.for_scene(), settings, observer)?;
         Ok(Self { cache: None, ..source })
     }
@@ -271,9 +271,11 @@ impl SceneSource {
 }
 
 /// Lets the other processes of the team, if there is one, help to trace the scene.
-fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings) -> Result<()> {
-    let team = settings.team.as_ref().filter(|team| team.size() > 1);
-    team.map_or(Ok(()), |team| transport::share_scene(tracer, scene, settings.adapter.as_deref(), team))
+fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings, observer: &SharedObserver) -> Result<()> {
+    let Some(team) = settings.team.as_ref().filter(|team| team.size() > 1) else { return Ok(()) };
+    transport::share_scene(tracer, scene, settings.adapter.as_deref(), team)?;
+    observer.detail(format_args!("processes {} trace the scene together", team.size()));
+    Ok(())
 }
 
 /// Loads the scene and reports what was ignored in it.

@@ -22,7 +22,21 @@ pub struct Run {
 pub(crate) struct Recorded {
     first_path: u64,
     layout: Layout,
+    #[serde(with = "as_bytes")]
     records: Vec<[u32; 4]>,
+}
+
+/// Records as the bytes that they are. Word by word, they would take an eighth more processor time of a photo that two processes trace.
+mod as_bytes {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(records: &[[u32; 4]], to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(bytemuck::cast_slice(records))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[u32; 4]>, D::Error> {
+        Ok(bytemuck::pod_collect_to_vec(<&[u8]>::deserialize(from)?))
+    }
 }
 
 impl Recorded {

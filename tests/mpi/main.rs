@@ -100,15 +100,22 @@ fn assert_equal_files(case: &Case, verb: &[&str]) {
         let (verb, rest) = verb.split_at(1);
         let scene = case.scene.to_string_lossy();
         let fixed = [verb, &[&*scene], case.options, rest].concat();
-        let out = ["-o".to_owned(), out.display().to_string()];
+        let out = ["-v".to_owned(), "-o".to_owned(), out.display().to_string()];
         fixed.into_iter().map(str::to_owned).chain(out).collect()
     };
     let left = |name: &str, start: &dyn Fn(&[&str]) -> Command| {
         let inner = folder.path().join(name);
         std::fs::create_dir(&inner).expect("it is new");
-        let out = if verb[0] == "matrix" { inner.join("matrix.npz") } else { inner.join("run") };
+        let out = match verb[0] {
+            "matrix" => inner.join("matrix.npz"),
+            "photo" => inner.join("photo.npy"),
+            _ => inner.join("run"),
+        };
         let arguments = arguments(&out);
         let output = run(start(&arguments.iter().map(String::as_str).collect::<Vec<_>>()));
+        let said = program::text(&output.stderr);
+        let together = said.lines().any(|line| line.ends_with("trace the scene together"));
+        assert_eq!(together, !["alone", "of1"].contains(&name), "{arguments:?}: {said}");
         (output.status.code(), content(&inner))
     };
     let (status, expected) = left("alone", &program::command);
@@ -179,6 +186,9 @@ fn relighting_has_the_same_bytes() {
 
 #[test]
 fn photos_that_are_traced_anew_have_the_same_bytes() {
+    for case in cases() {
+        assert_equal_files(&case, &["photo", "--operator", "retrace"]);
+    }
     for case in &cases()[..2] {
         assert_equal_files(case, &["segment", "--operator", "retrace", "--photos", "6", "--groups", "2"]);
     }
