@@ -68,10 +68,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         console.say(format_args!("wrote     {}", file.display()))?;
     }
     let team = console.team();
-    let seats = team.as_ref().map_or(&[][..], |team| team.seats());
-    for (rank, seat) in seats.iter().enumerate() {
-        let cores: Vec<String> = seat.cores.iter().map(usize::to_string).collect();
-        console.say(format_args!("process   {rank} on {}, cores {}", seat.host, cores.join(" ")))?;
+    let placements = team.as_ref().map_or(&[][..], |team| team.placements());
+    for (rank, placement) in placements.iter().enumerate() {
+        let cores: Vec<String> = placement.cores.iter().map(usize::to_string).collect();
+        console.say(format_args!("process   {rank} on {}, cores {}", placement.host, cores.join(" ")))?;
     }
     let adapters = render::adapters()?;
     for adapter in &adapters {
@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.summary(&json!({
         "verb": "info",
         "version": env!("CARGO_PKG_VERSION"),
-        "processes": seats,
+        "processes": placements,
         "adapters": adapters,
         "scene": scene.as_ref().map(describe),
         "rig": rig.as_ref().map(rig_info::describe),

@@ -148,7 +148,7 @@ pub fn main() -> ExitCode {
         Verb::DescribeCamera(args) => rig::describe::run(args, &console),
     };
     if let Some(team) = team {
-        // Not left to the last one who has it: MPI takes a process that ends without a word for a failure.
+        // Values that are never dropped may still refer to the team, and MPI reports a process that does not close it as failed.
         team.end();
     }
     match outcome {

@@ -53,12 +53,13 @@ fn say(found: &Scaling, gigabits: f64, console: &Console) -> Result<()> {
         "matrix    about {:.1} million entries; {PHOTOS} photos, and a network of {gigabits} Gbit/s",
         entries / 1e6
     ))?;
+    console.say("            memory in GB   seconds")?;
     console.say(
-        "  ranks   memory each   leader's vectors   seconds: tracing  merging  exchange  products  messages  vectors      all   longest",
+        "  ranks     each  vectors   tracing  merging  exchange  products  messages  vectors      all  longest",
     )?;
     for scaled in &found.processes {
         console.say(format_args!(
-            "  {:>5}   {:>8.2} GB   {:>13.2} GB   {:>16.1}  {:>7.1}  {:>8.1}  {:>8.1}  {:>8.1}  {:>7.1}  {:>7.1}   {}",
+            "  {:>5}  {:>7.2}  {:>7.2}  {:>8.1}  {:>7.1}  {:>8.1}  {:>8.1}  {:>8.1}  {:>7.1}  {:>7.1}  {}",
             scaled.processes,
             scaled.memory / 1e9,
             scaled.vectors_memory / 1e9,
@@ -72,5 +73,6 @@ fn say(found: &Scaling, gigabits: f64, console: &Console) -> Result<()> {
             scaled.binds()
         ))?;
     }
+    console.say("the leader needs its vectors beside its part of the matrix")?;
     Ok(())
 }

@@ -22,7 +22,7 @@ const HELPERS: [&str; 2] = ["projector", "describe-camera"];
 /// Joins the other processes, if there are any. Those that do not lead return when the leader has ended.
 ///
 /// # Errors
-/// [`Error::Team`](crate::Error::Team) where the processes cannot work together.
+/// [`crate::Error::Team`] where the processes cannot work together.
 pub(super) fn join() -> Result<Role> {
     if std::env::args().nth(1).is_some_and(|verb| HELPERS.contains(&verb.as_str())) {
         return Ok(Role::Leader(None));
@@ -32,25 +32,25 @@ pub(super) fn join() -> Result<Role> {
 
 #[cfg(feature = "mpi")]
 fn joined() -> Result<Role> {
-    use crate::team::{Comm, World, greet, serve, share_cores};
-    use crate::transport::Servant;
+    use crate::team::{Comm, World, require_same_program, serve, share_cores};
+    use crate::transport::SceneWorker;
 
     let Some(world) = World::join()? else { return Ok(Role::Leader(None)) };
     let world: Arc<dyn Comm> = Arc::new(world);
-    let seats = share_cores(&*world);
-    let seat = seats[world.rank()].clone();
-    let greeted = greet(&*world, &seats, &program());
+    let placements = share_cores(&*world);
+    let placement = placements[world.rank()].clone();
+    let checked = require_same_program(&*world, &placements, &program());
     if world.rank() == 0 {
-        greeted?;
-        return Ok(Role::Leader(Some(Team::lead(world, seats))));
+        checked?;
+        return Ok(Role::Leader(Some(Team::lead(world, placements))));
     }
-    if greeted.is_err() {
+    if checked.is_err() {
         // The leader says it.
         return Ok(Role::Ended(ExitCode::from(2)));
     }
     crate::machine::start_threads();
-    let mut servant = Servant::new(Arc::clone(&world), seat.host, seat.local_rank);
-    serve(&*world, &mut servant);
+    let mut worker = SceneWorker::new(Arc::clone(&world), placement.host, placement.local_rank);
+    serve(&*world, &mut worker);
     world.close();
     Ok(Role::Ended(ExitCode::SUCCESS))
 }

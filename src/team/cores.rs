@@ -7,7 +7,7 @@ use super::Comm;
 
 /// Where a process of a team runs.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Seat {
+pub struct Placement {
     /// The name of the machine.
     pub host: String,
     /// The number of this process among those of the team on the same machine, from 0 on.
@@ -30,7 +30,7 @@ fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
 /// threads.
 ///
 /// Open MPI binds each process to one core where it is not told otherwise. This default is lifted first; a binding that the user asked for stays.
-pub fn share_cores(comm: &dyn Comm) -> Vec<Seat> {
+pub fn share_cores(comm: &dyn Comm) -> Vec<Placement> {
     if is_bound_by_default() {
         system::unbind();
     }
@@ -39,7 +39,7 @@ pub fn share_cores(comm: &dyn Comm) -> Vec<Seat> {
     let equal = |to: usize| all[..to].iter().filter(|other| **other == all[comm.rank()]).count();
     let own = share(&cores, equal(comm.rank()), equal(comm.size()));
     let own = if own.len() < cores.len() && system::bind(&own) { own } else { cores };
-    seats(&exchange_text(comm, &text(&host, &own)))
+    placements(&exchange_text(comm, &text(&host, &own)))
 }
 
 /// Sends a text to every process of the team, and returns theirs, by rank.
@@ -49,17 +49,17 @@ pub(super) fn exchange_text(comm: &dyn Comm, text: &str) -> Vec<String> {
 }
 
 /// Where processes run that sent these texts.
-fn seats(texts: &[String]) -> Vec<Seat> {
+fn placements(texts: &[String]) -> Vec<Placement> {
     let parts: Vec<(&str, &str)> =
         texts.iter().map(|text| text.split_once(' ').unwrap_or((text, ""))).collect();
     let count = |host: &str, to: usize| parts[..to].iter().filter(|(other, _)| *other == host).count();
-    let seat = |(rank, (host, cores)): (usize, &(&str, &str))| Seat {
+    let placement = |(rank, (host, cores)): (usize, &(&str, &str))| Placement {
         host: (*host).to_owned(),
         local_rank: count(host, rank),
         local_size: count(host, parts.len()),
         cores: cores.split(',').filter_map(|core| core.parse().ok()).collect(),
     };
-    parts.iter().enumerate().map(seat).collect()
+    parts.iter().enumerate().map(placement).collect()
 }
 
 /// The machine's name and the cores, as every process of the team understands them.
@@ -130,8 +130,10 @@ mod tests {
 
     #[test]
     fn processes_of_a_machine_are_counted() {
-        let found = seats(&[text("a", &[0, 1]), text("b", &[0]), text("a", &[2])]);
-        let of = |seat: &Seat| (seat.host.clone(), seat.local_rank, seat.local_size, seat.cores.clone());
+        let found = placements(&[text("a", &[0, 1]), text("b", &[0]), text("a", &[2])]);
+        let of = |placement: &Placement| {
+            (placement.host.clone(), placement.local_rank, placement.local_size, placement.cores.clone())
+        };
         assert_eq!(of(&found[0]), ("a".into(), 0, 2, vec![0, 1]));
         assert_eq!(of(&found[1]), ("b".into(), 0, 1, vec![0]));
         assert_eq!(of(&found[2]), ("a".into(), 1, 2, vec![2]));

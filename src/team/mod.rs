@@ -16,7 +16,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-pub use cores::{Seat, share_cores};
+pub use cores::{Placement, share_cores};
 pub use serve::{Worker, serve};
 pub use threads::{Threads, threads};
 #[cfg(feature = "mpi")]
@@ -67,14 +67,14 @@ pub trait Comm: Send + Sync {
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
 }
 
-/// Checks that all processes run the same program: `program` is what identifies it, and `seats` says where the processes run. Every process of the
+/// Checks that all processes run the same program: `program` is what identifies it, and `placements` says where the processes run. Every process of the
 /// team must call it.
 ///
 /// # Errors
 /// [`Error::Team`] in every process, with the machines that run another program than the leader.
-pub fn greet(comm: &dyn Comm, seats: &[Seat], program: &str) -> Result<()> {
+pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: &str) -> Result<()> {
     let programs = cores::exchange_text(comm, program);
-    let host = |rank: usize| seats.get(rank).map_or("", |seat| &seat.host);
+    let host = |rank: usize| placements.get(rank).map_or("", |placement| &placement.host);
     let others = programs.iter().enumerate().filter(|(_, other)| **other != programs[0]);
     let others: Vec<String> =
         others.map(|(rank, other)| format!("process {rank} on {} runs {other}", host(rank))).collect();
@@ -90,7 +90,7 @@ pub fn greet(comm: &dyn Comm, seats: &[Seat], program: &str) -> Result<()> {
 /// The team as its leader sees it.
 pub struct Team {
     comm: Arc<dyn Comm>,
-    seats: Vec<Seat>,
+    placements: Vec<Placement>,
     /// The number of the next object. The thread that holds the lock talks to the others.
     next: Mutex<u64>,
     /// Objects that the others still hold, and that are no longer needed.
@@ -99,13 +99,13 @@ pub struct Team {
 }
 
 impl Team {
-    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve()`]. `seats` says where the
+    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve()`]. `placements` says where the
     /// processes run, by rank, for the user.
-    pub fn lead(comm: Arc<dyn Comm>, seats: Vec<Seat>) -> Arc<Self> {
+    pub fn lead(comm: Arc<dyn Comm>, placements: Vec<Placement>) -> Arc<Self> {
         debug_assert_eq!(comm.rank(), 0, "the process of rank 0 leads");
         Arc::new(Self {
             comm,
-            seats,
+            placements,
             next: Mutex::new(0),
             released: Mutex::default(),
             has_ended: AtomicBool::new(false),
@@ -126,8 +126,8 @@ impl Team {
     }
 
     /// Where each process runs, by rank; empty where it is not known.
-    pub fn seats(&self) -> &[Seat] {
-        &self.seats
+    pub fn placements(&self) -> &[Placement] {
+        &self.placements
     }
 
     /// A new object, which no process holds yet.

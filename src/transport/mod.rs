@@ -63,7 +63,7 @@ pub use products::Products;
 pub use retraced::{Retraced, RetracedOperator};
 pub use scaling::{Network, Probe, Scaled};
 pub use shard::{MOST_PARTS, Shard, ShardRecord, join_shards, trace_shard};
-pub use spread::{Servant, share_scene};
+pub use spread::{SceneWorker, share_scene};
 pub(crate) use tiles::CompressedRows;
 
 use crate::error::{Error, Result};

@@ -9,7 +9,7 @@
 //! * A photo that is traced anew adds up contributions to every pixel in the order of the paths. The processes trace, the leader adds up
 //!   (`retrace`).
 //!
-//! The leader tells the others what to do by a `Command`; a [`Servant`] does it.
+//! The leader tells the others what to do by a `Command`; a [`SceneWorker`] does it.
 
 mod assembly;
 mod balance;
@@ -17,15 +17,15 @@ mod command;
 mod product;
 mod retrace;
 mod scene;
-mod servant;
 #[cfg(test)]
 mod tests;
 mod transpose;
+mod worker;
 
 pub(super) use assembly::assemble;
 pub(super) use retrace::trace;
 pub use scene::share_scene;
-pub use servant::Servant;
+pub use worker::SceneWorker;
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};

@@ -28,7 +28,7 @@ impl Crew {
         let serving = |comm: Arc<dyn Comm>| {
             std::thread::spawn(move || {
                 let turn = comm.rank();
-                serve(&*comm, &mut Servant::new(Arc::clone(&comm), "here".into(), turn));
+                serve(&*comm, &mut SceneWorker::new(Arc::clone(&comm), "here".into(), turn));
             })
         };
         Self { others: comms.map(serving).collect(), team: Team::lead(leader, Vec::new()) }

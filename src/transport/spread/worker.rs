@@ -20,7 +20,7 @@ use crate::transport::wire;
 use crate::transport::{Channels, TransportMatrix, luminance};
 
 /// What a process that does not lead has: the scenes that the leader shares, and its rows of their matrices. [`serve`](crate::team::serve()) lets it work.
-pub struct Servant {
+pub struct SceneWorker {
     comm: Arc<dyn Comm>,
     /// The name of the machine, for messages.
     host: String,
@@ -36,7 +36,7 @@ struct Rows {
     pixels: Vec<StartPixels>,
 }
 
-impl Servant {
+impl SceneWorker {
     /// A process on the machine `host`, the number `turn` there, that has nothing yet.
     pub fn new(comm: Arc<dyn Comm>, host: String, turn: usize) -> Self {
         Self { comm, host, turn, scenes: HashMap::new(), matrices: HashMap::new() }
@@ -68,7 +68,7 @@ impl Servant {
     }
 }
 
-impl Worker for Servant {
+impl Worker for SceneWorker {
     fn command(&mut self, comm: &dyn Comm, id: u64, command: &[u8]) {
         // The leader waits for an answer that cannot be given without the command.
         let command: Command = from_bytes(command).expect("all processes run the same program");
