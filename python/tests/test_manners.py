@@ -19,8 +19,10 @@ ZIGZAG = SCENES / "zigzag" / "scene.glb"
 
 
 def test_ctrl_c_ends_a_run_whose_photos_are_kept(tmp_path):
+    # A process that a shell starts in the background ignores the signal, and so do its children unless they say otherwise.
     code = """
-import sys, krylux
+import signal, sys, krylux
+signal.signal(signal.SIGINT, signal.default_int_handler)
 lab = krylux.open('assets/rigs/ideal.toml', size=24, spp=16, folder=sys.argv[1], progress=False)
 lab.white
 print('ready', flush=True)
@@ -46,6 +48,7 @@ except KeyboardInterrupt:
 def test_ctrl_c_ends_tracing():
     code = """
 import krylux, os, signal, threading, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 lab = krylux.open('assets/scenes/carton/scene.glb', size=128, spp=4096, cache=False, progress=False)
 threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 start = time.perf_counter()
