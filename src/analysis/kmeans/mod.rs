@@ -5,7 +5,7 @@
 mod points;
 
 use points::{Assignment, Points};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// The options of [`kmeans`].
@@ -43,16 +43,39 @@ pub struct Clusters {
 /// Groups `n` points of `d` coordinates to minimize `Σ w_i ‖x_i − c(i)‖²`; `c(i)` is the weighted mean of the point's group.
 ///
 /// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007) finds local
-/// minima; the best of several is returned. An empty group gets the point farthest from its centre; with fewer than `K` distinct
+/// minima; the best of several is returned. Of more than 32,768 points, the starts are compared on a random sample, and the best goes on
+/// with all points (as Bradley and Fayyad, ICML 1998, choose starts). An empty group gets the point farthest from its centre; with fewer than `K` distinct
 /// points some groups stay empty. The result depends only on the seed, not on the number of threads.
 ///
 /// `coordinates` holds `d` columns of length `n`; `weights` has length `n` and is not negative.
 pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions) -> Clusters {
     let points = Points { coordinates, weights };
     let mut random = Pcg64::seed_from_u64(options.seed);
-    let mut best = lloyd(&points, points.start(options.clusters, &mut random), options.rounds);
+    if weights.len() <= MOST_COMPARED {
+        return best_start(&points, options, &mut random);
+    }
+    let chosen = strata(weights.len(), &mut random);
+    let sample = |column: &Vec<f64>| chosen.iter().map(|&point| column[point]).collect();
+    let coordinates: Vec<Vec<f64>> = coordinates.iter().map(sample).collect();
+    let weights: Vec<f64> = chosen.iter().map(|&point| weights[point]).collect();
+    let sample = Points { coordinates: &coordinates, weights: &weights };
+    lloyd(&points, best_start(&sample, options, &mut random).centres, options.rounds)
+}
+
+/// Most points on which all starts are compared: a group of a thousandth of all points then has about 32 of them.
+const MOST_COMPARED: usize = 1 << 15;
+
+/// One of each few consecutive points, at random.
+fn strata(points: usize, random: &mut Pcg64) -> Vec<usize> {
+    let each = points.div_ceil(MOST_COMPARED);
+    (0..points).step_by(each).map(|first| random.random_range(first..points.min(first + each))).collect()
+}
+
+/// The best of several starts.
+fn best_start(points: &Points<'_>, options: &KmeansOptions, random: &mut Pcg64) -> Clusters {
+    let mut best = lloyd(points, points.start(options.clusters, random), options.rounds);
     for _ in 1..options.restarts {
-        let candidate = lloyd(&points, points.start(options.clusters, &mut random), options.rounds);
+        let candidate = lloyd(points, points.start(options.clusters, random), options.rounds);
         if candidate.inertia < best.inertia {
             best = candidate;
         }
@@ -138,6 +161,24 @@ mod tests {
             pool.install(|| kmeans(&columns, &weights, &KmeansOptions::new(5, 9)))
         };
         assert_eq!(with(1), with(3));
+    }
+
+    #[test]
+    fn many_points_are_grouped_as_few_are() {
+        // One group has a hundredth of the points of the others.
+        let centres = [(0.0, 0.0), (9.0, 0.0), (0.0, 9.0), (9.0, 9.0)];
+        let mut columns = rings(&centres, 1.0, 12_000);
+        for (column, value) in columns.iter_mut().zip([30.0, 4.0]) {
+            column.extend((0..120).map(|i| value + 1e-3 * f64::from(i % 7)));
+        }
+        let count = columns[0].len();
+        assert!(count > MOST_COMPARED);
+        let clusters = kmeans(&columns, &vec![1.0; count], &KmeansOptions::new(5, 4));
+        let label = |i: usize| clusters.labels[i];
+        assert!((0..48_000).all(|i| label(i) == label(i % 4)));
+        assert!((48_000..count).all(|i| label(i) == label(48_000) && label(i) != label(i % 4)));
+        // Every point counts: circles of radius 1 around their means.
+        assert!((clusters.inertia / 48_000.0 - 1.0).abs() < 1e-3, "{}", clusters.inertia);
     }
 
     #[test]
