@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::contributions::Way;
 use super::matrix::{Direction, Part};
+use super::noise::Halves;
 use super::stripes::Stripes;
 use super::{Channels, Retraced, RetracedOperator, Transport, luminance};
 use crate::error::{Error, Result};
@@ -12,7 +13,7 @@ use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::render::TraceSettings;
 
 /// Vectors that are multiplied in one pass over the light paths.
-const TOGETHER: usize = 8;
+const TOGETHER: usize = 16;
 
 /// A product `y = P x` with its error.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,7 +95,7 @@ pub fn with_other_seed(settings: &TraceSettings) -> TraceSettings {
 }
 
 impl Retraced<'_> {
-    /// The products of one part and channel with the patterns of `asked`. Eight are taken in one pass over the light paths.
+    /// The products of one part and channel with the patterns of `asked`. Sixteen are taken in one pass over the light paths.
     ///
     /// # Errors
     /// [`Error::Dimension`] when a vector has another length; as [`Transport::photograph`].
@@ -114,7 +115,9 @@ impl Retraced<'_> {
             found.extend(match asked.len() {
                 1 => self.estimated_block::<1>(part, channel, asked)?,
                 2 => self.estimated_block::<2>(part, channel, asked)?,
-                3 | 4 => self.estimated_block::<4>(part, channel, asked)?,
+                3..=4 => self.estimated_block::<4>(part, channel, asked)?,
+                5..=8 => self.estimated_block::<8>(part, channel, asked)?,
+                9..=12 => self.estimated_block::<12>(part, channel, asked)?,
                 _ => self.estimated_block::<TOGETHER>(part, channel, asked)?,
             });
         }
@@ -140,19 +143,19 @@ impl Retraced<'_> {
         let is_gray = self.channels == Channels::Luma;
         let project = |rgb: [f32; 3]| [if is_gray { luminance(rgb) } else { rgb[channel] }];
         self.each(way, project, &mut |contributions| {
-            let halves = contributions.halves();
             // Each sum belongs to one task, which adds to it in path order.
-            sums.shares(rayon::current_num_threads()).into_par_iter().for_each(|mut share| {
+            let shares = sums.of(contributions.halves()).shares(rayon::current_num_threads());
+            shares.into_par_iter().for_each(|mut share| {
                 contributions.entries(|run, [row, column], value| {
                     if let Some(products) = share.products.at(row) {
-                        for (product, light) in products.iter_mut().zip(&lit[column]) {
-                            halves.add(product, run.half, value * light);
+                        for (product, light) in products[run.half].iter_mut().zip(&lit[column]) {
+                            *product += value * light;
                         }
                     }
                     if symmetric && let Some(sums) = share.of_starts.at(run.pixel as usize) {
                         let pairs = lit[row].iter().zip(&lit[column]).zip(&shifts);
-                        for (sum, ((own, light), shift)) in sums.iter_mut().zip(pairs) {
-                            halves.add(sum, run.half, value * own * (light - shift * own));
+                        for (sum, ((own, light), shift)) in sums[run.half].iter_mut().zip(pairs) {
+                            *sum += value * own * (light - shift * own);
                         }
                     }
                 });
@@ -214,45 +217,74 @@ impl Adjoint for EstimatedOperator<'_> {
     }
 }
 
-/// Sums over the light paths, for each pattern of a block: means and errors.
+/// The sums of both halves of the samples, for each pattern of a block.
+type HalfSums<const P: usize> = [[f64; P]; 2];
+
+/// Sums over the light paths. The paths from the camera and those from the projector may have other weights.
 struct Sums<const P: usize> {
-    /// Of each row of the product.
-    products: Vec<[[f64; 2]; P]>,
+    rows: usize,
+    symmetric: bool,
+    of_weights: Vec<WeightSums<P>>,
+}
+
+/// Sums over all light paths of the same weights.
+struct WeightSums<const P: usize> {
+    halves: Halves,
+    /// For each row of the product.
+    products: Vec<HalfSums<P>>,
     /// Of the quadratic form, by the pixels that the paths start from, which are independent of each other; for a coaxial rig.
-    of_starts: Vec<[[f64; 2]; P]>,
+    of_starts: Vec<HalfSums<P>>,
 }
 
 /// The sums that one of several tasks adds to.
 struct Share<'a, const P: usize> {
-    products: Stripes<'a, [[f64; 2]; P]>,
-    of_starts: Stripes<'a, [[f64; 2]; P]>,
+    products: Stripes<'a, HalfSums<P>>,
+    of_starts: Stripes<'a, HalfSums<P>>,
 }
 
 impl<const P: usize> Sums<P> {
     fn new(rows: usize, symmetric: bool) -> Self {
-        let starts = if symmetric { rows } else { 0 };
-        Self { products: vec![[[0.0; 2]; P]; rows], of_starts: vec![[[0.0; 2]; P]; starts] }
+        Self { rows, symmetric, of_weights: Vec::new() }
     }
 
+    /// The sums over the light paths of these weights.
+    fn of(&mut self, halves: Halves) -> &mut WeightSums<P> {
+        let known = self.of_weights.iter().position(|sums| sums.halves == halves);
+        let at = known.unwrap_or_else(|| {
+            let starts = if self.symmetric { self.rows } else { 0 };
+            let (products, of_starts) = (vec![[[0.0; P]; 2]; self.rows], vec![[[0.0; P]; 2]; starts]);
+            self.of_weights.push(WeightSums { halves, products, of_starts });
+            self.of_weights.len() - 1
+        });
+        &mut self.of_weights[at]
+    }
+
+    fn product(&self, place: usize) -> EstimatedProduct {
+        let (mut product, mut error) = (vec![0.0; self.rows], vec![0.0; self.rows]);
+        let [mut value, mut variance] = [0.0; 2];
+        for sums in &self.of_weights {
+            let estimates = |of: &HalfSums<P>| sums.halves.estimate([of[0][place], of[1][place]]);
+            for ((product, error), row) in product.iter_mut().zip(&mut error).zip(&sums.products) {
+                let [mean, of_mean] = estimates(row);
+                *product += mean;
+                *error += of_mean;
+            }
+            for [mean, of_mean] in sums.of_starts.iter().map(estimates) {
+                value += mean;
+                variance += of_mean * of_mean;
+            }
+        }
+        let quadratic = self.symmetric.then(|| [value, variance.sqrt()]);
+        EstimatedProduct { product, error, quadratic }
+    }
+}
+
+impl<const P: usize> WeightSums<P> {
     /// The shares of `tasks` tasks.
     fn shares(&mut self, tasks: usize) -> Vec<Share<'_, P>> {
         let both =
             Stripes::of(&mut self.products, tasks).into_iter().zip(Stripes::of(&mut self.of_starts, tasks));
         both.map(|(products, of_starts)| Share { products, of_starts }).collect()
-    }
-
-    fn product(&self, place: usize) -> EstimatedProduct {
-        let of = |which: usize| self.products.iter().map(|row| row[place][which]).collect();
-        let quadratic = (!self.of_starts.is_empty()).then(|| {
-            let [mut value, mut variance] = [0.0; 2];
-            for start in &self.of_starts {
-                let [mean, error] = start[place];
-                value += mean;
-                variance += error * error;
-            }
-            [value, variance.sqrt()]
-        });
-        EstimatedProduct { product: of(0), error: of(1), quadratic }
     }
 }
 

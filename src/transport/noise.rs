@@ -30,7 +30,7 @@ impl From<&Noise> for crate::io::manifest::Noise {
 }
 
 /// The weights with which samples of either half add up to a mean and its error.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Halves {
     mean: f64,
     error: [f64; 2],
@@ -57,6 +57,11 @@ impl Halves {
     /// The contribution of a sample of half `half` to the error (`e` of [`Noise`]).
     pub(super) fn error_share(self, half: usize, value: f64) -> f64 {
         value * self.error[half]
+    }
+
+    /// The mean and its error from the sums over the samples of both halves.
+    pub(super) fn estimate(self, [first, second]: [f64; 2]) -> [f64; 2] {
+        [self.share(first) + self.share(second), self.error_share(0, first) + self.error_share(1, second)]
     }
 
     /// Adds a sample of half `half` to a mean and its error (`e` of [`Noise`]).
