@@ -1,6 +1,6 @@
 //! What the content of a cached file must be beside sound: a right checksum says only that its writer could calculate one.
 
-use super::record::{Arrays, Record};
+use super::record::{Arrays, Record, Rows};
 use crate::transport::{Bounces, Channels, RigShape};
 
 /// Checks that the arrays of a file form a matrix of `rig` with these channels. `Err` says what does not.
@@ -27,6 +27,9 @@ pub(super) fn require_matrix(
     let (rows, columns) = (found.camera.pixels(), found.projector.pixels());
     for layer in &arrays.layers {
         require_rows(layer, rows, columns)?;
+        if found.symmetric {
+            require_upper(layer)?;
+        }
     }
     let lengths = [
         ("direct", &arrays.direct, if found.symmetric { rows } else { 0 }),
@@ -40,11 +43,7 @@ pub(super) fn require_matrix(
 }
 
 /// Checks that row starts, columns and weights form a sparse matrix of so many rows and columns.
-fn require_rows(
-    (starts, columns, weights): &(Vec<u64>, Vec<u32>, Vec<f32>),
-    rows: usize,
-    cols: usize,
-) -> Result<(), String> {
+fn require_rows((starts, columns, weights): &Rows, rows: usize, cols: usize) -> Result<(), String> {
     let entries = columns.len();
     if starts.len() != rows + 1
         || starts.first() != Some(&0)
@@ -59,6 +58,19 @@ fn require_rows(
     // Starts are sorted and end at the number of entries, so that each row is within the columns.
     match starts.windows(2).position(|of| !is_row(&columns[of[0] as usize..of[1] as usize])) {
         Some(row) => Err(format!("row {row} of a layer has columns out of order or beyond {cols}")),
+        None => Ok(()),
+    }
+}
+
+/// Checks that rows which [`require_rows`] has checked have no entries below the diagonal.
+fn require_upper((starts, columns, _): &Rows) -> Result<(), String> {
+    let is_below = |(row, of): (usize, &[u64])| {
+        columns[of[0] as usize..of[1] as usize].first().is_some_and(|&first| (first as usize) < row)
+    };
+    match starts.windows(2).enumerate().position(is_below) {
+        Some(row) => {
+            Err(format!("row {row} of a layer has columns below the diagonal of a symmetric matrix"))
+        }
         None => Ok(()),
     }
 }
@@ -93,7 +105,7 @@ mod tests {
         Key::new(&scene, &adapter, &settings, Channels::Luma, false)
     }
 
-    /// A matrix of 2×2 pixels with two entries.
+    /// A symmetric matrix of 2×2 pixels with two entries, of which the file has one.
     fn sound(key: &Key) -> (Record, Arrays) {
         let record = Record {
             key: key.hex().into(),
@@ -111,7 +123,7 @@ mod tests {
             checksum: String::new(),
         };
         let arrays = Arrays {
-            layers: vec![(vec![0, 0, 1, 2, 2], vec![2, 1], vec![0.5, 0.5])],
+            layers: vec![(vec![0, 0, 1, 1, 1], vec![2], vec![0.5])],
             direct: vec![1.0; 4],
             ambient: vec![0.0; 4],
             white_error: vec![0.1; 4],
@@ -133,7 +145,7 @@ mod tests {
     #[test]
     fn a_right_checksum_does_not_make_a_matrix() {
         type Change = fn(&mut Record, &mut Arrays);
-        let changes: [Change; 18] = [
+        let changes: [Change; 19] = [
             |record, _| record.rig.camera = Resolution::new(2, 3),
             |record, _| record.rig.projector = Resolution::new(1 << 31, 2),
             |record, _| record.rig.camera = Resolution::new(1 << 31, 1 << 31),
@@ -149,8 +161,10 @@ mod tests {
             |_, arrays| arrays.layers[0].0.truncate(2),
             |_, arrays| arrays.layers[0].0.clear(),
             |_, arrays| arrays.layers[0].1[0] = 4,
-            |_, arrays| arrays.layers[0].0 = vec![0, 2, 2, 2, 2],
-            |_, arrays| arrays.layers[0].2.truncate(1),
+            // The entry of the row 2 in the column 1.
+            |_, arrays| arrays.layers[0] = (vec![0, 0, 0, 1, 1], vec![1], vec![0.5]),
+            |_, arrays| arrays.layers[0] = (vec![0, 2, 2, 2, 2], vec![2, 1], vec![0.5, 0.5]),
+            |_, arrays| arrays.layers[0].2.clear(),
             |_, arrays| arrays.direct.truncate(2),
             |_, arrays| arrays.ambient.clear(),
             |_, arrays| arrays.white_error.push(0.0),

@@ -2,7 +2,8 @@
 //!
 //! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They
 //! hold the last layer: the light of two bounces and more, or of three and more if the second bounce is a
-//! separate layer. The members of other layers have the layer's name as a prefix. `direct` is the diagonal,
+//! separate layer. The members of other layers have the layer's name as a prefix. A layer of a symmetric matrix has only its entries on and
+//! above the diagonal: the matrix is `U + Uᵀ - diag(U)`. `direct` is the diagonal,
 //! `ambient` the photo without the projector, `white_error` the noise of the white photo, and `noise` the
 //! relative errors. `krylux.json` is the record of everything else.
 
@@ -15,12 +16,12 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use super::Key;
 use super::check::require_matrix;
-use super::record::{Arrays, Record, member};
+use super::record::{Arrays, Checksum, InPieces, Record, member};
 use crate::image::Image;
 use crate::io::first_error::FirstError;
 use crate::io::{atomic, npy, sparse};
 use crate::render::TraceSummary;
-use crate::transport::{Assembled, CompressedRows, Layer, Noise, TransportMatrix};
+use crate::transport::{Assembled, CompressedRows, Entries, Layer, Noise, RigShape, TransportMatrix};
 
 /// The name of the record's member.
 const RECORD: &str = "krylux.json";
@@ -34,21 +35,47 @@ pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> crate::
     Ok(())
 }
 
+/// The entries that a file has of each layer.
+fn kept(rig: RigShape) -> Entries {
+    if rig.symmetric { Entries::Upper } else { Entries::All }
+}
+
+/// One channel of a layer, as a file has it.
+struct OfChannel<'a> {
+    layer: &'a Layer,
+    channel: usize,
+    entries: Entries,
+    row_start: Vec<usize>,
+}
+
+impl InPieces for OfChannel<'_> {
+    fn starts(&self) -> Vec<u64> {
+        self.row_start.iter().map(|&start| start as u64).collect()
+    }
+
+    fn counts(&self) -> [usize; 2] {
+        [self.row_start.last().copied().unwrap_or(0); 2]
+    }
+
+    fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a> {
+        Box::new(self.layer.columns(self.entries, &self.row_start))
+    }
+
+    fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a> {
+        Box::new(self.layer.weights(self.entries, self.channel, &self.row_start))
+    }
+}
+
 /// The record and the arrays of one channel.
-fn channel_content(key: &Key, traced: &Assembled, channel: usize) -> (Record, Arrays) {
+fn channel_content<'a>(key: &Key, traced: &'a Assembled, channel: usize) -> (Record, Arrays<OfChannel<'a>>) {
     let Assembled { matrix, ambient, noise, summary, .. } = traced;
     let plane =
         |image: &Image| image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
+    let entries = kept(matrix.rig);
+    let of_channel =
+        |layer: &'a Layer| OfChannel { layer, channel, entries, row_start: layer.row_start(entries) };
     let arrays = Arrays {
-        layers: matrix
-            .layers
-            .iter()
-            .map(|layer| {
-                let CompressedRows { row_start, columns, mut weights } = layer.to_rows();
-                let starts = row_start.into_iter().map(|start| start as u64).collect();
-                (starts, columns, weights.swap_remove(channel))
-            })
-            .collect(),
+        layers: matrix.layers.iter().map(of_channel).collect(),
         direct: matrix.direct[channel].clone(),
         ambient: plane(ambient),
         white_error: noise.as_ref().map_or(Vec::new(), |noise| plane(&noise.white)),
@@ -74,50 +101,17 @@ fn channel_content(key: &Key, traced: &Assembled, channel: usize) -> (Record, Ar
     (record, arrays)
 }
 
-/// Writes the archive of one channel.
-pub(super) fn write_channel(
+/// Writes the archive of one channel. The record comes last, since it has the checksum of what was written.
+pub(super) fn write_channel<L: InPieces>(
     file: &mut (impl Write + io::Seek),
     mut record: Record,
-    arrays: &Arrays,
+    arrays: &Arrays<L>,
 ) -> io::Result<()> {
-    record.checksum = record.checksum(arrays)?;
+    let mut checksum = Checksum::new(&record)?;
     let mut archive = ZipWriter::new(FirstError::new(file));
-    archive.start_file(RECORD, sparse::npz_options(0))?;
-    archive.write_all(&serde_json::to_vec_pretty(&record)?)?;
     let last = arrays.layers.len().saturating_sub(1);
-    for (index, ((starts, columns, weights), &bounces)) in
-        arrays.layers.iter().zip(&record.layers).enumerate()
-    {
-        let name = |array| member(bounces, index == last, array);
-        // SciPy uses one type for both index arrays, 32 bits if possible.
-        if i32::try_from(columns.len()).is_ok() {
-            sparse::add_to_npz(
-                &mut archive,
-                &name("indices"),
-                columns.len(),
-                columns.iter().map(|&v| v as i32),
-            )?;
-            sparse::add_to_npz(
-                &mut archive,
-                &name("indptr"),
-                starts.len(),
-                starts.iter().map(|&v| v as i32),
-            )?;
-        } else {
-            sparse::add_to_npz(
-                &mut archive,
-                &name("indices"),
-                columns.len(),
-                columns.iter().map(|&v| i64::from(v)),
-            )?;
-            sparse::add_to_npz(
-                &mut archive,
-                &name("indptr"),
-                starts.len(),
-                starts.iter().map(|&v| v as i64),
-            )?;
-        }
-        sparse::add_to_npz(&mut archive, &name("data"), weights.len(), weights.iter().copied())?;
+    for (index, (layer, &bounces)) in arrays.layers.iter().zip(&record.layers).enumerate() {
+        write_layer(&mut archive, &mut checksum, layer, |array| member(bounces, index == last, array))?;
     }
     sparse::add_format_to_npz(&mut archive)?;
     let shape = [record.rig.camera.pixels() as i64, record.rig.projector.pixels() as i64];
@@ -128,8 +122,36 @@ pub(super) fn write_channel(
         sparse::add_to_npz(&mut archive, name, plane.len(), plane.iter().copied())?;
     }
     sparse::add_to_npz(&mut archive, "noise", arrays.noise.len(), arrays.noise.iter().copied())?;
+    checksum.planes(arrays);
+    record.checksum = checksum.finish();
+    archive.start_file(RECORD, sparse::npz_options(0))?;
+    archive.write_all(&serde_json::to_vec_pretty(&record)?)?;
     archive.finish()?;
     Ok(())
+}
+
+/// Writes the arrays of a layer. `name` gives the names of their members.
+fn write_layer(
+    archive: &mut ZipWriter<impl Write + io::Seek>,
+    checksum: &mut Checksum,
+    layer: &impl InPieces,
+    name: impl Fn(&str) -> String,
+) -> io::Result<()> {
+    let (starts, [count, weights_count]) = (layer.starts(), layer.counts());
+    checksum.array(&starts);
+    checksum.begin::<u32>(count);
+    let columns = layer.columns().inspect(|piece| checksum.piece(piece)).flatten();
+    // SciPy uses one type for both index arrays, 32 bits if possible.
+    if i32::try_from(count).is_ok() {
+        sparse::add_to_npz(archive, &name("indices"), count, columns.map(|column| column as i32))?;
+        sparse::add_to_npz(archive, &name("indptr"), starts.len(), starts.iter().map(|&v| v as i32))?;
+    } else {
+        sparse::add_to_npz(archive, &name("indices"), count, columns.map(i64::from))?;
+        sparse::add_to_npz(archive, &name("indptr"), starts.len(), starts.iter().map(|&v| v as i64))?;
+    }
+    checksum.begin::<f32>(weights_count);
+    let weights = layer.weights().inspect(|piece| checksum.piece(piece)).flatten();
+    sparse::add_to_npz(archive, &name("data"), weights_count, weights)
 }
 
 /// The description of the matrix in a file; `None` if the file cannot be read.
@@ -162,7 +184,13 @@ pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> Result<Assembled, 
 fn read_channel(file: File) -> Result<(Record, Arrays), String> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
     let record = read_record(&mut archive)?;
-    let mut arrays = Arrays::default();
+    let mut arrays = Arrays {
+        layers: Vec::new(),
+        direct: read_array(&mut archive, "direct")?,
+        ambient: read_array(&mut archive, "ambient")?,
+        white_error: read_array(&mut archive, "white_error")?,
+        noise: read_array(&mut archive, "noise")?,
+    };
     for (index, &bounces) in record.layers.iter().enumerate() {
         let name = |array| member(bounces, index + 1 == record.layers.len(), array);
         let starts = read_indices(&mut archive, &name("indptr"))?;
@@ -171,10 +199,6 @@ fn read_channel(file: File) -> Result<(Record, Arrays), String> {
         let columns = columns.map_err(|_| format!("{}: a column beyond 2^32", name("indices")))?;
         arrays.layers.push((starts, columns, read_array(&mut archive, &name("data"))?));
     }
-    arrays.direct = read_array(&mut archive, "direct")?;
-    arrays.ambient = read_array(&mut archive, "ambient")?;
-    arrays.white_error = read_array(&mut archive, "white_error")?;
-    arrays.noise = read_array(&mut archive, "noise")?;
     let checksum = record.checksum(&arrays).map_err(|error| error.to_string())?;
     if checksum != record.checksum {
         return Err("its content does not match its checksum".into());
@@ -248,7 +272,11 @@ fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
         let weights = arrays.iter_mut().map(|arrays| std::mem::take(&mut arrays.layers[index].2)).collect();
         let (starts, columns, _) = std::mem::take(&mut arrays[0].layers[index]);
         let row_start = starts.into_iter().map(|start| start as usize).collect();
-        Layer::new(bounces, rig.projector.pixels(), vec![CompressedRows { row_start, columns, weights }])
+        let rows = vec![CompressedRows { row_start, columns, weights }];
+        match kept(rig) {
+            Entries::Upper => Layer::symmetric(bounces, rows),
+            Entries::All => Layer::new(bounces, rig.projector.pixels(), rows),
+        }
     });
     let layers = layers.collect();
     Some(Assembled {

@@ -4,9 +4,10 @@
 use std::ops::Range;
 
 use super::chunk::Chunk;
-use super::combine::{Combined, RowSums, combine};
+use super::combine::{Combined, combine};
 use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
+use super::row_sums::RowSums;
 use super::share::Share;
 use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance, spread};
 use crate::error::Result;
@@ -106,10 +107,9 @@ pub(super) fn layers<const C: usize>(
 ) -> (Vec<Layer>, Vec<RowSums<C>>) {
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, rows: sums } = combine(&chunks, rig, rows, bounces.len(), direct);
-    drop(chunks);
-    let tiled = |(&bounces, pieces)| Layer::new(bounces, rig.projector.pixels(), pieces);
-    (bounces.iter().zip(layers).map(tiled).collect(), sums)
+    let Combined { layers, rows: sums } = combine(chunks, rig, rows, bounces.len(), direct);
+    let layer = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
+    (bounces.iter().zip(layers).map(layer).collect(), sums)
 }
 
 /// The diagonal, `[channel][pixel]`.

@@ -36,6 +36,9 @@ pub fn predict(
     Ok(predict(1.05 * per_path))
 }
 
+/// The largest share of the rows that become tiles at the same time, on up to four cores.
+const GROUP: f64 = 0.125;
+
 /// The prediction for `per_path` connections per path.
 fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symmetric: bool) -> Prediction {
     let pixels = settings.resolution.pixels() as f64;
@@ -47,12 +50,13 @@ fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symme
     // entries as pairs of pixels.
     let from_one_end = (per_path * paths).min(pairs);
     let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
-    // Summed pixel by pixel, each entry has a key, a mean and an error. In the rows of the matrix it has a
-    // column and a weight. The rows are then cut into tiles, where columns are half as wide; heads and
-    // padding of the slices take at most three more bytes per entry.
+    // Summed pixel by pixel, each entry has a key, a mean and an error. In tiles it has a column of 16 bits and a weight; heads and
+    // padding of the slices take at most three more bytes. On the way there, a group of rows has columns and weights twice.
     let entries = (2.0 * from_one_end).min(pairs);
-    let (matrix, tiles) = (entries * (4.0 + 4.0 * channels), entries * (5.0 + 4.0 * channels));
-    let bytes = matrix + tiles.max(rows * (4.0 + 8.0 * channels));
+    let (found, tiles) = (rows * (4.0 + 8.0 * channels), entries * (5.0 + 4.0 * channels));
+    let group = GROUP * entries * 2.0 * (4.0 + 4.0 * channels);
+    // The contributions to a triangle are given back while the tiles grow.
+    let bytes = group + if symmetric { found.max(tiles) } else { found + tiles };
     Prediction { connections: per_path * paths * if symmetric { 1.0 } else { 2.0 }, bytes }
 }
 
@@ -77,8 +81,8 @@ mod tests {
     fn memory_grows_with_the_number_of_paths_until_the_matrix_is_full() {
         let settings = |side, samples| TraceSettings::new(Resolution::new(side, side), samples);
         let bytes = |side, samples| prediction(2.5, &settings(side, samples), Channels::Luma, true).bytes;
-        assert_eq!(bytes(512, 64), 2.5 * 512.0 * 512.0 * 64.0 * 2.0 * (8.0 + 9.0));
+        assert_eq!(bytes(512, 64), 2.5 * 512.0 * 512.0 * 64.0 * 2.0 * (9.0 + 2.0));
         assert_eq!(bytes(512, 64), 4.0 * bytes(256, 64));
-        assert_eq!(bytes(16, 1 << 20), 65536.0 * (8.0 + 12.0), "no more than every pair of pixels");
+        assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 2.0), "no more than every pair of pixels");
     }
 }

@@ -2,6 +2,13 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
+use super::tiles::take;
+
+/// Classes of bounces: one, two, and more; or one, and more.
+pub(super) const CLASSES: usize = 3;
+
 /// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest
 /// bits) its class of bounces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
@@ -83,14 +90,67 @@ impl<const C: usize> Term<C> {
 
 /// The terms of a row at these pixels. The terms ascend.
 pub(super) fn at<'a, const C: usize>(terms: &'a [Term<C>], pixels: &Range<usize>) -> &'a [Term<C>] {
+    &terms[places(terms, pixels)]
+}
+
+/// Where the terms of a row at these pixels are. The terms ascend.
+pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -> Range<usize> {
     let place = |pixel: usize| terms.partition_point(|term| (term.key.other() as usize) < pixel);
-    &terms[place(pixels.start)..place(pixels.end)]
+    place(pixels.start)..place(pixels.end)
+}
+
+/// Bytes of terms from which on an array gets memory of its own from the system, and gives it back when it is dropped.
+const LONG: usize = 32 << 20;
+
+/// Chunks in order, the short ones of which are joined to long ones, so that the system gets their memory back one by one.
+#[derive(Debug)]
+pub(super) struct Chunks<const C: usize> {
+    long: Vec<Chunk<C>>,
+    short: Vec<Chunk<C>>,
+    /// Bytes of the terms of the short ones.
+    bytes: usize,
+}
+
+impl<const C: usize> Chunks<C> {
+    pub(super) fn new() -> Self {
+        Self { long: Vec::new(), short: Vec::new(), bytes: 0 }
+    }
+
+    /// Adds a chunk after all others.
+    pub(super) fn push(&mut self, chunk: Chunk<C>) {
+        self.bytes += size_of_val(&chunk.terms[..]);
+        self.short.push(chunk);
+        if self.bytes >= LONG {
+            self.long.push(Chunk::joined(std::mem::take(&mut self.short)));
+            self.bytes = 0;
+        }
+    }
+
+    /// All chunks.
+    pub(super) fn into_chunks(mut self) -> Vec<Chunk<C>> {
+        self.long.append(&mut self.short);
+        self.long
+    }
 }
 
 impl<const C: usize> Chunk<C> {
     /// No rows.
     pub(super) fn new() -> Self {
         Self { rows: Vec::new(), terms: Vec::new() }
+    }
+
+    /// The rows of all these chunks.
+    fn joined(chunks: Vec<Self>) -> Self {
+        let mut terms = vec![Term::none(Key::END); chunks.iter().map(|chunk| chunk.terms.len()).sum()];
+        let (mut rows, mut before) = (Vec::new(), 0);
+        let (mut left, mut to) = (terms.as_mut_slice(), Vec::new());
+        for chunk in &chunks {
+            rows.extend(chunk.rows.iter().map(|row| Row { end: before + row.end, ..*row }));
+            before += chunk.terms.len();
+            to.push(take(&mut left, chunk.terms.len()));
+        }
+        chunks.into_par_iter().zip(to).for_each(|(chunk, to)| to.copy_from_slice(&chunk.terms));
+        Self { rows, terms }
     }
 
     /// Gives back the memory that the chunk will not need, since it gets no more rows.

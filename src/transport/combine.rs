@@ -5,116 +5,142 @@
 //! Where the projector stands apart, the rows of the camera's pixels are rows of `A`, and those of the
 //! projector's pixels are columns of `A`. The transpose comes one block at a time (`transpose`), without a second
 //! copy of `F`. A row of `A` is then two rows merged, one of `F` and one of its transpose, which both ascend.
+//!
+//! A whole coaxial matrix is symmetric, so that only its triangle on and above the diagonal is merged. Row by row,
+//! fewer contributions are needed: their memory is given back while that of the matrix grows.
 
+use std::cmp::Ordering;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::RigShape;
 use super::chunk::{Chunk, Key, Term};
-use super::tiles::{CompressedRows, take};
-use super::transpose::{Sources, Transposed};
+use super::row_sums::{Outline, RowSums, outline};
+use super::tiles::{Builder, CompressedRows, Pieces, Tiles, take};
+use super::transpose::Sources;
 
 /// Approximate number of contributions in one block, unless there were too many blocks.
 const BLOCK: usize = 1 << 21;
 
-/// The most blocks: each looks at all contributions once.
-const MOST_BLOCKS: usize = 6;
+/// The most blocks: each looks at every pixel once.
+const MOST_BLOCKS: usize = 48;
 
 /// Number of rows that one task merges.
 const ROWS_PER_TASK: usize = 64;
 
 /// The sparse part of the matrix, with the sums from which its noise follows.
 pub(super) struct Combined<const C: usize> {
-    /// One layer for each class: one bounce, then the others. A layer comes as pieces, a block of rows each.
-    pub(super) layers: Vec<Vec<CompressedRows>>,
+    /// One layer for each class: one bounce, then the others.
+    pub(super) layers: Vec<Tiles>,
     /// Sums for each of the rows.
     pub(super) rows: Vec<RowSums<C>>,
-}
-
-/// Sums over one row of the whole matrix, including the diagonal: values, errors, and their squares.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RowSums<const C: usize> {
-    pub(super) mean: [f64; C],
-    pub(super) error: [f64; C],
-    pub(super) mean_squares: f64,
-    pub(super) error_squares: f64,
-    /// Squares of values and errors for light of two or more bounces.
-    pub(super) global: [f64; 2],
 }
 
 /// Merges the chunks into these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each of the rows and
 /// channel, or empty. The chunks have all contributions to these rows, those of the camera's paths first, by ascending start pixel.
 pub(super) fn combine<const C: usize>(
-    chunks: &[Chunk<C>],
+    chunks: Vec<Chunk<C>>,
     rig: RigShape,
     rows: Range<usize>,
     classes: usize,
     direct: &[[[f64; 2]; C]],
 ) -> Combined<C> {
-    let mut sources = Sources::new(chunks, rig, &rows);
-    let terms = sources.terms();
-    let total: usize = terms.iter().map(|&terms| terms as usize).sum();
-    let most = BLOCK.max(total / MOST_BLOCKS);
-    let mut combined = Combined { layers: vec![Vec::new(); classes], rows: Vec::with_capacity(rows.len()) };
-    let mut last = 0;
-    // One block at least, so that layers of no rows have their channels as well.
-    while last < rows.len() || combined.layers.iter().any(Vec::is_empty) {
-        let (first, mut held) = (last, 0);
-        while last < rows.len() && (last == first || held + terms[last] as usize <= most) {
-            held += terms[last] as usize;
-            last += 1;
+    let pixels = rig.camera.pixels();
+    let triangle = rig.symmetric && rows == (0..pixels);
+    let Outline { mut sums, terms, of_class } = outline(&chunks, rig, &rows, triangle);
+    sums.iter_mut().zip(direct).for_each(|(sums, direct)| sums.add_direct(direct));
+    let most = BLOCK.max(of_class.iter().sum::<usize>() / MOST_BLOCKS);
+    let mut layers: Vec<Builder> = of_class[..classes]
+        .iter()
+        .map(|entries| {
+            let entries = if triangle { 2 * entries } else { *entries };
+            Builder::new([rows.len(), rig.projector.pixels()], C, entries, triangle)
+        })
+        .collect();
+    let mut merging = Merging {
+        sources: Sources::new(chunks, rig, &rows, triangle),
+        symmetric: rig.symmetric,
+        first: rows.start,
+        terms,
+        direct,
+        sums,
+    };
+    // All layers take the same rows.
+    while let Some(group) = layers.iter().find_map(Builder::next_rows) {
+        let mut pieces: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
+        for block in merging.blocks(&group, most) {
+            let merged = merging.merge(block, classes);
+            pieces.iter_mut().zip(merged).for_each(|(pieces, piece)| pieces.push(piece));
         }
-        let block = Block { rows: first..last, pixel: rows.start, terms: &terms, direct };
-        let transposed = sources.transposed(first..last);
-        block.merge(&sources, &transposed, &mut combined);
+        if triangle {
+            merging.sources.release_before(group.end);
+        }
+        for (layer, pieces) in layers.iter_mut().zip(pieces) {
+            layer.push(&Pieces::new(group.start, pieces));
+        }
     }
-    combined
+    Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows: merging.sums }
 }
 
-/// Rows that are merged at the same time.
-struct Block<'a, const C: usize> {
-    /// Counted from the first row that is made, whose pixel is `pixel`.
-    rows: Range<usize>,
-    pixel: usize,
-    /// The number of terms of each row that is made, and the diagonal of [`combine`].
-    terms: &'a [u32],
+/// The rows of a matrix while they are merged. Rows are counted from the first one that is made.
+struct Merging<'a, const C: usize> {
+    sources: Sources<C>,
+    /// Whether the whole matrix is.
+    symmetric: bool,
+    /// The pixel of the first row.
+    first: usize,
+    /// The number of contributions to each row, and the diagonal of [`combine`].
+    terms: Vec<u32>,
     direct: &'a [[[f64; 2]; C]],
+    sums: Vec<RowSums<C>>,
 }
 
-impl<const C: usize> Block<'_, C> {
-    /// Merges the rows of the matrix with those of the transpose, and appends them to the layers and to the sums.
-    fn merge(&self, sources: &Sources<'_, C>, transposed: &[Transposed<C>], to: &mut Combined<C>) {
-        let tasks: Vec<usize> = self.rows.clone().step_by(ROWS_PER_TASK).collect();
-        let merged: Vec<Merged<C>> = tasks
+impl<const C: usize> Merging<'_, C> {
+    /// These rows, cut into blocks of about so many contributions.
+    fn blocks(&self, rows: &Range<usize>, most: usize) -> Vec<Range<usize>> {
+        let mut blocks = Vec::new();
+        let (mut first, mut held) = (rows.start, 0);
+        for row in rows.clone() {
+            let terms = self.terms[row] as usize;
+            if row > first && held + terms > most {
+                blocks.push(first..row);
+                (first, held) = (row, 0);
+            }
+            held += terms;
+        }
+        blocks.push(first..rows.end);
+        blocks
+    }
+
+    /// Merges these rows of the contributions with those of the transpose: the rows of each layer. Blocks follow one another.
+    fn merge(&mut self, rows: Range<usize>, classes: usize) -> Vec<CompressedRows> {
+        let transposed = self.sources.transposed(&(self.first + rows.start..self.first + rows.end));
+        let tasks: Vec<usize> = rows.clone().step_by(ROWS_PER_TASK).collect();
+        let sums = self.sums[rows.clone()].par_chunks_mut(ROWS_PER_TASK);
+        let (sources, terms) = (&self.sources, &self.terms);
+        let merged: Vec<Vec<CompressedRows>> = tasks
             .into_par_iter()
-            .map(|first| {
-                let rows = first..self.rows.end.min(first + ROWS_PER_TASK);
-                let mut merged = Merged::new(to.layers.len());
-                // Nearly all entries are the last layer's.
-                if let Some(main) = merged.layers.last_mut() {
-                    let most = self.terms[rows.clone()].iter().sum::<u32>() as usize;
-                    main.columns.reserve(most);
-                    main.weights.iter_mut().for_each(|plane| plane.reserve(most));
-                }
+            .zip(sums)
+            .map(|(first, sums)| {
+                let of_task = first..first + sums.len();
+                let count = terms[of_task.clone()].iter().sum::<u32>() as usize;
+                let mut merged = Merged::new::<C>(classes, count, self.symmetric);
                 let mut mirrored = Vec::new();
-                for row in rows {
+                for (row, sums) in of_task.zip(sums) {
                     mirrored.clear();
-                    transposed
-                        .iter()
-                        .for_each(|part| mirrored.extend_from_slice(part.row(row - self.rows.start)));
-                    let pixel = (self.pixel + row) as u32;
-                    merged.row(pixel, sources.own(row), &mirrored, self.direct.get(row));
+                    transposed.iter().for_each(|part| mirrored.extend_from_slice(part.row(row - rows.start)));
+                    let pixel = (self.first + row) as u32;
+                    merged.row(pixel, sources.own(row), &mirrored, self.direct.get(row), sums);
                 }
-                merged
+                merged.layers
             })
             .collect();
-        let mut parts: Vec<Vec<CompressedRows>> = to.layers.iter().map(|_| Vec::new()).collect();
-        for task in merged {
-            to.rows.extend(task.sums);
-            parts.iter_mut().zip(task.layers).for_each(|(parts, part)| parts.push(part));
+        let mut parts: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
+        for layers in merged {
+            parts.iter_mut().zip(layers).for_each(|(parts, part)| parts.push(part));
         }
-        to.layers.iter_mut().zip(parts).for_each(|(pieces, parts)| pieces.push(joined::<C>(parts)));
+        parts.into_iter().map(joined::<C>).collect()
     }
 }
 
@@ -141,28 +167,41 @@ fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
 }
 
 /// The merged rows of one task.
-struct Merged<const C: usize> {
+struct Merged {
     layers: Vec<CompressedRows>,
-    sums: Vec<RowSums<C>>,
+    /// Whether the whole matrix is symmetric.
+    symmetric: bool,
 }
 
-impl<const C: usize> Merged<C> {
-    /// No rows yet, of so many layers.
-    fn new(layers: usize) -> Self {
-        let nothing =
-            CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
-        Self { layers: vec![nothing; layers], sums: Vec::new() }
+impl Merged {
+    /// No rows yet, of so many layers. Nearly all of the `count` entries will be the last layer's.
+    fn new<const C: usize>(layers: usize, count: usize, symmetric: bool) -> Self {
+        let room = |layer: usize| if layer + 1 == layers { count } else { 0 };
+        let layers = (0..layers).map(|layer| CompressedRows::with_room(C, ROWS_PER_TASK, room(layer)));
+        Self { layers: layers.collect(), symmetric }
     }
 
     /// Merges one row: terms of equal column and class are summed in `f64`.
-    fn row(&mut self, row: u32, own: &[Term<C>], mirrored: &[Term<C>], mut direct: Option<&[[f64; 2]; C]>) {
-        let mut sums = RowSums::default();
+    fn row<const C: usize>(
+        &mut self,
+        row: u32,
+        own: &[Term<C>],
+        mirrored: &[Term<C>],
+        mut direct: Option<&[[f64; 2]; C]>,
+        sums: &mut RowSums<C>,
+    ) {
         let none = [[0.0; 2]; C];
         let mut column = u32::MAX;
         let (mut whole, mut global) = (none, none);
+        let symmetric = self.symmetric;
+        let times = |column: u32| match column.cmp(&row) {
+            Ordering::Less if symmetric => 0.0,
+            Ordering::Greater if symmetric => 2.0,
+            _ => 1.0,
+        };
         each_key(own, mirrored, |key, sum| {
             if key.other() != column {
-                sums.add(&whole, &global);
+                sums.add_squares(times(column), &whole, &global);
                 column = key.other();
                 whole = if column == row { *direct.take().unwrap_or(&none) } else { none };
                 global = none;
@@ -176,15 +215,12 @@ impl<const C: usize> Merged<C> {
             layer.columns.push(column);
             layer.weights.iter_mut().zip(sum).for_each(|(plane, [mean, _])| plane.push(mean as f32));
         });
-        sums.add(&whole, &global);
+        sums.add_squares(times(column), &whole, &global);
         // The diagonal entry of this row has direct light only.
         if let Some(direct) = direct {
-            sums.add(direct, &none);
+            sums.add_squares(1.0, direct, &none);
         }
-        self.sums.push(sums);
-        for layer in &mut self.layers {
-            layer.row_start.push(layer.columns.len());
-        }
+        self.layers.iter_mut().for_each(CompressedRows::end_row);
     }
 }
 
@@ -222,26 +258,5 @@ fn each_key<const C: usize>(
 fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
     for (to, more) in to.iter_mut().flatten().zip(more.iter().flatten()) {
         *to += more;
-    }
-}
-
-impl<const C: usize> Default for RowSums<C> {
-    fn default() -> Self {
-        Self { mean: [0.0; C], error: [0.0; C], mean_squares: 0.0, error_squares: 0.0, global: [0.0; 2] }
-    }
-}
-
-impl<const C: usize> RowSums<C> {
-    /// Adds one entry of the row: all its light, and its light of two or more bounces.
-    fn add(&mut self, whole: &[[f64; 2]; C], global: &[[f64; 2]; C]) {
-        for channel in 0..C {
-            let [mean, error] = whole[channel];
-            self.mean[channel] += mean;
-            self.error[channel] += error;
-            self.mean_squares += mean * mean;
-            self.error_squares += error * error;
-            self.global[0] += global[channel][0].powi(2);
-            self.global[1] += global[channel][1].powi(2);
-        }
     }
 }

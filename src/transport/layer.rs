@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::tiles::{CompressedRows, Tiles};
+use super::tiles::{CompressedRows, Entries, Tiles};
 use crate::error::Result;
 use crate::sparse::Csr;
 
@@ -46,7 +46,16 @@ pub(super) fn square(value: f32) -> f64 {
 impl Layer {
     /// A layer of `cols` columns. Its rows are those of `pieces`, one after the other.
     pub(crate) fn new(bounces: Bounces, cols: usize, pieces: Vec<CompressedRows>) -> Self {
-        Self { bounces, tiles: Tiles::new(cols, pieces), transpose: OnceLock::new() }
+        Self::of_tiles(bounces, Tiles::new(cols, pieces))
+    }
+
+    /// A symmetric layer. Its rows on and above the diagonal are those of `pieces`, one after the other.
+    pub(crate) fn symmetric(bounces: Bounces, pieces: Vec<CompressedRows>) -> Self {
+        Self::of_tiles(bounces, Tiles::symmetric(pieces))
+    }
+
+    pub(super) fn of_tiles(bounces: Bounces, tiles: Tiles) -> Self {
+        Self { bounces, tiles, transpose: OnceLock::new() }
     }
 
     /// The bounces of this light.
@@ -77,6 +86,30 @@ impl Layer {
     /// All channels in compressed rows.
     pub(crate) fn to_rows(&self) -> CompressedRows {
         self.tiles.to_rows()
+    }
+
+    /// The offset of each row into these entries, then their number.
+    pub(crate) fn row_start(&self, which: Entries) -> Vec<usize> {
+        self.tiles.row_start(which)
+    }
+
+    /// The columns of these entries, row by row, as several pieces. `row_start` is theirs.
+    pub(crate) fn columns<'a>(
+        &'a self,
+        which: Entries,
+        row_start: &'a [usize],
+    ) -> impl Iterator<Item = Vec<u32>> + 'a {
+        self.tiles.columns(which, row_start)
+    }
+
+    /// The weights of one channel, as [`Layer::columns`].
+    pub(crate) fn weights<'a>(
+        &'a self,
+        which: Entries,
+        channel: usize,
+        row_start: &'a [usize],
+    ) -> impl Iterator<Item = Vec<f32>> + 'a {
+        self.tiles.weights(which, channel, row_start)
     }
 
     /// `sum` with the squares of the entries of one channel added: each row is summed from left to right, and then the rows.

@@ -6,9 +6,9 @@
 //! `Â`, to rounding; [`predict`] tells whether the matrix will fit the memory.
 //!
 //! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with the
-//! entries of the matrix and not with the number of samples. Then rows and columns are combined, chunk by
-//! chunk (`combine`), and cut into `tiles` for fast products. The matrix of a coaxial rig is symmetric to the
-//! last bit. That of any other rig has a row for each camera pixel and a column for each projector pixel, and
+//! entries of the matrix and not with the number of samples. Then rows and columns are combined, block by
+//! block (`combine`), and cut into `tiles` for fast products. The matrix of a coaxial rig is made of its triangle, so that it is symmetric
+//! to the last bit. That of any other rig has a row for each camera pixel and a column for each projector pixel, and
 //! its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device,
 //! and products are taken there ([`Backend`]). Two independent halves of the samples tell how far `Â` is from
 //! the truth ([`Noise`]).
@@ -35,6 +35,7 @@ mod pilot;
 mod pixel_sums;
 mod products;
 mod retraced;
+mod row_sums;
 mod rows;
 mod scaling;
 mod shard;
@@ -64,7 +65,7 @@ pub use retraced::{Retraced, RetracedOperator};
 pub use scaling::{Network, Probe, Scaled};
 pub use shard::{MOST_PARTS, Shard, ShardRecord, join_shards, trace_shard};
 pub use spread::{SceneWorker, share_scene};
-pub(crate) use tiles::CompressedRows;
+pub(crate) use tiles::{CompressedRows, Entries};
 
 use crate::error::{Error, Result};
 use crate::image::{Image, LUMINANCE, Resolution};

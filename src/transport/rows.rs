@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, Key, Row, Term};
+use super::chunk::{Chunk, Chunks, Key, Row, Term};
 use super::noise::Halves;
 use crate::error::{Error, Result};
 use crate::render::{Batch, Connection, Run};
@@ -27,7 +27,7 @@ pub(super) struct Rows<const C: usize> {
     /// Divisor of all sums.
     samples: u32,
     split: bool,
-    pub(super) chunks: Vec<Chunk<C>>,
+    chunks: Chunks<C>,
     /// The last pixel, whose paths may not be complete yet.
     open: Option<Open<C>>,
 }
@@ -54,7 +54,7 @@ struct Entry<const C: usize> {
 
 impl<const C: usize> Rows<C> {
     pub(super) fn new(samples: u32, split: bool) -> Self {
-        Self { samples, split, chunks: Vec::new(), open: None }
+        Self { samples, split, chunks: Chunks::new(), open: None }
     }
 
     /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
@@ -133,9 +133,10 @@ impl<const C: usize> Rows<C> {
         Ok(())
     }
 
-    /// Finishes the last pixel, after the last batch.
-    pub(super) fn close(&mut self) -> Result<()> {
-        self.open.take().into_iter().try_for_each(|open| self.push(open))
+    /// Finishes the last pixel, after the last batch. Returns the sums of all paths.
+    pub(super) fn close(mut self) -> Result<Vec<Chunk<C>>> {
+        self.open.take().into_iter().try_for_each(|open| self.push(open))?;
+        Ok(self.chunks.into_chunks())
     }
 
     /// Adds a chunk of one complete pixel.

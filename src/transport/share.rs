@@ -52,11 +52,11 @@ impl<const C: usize> Share<C> {
             rayon::join(|| rows.add(batch, project), of_pixels).0?;
             Ok(())
         })?;
-        rows.close()?;
+        let chunks = rows.close()?;
         // Combining needs the most memory of all steps.
         tracer.release_buffers();
         let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };
         let ambient = ambient.estimates;
-        Ok(Self { chunks: rows.chunks, direct, ambient, has_halves, summary })
+        Ok(Self { chunks, direct, ambient, has_halves, summary })
     }
 }

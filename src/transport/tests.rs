@@ -3,6 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::chunk::Chunk;
 use super::combine::{Combined, combine};
 use super::rows::Rows;
 use super::*;
@@ -42,7 +43,7 @@ fn from_projector(random: &mut Pcg64, camera: usize, projector: usize, most: u32
     paths
 }
 
-fn rows(paths: &[Paths], split: bool) -> Rows<1> {
+fn chunks(paths: &[Paths], split: bool) -> Vec<Chunk<1>> {
     let mut rows = Rows::new(SAMPLES, split);
     for paths in paths {
         // Cut anywhere, also within a pixel.
@@ -50,16 +51,15 @@ fn rows(paths: &[Paths], split: bool) -> Rows<1> {
             rows.add_paths(batch, &|rgb| [rgb[0]]).unwrap_or_else(|error| unreachable!("{error}"));
         }
     }
-    rows.close().unwrap_or_else(|error| unreachable!("{error}"));
-    rows
+    rows.close().unwrap_or_else(|error| unreachable!("{error}"))
 }
 
 fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
     let Combined { layers, .. } =
-        combine(&rows(paths, split).chunks, rig, 0..rig.camera.pixels(), bounces.len(), &[]);
-    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), rows);
+        combine(chunks(paths, split), rig, 0..rig.camera.pixels(), bounces.len(), &[]);
+    let tiled = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
     let layers = bounces.iter().zip(layers).map(tiled).collect();
     TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers)
 }
@@ -93,6 +93,13 @@ fn with_lens() -> (RigShape, Vec<Paths>) {
     let resolution = Resolution::new(6, 5);
     let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
     (rig, vec![from_camera(&mut Pcg64::seed_from_u64(4), 30, 30, 4)])
+}
+
+/// A rig of more pixels than become tiles at the same time.
+fn of_many_pixels() -> (RigShape, Vec<Paths>) {
+    let resolution = Resolution::new(260, 130);
+    let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
+    (rig, vec![from_camera(&mut Pcg64::seed_from_u64(5), resolution.pixels(), resolution.pixels(), 3)])
 }
 
 fn random_vector(length: usize, seed: u64) -> Vec<f64> {
@@ -155,9 +162,9 @@ fn where_batches_are_cut_makes_no_difference() {
             rows.add_paths(path, &|rgb| [rgb[0]]).unwrap_or_else(|error| unreachable!("{error}"));
         }
     }
-    rows.close().unwrap_or_else(|error| unreachable!("{error}"));
-    let Combined { layers, .. } = combine(&rows.chunks, rig, 0..rig.camera.pixels(), 2, &[]);
-    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), rows);
+    let chunks = rows.close().unwrap_or_else(|error| unreachable!("{error}"));
+    let Combined { layers, .. } = combine(chunks, rig, 0..rig.camera.pixels(), 2, &[]);
+    let tiled = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
     let layers: Vec<_> = [Bounces::One, Bounces::Global].iter().zip(layers).map(tiled).collect();
     assert_eq!(whole.layers, layers);
 }
@@ -169,9 +176,12 @@ fn the_number_of_threads_makes_no_difference() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
             pool.install(|| {
-                let chunks = rows(&paths, true).chunks;
-                let Combined { layers, rows } = combine(&chunks, rig, 0..rig.camera.pixels(), 3, &[]);
-                let sums: Vec<_> = rows.iter().map(|row| [row.error_squares, row.mean_squares]).collect();
+                let Combined { layers, rows } =
+                    combine(chunks(&paths, true), rig, 0..rig.camera.pixels(), 3, &[]);
+                let sums: Vec<_> = rows
+                    .iter()
+                    .map(|row| [row.error_squares, row.mean_squares, row.mean[0], row.error[0]])
+                    .collect();
                 (layers, sums)
             })
         };
@@ -183,17 +193,19 @@ fn the_number_of_threads_makes_no_difference() {
 
 #[test]
 fn some_rows_alone_are_those_of_the_whole() {
-    for (rig, paths) in [separated(), with_lens()] {
-        let chunks = rows(&paths, true).chunks;
+    for (rig, paths) in [separated(), with_lens(), of_many_pixels()] {
+        let chunks = chunks(&paths, true);
         let of = |rows: std::ops::Range<usize>| {
             let count = rows.len();
-            let Combined { layers, rows: sums } = combine(&chunks, rig, rows, 3, &[]);
-            let tiled = |pieces| Layer::new(Bounces::Rest, rig.projector.pixels(), pieces).to_rows();
-            let layers: Vec<_> = layers.into_iter().map(tiled).collect();
+            let Combined { layers, rows: sums } = combine(chunks.clone(), rig, rows, 3, &[]);
+            let layers: Vec<_> = layers.iter().map(|tiles| tiles.to_rows()).collect();
             assert!(
                 layers.iter().all(|layer| layer.row_start.len() == count + 1 && layer.weights.len() == 1)
             );
-            let sums: Vec<_> = sums.iter().map(|row| [row.error_squares, row.mean_squares]).collect();
+            let sums: Vec<_> = sums
+                .iter()
+                .map(|row| [row.error_squares, row.mean_squares, row.mean[0], row.error[0]])
+                .collect();
             (layers, sums)
         };
         let pixels = rig.camera.pixels();

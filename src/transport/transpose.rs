@@ -1,4 +1,4 @@
-//! The transpose of the contributions, block by block, on all cores.
+//! The contributions by rows of the matrix, and their transpose, block by block, on all cores.
 //!
 //! The rows of the contributions are shared out: each task has as many entries, and keeps a cursor in each of its rows.
 //! Since the entries of a row ascend, the cursors yield the transpose one block of rows at a time. Tasks have consecutive
@@ -9,28 +9,37 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::chunk::{Chunk, Key, Term, at};
+use super::chunk::{Chunk, Key, Term, places};
 
-/// A row of the contributions.
-struct Source<'a, const C: usize> {
-    pixel: u32,
-    /// Its entries that the transpose does not have yet.
-    left: &'a [Term<C>],
-}
-
-/// The rows that one task transposes, and the terms that they give to each row of the transpose.
-struct Task<'a, const C: usize> {
-    /// The pixel of the first row.
-    first: usize,
-    sources: Vec<Source<'a, C>>,
-    terms: Vec<u32>,
-}
+/// Tasks for each thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries first.
+const TASKS_A_THREAD: usize = 8;
 
 /// All contributions to some rows of the matrix, by the pixels at which their paths start.
-pub(super) struct Sources<'a, const C: usize> {
-    tasks: Vec<Task<'a, C>>,
+pub(super) struct Sources<const C: usize> {
+    chunks: Vec<Chunk<C>>,
     /// For each of these rows, the contributions of paths from its pixel.
-    own: Vec<&'a [Term<C>]>,
+    own: Vec<Source>,
+    tasks: Vec<Task>,
+}
+
+/// Entries of a row of the contributions.
+#[derive(Clone, Debug, Default)]
+struct Source {
+    pixel: u32,
+    chunk: u32,
+    entries: Range<usize>,
+}
+
+impl Source {
+    fn terms<'a, const C: usize>(&self, chunks: &'a [Chunk<C>]) -> &'a [Term<C>] {
+        // A row without paths has no chunk.
+        chunks.get(self.chunk as usize).map_or(&[], |chunk| &chunk.terms[self.entries.clone()])
+    }
+}
+
+/// The rows that one task transposes. The transpose does not have their entries yet.
+struct Task {
+    left: Vec<Source>,
 }
 
 /// A task's part of some rows of the transpose.
@@ -47,89 +56,109 @@ impl<const C: usize> Transposed<C> {
     }
 }
 
-impl<'a, const C: usize> Sources<'a, C> {
+impl<const C: usize> Sources<C> {
     /// Shares out the rows of all chunks, which have all contributions to these `rows` of the matrix, and may have others.
-    pub(super) fn new(chunks: &'a [Chunk<C>], rig: RigShape, rows: &Range<usize>) -> Self {
-        let mut own: Vec<&[Term<C>]> = vec![&[]; rows.len()];
+    /// With `triangle`, rows and transpose have only what is on and above the diagonal of the matrix.
+    pub(super) fn new(chunks: Vec<Chunk<C>>, rig: RigShape, rows: &Range<usize>, triangle: bool) -> Self {
+        let mut own = vec![Source::default(); rows.len()];
         let mut mirrored = Vec::new();
-        for (row, terms) in chunks.iter().flat_map(Chunk::rows) {
-            if (rig.symmetric || row.from_camera) && rows.contains(&(row.pixel as usize)) {
-                own[row.pixel as usize - rows.start] = terms;
-            }
-            if rig.symmetric || !row.from_camera {
-                mirrored.push(Source { pixel: row.pixel, left: at(terms, rows) });
-            }
-        }
-
-        let entries: usize = mirrored.iter().map(|source| source.left.len()).sum();
-        let each = entries.div_ceil(rayon::current_num_threads()).max(1);
-        let mut tasks: Vec<Task<'a, C>> = Vec::new();
-        let mut held = each;
-        for source in mirrored {
-            if held >= each {
-                tasks.push(Task { first: rows.start, sources: Vec::new(), terms: Vec::new() });
-                held = 0;
-            }
-            held += source.left.len();
-            if let Some(task) = tasks.last_mut() {
-                task.sources.push(source);
+        for (number, chunk) in chunks.iter().enumerate() {
+            let mut start = 0;
+            for row in &chunk.rows {
+                let (first, pixel) = (start, row.pixel as usize);
+                start = row.end;
+                let source = |wanted: &Range<usize>| {
+                    let found = places(&chunk.terms[first..row.end], wanted);
+                    let entries = first + found.start..first + found.end;
+                    Source { pixel: row.pixel, chunk: number as u32, entries }
+                };
+                if (rig.symmetric || row.from_camera) && rows.contains(&pixel) {
+                    let from = if triangle { pixel } else { 0 };
+                    own[pixel - rows.start] = source(&(from..rig.projector.pixels()));
+                }
+                if rig.symmetric || !row.from_camera {
+                    let to = if triangle { pixel + 1 } else { rows.end };
+                    mirrored.push(source(&(rows.start..to)));
+                }
             }
         }
-        tasks.par_iter_mut().for_each(|task| task.count(rows.len()));
-        Self { tasks, own }
-    }
-
-    /// The number of terms of each of the rows.
-    pub(super) fn terms(&self) -> Vec<u32> {
-        let row = |row: usize| {
-            self.own[row].len() as u32 + self.tasks.iter().map(|task| task.terms[row]).sum::<u32>()
-        };
-        (0..self.own.len()).into_par_iter().with_min_len(1024).map(row).collect()
+        Self { chunks, own, tasks: Task::share_out(mirrored) }
     }
 
     /// The entries of the paths from the pixel of a row, counted from the first of the rows, by ascending keys.
-    pub(super) fn own(&self, row: usize) -> &'a [Term<C>] {
-        self.own[row]
+    pub(super) fn own(&self, row: usize) -> &[Term<C>] {
+        self.own[row].terms(&self.chunks)
     }
 
-    /// The rows `block` of the transpose, as the tasks' parts. Blocks follow one another.
-    pub(super) fn transposed(&mut self, block: Range<usize>) -> Vec<Transposed<C>> {
-        self.tasks.par_iter_mut().map(|task| task.transpose(block.clone())).collect()
+    /// The rows of the pixels `block` of the transpose, as the tasks' parts. Blocks follow one another.
+    pub(super) fn transposed(&mut self, block: &Range<usize>) -> Vec<Transposed<C>> {
+        let Self { chunks, tasks, .. } = self;
+        tasks.par_iter_mut().filter_map(|task| task.transpose(chunks, block)).collect()
+    }
+
+    /// Gives back the memory of the chunks whose pixels are all before `pixel`, which must not be asked for any more.
+    pub(super) fn release_before(&mut self, pixel: usize) {
+        let done = |chunk: &&mut Chunk<C>| chunk.rows.iter().all(|row| (row.pixel as usize) < pixel);
+        self.chunks.iter_mut().take_while(done).for_each(|chunk| chunk.terms = Vec::new());
     }
 }
 
-impl<const C: usize> Task<'_, C> {
-    /// Counts the terms for each of so many rows of the transpose.
-    fn count(&mut self, rows: usize) {
-        self.terms = vec![0; rows];
-        for term in self.sources.iter().flat_map(|source| source.left) {
-            self.terms[term.key.other() as usize - self.first] += 1;
-        }
-    }
-
-    /// The rows `block` of the transpose, counted from the first of the rows.
-    fn transpose(&mut self, block: Range<usize>) -> Transposed<C> {
-        let mut start = Vec::with_capacity(block.len() + 1);
-        let mut count = 0;
-        for &terms in &self.terms[block.clone()] {
-            start.push(count);
-            count += terms as usize;
-        }
-        let mut next = start.clone();
-        start.push(count);
-        let mut terms = vec![Term::none(Key::END); count];
-        for Source { pixel, left } in &mut self.sources {
-            while let Some((term, rest)) = left.split_first() {
-                let row = term.key.other() as usize - self.first;
-                if row >= block.end {
-                    break;
-                }
-                let to = &mut next[row - block.start];
-                terms[*to] = Term { key: Key::new(*pixel, term.key.class() as u32), ..*term };
-                *to += 1;
-                *left = rest;
+impl Task {
+    /// Tasks with about equally many entries of these rows.
+    fn share_out(rows: Vec<Source>) -> Vec<Self> {
+        let rows: Vec<Source> = rows.into_iter().filter(|source| !source.entries.is_empty()).collect();
+        let entries: usize = rows.iter().map(|source| source.entries.len()).sum();
+        let each = entries.div_ceil(TASKS_A_THREAD * rayon::current_num_threads()).max(1);
+        let mut tasks: Vec<Self> = Vec::new();
+        let mut held = each;
+        for source in rows {
+            if held >= each {
+                tasks.push(Self { left: Vec::new() });
+                held = 0;
+            }
+            held += source.entries.len();
+            if let Some(task) = tasks.last_mut() {
+                task.left.push(source);
             }
         }
-        Transposed { start, terms }
+        tasks
+    }
+
+    /// The rows of the pixels `block` of the transpose; `None` where they have no entries.
+    fn transpose<const C: usize>(
+        &mut self,
+        chunks: &[Chunk<C>],
+        block: &Range<usize>,
+    ) -> Option<Transposed<C>> {
+        let mut start = vec![0; block.len() + 1];
+        let place = |term: &Term<C>| (term.key.other() as usize).checked_sub(block.start);
+        let in_block = |source: &Source| {
+            let terms = source.terms(chunks);
+            terms
+                .iter()
+                .map_while(move |term| place(term).filter(|&row| row < block.len()).map(|row| (row, term)))
+        };
+        for (row, _) in self.left.iter().flat_map(in_block) {
+            start[row + 1] += 1;
+        }
+        (0..block.len()).for_each(|row| start[row + 1] += start[row]);
+        let count = start[block.len()];
+        if count == 0 {
+            return None;
+        }
+        let mut next = start.clone();
+        let mut terms = vec![Term::none(Key::END); count];
+        for source in &mut self.left {
+            let mut taken = 0;
+            for (row, term) in in_block(source) {
+                terms[next[row]] = Term { key: Key::new(source.pixel, term.key.class() as u32), ..*term };
+                next[row] += 1;
+                taken += 1;
+            }
+            source.entries.start += taken;
+        }
+        // The chunks of rows that have no more entries may be given back.
+        self.left.retain(|source| !source.entries.is_empty());
+        Some(Transposed { start, terms })
     }
 }

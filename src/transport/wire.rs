@@ -7,7 +7,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use super::chunk::{Chunk, Key, Row, Term, at};
-use super::combine::RowSums;
+use super::row_sums::RowSums;
 use super::tiles::CompressedRows;
 
 /// What is wrong with bytes that should be arrays.

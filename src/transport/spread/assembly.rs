@@ -10,8 +10,8 @@ use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::team::{Comm, Turn};
 use crate::transport::assemble::{finish, layers, planes, shape};
 use crate::transport::chunk::Chunk;
-use crate::transport::combine::RowSums;
 use crate::transport::layer::{Bounces, Layer};
+use crate::transport::row_sums::RowSums;
 use crate::transport::share::Share;
 use crate::transport::{Assembled, Channels, TransportMatrix, wire};
 

@@ -5,11 +5,17 @@
 //! ELLPACK). The eight sums are computed at the same time, each with the entries of one row from left to
 //! right. So a product has the same bits whatever the tiles' shape, the number of threads and the
 //! instructions used.
+//!
+//! Rows come in groups, from the first to the last ([`Builder`]). Of a symmetric matrix only the triangle on and above the
+//! diagonal is given; what is below it is read from the tiles of the groups before.
 
+mod band;
 mod build;
 #[cfg(target_arch = "x86_64")]
 mod gather;
+mod mirror;
 mod pages;
+mod read;
 mod rows;
 mod shape;
 mod slice;
@@ -17,15 +23,17 @@ mod sums;
 #[cfg(test)]
 mod tests;
 mod value;
+mod window;
 
 use rayon::prelude::*;
 
-pub(super) use build::take;
-use pages::Pages;
+use band::Band;
+pub(super) use build::{Builder, take};
+pub(crate) use read::Entries;
 pub(crate) use rows::CompressedRows;
-use rows::Pieces;
+pub(super) use rows::Pieces;
 use shape::Shape;
-use slice::{LANES, Slice};
+
 pub(super) use sums::Summable;
 pub(super) use value::{BLOCK_WIDTH, Interleaved};
 
@@ -34,26 +42,38 @@ pub(super) use value::{BLOCK_WIDTH, Interleaved};
 pub(super) struct Tiles {
     rows: usize,
     cols: usize,
+    channels: usize,
     entries: usize,
     shape: Shape,
-    /// Where each tile begins, from left to right and then downwards, and the end of the last.
-    tiles: Vec<Start>,
-    slices: Vec<Slice>,
-    /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has
-    /// weight 0.
-    columns: Pages<[u16; LANES]>,
-    /// `[channel][step][lane]`
-    weights: Vec<Pages<[f32; LANES]>>,
-}
-
-/// Where a tile begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Start {
-    slice: usize,
-    step: usize,
+    /// The rows of tiles, from the first to the last.
+    bands: Vec<Band>,
 }
 
 impl Tiles {
+    /// The matrix of `cols` columns whose rows are those of `pieces`, one after the other. The memory of the pieces is
+    /// given back as soon as their rows are in tiles.
+    pub(super) fn new(cols: usize, pieces: Vec<CompressedRows>) -> Self {
+        Self::of_pieces(cols, pieces, false)
+    }
+
+    /// The symmetric matrix whose triangle on and above the diagonal has the rows of `pieces`.
+    pub(super) fn symmetric(pieces: Vec<CompressedRows>) -> Self {
+        let rows = pieces.iter().map(CompressedRows::rows).sum();
+        Self::of_pieces(rows, pieces, true)
+    }
+
+    fn of_pieces(cols: usize, pieces: Vec<CompressedRows>, symmetric: bool) -> Self {
+        let channels = pieces.first().map_or(0, |piece| piece.weights.len());
+        let mut pieces = Pieces::new(0, pieces);
+        let entries = if symmetric { 2 * pieces.entries() } else { pieces.entries() };
+        let mut builder = Builder::new([pieces.rows(), cols], channels, entries, symmetric);
+        while let Some(rows) = builder.next_rows() {
+            builder.push(&pieces);
+            pieces.release_before(rows.end);
+        }
+        builder.finish()
+    }
+
     pub(super) fn cols(&self) -> usize {
         self.cols
     }
@@ -63,11 +83,7 @@ impl Tiles {
     }
 
     pub(super) fn bytes(&self) -> usize {
-        let weights: usize = self.weights.iter().map(|plane| size_of_val(&plane[..])).sum();
-        size_of_val(self.tiles.as_slice())
-            + size_of_val(self.slices.as_slice())
-            + size_of_val(&self.columns[..])
-            + weights
+        self.bands.iter().map(Band::bytes).sum()
     }
 
     /// Rows of a band of tiles; the last band may have fewer.
@@ -77,18 +93,17 @@ impl Tiles {
 
     /// The product of one band's rows with `from`.
     pub(super) fn product<V: Summable>(&self, channel: usize, band: usize, from: &[V]) -> Vec<V> {
-        let across = self.cols.div_ceil(self.shape.columns);
-        let starts = &self.tiles[band * across..=(band + 1) * across];
-        let weights = &self.weights[channel];
         let rows = self.shape.rows.min(self.rows - band * self.shape.rows);
+        let band = &self.bands[band];
+        let (slices, columns, weights) = (&band.slices[..], &band.columns[..], &band.weights[channel][..]);
         let sums = V::sums();
         // One entry more, for lanes without a row.
         let mut product = vec![V::default(); rows + 1];
-        for (ends, from) in starts.windows(2).zip(from.chunks(self.shape.columns)) {
+        for (ends, from) in band.tiles.windows(2).zip(from.chunks(self.shape.columns)) {
             let [start, end] = [ends[0], ends[1]];
             sums.add(
-                &self.slices[start.slice..end.slice],
-                &self.columns[start.step..end.step],
+                &slices[start.slice..end.slice],
+                &columns[start.step..end.step],
                 &weights[start.step..end.step],
                 from,
                 &mut product,
@@ -97,35 +112,29 @@ impl Tiles {
         product.truncate(rows);
         product
     }
-}
 
-impl Tiles {
     /// `sum` with the squares of all entries added. Each row is summed from left to right, and then the rows are added
     /// to `sum` one by one, so that neither the shape, nor the number of threads, nor a cut between rows changes the bits.
     pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
-        let across = self.cols.div_ceil(self.shape.columns);
-        let bands: Vec<Vec<f64>> = (0..self.rows.div_ceil(self.shape.rows))
-            .into_par_iter()
-            .map(|band| {
-                let mut sums = vec![0.0; self.shape.rows + 1];
-                let [start, end] = [self.tiles[band * across], self.tiles[(band + 1) * across]];
-                let mut step = start.step;
-                for slice in &self.slices[start.slice..end.slice] {
-                    let steps = step..step + slice.steps as usize;
-                    step = steps.end;
-                    let mut of_lanes = slice.rows.map(|row| sums[usize::from(row)]);
-                    for weights in &self.weights[channel][steps] {
-                        of_lanes
-                            .iter_mut()
-                            .zip(weights)
-                            .for_each(|(sum, &weight)| *sum += f64::from(weight).powi(2));
-                    }
-                    slice.rows.iter().zip(of_lanes).for_each(|(&row, sum)| sums[usize::from(row)] = sum);
+        let of_band = |(number, band): (usize, &Band)| {
+            let mut sums = vec![0.0; self.shape.rows + 1];
+            let mut step = 0;
+            for slice in &band.slices {
+                let steps = step..step + slice.steps as usize;
+                step = steps.end;
+                let mut of_lanes = slice.rows.map(|row| sums[usize::from(row)]);
+                for weights in &band.weights[channel][steps] {
+                    of_lanes
+                        .iter_mut()
+                        .zip(weights)
+                        .for_each(|(sum, &weight)| *sum += f64::from(weight).powi(2));
                 }
-                sums.truncate(self.shape.rows.min(self.rows - band * self.shape.rows));
-                sums
-            })
-            .collect();
+                slice.rows.iter().zip(of_lanes).for_each(|(&row, sum)| sums[usize::from(row)] = sum);
+            }
+            sums.truncate(self.shape.rows.min(self.rows - number * self.shape.rows));
+            sums
+        };
+        let bands: Vec<Vec<f64>> = self.bands.par_iter().enumerate().map(of_band).collect();
         bands.iter().flatten().fold(sum, |sum, row| sum + row)
     }
 }

@@ -14,48 +14,79 @@ pub(crate) struct CompressedRows {
     pub(crate) weights: Vec<Vec<f32>>,
 }
 
-/// A sparse matrix as pieces of consecutive rows.
-pub(super) struct Pieces {
-    /// The first row of each piece.
+impl CompressedRows {
+    /// No rows, with this many channels and room for so many rows and entries.
+    pub(crate) fn with_room(channels: usize, rows: usize, entries: usize) -> Self {
+        let mut row_start = Vec::with_capacity(rows + 1);
+        row_start.push(0);
+        Self {
+            row_start,
+            columns: Vec::with_capacity(entries),
+            weights: (0..channels).map(|_| Vec::with_capacity(entries)).collect(),
+        }
+    }
+
+    /// The number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.row_start.len().saturating_sub(1)
+    }
+
+    /// The entries of a row.
+    pub(super) fn row(&self, row: usize) -> Range<usize> {
+        self.row_start[row]..self.row_start[row + 1]
+    }
+
+    /// Appends entries of another matrix to the row that [`CompressedRows::end_row`] will end.
+    pub(super) fn extend(&mut self, from: &Self, entries: Range<usize>) {
+        self.columns.extend_from_slice(&from.columns[entries.clone()]);
+        for (to, from) in self.weights.iter_mut().zip(&from.weights) {
+            to.extend_from_slice(&from[entries.clone()]);
+        }
+    }
+
+    /// Ends the last row.
+    pub(crate) fn end_row(&mut self) {
+        self.row_start.push(self.columns.len());
+    }
+}
+
+/// Consecutive rows of a sparse matrix, as pieces.
+pub(in crate::transport) struct Pieces {
+    /// The first row of each piece, and the end of the last.
     first: Vec<usize>,
-    rows: usize,
     pieces: Vec<CompressedRows>,
 }
 
 impl Pieces {
-    pub(super) fn new(pieces: Vec<CompressedRows>) -> Self {
-        let mut rows = 0;
-        let mut first = Vec::new();
-        for piece in &pieces {
-            first.push(rows);
-            rows += piece.row_start.len() - 1;
-        }
-        Self { first, rows, pieces }
+    /// These pieces, one after the other, from the row number `first` on.
+    pub(in crate::transport) fn new(first: usize, pieces: Vec<CompressedRows>) -> Self {
+        let ends = pieces.iter().scan(first, |end, piece| {
+            *end += piece.rows();
+            Some(*end)
+        });
+        Self { first: std::iter::once(first).chain(ends).collect(), pieces }
     }
 
+    /// The number of rows.
     pub(super) fn rows(&self) -> usize {
-        self.rows
+        self.first[self.first.len() - 1] - self.first[0]
     }
 
+    /// The number of entries.
     pub(super) fn entries(&self) -> usize {
         self.pieces.iter().map(|piece| piece.columns.len()).sum()
-    }
-
-    pub(super) fn channels(&self) -> usize {
-        self.pieces.first().map_or(0, |piece| piece.weights.len())
     }
 
     /// The piece that has a row, and the row's entries there.
     pub(super) fn row(&self, row: usize) -> (&CompressedRows, Range<usize>) {
         let which = self.first.partition_point(|&first| first <= row) - 1;
-        let (piece, at) = (&self.pieces[which], row - self.first[which]);
-        (piece, piece.row_start[at]..piece.row_start[at + 1])
+        let piece = &self.pieces[which];
+        (piece, piece.row(row - self.first[which]))
     }
 
     /// Gives back the memory of the pieces whose rows are all before `row`, which must not be asked for any more.
     pub(super) fn release_before(&mut self, row: usize) {
-        let ends = self.first.iter().skip(1).copied().chain([usize::MAX]);
-        for (piece, end) in self.pieces.iter_mut().zip(ends) {
+        for (piece, &end) in self.pieces.iter_mut().zip(&self.first[1..]) {
             if end <= row {
                 *piece = CompressedRows::default();
             }

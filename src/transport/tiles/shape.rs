@@ -7,9 +7,9 @@ pub(super) struct Shape {
     pub(super) columns: usize,
 }
 
-/// Most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level
-/// cache.
-const MOST_ROWS: usize = 1 << 15;
+/// Most rows of a band: row numbers (and one past the last) fit 16 bits, the sums fit the second-level cache, and a large matrix has
+/// enough bands to be made group by group.
+const MOST_ROWS: usize = 1 << 14;
 /// Fewest rows of a band: with fewer, the work between tiles would dominate.
 const LEAST_ROWS: usize = 1 << 8;
 /// Fewest bands for each thread, where that leaves enough rows, so that all threads finish at about the same
@@ -48,8 +48,8 @@ mod tests {
         };
         assert_eq!(shape(128, 320, 2), (2048, 4096));
         assert_eq!(shape(128, 37, 2), (2048, 4096));
-        assert_eq!(shape(512, 330, 2), (32_768, 4096));
-        assert_eq!(shape(512, 40, 2), (32_768, 32_768));
+        assert_eq!(shape(512, 330, 2), (16_384, 4096));
+        assert_eq!(shape(512, 40, 2), (16_384, 32_768));
         assert_eq!(shape(512, 40, 16), (4096, 32_768));
         assert_eq!(shape(1, 0, 2), (256, 4096));
     }

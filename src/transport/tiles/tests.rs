@@ -1,3 +1,5 @@
+use super::build::Builder;
+use super::slice::{LANES, Slice};
 use super::sums::Sums;
 use super::*;
 use proptest::prelude::*;
@@ -43,9 +45,14 @@ fn cut(of: &CompressedRows, each: usize) -> Vec<CompressedRows> {
     (0..rows).step_by(each).map(piece).collect()
 }
 
-/// One piece.
-fn pieces(of: &CompressedRows) -> Pieces {
-    Pieces::new(vec![of.clone()])
+/// The tiles of pieces, in this shape.
+fn tiles(shape: Shape, cols: usize, pieces: Vec<CompressedRows>, symmetric: bool) -> Tiles {
+    let pieces = Pieces::new(0, pieces);
+    let mut builder = Builder::of_shape(shape, [pieces.rows(), cols], 2, symmetric);
+    while builder.next_rows().is_some() {
+        builder.push(&pieces);
+    }
+    builder.finish()
 }
 
 /// The sums of the rows, from left to right.
@@ -76,9 +83,9 @@ proptest! {
         rows in 1..3000_usize, cols in 1..5000_usize, per_row in 0..12_usize, shape in shapes(), seed: u64,
     ) {
         let rows = matrix(rows, cols, per_row, seed);
-        let tiles = Tiles::of_shape(shape, cols, pieces(&rows));
+        let tiles = tiles(shape, cols, vec![rows.clone()], false);
         prop_assert_eq!(tiles.nonzeros(), rows.columns.len());
-        prop_assert!(tiles == Tiles::of_shape(shape, cols, Pieces::new(cut(&rows, 100))));
+        prop_assert!(tiles == self::tiles(shape, cols, cut(&rows, 100), false));
         let square = |weight: &f32| f64::from(*weight).powi(2);
         let of_row = |ends: &[usize]| {
             rows.weights[1][ends[0]..ends[1]].iter().map(square).fold(0.0, |sum, square| sum + square)
@@ -92,7 +99,7 @@ proptest! {
         rows in 1..3000_usize, cols in 1..5000_usize, shape in shapes(), seed: u64,
     ) {
         let from = matrix(rows, cols, 3, seed);
-        let tiles = Tiles::of_shape(shape, cols, pieces(&from));
+        let tiles = tiles(shape, cols, vec![from.clone()], false);
         let x = pattern(cols);
         for channel in 0..2 {
             let bands = 0..rows.div_ceil(tiles.band_rows());
@@ -106,10 +113,59 @@ proptest! {
     }
 }
 
+/// What a square matrix has on and above its diagonal, and the symmetric matrix of that.
+fn symmetric(of: &CompressedRows) -> [CompressedRows; 2] {
+    let rows = of.rows();
+    let mut dense = vec![Vec::new(); rows];
+    let mut upper = CompressedRows::with_room(2, 0, 0);
+    for row in 0..rows {
+        for entry in of.row(row).filter(|&entry| of.columns[entry] as usize >= row) {
+            upper.extend(of, entry..entry + 1);
+            dense[row].push((of.columns[entry], entry));
+            if of.columns[entry] as usize > row {
+                dense[of.columns[entry] as usize].push((row as u32, entry));
+            }
+        }
+        upper.end_row();
+    }
+    let mut whole = CompressedRows::with_room(2, 0, 0);
+    for mut row in dense {
+        row.sort_unstable();
+        whole.columns.extend(row.iter().map(|(column, _)| column));
+        for (to, from) in whole.weights.iter_mut().zip(&of.weights) {
+            to.extend(row.iter().map(|&(_, entry)| from[entry]));
+        }
+        whole.end_row();
+    }
+    [upper, whole]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    /// More rows than become tiles at the same time, too.
+    #[test]
+    fn a_symmetric_matrix_is_made_of_its_triangle(
+        rows in prop_oneof![1..3000_usize, 33_000..34_000_usize], shape in shapes(), seed: u64,
+    ) {
+        let [upper, whole] = symmetric(&matrix(rows, rows, 6, seed));
+        let tiles = tiles(shape, rows, cut(&upper, 700), true);
+        prop_assert_eq!(tiles.nonzeros(), whole.columns.len());
+        let row_start = tiles.row_start(Entries::Upper);
+        prop_assert_eq!(tiles.columns(Entries::Upper, &row_start).flatten().collect::<Vec<_>>(), upper.columns);
+        for (channel, plane) in upper.weights.iter().enumerate() {
+            let found: Vec<f32> = tiles.weights(Entries::Upper, channel, &row_start).flatten().collect();
+            prop_assert_eq!(&found, plane);
+        }
+        prop_assert_eq!(row_start, upper.row_start);
+        prop_assert_eq!(tiles.to_rows(), whole);
+    }
+}
+
 #[test]
 fn all_kernels_give_the_same_bits() {
     let from = matrix(700, 4000, 40, 7);
-    let tiles = Tiles::of_shape(Shape { rows: 1024, columns: 4096 }, 4000, pieces(&from));
+    let tiles = tiles(Shape { rows: 1024, columns: 4096 }, 4000, vec![from.clone()], false);
     let x = pattern(4000);
     for channel in 0..2 {
         let expected = product(&from, channel, &x);
@@ -127,7 +183,8 @@ fn check<V: Summable + PartialEq + std::fmt::Debug>(
 ) {
     for sums in ways {
         let mut y = vec![V::default(); 701];
-        sums.add(&tiles.slices, &tiles.columns, &tiles.weights[channel], x, &mut y);
+        let [band] = &tiles.bands[..] else { unreachable!("there is one band") };
+        sums.add(&band.slices, &band.columns, &band.weights[channel], x, &mut y);
         assert_eq!(y.pop(), Some(V::default()), "lanes without a row add nothing");
         assert_eq!(y, expected);
     }
