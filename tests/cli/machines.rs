@@ -18,7 +18,9 @@ fn a_scene_is_planned_for_several_machines() {
         assert!((ratio - 4.0).abs() < 1e-9, "{name} is divided by four: {ratio}");
     }
     assert!(number(&large, 0, "entries") > 100.0 * number(&small, 0, "entries"));
-    assert!(number(&large, 1, "memory") < 0.6 * number(&large, 0, "memory"));
+    // Each has a quarter of the matrix, and the contributions to it twice while they are exchanged; a process alone gives back
+    // contributions while its matrix grows.
+    assert!(number(&large, 1, "memory") < 0.7 * number(&large, 0, "memory"));
     assert_eq!(number(&large, 0, "exchange"), 0.0, "one process has nothing to exchange");
     // The matrix that the small plan is about has about as many entries as it says.
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
