@@ -10,6 +10,7 @@ mod completions;
 mod console;
 mod drawing;
 mod eigs;
+mod embedded_page;
 mod index;
 mod info;
 mod labels;

@@ -10,7 +10,7 @@ use super::operator::OperatorArgs;
 use super::options::{RunArgs, SourceArgs, ViewArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use super::{opener, options::KeepArgs, paint};
+use super::{embedded_page, opener, options::KeepArgs};
 use crate::error::{Error, Result};
 use crate::lab::{
     Answer, ChannelChoice, Lab, LabBuilder, RunOptions, Saved, Settings, SharedObserver, SourceKind,
@@ -188,7 +188,7 @@ pub(super) fn finish(
     });
     if ending.run.paint {
         let page = saved.folder.join("paint.html");
-        summary["paint"] = paint::write(&page, &mut Canvas::new(lab)?, ending.kept, console)?;
+        summary["paint"] = embedded_page::write(&page, &mut Canvas::new(lab)?, ending.kept, console)?;
     }
     merge(&mut summary, ending.summary);
     console.summary(&summary)?;

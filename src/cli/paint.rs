@@ -6,10 +6,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
+use super::embedded_page;
 use super::opener;
 use super::opening::{Opening, in_journal};
 use super::operator::Bytes;
@@ -18,8 +19,7 @@ use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::io::atomic;
 use crate::lab::Lab;
-use crate::lab::text::percent;
-use crate::paint::page::{EmbedOptions, Embedded, Kept, Precision};
+use crate::paint::page::{EmbedOptions, Kept, Precision};
 use crate::paint::{Canvas, Ended, Light, Question, ServeOptions, Session, serve};
 
 /// Paint patterns in a browser, and see the photo while the pen moves
@@ -58,9 +58,6 @@ pub(super) struct Args {
     #[command(flatten)]
     keep: KeepArgs,
 }
-
-/// The largest page that is written beside a report: the default of `--max-size`.
-const MAX_BYTES: usize = 32 << 20;
 
 /// How a page that is one file is made.
 #[derive(clap::Args)]
@@ -113,44 +110,10 @@ fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &
         max_bytes: usize::try_from(most).ok(),
         kept: kept(args, canvas)?,
     };
-    let mut summary = write_with(file, canvas, &options, console)?;
+    let mut summary = embedded_page::write_with(file, canvas, &options, console)?;
     summary["verb"] = json!("paint");
     console.summary(&summary)?;
     Ok(Outcome::Done)
-}
-
-/// Writes a page beside a report; says how large it is, and how far its photos are off.
-pub(super) fn write(file: &Path, canvas: &mut Canvas<'_>, kept: Kept, console: &Console) -> Result<Value> {
-    let options = EmbedOptions { precision: Precision::Half, max_bytes: Some(MAX_BYTES), kept };
-    write_with(file, canvas, &options, console)
-}
-
-fn write_with(
-    file: &Path,
-    canvas: &mut Canvas<'_>,
-    options: &EmbedOptions,
-    console: &Console,
-) -> Result<Value> {
-    let page = Embedded::new(canvas, options)?;
-    page.write(file)?;
-    let mebibytes = page.bytes() as f64 / f64::from(1 << 20);
-    let error = percent(page.error);
-    console.say(format_args!(
-        "paint     {}, {mebibytes:.1} MiB; its photos are within {error} % of the matrix in memory",
-        file.display()
-    ))?;
-    if page.kept < 1.0 {
-        console.note(format_args!(
-            "note: the page would be larger than --max-size allows: it holds {} % of the matrix's entries, chosen by chance so that photos stay right on average",
-            percent(page.kept)
-        ));
-    }
-    Ok(json!({
-        "file": file,
-        "bytes": page.bytes(),
-        "relative_error": page.error,
-        "kept_entries": page.kept,
-    }))
 }
 
 /// What the file shows without asking.

@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::notes::journal_folder;
+use super::layout::{RECORD, REPORT, journal_folder, photos_in};
 use super::replaced::Replaced;
 use super::{Log, SharedObserver};
 use crate::error::{Error, Result};
@@ -13,11 +13,6 @@ use crate::io::manifest::Status;
 use crate::io::model;
 use crate::journal::Journal;
 use crate::measure::RunManifest;
-
-/// What a run says of itself.
-pub(super) const RECORD: &str = "run.json";
-/// What a run shows.
-pub(super) const REPORT: &str = "report.html";
 
 /// Which folder a run uses.
 #[derive(Clone, Debug, Default)]
@@ -181,11 +176,6 @@ fn numbered(name: &str, number: u32) -> PathBuf {
 /// Whether there is a run that a new one would replace.
 fn holds_run(path: &Path) -> bool {
     path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
-}
-
-/// Photos in the journal of a run's folder; 0 where there is none that can be read.
-pub(super) fn photos_in(run: &Path) -> usize {
-    Journal::read_only(&journal_folder(run)).map_or(0, |journal| journal.photos())
 }
 
 /// Admits one run at a time to a folder, by a lock on the folder itself. Where the file system has no such locks, the journal's own lock

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::notes::journal_folder;
+use super::layout::journal_folder;
 use super::{Log, SharedObserver};
 use crate::error::Result;
 use crate::journal::{Damage, Identity, Journal};

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::folder::{RECORD, lock};
-use super::notes::{self, Kind, SourceNote, journal_folder};
+use super::folder::lock;
+use super::layout::{RECORD, journal_folder};
+use super::notes::{self, Kind, SourceNote};
 use crate::error::{Error, Result};
 use crate::io::manifest::Status;
 use crate::journal::Journal;

@@ -30,6 +30,7 @@ mod independent;
 mod journal;
 mod kept;
 mod labels;
+mod layout;
 mod light;
 mod look;
 mod matrix;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::notes::journal_folder;
+use super::layout::journal_folder;
 use super::run::{RunPhotos, RunSource};
 use super::source::Source;
 use super::{Lab, Log, SharedObserver};

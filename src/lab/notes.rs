@@ -1,6 +1,6 @@
 //! What a run's journal says of its photos, beside them.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
@@ -59,14 +59,4 @@ pub(super) struct ProductNoise {
     pub(super) full: f64,
     pub(super) direct: f64,
     pub(super) global: f64,
-}
-
-/// Where a run keeps its journal.
-pub(super) fn journal_folder(run: &Path) -> PathBuf {
-    run.join("journal")
-}
-
-/// Where a run keeps the calibration of its rig.
-pub(super) fn calibration_folder(run: &Path) -> PathBuf {
-    journal_folder(run).join("calibration")
 }

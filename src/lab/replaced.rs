@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::folder::{RECORD, REPORT, photos_in};
-use super::notes::journal_folder;
+use super::layout::{RECORD, REPORT, journal_folder, photos_in};
 use crate::error::{Error, Result};
 use crate::io::model;
 

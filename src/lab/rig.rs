@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::layout::calibration_folder;
 use super::measured::{MeasuredRig, measured};
-use super::notes::{self, Kind, SourceNote, calibration_folder};
+use super::notes::{self, Kind, SourceNote};
 use super::scene::SceneSource;
 use super::settings::Settings;
 use super::source::short_name;

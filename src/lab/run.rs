@@ -4,10 +4,11 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::layout::{RECORD, calibration_folder, journal_folder};
 use super::measured::{MeasuredRig, measured};
-use super::notes::{self, Kind, SourceNote, calibration_folder, journal_folder};
+use super::notes::{self, Kind, SourceNote};
 use super::transport::product_name;
-use super::{SharedObserver, Truth, folder, journal};
+use super::{SharedObserver, Truth, journal};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::manifest::{self, Status};
@@ -53,7 +54,7 @@ impl RunSource {
         let note = read(&mut journal, notes::SOURCE)?
             .ok_or_else(|| incomplete(&journal, "what they are photos of"))?;
         let truth = read(&mut journal, notes::TRUTH)?;
-        let record = RunManifest::read(&run.join(folder::RECORD));
+        let record = RunManifest::read(&run.join(RECORD));
         let record = record.ok().filter(|record| record.status == Status::Done);
         let photos = record.and_then(|record| record.photos_allowed);
         Ok(Self { folder: run.to_path_buf(), note, truth, photos })

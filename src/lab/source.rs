@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use super::layout::journal_folder;
 use super::matrix::MatrixSource;
 use super::model::ModelSource;
-use super::notes::{Kind, SourceNote, journal_folder};
+use super::notes::{Kind, SourceNote};
 use super::rig::{Handed, RigSource};
 use super::run::RunSource;
 use super::scene::SceneSource;

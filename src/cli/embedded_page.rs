@@ -1,0 +1,49 @@
+//! A painting page as one file, which holds the matrix and needs no server.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::console::Console;
+use crate::error::Result;
+use crate::lab::text::percent;
+use crate::paint::Canvas;
+use crate::paint::page::{EmbedOptions, Embedded, Kept, Precision};
+
+/// The largest page that is written beside a report: the default of `--max-size`.
+const MAX_BYTES: usize = 32 << 20;
+
+/// Writes a page beside a report, as [`write_with`] does.
+pub(super) fn write(file: &Path, canvas: &mut Canvas<'_>, kept: Kept, console: &Console) -> Result<Value> {
+    let options = EmbedOptions { precision: Precision::Half, max_bytes: Some(MAX_BYTES), kept };
+    write_with(file, canvas, &options, console)
+}
+
+/// Writes a page as one file; says how large it is, and how far its photos are off.
+pub(super) fn write_with(
+    file: &Path,
+    canvas: &mut Canvas<'_>,
+    options: &EmbedOptions,
+    console: &Console,
+) -> Result<Value> {
+    let page = Embedded::new(canvas, options)?;
+    page.write(file)?;
+    let mebibytes = page.bytes() as f64 / f64::from(1 << 20);
+    let error = percent(page.error);
+    console.say(format_args!(
+        "paint     {}, {mebibytes:.1} MiB; its photos are within {error} % of the matrix in memory",
+        file.display()
+    ))?;
+    if page.kept < 1.0 {
+        console.note(format_args!(
+            "note: the page would be larger than --max-size allows: it holds {} % of the matrix's entries, chosen by chance so that photos stay right on average",
+            percent(page.kept)
+        ));
+    }
+    Ok(json!({
+        "file": file,
+        "bytes": page.bytes(),
+        "relative_error": page.error,
+        "kept_entries": page.kept,
+    }))
+}

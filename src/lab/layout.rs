@@ -1,0 +1,25 @@
+//! What lies where in the folder of a run.
+
+use std::path::{Path, PathBuf};
+
+use crate::journal::Journal;
+
+/// The file in which a run says what it did.
+pub(super) const RECORD: &str = "run.json";
+/// The page of a run.
+pub(super) const REPORT: &str = "report.html";
+
+/// The folder of a run's journal.
+pub(super) fn journal_folder(run: &Path) -> PathBuf {
+    run.join("journal")
+}
+
+/// The folder in which a run keeps the calibration of its rig.
+pub(super) fn calibration_folder(run: &Path) -> PathBuf {
+    journal_folder(run).join("calibration")
+}
+
+/// Photos in the journal of a run's folder; 0 where there is none that can be read.
+pub(super) fn photos_in(run: &Path) -> usize {
+    Journal::read_only(&journal_folder(run)).map_or(0, |journal| journal.photos())
+}
