@@ -1,4 +1,5 @@
-//! Speed of tracing, products and a whole run, as ratios measured in one process. `cargo bench`; see `benches/README.md`.
+//! Speed of tracing, products and a whole run, as ratios measured in one process. `cargo bench --bench speed -- [SCENE]...`; see
+//! `benches/README.md`.
 
 use std::time::{Duration, Instant};
 
@@ -22,13 +23,31 @@ fn main() -> Outcome {
     if std::env::args().any(|argument| argument == "--peak-memory") {
         return print_peak_memory();
     }
-    let cores = std::thread::available_parallelism()?;
+    let only: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    let cores = std::thread::available_parallelism()?.get();
     println!("krylux {}, {cores} cores, {TURNS} turns, median (least to most)\n", env!("CARGO_PKG_VERSION"));
-    tracing()?;
-    whole_run("corner, 4 triangles", &builtin::corner().to_scene())?;
-    whole_run("zigzag, 8 triangles", &builtin::zigzag().to_scene())?;
-    whole_run("box, 100,000 triangles", &builtin::tessellated_box(100_000))?;
-    memory()
+    if only.is_empty() {
+        tracing()?;
+    }
+    for (name, side, scene) in runs() {
+        if only.is_empty() || only.iter().any(|wanted| wanted == name) {
+            whole_run(name, &scene, side, cores)?;
+        }
+    }
+    if only.is_empty() { memory() } else { Ok(()) }
+}
+
+/// The scenes of whole runs, with the pixels along a side.
+fn runs() -> [(&'static str, usize, Scene); 7] {
+    [
+        ("corner", 128, builtin::corner().to_scene()),
+        ("zigzag", 128, builtin::zigzag().to_scene()),
+        ("cornell", 128, builtin::cornell().to_scene()),
+        ("carton", 128, builtin::carton().to_scene()),
+        ("box", 128, builtin::tessellated_box(100_000)),
+        ("mirror", 128, builtin::mirror().to_scene()),
+        ("cornell-512", 512, builtin::cornell().to_scene()),
+    ]
 }
 
 fn settings(side: usize, samples: u32) -> TraceSettings {
@@ -69,18 +88,19 @@ fn tracing() -> Outcome {
 }
 
 /// Times of a product, a traced photo and a run of 50 photos, each relative to the tracing pass.
-fn whole_run(name: &str, scene: &Scene) -> Outcome {
-    println!("{name}, 128x128, 64 samples, 6 bounces");
-    let settings = settings(128, 64);
+fn whole_run(name: &str, scene: &Scene, side: usize, cores: usize) -> Outcome {
+    println!("{name}, {} triangles, {side}x{side}, 64 samples, 6 bounces", scene.triangles.len());
+    let settings = settings(side, 64);
     let mut tracer = Tracer::new(scene, None)?;
     let white = Image::filled(settings.resolution, 1, 1.0);
     trace(&mut tracer, &TraceSettings { samples: 1, ..settings })?;
-    let [mut pass, mut matrix, mut product, mut photo, mut run] = [const { Vec::<f64>::new() }; 5];
+    let [mut pass, mut matrix, mut product, mut photo, mut run, mut busy] = [const { Vec::<f64>::new() }; 6];
     for _ in 0..TURNS {
-        let start = Instant::now();
+        let (start, processor) = (Instant::now(), processor_time());
         let traced = trace(&mut tracer, &settings)?;
         let to_matrix = start.elapsed().as_secs_f64();
         let to_photos = time(|| capture(&traced).map(drop))?.as_secs_f64();
+        let processor = processor_time() - processor;
         let (x, mut y) = (vec![1.0; settings.resolution.pixels()], vec![0.0; settings.resolution.pixels()]);
         let twenty = time(|| {
             (0..20).for_each(|_| traced.matrix.apply(Part::Full, 0, &x, &mut y));
@@ -97,13 +117,24 @@ fn whole_run(name: &str, scene: &Scene) -> Outcome {
         product.push(one * 1e3);
         photo.push(retraced.as_secs_f64() / one);
         run.push((to_matrix + to_photos) / tracing);
+        busy.push(100.0 * processor / (cores as f64 * (to_matrix + to_photos)));
     }
     println!("    tracing pass, s                    {}", spread(pass));
     println!("    matrix / tracing pass              {}", spread(matrix));
     println!("    one product, ms                    {}", spread(product));
     println!("    one retraced photo / one product   {}", spread(photo));
-    println!("    50-photo run in all / tracing pass {}\n", spread(run));
+    println!("    50-photo run in all / tracing pass {}", spread(run));
+    println!("    of the cores' time in use, %       {}\n", spread(busy));
     Ok(())
+}
+
+/// The time that all cores worked for this process so far, in seconds. The system counts it in hundredths of a second.
+fn processor_time() -> f64 {
+    let all = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // The name of the program, the second field, may have spaces. User and system time are fields 14 and 15.
+    let fields = all.rsplit(')').next().unwrap_or_default().split_whitespace();
+    let hundredths = fields.skip(11).take(2).filter_map(|field| field.parse::<f64>().ok());
+    hundredths.sum::<f64>() / 100.0
 }
 
 /// Takes all photos of a segmentation, without stopping early.

@@ -77,8 +77,8 @@ struct Case {
     options: &'static [&'static str],
 }
 
-/// Coaxial; with mirrors, whose paths are gathered; with a projector of another size than the camera.
-fn cases() -> [Case; 3] {
+/// Coaxial; with mirrors, whose paths are gathered; with a projector of another size than the camera; with a projector beside it.
+fn cases() -> [Case; 4] {
     let scene =
         |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name).join("scene.glb");
     [
@@ -89,8 +89,16 @@ fn cases() -> [Case; 3] {
             scene: scene("corner"),
             options: &["--size", "10x12", "--projector-size", "12x10", "--spp", "8"],
         },
+        Case {
+            name: "a projector beside the camera",
+            scene: scene("corner"),
+            options: &["--size", "10x12", "--spp", "8", "--camera-file", APART],
+        },
     ]
 }
+
+/// Where camera and projector stand in front of the corner: the latter farther away and to the right.
+const APART: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/mpi/apart.toml");
 
 /// What the verbs leave, from the program alone and from 1 to 4 processes.
 #[track_caller]
@@ -147,8 +155,10 @@ fn the_matrix_has_the_same_bytes() {
 
 #[test]
 fn eigenvectors_have_the_same_bytes() {
-    let [coaxial, mirrors, _] = cases();
+    let [coaxial, mirrors, _, beside] = cases();
     assert_equal_files(&coaxial, &["eigs", "--photos", "12", "--count", "3"]);
+    // A rig whose matrix is not symmetric.
+    assert_equal_files(&beside, &["eigs", "--photos", "12", "--count", "3", "--method", "arnoldi"]);
     // In blocks.
     assert_equal_files(&mirrors, &["eigs", "--photos", "12", "--count", "3", "--method", "block-lanczos"]);
 }
@@ -165,10 +175,10 @@ fn compensation_and_separation_have_the_same_bytes() {
     for case in cases() {
         assert_equal_files(&case, &["separate"]);
     }
-    let [coaxial, _, apart] = cases();
+    let [coaxial, _, other_size, beside] = cases();
     let folder = TempDir::new().expect("a temporary folder can be made");
-    // The other one takes products with the transpose.
-    for (case, [height, width]) in [(coaxial, [10, 12]), (apart, [12, 10])] {
+    // The other two take products with the transpose.
+    for (case, [height, width]) in [(coaxial, [10, 12]), (other_size, [12, 10]), (beside, [12, 10])] {
         let target = folder.path().join(format!("{width}.npy"));
         let values: Vec<f64> = (0..120).map(|pixel| 0.2 + 0.05 * f64::from(pixel % 12)).collect();
         krylux::io::npy::write_npy(&target, &[height, width], &values).expect("the folder can be written");
@@ -179,8 +189,8 @@ fn compensation_and_separation_have_the_same_bytes() {
 
 #[test]
 fn relighting_has_the_same_bytes() {
-    for case in &cases()[..2] {
-        assert_equal_files(case, &["relight", "--photos", "8", "--pattern", "left", "--channels", "rgb"]);
+    for case in cases() {
+        assert_equal_files(&case, &["relight", "--photos", "8", "--pattern", "left", "--channels", "rgb"]);
     }
 }
 
