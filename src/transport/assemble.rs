@@ -105,11 +105,21 @@ pub(super) fn layers<const C: usize>(
     split: bool,
     direct: &[[[f64; 2]; C]],
 ) -> (Vec<Layer>, Vec<RowSums<C>>) {
-    let bounces: &[Bounces] =
-        if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, rows: sums } = combine(chunks, rig, rows, bounces.len(), direct);
+    of_classes(combine(chunks, rig, rows, classes(split).len(), direct), split)
+}
+
+/// The bounces of each class of contributions.
+pub(super) fn classes(split: bool) -> &'static [Bounces] {
+    if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
+}
+
+/// Combined rows as layers by number of bounces, with the sums over each row.
+pub(super) fn of_classes<const C: usize>(
+    combined: Combined<C>,
+    split: bool,
+) -> (Vec<Layer>, Vec<RowSums<C>>) {
     let layer = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
-    (bounces.iter().zip(layers).map(layer).collect(), sums)
+    (classes(split).iter().zip(combined.layers).map(layer).collect(), combined.rows)
 }
 
 /// The diagonal, `[channel][pixel]`.

@@ -160,6 +160,22 @@ impl<const C: usize> Chunk<C> {
         self
     }
 
+    /// Keeps the terms of each row that `keep` wants, and gives back the memory of the others.
+    pub(super) fn retain(&mut self, keep: impl Fn(&Row, &Term<C>) -> bool) {
+        let (mut start, mut kept) = (0, 0);
+        for row in &mut self.rows {
+            for at in start..row.end {
+                if keep(row, &self.terms[at]) {
+                    self.terms[kept] = self.terms[at];
+                    kept += 1;
+                }
+            }
+            (start, row.end) = (row.end, kept);
+        }
+        self.terms.truncate(kept);
+        self.terms.shrink_to_fit();
+    }
+
     /// Each row with its entries.
     pub(super) fn rows(&self) -> impl Iterator<Item = (Row, &[Term<C>])> {
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));

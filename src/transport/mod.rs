@@ -6,7 +6,7 @@
 //! `Â`, to rounding; [`predict`] tells whether the matrix will fit the memory.
 //!
 //! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with the
-//! entries of the matrix and not with the number of samples. Then rows and columns are combined, block by
+//! entries of the matrix and not with the number of samples. Then rows and columns are merged, block by
 //! block (`combine`), and cut into `tiles` for fast products. The matrix of a coaxial rig is made of its triangle, so that it is symmetric
 //! to the last bit. That of any other rig has a row for each camera pixel and a column for each projector pixel, and
 //! its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device,
@@ -29,10 +29,12 @@ mod gpu_matrix;
 mod journaled;
 mod layer;
 mod matrix;
+mod merging;
 mod noise;
 mod operator;
 mod pilot;
 mod pixel_sums;
+mod portions;
 mod products;
 mod retraced;
 mod row_sums;

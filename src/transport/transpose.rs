@@ -96,6 +96,11 @@ impl<const C: usize> Sources<C> {
         tasks.par_iter_mut().filter_map(|task| task.transpose(chunks, block)).collect()
     }
 
+    /// The chunks, once no more rows are asked for.
+    pub(super) fn into_chunks(self) -> Vec<Chunk<C>> {
+        self.chunks
+    }
+
     /// Gives back the memory of the chunks whose pixels are all before `pixel`, which must not be asked for any more.
     pub(super) fn release_before(&mut self, pixel: usize) {
         let done = |chunk: &&mut Chunk<C>| chunk.rows.iter().all(|row| (row.pixel as usize) < pixel);

@@ -5,11 +5,11 @@ use std::ops::Range;
 use super::Spread;
 use super::balance::balanced;
 use super::command::{Command, answer, from_bytes, garbled, read_answer, to_bytes, unread};
+use super::exchange;
 use crate::error::Result;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::team::{Comm, Turn};
-use crate::transport::assemble::{finish, layers, planes, shape};
-use crate::transport::chunk::Chunk;
+use crate::transport::assemble::{classes, finish, of_classes, planes, shape};
 use crate::transport::layer::{Bounces, Layer};
 use crate::transport::row_sums::RowSums;
 use crate::transport::share::Share;
@@ -134,35 +134,10 @@ fn merge<const C: usize>(
 ) -> Result<Own<C>> {
     let rig = shape(tracer, settings);
     let Share { chunks, direct, ambient, has_halves, summary } = share;
-    let [camera, projector] = Chunk::by_endpoint(chunks);
-    let message = |rank: usize| {
-        wire::message(|to| {
-            if rank == comm.rank() {
-                return Ok(());
-            }
-            let rows = &pixels[rank].camera;
-            // The rows of the camera's pixels are here; in a coaxial rig their paths count for the pixels at their ends as well.
-            let camera: &[Chunk<C>] = if rig.symmetric { &camera } else { &[] };
-            wire::put_chunks(to, camera, true, rows)?;
-            wire::put_chunks(to, &projector, false, rows)
-        })
-    };
-    let received = comm.exchange((0..comm.size()).map(message).collect());
-    let (mut own, mut chunks) = ([camera, projector], [Vec::new(), Vec::new()]);
-    for (rank, bytes) in received.into_iter().enumerate() {
-        let of_rank = if rank == comm.rank() {
-            std::mem::take(&mut own)
-        } else {
-            let mut from = wire::Reader::new(&bytes);
-            let mut chunk = |from_camera| wire::take_chunk(&mut from, from_camera).map_err(unread);
-            [vec![chunk(true)?], vec![chunk(false)?]]
-        };
-        chunks.iter_mut().zip(of_rank).for_each(|(all, more)| all.extend(more));
-    }
-    let rows = pixels[comm.rank()].camera.clone();
-    let chunks: Vec<Chunk<C>> = chunks.into_iter().flatten().collect();
-    let (layers, sums) = layers(chunks, rig, rows.clone(), split, &direct);
+    let merged = exchange::merge(comm, rig, pixels, chunks, classes(split).len(), &direct)?;
+    let (layers, sums) = of_classes(merged, split);
     let planes = vec![Vec::new(); C];
+    let rows = pixels[comm.rank()].camera.clone();
     let matrix = TransportMatrix { rig, channels, direct: planes, layers, rows, spread: None };
     Ok(Own { matrix, direct, ambient, sums, has_halves, summary })
 }

@@ -67,9 +67,22 @@ impl Pieces {
         Self { first: std::iter::once(first).chain(ends).collect(), pieces }
     }
 
+    /// Adds pieces after all others.
+    pub(in crate::transport) fn append(&mut self, pieces: Vec<CompressedRows>) {
+        for piece in pieces {
+            self.first.push(self.end() + piece.rows());
+            self.pieces.push(piece);
+        }
+    }
+
+    /// The row after the last one.
+    pub(in crate::transport) fn end(&self) -> usize {
+        self.first[self.first.len() - 1]
+    }
+
     /// The number of rows.
     pub(super) fn rows(&self) -> usize {
-        self.first[self.first.len() - 1] - self.first[0]
+        self.end() - self.first[0]
     }
 
     /// The number of entries.
@@ -85,7 +98,7 @@ impl Pieces {
     }
 
     /// Gives back the memory of the pieces whose rows are all before `row`, which must not be asked for any more.
-    pub(super) fn release_before(&mut self, row: usize) {
+    pub(in crate::transport) fn release_before(&mut self, row: usize) {
         for (piece, &end) in self.pieces.iter_mut().zip(&self.first[1..]) {
             if end <= row {
                 *piece = CompressedRows::default();

@@ -1,0 +1,233 @@
+//! Rows of the matrix, merged block by block.
+//!
+//! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`.
+//! Where the projector stands apart, the rows of the camera's pixels are rows of `A`, and those of the
+//! projector's pixels are columns of `A`. The transpose comes one block at a time (`transpose`), without a second
+//! copy of `F`. A row of `A` is then two rows merged, one of `F` and one of its transpose, which both ascend.
+
+use std::cmp::Ordering;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::RigShape;
+use super::chunk::{CLASSES, Chunk, Key, Term};
+use super::row_sums::{Outline, RowSums, outline};
+use super::tiles::{CompressedRows, take};
+use super::transpose::Sources;
+
+/// Approximate number of contributions in one block, unless there were too many blocks.
+const BLOCK: usize = 1 << 21;
+
+/// The most blocks: each looks at every pixel once.
+const MOST_BLOCKS: usize = 48;
+
+/// Number of rows that one task merges.
+const ROWS_PER_TASK: usize = 64;
+
+/// The rows of a matrix while they are merged. Rows are counted from the first one that is made.
+pub(super) struct Merging<'a, const C: usize> {
+    pub(super) sources: Sources<C>,
+    /// Whether the whole matrix is symmetric.
+    symmetric: bool,
+    /// The pixel of the first row.
+    first: usize,
+    /// The number of contributions to each row, and the diagonal of [`combine`](super::combine::combine).
+    terms: Vec<u32>,
+    direct: &'a [[[f64; 2]; C]],
+    pub(super) sums: Vec<RowSums<C>>,
+    /// The approximate number of contributions in one block.
+    most: usize,
+}
+
+impl<'a, const C: usize> Merging<'a, C> {
+    /// These `rows`, and the number of contributions of each class to what is merged of them.
+    pub(super) fn new(
+        chunks: Vec<Chunk<C>>,
+        rig: RigShape,
+        rows: &Range<usize>,
+        triangle: bool,
+        direct: &'a [[[f64; 2]; C]],
+    ) -> (Self, [usize; CLASSES]) {
+        let Outline { mut sums, terms, of_class } = outline(&chunks, rig, rows, triangle);
+        sums.iter_mut().zip(direct).for_each(|(sums, direct)| sums.add_direct(direct));
+        let most = BLOCK.max(of_class.iter().sum::<usize>() / MOST_BLOCKS);
+        let sources = Sources::new(chunks, rig, rows, triangle);
+        let merging =
+            Self { sources, symmetric: rig.symmetric, first: rows.start, terms, direct, sums, most };
+        (merging, of_class)
+    }
+
+    /// Merges these rows block by block: the pieces of each layer.
+    pub(super) fn pieces(&mut self, rows: &Range<usize>, classes: usize) -> Vec<Vec<CompressedRows>> {
+        let mut pieces: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
+        for block in self.blocks(rows) {
+            let merged = self.merge(block, classes);
+            pieces.iter_mut().zip(merged).for_each(|(pieces, piece)| pieces.push(piece));
+        }
+        pieces
+    }
+
+    /// These rows, cut into blocks of about equally many contributions.
+    fn blocks(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
+        let mut blocks = Vec::new();
+        let (mut first, mut held) = (rows.start, 0);
+        for row in rows.clone() {
+            let terms = self.terms[row] as usize;
+            if row > first && held + terms > self.most {
+                blocks.push(first..row);
+                (first, held) = (row, 0);
+            }
+            held += terms;
+        }
+        blocks.push(first..rows.end);
+        blocks
+    }
+
+    /// Merges these rows of the contributions with those of the transpose: the rows of each layer. Blocks follow one another.
+    fn merge(&mut self, rows: Range<usize>, classes: usize) -> Vec<CompressedRows> {
+        let transposed = self.sources.transposed(&(self.first + rows.start..self.first + rows.end));
+        let tasks: Vec<usize> = rows.clone().step_by(ROWS_PER_TASK).collect();
+        let sums = self.sums[rows.clone()].par_chunks_mut(ROWS_PER_TASK);
+        let (sources, terms) = (&self.sources, &self.terms);
+        let merged: Vec<Vec<CompressedRows>> = tasks
+            .into_par_iter()
+            .zip(sums)
+            .map(|(first, sums)| {
+                let of_task = first..first + sums.len();
+                let count = terms[of_task.clone()].iter().sum::<u32>() as usize;
+                let mut merged = Merged::new::<C>(classes, count, self.symmetric);
+                let mut mirrored = Vec::new();
+                for (row, sums) in of_task.zip(sums) {
+                    mirrored.clear();
+                    transposed.iter().for_each(|part| mirrored.extend_from_slice(part.row(row - rows.start)));
+                    let pixel = (self.first + row) as u32;
+                    merged.row(pixel, sources.own(row), &mirrored, self.direct.get(row), sums);
+                }
+                merged.layers
+            })
+            .collect();
+        let mut parts: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
+        for layers in merged {
+            parts.iter_mut().zip(layers).for_each(|(parts, part)| parts.push(part));
+        }
+        parts.into_iter().map(joined::<C>).collect()
+    }
+}
+
+/// The rows of several tasks as one piece. Its arrays are long, so that the system gets their memory back with them.
+fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
+    let count = parts.iter().map(|part| part.columns.len()).sum();
+    let mut joined =
+        CompressedRows { row_start: vec![0], columns: vec![0; count], weights: vec![vec![0.0; count]; C] };
+    let mut columns = joined.columns.as_mut_slice();
+    let mut planes: Vec<&mut [f32]> = joined.weights.iter_mut().map(Vec::as_mut_slice).collect();
+    let (mut to, mut before) = (Vec::new(), 0);
+    for part in &parts {
+        joined.row_start.extend(part.row_start.iter().skip(1).map(|end| before + end));
+        let count = part.columns.len();
+        before += count;
+        let planes: Vec<&mut [f32]> = planes.iter_mut().map(|plane| take(plane, count)).collect();
+        to.push((take(&mut columns, count), planes));
+    }
+    parts.into_par_iter().zip(to).for_each(|(part, (columns, planes))| {
+        columns.copy_from_slice(&part.columns);
+        planes.into_iter().zip(&part.weights).for_each(|(to, from)| to.copy_from_slice(from));
+    });
+    joined
+}
+
+/// The merged rows of one task.
+struct Merged {
+    layers: Vec<CompressedRows>,
+    /// Whether the whole matrix is symmetric.
+    symmetric: bool,
+}
+
+impl Merged {
+    /// No rows yet, of so many layers. Nearly all of the `count` entries will be the last layer's.
+    fn new<const C: usize>(layers: usize, count: usize, symmetric: bool) -> Self {
+        let room = |layer: usize| if layer + 1 == layers { count } else { 0 };
+        let layers = (0..layers).map(|layer| CompressedRows::with_room(C, ROWS_PER_TASK, room(layer)));
+        Self { layers: layers.collect(), symmetric }
+    }
+
+    /// Merges one row: terms of equal column and class are summed in `f64`.
+    fn row<const C: usize>(
+        &mut self,
+        row: u32,
+        own: &[Term<C>],
+        mirrored: &[Term<C>],
+        mut direct: Option<&[[f64; 2]; C]>,
+        sums: &mut RowSums<C>,
+    ) {
+        let none = [[0.0; 2]; C];
+        let mut column = u32::MAX;
+        let (mut whole, mut global) = (none, none);
+        let symmetric = self.symmetric;
+        let times = |column: u32| match column.cmp(&row) {
+            Ordering::Less if symmetric => 0.0,
+            Ordering::Greater if symmetric => 2.0,
+            _ => 1.0,
+        };
+        each_key(own, mirrored, |key, sum| {
+            if key.other() != column {
+                sums.add_squares(times(column), &whole, &global);
+                column = key.other();
+                whole = if column == row { *direct.take().unwrap_or(&none) } else { none };
+                global = none;
+            }
+            let class = key.class();
+            add(&mut whole, &sum);
+            if class > 0 {
+                add(&mut global, &sum);
+            }
+            let layer = &mut self.layers[class];
+            layer.columns.push(column);
+            layer.weights.iter_mut().zip(sum).for_each(|(plane, [mean, _])| plane.push(mean as f32));
+        });
+        sums.add_squares(times(column), &whole, &global);
+        // The diagonal entry of this row has direct light only.
+        if let Some(direct) = direct {
+            sums.add_squares(1.0, direct, &none);
+        }
+        self.layers.iter_mut().for_each(CompressedRows::end_row);
+    }
+}
+
+/// Calls `visit` with each key of a row and of its mirror image, ascending, and the sums of its one or two entries. An
+/// entry of the matrix and its own mirror image are the sum of the same two numbers, so that they agree to the last bit.
+fn each_key<const C: usize>(
+    own: &[Term<C>],
+    mirrored: &[Term<C>],
+    mut visit: impl FnMut(Key, [[f64; 2]; C]),
+) {
+    let nothing = Term::none(Key::END);
+    let (mut first, mut second) = (0, 0);
+    loop {
+        let next = [own.get(first).unwrap_or(&nothing), mirrored.get(second).unwrap_or(&nothing)];
+        let key = next[0].key.min(next[1].key);
+        if key == Key::END {
+            return;
+        }
+        // Which of the two comes next is a matter of chance: a branch would often be predicted wrongly.
+        let has = next.map(|term| term.key == key);
+        let [a, b] = [0, 1].map(|which| if has[which] { next[which] } else { &nothing });
+        visit(
+            key,
+            std::array::from_fn(|channel| {
+                let sum = |a: f32, b: f32| f64::from(a) + f64::from(b);
+                [sum(a.mean[channel], b.mean[channel]), sum(a.error[channel], b.error[channel])]
+            }),
+        );
+        first += usize::from(has[0]);
+        second += usize::from(has[1]);
+    }
+}
+
+/// `to += more`.
+fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
+    for (to, more) in to.iter_mut().flatten().zip(more.iter().flatten()) {
+        *to += more;
+    }
+}
