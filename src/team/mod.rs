@@ -7,6 +7,8 @@
 //! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
 
 mod cores;
+#[cfg(feature = "mpi")]
+mod memory;
 mod serve;
 mod threads;
 #[cfg(feature = "mpi")]
@@ -17,6 +19,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub use cores::{Placement, share_cores};
+#[cfg(feature = "mpi")]
+pub use memory::return_freed_memory;
 pub use serve::{Worker, serve};
 pub use threads::{Threads, threads};
 #[cfg(feature = "mpi")]

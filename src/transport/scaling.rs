@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::assemble::{shape, whole};
 use super::share::Share;
+use super::spread::PORTIONS;
 use super::{Channels, Part, TransportMatrix, luminance, pilot};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -22,7 +23,7 @@ const BASE: f64 = 130e6;
 /// The share of the rows that become tiles at the same time.
 const GROUP: f64 = 1.0 / 16.0;
 /// The peak of memory over the arrays that are in use at the time, since allocators keep what was freed. Measured with
-/// 512x512 pixels and 256 samples: 1.30 in one process, 1.12 in each of four.
+/// 512x512 pixels and 256 samples: 1.3 in one process, 1.1 to 1.3 in each of four.
 const SLACK: f64 = 1.3;
 
 /// The measured constants of a scene on this machine. Times are those of all cores that this process has.
@@ -170,8 +171,11 @@ impl Probe {
             // The contributions to a triangle are given back while the tiles grow.
             group + tiled.max(found * contribution)
         } else {
-            let exchanged = found / count * contribution * (1.0 + 2.0 * away);
-            exchanged.max(found / count * contribution * (1.0 + away) + tiled + group)
+            // After a share `x` of the rows is merged, own contributions take 1 - x² of their memory, and tiles `x` of theirs. A portion is there three
+            // times more: as it is sent, as it arrives, and as it is merged.
+            let own = found / count * contribution;
+            let most = (tiled / (2.0 * own)).min(1.0);
+            own * (1.0 - most * most) + tiled * most + group + 3.0 * own * away / PORTIONS as f64
         };
         let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
         let is_team = if processes > 1 { 1.0 } else { 0.0 };

@@ -18,7 +18,7 @@ use crate::transport::portions::Portions;
 use crate::transport::{RigShape, wire};
 
 /// The number of portions. With more of them a process holds less at a time, and goes through its contributions more often.
-const PORTIONS: usize = 12;
+pub(in crate::transport) const PORTIONS: usize = 12;
 
 /// Merges the contributions of all processes to the own rows. `chunks` are the own contributions, and `direct` is as for
 /// [`combine`](crate::transport::combine::combine). Every process of the team must call it.

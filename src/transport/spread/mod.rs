@@ -24,6 +24,7 @@ mod transpose;
 mod worker;
 
 pub(super) use assembly::assemble;
+pub(super) use exchange::PORTIONS;
 pub(super) use retrace::trace;
 pub use scene::share_scene;
 pub use worker::SceneWorker;

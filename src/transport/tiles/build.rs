@@ -90,7 +90,10 @@ impl Builder {
 /// These rows, each as its fragments below the diagonal, and what the pieces have of it.
 fn whole_rows(below: &[Fragment], pieces: &Pieces, rows: Range<usize>, channels: usize) -> CompressedRows {
     let below: Vec<&Fragment> = below.iter().filter(|fragment| fragment.overlaps(&rows)).collect();
-    let mut whole = CompressedRows::with_room(channels, rows.len(), 0);
+    let entries = |row: usize| {
+        below.iter().map(|fragment| fragment.entries_of(row)).sum::<usize>() + pieces.row(row).1.len()
+    };
+    let mut whole = CompressedRows::with_room(channels, rows.len(), rows.clone().map(entries).sum());
     for row in rows {
         below.iter().for_each(|fragment| fragment.append(row, &mut whole));
         let (piece, entries) = pieces.row(row);

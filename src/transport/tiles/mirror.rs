@@ -23,9 +23,18 @@ impl Fragment {
 
     /// Appends its entries of a row to the last row of `to`.
     pub(super) fn append(&self, row: usize, to: &mut CompressedRows) {
-        if let Some(row) = row.checked_sub(self.first).filter(|&row| row < self.entries.rows()) {
-            to.extend(&self.entries, self.entries.row(row));
-        }
+        to.extend(&self.entries, self.row(row));
+    }
+
+    /// The number of its entries of a row.
+    pub(super) fn entries_of(&self, row: usize) -> usize {
+        self.row(row).len()
+    }
+
+    /// Its entries of a row; none where it does not have the row.
+    fn row(&self, row: usize) -> Range<usize> {
+        let row = row.checked_sub(self.first).filter(|&row| row < self.entries.rows());
+        row.map_or(0..0, |row| self.entries.row(row))
     }
 
     /// The fragment of these `rows`, which has the transpose of `of`.
