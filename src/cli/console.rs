@@ -167,8 +167,11 @@ impl Observer for Console {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         self.progress().step(self, step);
         if step.stage == "loading" {
-            // Between these steps nothing asks whether to stop, so that Ctrl-C still ends the program at once.
-            return ControlFlow::Continue(());
+            // Between these steps nothing may ask whether to stop for long, so that Ctrl-C still ends the program at once.
+            return match self.interrupted.load(Ordering::SeqCst) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            };
         }
         self.check()
     }
