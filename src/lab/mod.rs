@@ -31,6 +31,7 @@ mod journal;
 mod kept;
 mod labels;
 mod light;
+mod loading;
 mod look;
 mod matrix;
 mod measured;

@@ -1,26 +1,23 @@
 //! A scene as a source: loaded, with the device that traces it and the cache of matrices.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use super::operator::lock;
 use super::settings::Settings;
-use super::text::{bytes, grouped};
+use super::text::grouped;
 use super::traced::{report_matrix, report_trace, store};
-use super::{Log, SharedObserver, Truth};
+use super::{Log, SharedObserver, Truth, loading};
 use crate::cache::{Cache, Found, Key};
 use crate::error::{Error, Result};
 use crate::gpu::AdapterSummary;
 use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::Identity;
-use crate::machine;
 use crate::measure::RunManifest;
-use crate::observer::{Estimate, Level, Step};
 use crate::render::{TraceSettings, Tracer};
-use crate::scene::{self, LoadOptions, Scene, Watcher};
+use crate::scene::{LoadOptions, Scene};
 use crate::transport::{self, Assembled, Backend, Channels};
 
 /// The label of a pixel that sees no region, as in all label images.
@@ -55,13 +52,11 @@ impl SceneSource {
         observer: &SharedObserver,
     ) -> Result<Self> {
         let (auto_camera, strict) = (settings.auto_camera, settings.strict);
-        let told = |share: f32| told(observer, READING * share);
-        let watcher = Watcher::new(&told);
-        let options = LoadOptions { camera, camera_file, auto_camera, strict, watcher };
-        let load = || load(path, &options, observer);
+        let options = LoadOptions { camera, camera_file, auto_camera, strict, ..LoadOptions::default() };
+        let load = || loading::load(path, options, observer);
         let (scene, mut tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
         share(&mut tracer, &scene, settings, observer)?;
-        loading(observer, 1.0)?;
+        loading::at(observer, 1.0)?;
         Self::new(scene, tracer, trace, settings, observer)
     }
 
@@ -280,58 +275,4 @@ fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings, observer: &Sha
     transport::share_scene(tracer, scene, settings.adapter.as_deref(), team)?;
     observer.detail(format_args!("processes {} trace the scene together", team.size()));
     Ok(())
-}
-
-/// Loads the scene and reports what was ignored in it.
-fn load(path: &Path, options: &LoadOptions<'_>, observer: &SharedObserver) -> Result<Scene> {
-    loading(observer, 0.0)?;
-    let scene = scene::load_with(path, options)?;
-    loading(observer, READING)?;
-    require_memory(&scene, machine::memory())?;
-    for warning in &scene.warnings {
-        observer.log(Level::Warning, &format!("warning: {}: {warning}", scene.path.display()));
-    }
-    observer.detail(format_args!(
-        "scene     {} triangles, {} materials, camera `{}`",
-        scene.triangles.len(),
-        scene.materials.len(),
-        scene.camera.name
-    ));
-    Ok(scene)
-}
-
-/// The memory that a scene and its search tree take for each triangle while they are moved to the device, in bytes. Measured with 7.7 million triangles:
-/// 640, of which the scene itself is 152.
-const BYTES_PER_TRIANGLE: u64 = 640;
-
-/// Checks that the search tree of a scene takes no more than `most` bytes of memory.
-fn require_memory(scene: &Scene, most: u64) -> Result<()> {
-    let needed = scene.triangles.len() as u64 * BYTES_PER_TRIANGLE;
-    if needed <= most {
-        return Ok(());
-    }
-    Err(Error::Scene {
-        path: scene.path.clone(),
-        fault: format!(
-            "its {} triangles take about {} of memory, more than the {} that there are",
-            grouped(scene.triangles.len() as u64),
-            bytes(needed),
-            bytes(most)
-        ),
-        help: "simplify the meshes, place fewer of them, or use a machine with more memory".into(),
-    })
-}
-
-/// The share of reading the files in the work of loading a scene; the rest is its search tree.
-const READING: f32 = 0.5;
-
-/// As [`told`], as an error.
-fn loading(observer: &SharedObserver, share: f32) -> Result<()> {
-    if told(observer, share).is_break() { Err(Error::Interrupted) } else { Ok(()) }
-}
-
-/// Tells the observer which share of a scene is loaded: nothing, its files, or its search tree as well. Returns whether to go on.
-fn told(observer: &SharedObserver, share: f32) -> ControlFlow<()> {
-    let done = (100.0 * share) as u64;
-    observer.0.step(&Step { stage: "loading", done, total: 100, estimate: Estimate::None })
 }

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{AlphaMode, Camera, Material, Scene, Triangle};
+use super::{AlphaMode, Camera, Scene, TextureRef, Triangle};
 use crate::image::Resolution;
 
 /// The most intersections of a ray with a triangle that are computed: a fraction of a second.
@@ -20,8 +20,8 @@ const SMOOTH: f32 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Hit {
     distance: f32,
-    /// Why the surface sends nothing back, if its material says so.
-    darkness: Option<Darkness>,
+    material: u32,
+    is_front: bool,
 }
 
 /// Why a surface that is seen sends little or no light back.
@@ -75,8 +75,11 @@ pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<Stri
     if hits.is_empty() {
         return nothing_in_view(scene, resolution, rays.len());
     }
-    let mut reasons: Vec<Darkness> = hits.iter().filter_map(|hit| hit.darkness).collect();
-    if reasons.len() == hits.len() {
+    let mut seen: Vec<(u32, bool)> = hits.iter().map(|hit| (hit.material, hit.is_front)).collect();
+    seen.sort();
+    seen.dedup();
+    let reasons = seen.into_iter().map(|(material, is_front)| darkness(scene, material, is_front));
+    if let Some(mut reasons) = reasons.collect::<Option<Vec<Darkness>>>() {
         reasons.sort();
         reasons.dedup();
         let words =
@@ -123,22 +126,29 @@ fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option
     ))
 }
 
-/// Why a surface of this material is dark from its front or its back; what textures and colours of corners do is not known here.
-fn darkness(material: &Material, is_front: bool) -> Option<Darkness> {
-    let is_blend = matches!(material.alpha_mode, AlphaMode::Blend);
-    if is_blend && material.opacity == 0.0 {
+/// Why a surface of this material is dark from its front or its back. Of textures only colours that are black everywhere are taken into account.
+fn darkness(scene: &Scene, material: u32, is_front: bool) -> Option<Darkness> {
+    let material = &scene.materials[material as usize];
+    if matches!(material.alpha_mode, AlphaMode::Blend) && material.opacity == 0.0 {
         return Some(Darkness::Absent);
     }
     if !is_front && !material.double_sided && !material.lets_light_through() {
         return Some(Darkness::Back);
     }
+    let is_colored = |color: Vec3, texture: &Option<TextureRef>| {
+        let picture = texture.as_ref().and_then(|texture| scene.textures.get(texture.texture as usize));
+        let mut texels = picture.iter().flat_map(|picture| &picture.texels);
+        let is_black = picture.is_some() && texels.all(|&[red, green, blue, _]| red | green | blue == 0);
+        color.max_element() > 0.0 && !is_black
+    };
+    let has_color = is_colored(material.base_color, &material.base_color_texture);
+    let reflects =
+        material.specular > 0.0 && is_colored(material.specular_color, &material.specular_color_texture);
     let is_smooth = material.roughness < SMOOTH && material.metallic_roughness_texture.is_none();
-    let reflects = material.specular > 0.0 && material.specular_color.max_element() > 0.0;
-    let scatters =
-        material.base_color.max_element() > 0.0 && material.metallic < 1.0 && material.transmission < 1.0;
-    let scatters = scatters || material.diffuse_transmission > 0.0;
-    let glints = material.metallic > 0.0 && material.base_color.max_element() > 0.0 || reflects;
-    match (scatters, glints || material.transmission > 0.0) {
+    let scatters = has_color && material.metallic < 1.0 && material.transmission < 1.0
+        || material.diffuse_transmission > 0.0;
+    let glints = reflects || has_color && (material.metallic > 0.0 || material.transmission > 0.0);
+    match (scatters, glints) {
         (true, _) => None,
         (false, false) => Some(Darkness::Black),
         (false, true) => is_smooth.then_some(Darkness::Mirror),
@@ -149,8 +159,7 @@ fn first_hit(scene: &Scene, camera: &Camera, ray: Vec3) -> Option<Hit> {
     let nearest = |best: Option<Hit>, triangle: &Triangle| match intersection(triangle, camera.position, ray)
     {
         Some((distance, is_front, _)) if best.is_none_or(|best| distance < best.distance) => {
-            let darkness = darkness(&scene.materials[triangle.material as usize], is_front);
-            Some(Hit { distance, darkness })
+            Some(Hit { distance, material: triangle.material, is_front })
         }
         _ => best,
     };
@@ -180,6 +189,7 @@ mod tests {
 
     use super::*;
     use crate::error::Result;
+    use crate::scene::{Material, Texture, Wrap};
 
     fn reason(change: impl Fn(&mut Scene)) -> Result<Option<String>> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/corner/scene.glb");
@@ -226,6 +236,20 @@ mod tests {
             None,
             "rough metal"
         );
+        let black = Texture {
+            name: "black".into(),
+            width: 1,
+            height: 1,
+            texels: vec![[0, 0, 0, 255]],
+            wrap: [Wrap::Repeat; 2],
+            linear: true,
+        };
+        let painted = reason(|scene| {
+            scene.textures = vec![black.clone()];
+            let paint = |material: &mut Material| material.base_color_texture = Some(TextureRef::new(0));
+            scene.materials.iter_mut().for_each(paint);
+        })?;
+        says(painted, "has a colour of 0");
         says(
             with(|material| (material.alpha_mode, material.opacity) = (AlphaMode::Blend, 0.0))?,
             "has an opacity of 0",
