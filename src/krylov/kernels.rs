@@ -6,7 +6,10 @@
 //! Each kernel is compiled twice, once for registers of four numbers (AVX2), and the processor decides. Products and
 //! sums are rounded separately in both, so that the bits are the same. Whatever is done with a column while it is in
 //! the cache takes half the time so, and hides behind the memory.
-#![allow(unsafe_code, reason = "instructions that not every processor has are called where this one has them")]
+#![allow(
+    unsafe_code,
+    reason = "instructions that not every processor has are called where this one has them"
+)]
 
 /// Columns that are read at the same time.
 const TOGETHER: usize = 8;
@@ -81,7 +84,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// `Vᵀ w` for the rows of one block, which begins at `start`.
 pub(super) fn dots_block(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) {
-    widest!(dots(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) -> ())
+    widest!(dots(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) -> ());
 }
 
 #[inline(always)]
@@ -100,7 +103,7 @@ pub(super) type PairMut<'a> = (&'a mut [f64], &'a mut [f64]);
 
 /// `Vᵀ x` and `Vᵀ z` for the rows of one block, which begins at `start`.
 pub(super) fn dots_pair_block(columns: &[Vec<f64>], start: usize, of: Pair<'_>, sums: PairMut<'_>) {
-    widest!(dots_pair(columns: &[Vec<f64>], start: usize, of: Pair<'_>, sums: PairMut<'_>) -> ())
+    widest!(dots_pair(columns: &[Vec<f64>], start: usize, of: Pair<'_>, sums: PairMut<'_>) -> ());
 }
 
 #[inline(always)]
@@ -143,7 +146,7 @@ fn dots_of<const K: usize, const M: usize>(columns: [&[f64]; K], vectors: [&[f64
 
 /// `w ← w + sign · V h` for the rows of one block, which begins at `start`: one column after the other.
 pub(super) fn add_block(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) {
-    widest!(add(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) -> ())
+    widest!(add(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) -> ());
 }
 
 #[inline(always)]
@@ -153,7 +156,7 @@ fn add(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) 
 
 /// `w ← w + V h` for two pairs `(h, w)` and the rows of one block, which begins at `start`.
 pub(super) fn add_pair_block(columns: &[Vec<f64>], h: Pair<'_>, start: usize, to: PairMut<'_>) {
-    widest!(add_pair(columns: &[Vec<f64>], h: Pair<'_>, start: usize, to: PairMut<'_>) -> ())
+    widest!(add_pair(columns: &[Vec<f64>], h: Pair<'_>, start: usize, to: PairMut<'_>) -> ());
 }
 
 #[inline(always)]
@@ -205,7 +208,7 @@ pub(super) fn settle_block(
     of: PairMut<'_>,
     sums: &mut [f64],
 ) {
-    widest!(settle(columns: &[Vec<f64>], by: Pair<'_>, start: usize, of: PairMut<'_>, sums: &mut [f64]) -> ())
+    widest!(settle(columns: &[Vec<f64>], by: Pair<'_>, start: usize, of: PairMut<'_>, sums: &mut [f64]) -> ());
 }
 
 #[inline(always)]

@@ -61,8 +61,8 @@ impl Model {
 
     /// One reading of patterns and products an iteration. All vectors are in the coordinates `u = D^½ x`.
     fn minimize_symmetric(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        let Work { u, y: before, g: constant, .. } = work;
-        let lipschitz = self.lipschitz_symmetric(u, before);
+        let Work { u, y: before, g: constant, dominant, .. } = work;
+        let lipschitz = self.lipschitz_symmetric(dominant, before);
         // M̂ D^½ b
         update2(before, b, &self.root, |_, b, s| s * b);
         self.apply(true, before, constant);
@@ -77,11 +77,12 @@ impl Model {
         let mut weight = 0.0;
         for _ in 0..ITERATIONS {
             let of_y = of_u.combined(1.0 + weight, &of_before, -weight);
-            let swept = self.sweep((1.0 + weight, u), (-weight, before), &of_y, |Row { index, y, product }| {
-                let s = self.root[index];
-                let g = product - constant[index];
-                ((y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s), g)
-            });
+            let swept =
+                self.sweep((1.0 + weight, u), (-weight, before), &of_y, |Row { index, y, product }| {
+                    let s = self.root[index];
+                    let g = product - constant[index];
+                    ((y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s), g)
+                });
             std::mem::swap(u, before);
             of_before = std::mem::replace(&mut of_u, swept.coordinates);
             weight = momentum.next(swept.slope > 0.0);
@@ -94,13 +95,16 @@ impl Model {
         predicted
     }
 
-    /// A bound of `‖D^½ M̂‖²`: the estimate of a few power iterations from the white pattern, plus ten
-    /// percent. Overwrites `u` and `v`.
+    /// A bound of `‖D^½ M̂‖²`: the estimate of a few power iterations, plus ten percent. They go on from the vector `u` of
+    /// the model before, which one more photo hardly moves, and begin from the white pattern. `v` is overwritten.
     fn lipschitz_symmetric(&self, u: &mut Vec<f64>, v: &mut Vec<f64>) -> f64 {
-        u.copy_from_slice(&self.root);
+        let mut length = norm(u);
+        if length == 0.0 {
+            u.copy_from_slice(&self.root);
+            length = norm(u);
+        }
         v.fill(0.0);
         let mut of_u = self.coordinates(u);
-        let mut length = norm(u);
         let mut square = 0.0_f64;
         for _ in 0..POWERS {
             if length == 0.0 || !length.is_finite() {
@@ -129,7 +133,7 @@ impl Model {
 
     /// For a model that is not symmetric. All vectors are in the coordinates `u = D^½ x`.
     fn minimize_general(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        let Work { u, y, next, image, g } = work;
+        let Work { u, y, next, image, g, .. } = work;
         let lipschitz = self.lipschitz_general(next, image, g);
         update2(u, x, &self.root, |_, x, s| x * s);
         if lipschitz <= 0.0 {
@@ -160,7 +164,7 @@ impl Model {
         norm(image)
     }
 
-    /// As [`Model::lipschitz_symmetric`]. Overwrites its arguments.
+    /// As [`Model::lipschitz_symmetric`], always from the white pattern. Overwrites its arguments.
     fn lipschitz_general(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
         v.copy_from_slice(&self.root);
         let mut square = 0.0_f64;

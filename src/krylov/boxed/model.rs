@@ -46,16 +46,20 @@ pub(super) struct Work {
     pub(super) u: Vec<f64>,
     pub(super) y: Vec<f64>,
     pub(super) g: Vec<f64>,
-    /// Empty for a symmetric model, which needs no more.
+    /// The vector that a symmetric model's square multiplies most; zero before the first box problem. Empty for others.
+    pub(super) dominant: Vec<f64>,
+    /// Empty for a symmetric model.
     pub(super) next: Vec<f64>,
+    /// Empty for a symmetric model.
     pub(super) image: Vec<f64>,
 }
 
 impl Work {
     fn new(n: usize, symmetric: bool) -> Self {
         let zero = || vec![0.0; n];
-        let more = || if symmetric { Vec::new() } else { zero() };
-        Self { u: zero(), y: zero(), g: zero(), next: more(), image: more() }
+        let only = |needed: bool| if needed { zero() } else { Vec::new() };
+        let [next, image] = [only(!symmetric), only(!symmetric)];
+        Self { u: zero(), y: zero(), g: zero(), dominant: only(symmetric), next, image }
     }
 }
 

@@ -108,7 +108,8 @@ impl Model {
         let (c, rest) = sums.split_at_mut(k);
         let (d, rest) = rest.split_at_mut(k);
         let (c_weighted, d_weighted) = rest.split_at_mut(k);
-        for (basis, plain, of_weighted) in [(&self.patterns, c, c_weighted), (&self.products, d, d_weighted)] {
+        for (basis, plain, of_weighted) in [(&self.patterns, c, c_weighted), (&self.products, d, d_weighted)]
+        {
             dots_pair_block(basis.columns(), start, (u, weighted), (plain, of_weighted));
         }
     }
@@ -169,8 +170,7 @@ impl Model {
 
     /// `product ← M̂ D M̂ y` for the rows of one block from `start` on, and `image ← M̂ y`, which is `θ y` before.
     fn product_of_rows(&self, of: &Coefficients, start: usize, image: &mut [f64], product: &mut [f64]) {
-        for (basis, once, twice) in
-            [(&self.products, &of.c, &of.c_next), (&self.patterns, &of.e, &of.e_next)]
+        for (basis, once, twice) in [(&self.products, &of.c, &of.c_next), (&self.patterns, &of.e, &of.e_next)]
         {
             add_pair_block(basis.columns(), (once, twice), start, (image, product));
         }
@@ -252,12 +252,17 @@ mod tests {
 
             let (mut image, mut expected) = (vec![0.0; n], vec![0.0; n]);
             model.gradient(&y, None, &mut image, &mut expected);
-            let swept = model.sweep((1.5, &u), (-0.5, &mut v), &of_y, |row| (row.y - row.product, row.product));
+            let swept =
+                model.sweep((1.5, &u), (-0.5, &mut v), &of_y, |row| (row.y - row.product, row.product));
             let product: Vec<f64> = y.iter().zip(&v).map(|(y, z)| y - z).collect();
             near(&product, &expected, "M̂ D M̂ y");
             near(&swept.coordinates.d, &model.coordinates(&v).d, "Wᵀz");
             let step: Vec<f64> = v.iter().zip(&u).map(|(z, u)| z - u).collect();
-            near(&[swept.slope, swept.step, swept.norm], &[dot(&product, &step), norm(&step), norm(&v)], "sums");
+            near(
+                &[swept.slope, swept.step, swept.norm],
+                &[dot(&product, &step), norm(&step), norm(&v)],
+                "sums",
+            );
 
             let b = wave(n, 0.4);
             model.residual(&v, Some(&b), &mut image);

@@ -18,8 +18,8 @@
 //! # Bound
 //! Only parts of norm at most [`LATE`] wait; larger ones (from noise, or of a product that is nearly in the span) are removed at
 //! once, by passes as in [`orthogonalize`](super::super::orthogonalize). So `v` has norm `1 + O(ε)`, and with the rounding error `γ`
-//! of inner products stated there, `‖V_jᵀv‖ ≤ √j (γ + ε) + LATE ‖I − V_jᵀV_j‖`: no error is passed on. `m` vectors have
-//! `‖I − VᵀV‖_F ≤ m √2 (γ + ε)`, as if each had been reorthogonalized at once. The tests hold hard cases to this.
+//! stated there, `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`: no error is passed on. `m` vectors have
+//! `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been reorthogonalized at once. The tests hold hard cases to this.
 
 use super::super::basis::norm;
 use super::super::orthogonalize::{ENOUGH_LEFT, PASSES};
@@ -115,7 +115,7 @@ mod tests {
     use crate::operator::{Closure, Symmetry};
 
     #[test]
-    fn exact_products_wait_and_noisy_ones_do_not() -> Result<()> {
+    fn what_rounding_leaves_waits_and_what_noise_leaves_does_not() -> Result<()> {
         let n = 600;
         for noise in [0.0, 1e-4] {
             let diagonal = move |x: &[f64], y: &mut [f64]| {
@@ -126,14 +126,20 @@ mod tests {
             };
             let mut operator = Closure::new(n, n, Symmetry::Symmetric, diagonal);
             let mut lanczos = Lanczos::new(&Start::default().vector(n), &[])?;
+            let mut largest = 0.0_f64;
             for step in 1..=60 {
                 lanczos.expand(&mut operator)?;
-                let state = lanczos.expansion();
-                assert_eq!(state.late.is_empty(), noise > 0.0 && step > 2, "noise {noise}, step {step}");
-                if noise == 0.0 {
-                    // That is one reading of the basis. ‖A‖/β is about 5 here, and rounding a few ε of ‖A‖.
-                    assert!(norm(&state.late) < 1e-13, "{:e}", norm(&state.late));
+                // The first two steps remove everything beforehand.
+                if step > 2 {
+                    largest = largest.max(norm(&lanczos.expansion().late));
                 }
+            }
+            if noise == 0.0 {
+                // ‖A‖/β is about 5 here: a few ε of ‖A‖ are left, more than a removal at once would leave.
+                assert!((8.0 * f64::EPSILON..1e-13).contains(&largest), "{largest:e}");
+            } else {
+                // A second look finds rounding errors of a removal only.
+                assert!(largest < 4.0 * f64::EPSILON, "{largest:e}");
             }
         }
         Ok(())
