@@ -167,8 +167,11 @@ impl Observer for Console {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         self.progress().step(self, step);
         if step.stage == "loading" {
-            // Between these steps nothing asks whether to stop, so that Ctrl-C still ends the program at once.
-            return ControlFlow::Continue(());
+            // Between these steps nothing may ask whether to stop for long, so that Ctrl-C still ends the program at once.
+            return match self.interrupted.load(Ordering::SeqCst) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            };
         }
         self.check()
     }
@@ -218,7 +221,24 @@ fn written(done: std::io::Result<()>) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::shown;
+    use super::*;
+    use crate::observer::Estimate;
+
+    #[test]
+    fn while_a_scene_is_loaded_nothing_asks_so_that_the_first_interrupt_ends_the_program() {
+        let [json, quiet, verbose, allows_programs] = [false, true, false, false];
+        let [interrupted, asked] = [false, false].map(|flag| Arc::new(AtomicBool::new(flag)));
+        let progress = Arc::default();
+        let console =
+            Console { json, quiet, verbose, allows_programs, interrupted, asked, progress, team: None };
+        let step = |stage, done| console.step(&Step { stage, done, total: 100, estimate: Estimate::None });
+        assert!([0, 7, 50].map(|done| step("loading", done)).iter().all(|told| told.is_continue()));
+        assert!(!console.asked.load(Ordering::SeqCst), "an interrupt would be put off");
+        assert!(step("tracing", 1).is_continue());
+        assert!(console.asked.load(Ordering::SeqCst));
+        console.interrupted.store(true, Ordering::SeqCst);
+        assert!(step("tracing", 2).is_break() && step("loading", 8).is_break());
+    }
 
     #[test]
     fn names_from_files_do_not_change_the_terminal() {

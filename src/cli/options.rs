@@ -28,10 +28,11 @@ pub(super) struct ViewArgs {
     /// Where camera and projector stand, in TOML, instead of the scene's own [default: NAME.rig.toml next to the scene]
     #[arg(long, value_name = "RIG")]
     pub(super) camera_file: Option<PathBuf>,
-    /// Place a camera in front of a scene that has none, from where all of it is seen
+    /// Place a camera in front of a scene that has none, from where all of it is seen; of several cameras take the first
     #[arg(long)]
     pub(super) auto_camera: bool,
-    /// End where a picture or a material library of the scene is missing, instead of showing its surfaces without it
+    /// End where a picture, a material library or texture coordinates of the scene are missing or cannot be read, instead of showing its surfaces
+    /// without them
     #[arg(long)]
     pub(super) strict: bool,
 }

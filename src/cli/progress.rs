@@ -57,8 +57,8 @@ impl Progress {
             "tracing" if self.photos.is_some() => {}
             "loading" | "tracing" | "trials" => {
                 let bar = self.steps.get_or_insert_with(|| Bar::steps(console, step.stage));
-                // Whether to go on is asked by the console.
-                let _ = bar.at(step.done, step.total);
+                // Whether to go on is asked by the console, and not here: while a scene is loaded, it is not asked at all.
+                bar.show(step.done, step.total);
                 if step.done == step.total {
                     self.steps = None;
                 }
@@ -215,11 +215,16 @@ impl Bar {
 
     /// `done` of `total` steps are done.
     pub(super) fn at(&self, done: u64, total: u64) -> ControlFlow<()> {
+        self.show(done, total);
+        self.console.check()
+    }
+
+    /// Shows that `done` of `total` steps are done.
+    fn show(&self, done: u64, total: u64) {
         if self.total.replace(total) != total {
             self.bar.set_length(total);
         }
         self.bar.set_position(done);
-        self.console.check()
     }
 }
 

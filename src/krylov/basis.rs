@@ -41,6 +41,11 @@ impl Basis {
         &self.columns
     }
 
+    /// The columns, to change their entries.
+    pub(super) fn columns_mut(&mut self) -> &mut [Vec<f64>] {
+        &mut self.columns
+    }
+
     /// Appends `w / divisor`.
     pub(super) fn push_scaled(&mut self, w: &[f64], divisor: f64) {
         debug_assert_eq!(w.len(), self.rows);
@@ -103,70 +108,27 @@ impl Basis {
         sums
     }
 
-    /// `Vᵀ w` and `Vᵀ S² w` with `S = diag(s)`, in one pass over the columns.
-    pub(super) fn dots_twice(&self, w: &[f64], s: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let count = self.columns.len();
-        let block_sums = |(index, (rows, s)): (usize, (&[f64], &[f64]))| -> Vec<f64> {
-            let mut weighted = [0.0; BLOCK];
-            let weighted = &mut weighted[..rows.len()];
-            for ((weighted, row), s) in weighted.iter_mut().zip(rows).zip(s) {
-                *weighted = s * s * row;
-            }
-            let mut sums = vec![0.0; 2 * count];
-            let (plain, of_weighted) = sums.split_at_mut(count);
-            for ((columns, plain), of_weighted) in
-                self.columns.chunks(8).zip(plain.chunks_mut(8)).zip(of_weighted.chunks_mut(8))
-            {
-                dots_block(columns, index * BLOCK, rows, plain);
-                dots_block(columns, index * BLOCK, weighted, of_weighted);
-            }
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if w.len() <= 2 * BLOCK {
-            w.chunks(BLOCK).zip(s.chunks(BLOCK)).enumerate().map(block_sums).collect()
-        } else {
-            w.par_chunks(BLOCK).zip(s.par_chunks(BLOCK)).enumerate().map(block_sums).collect()
-        };
-        let mut plain = vec![0.0; 2 * count];
-        for block in &partial {
-            for (sum, part) in plain.iter_mut().zip(block) {
-                *sum += part;
-            }
-        }
-        let weighted = plain.split_off(count);
-        (plain, weighted)
-    }
-
-    /// `w ← w + V h` for two pairs `(h, w)`, in one pass over the columns.
-    pub(super) fn accumulate_twice(&self, first: (&[f64], &mut [f64]), second: (&[f64], &mut [f64])) {
-        let ((a, w), (b, z)) = (first, second);
-        debug_assert!(a.len() == self.columns.len() && b.len() == self.columns.len());
-        let add = |(index, (w, z)): (usize, (&mut [f64], &mut [f64]))| {
-            // Few enough columns at a time that their blocks are still in the cache for the second vector.
-            for ((columns, a), b) in self.columns.chunks(8).zip(a.chunks(8)).zip(b.chunks(8)) {
-                add_block(columns, a, 1.0, index * BLOCK, w);
-                add_block(columns, b, 1.0, index * BLOCK, z);
-            }
-        };
-        if w.len() <= 2 * BLOCK {
-            w.chunks_mut(BLOCK).zip(z.chunks_mut(BLOCK)).enumerate().for_each(add);
-        } else {
-            w.par_chunks_mut(BLOCK).zip(z.par_chunks_mut(BLOCK)).enumerate().for_each(add);
-        }
-    }
-
     /// `w ← w + sign · V h` over the columns from `first` on.
     pub(super) fn accumulate(&self, first: usize, coefficients: &[f64], sign: f64, w: &mut [f64]) {
-        let columns = self.columns.get(first..).unwrap_or_default();
-        debug_assert_eq!(columns.len(), coefficients.len());
-        let add = |(index, rows): (usize, &mut [f64])| {
-            add_block(columns, coefficients, sign, index * BLOCK, rows);
-        };
-        if w.len() <= 2 * BLOCK {
-            w.chunks_mut(BLOCK).enumerate().for_each(add);
-        } else {
-            w.par_chunks_mut(BLOCK).enumerate().for_each(add);
-        }
+        debug_assert_eq!(self.columns.len(), first + coefficients.len());
+        accumulate(self.columns.get(first..).unwrap_or_default(), coefficients, sign, w);
+    }
+
+    /// `w ← w + sign · V h` over as many of the first columns as there are coefficients.
+    pub(super) fn accumulate_first(&self, coefficients: &[f64], sign: f64, w: &mut [f64]) {
+        accumulate(&self.columns[..coefficients.len()], coefficients, sign, w);
+    }
+}
+
+/// `w ← w + sign · V h` over these columns.
+fn accumulate(columns: &[Vec<f64>], coefficients: &[f64], sign: f64, w: &mut [f64]) {
+    let add = |(index, rows): (usize, &mut [f64])| {
+        add_block(columns, coefficients, sign, index * BLOCK, rows);
+    };
+    if w.len() <= 2 * BLOCK {
+        w.chunks_mut(BLOCK).enumerate().for_each(add);
+    } else {
+        w.par_chunks_mut(BLOCK).enumerate().for_each(add);
     }
 }
 
@@ -184,7 +146,11 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or
 /// if the norm itself is beyond the largest `f64`).
 pub fn norm(w: &[f64]) -> f64 {
-    let square = dot(w, w);
+    norm_of_square(dot(w, w), w)
+}
+
+/// `‖w‖₂` from the computed `wᵀw`; as [`norm`].
+pub(super) fn norm_of_square(square: f64, w: &[f64]) -> f64 {
     // Between these bounds, no significant square overflowed or underflowed.
     if (1e-280..1e300).contains(&square) {
         return square.sqrt();
@@ -227,26 +193,6 @@ mod tests {
                 - basis.columns()[1..].iter().zip(&dots).map(|(column, h)| column[row] * h).sum::<f64>();
             // Coefficients reach 1300; five rounded products of that size.
             assert!((expected - sum[row]).abs() < 1e-11);
-        }
-    }
-
-    #[test]
-    fn paired_kernels_equal_the_single_ones() {
-        for rows in [37, 3 * BLOCK + 5] {
-            let mut basis = Basis::new(rows);
-            for k in 0..6 {
-                basis.push_scaled(&ramp(rows, 0.2 + k as f64), 1.0);
-            }
-            let (w, s) = (ramp(rows, 0.31), ramp(rows, 0.07));
-            let weighted: Vec<f64> = w.iter().zip(&s).map(|(w, s)| s * s * w).collect();
-            assert_eq!(basis.dots_twice(&w, &s), (basis.dots(0, &w), basis.dots(0, &weighted)));
-            let (a, b) = (ramp(6, 1.1), ramp(6, 0.3));
-            let (mut x, mut y) = (w.clone(), s.clone());
-            basis.accumulate_twice((&a, &mut x), (&b, &mut y));
-            let (mut one, mut other) = (w, s);
-            basis.accumulate(0, &a, 1.0, &mut one);
-            basis.accumulate(0, &b, 1.0, &mut other);
-            assert!(x == one && y == other, "the same sums in the same order");
         }
     }
 

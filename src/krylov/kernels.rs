@@ -1,16 +1,75 @@
 //! Kernels over one block of rows, which stays in the cache while the columns are read from memory.
 //!
-//! Columns are taken eight at a time: the block is then read an eighth as often, and eight streams from
-//! memory hide one another's latency. The order of additions depends only on the length.
+//! Columns are taken eight at a time, then four, then one: the block is then read an eighth as often, and eight streams
+//! from memory hide one another's latency. The order of additions depends only on the length and the number of columns.
+//!
+//! Each kernel is compiled twice, once for registers of four numbers (AVX2), and the processor decides. Products and
+//! sums are rounded separately in both, so that the bits are the same. Whatever is done with a column while it is in
+//! the cache takes half the time so, and hides behind the memory.
+#![allow(
+    unsafe_code,
+    reason = "instructions that not every processor has are called where this one has them"
+)]
 
 /// Columns that are read at the same time.
 const TOGETHER: usize = 8;
+
+/// As many where fewer are left.
+const HALF: usize = 4;
+
 /// Partial sums of each column, so that the compiler can use vector registers. It may not reorder a single
 /// sum by itself.
 const LANES: usize = 4;
 
+/// Calls a kernel as it is compiled for the widest registers of this processor.
+macro_rules! widest {
+    ($kernel:ident($($argument:ident: $type:ty),*) -> $result:ty) => {{
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2")]
+            fn wide($($argument: $type),*) -> $result {
+                $kernel($($argument),*)
+            }
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has the instructions.
+                return unsafe { wide($($argument),*) };
+            }
+        }
+        $kernel($($argument),*)
+    }};
+}
+
+/// Evaluates a call for each group of columns, cut to the rows of a block, and the place of the group's first column.
+macro_rules! in_groups {
+    ($columns:ident, $start:expr, $rows:expr, |$first:ident, $group:ident| $call:expr) => {{
+        let (eights, rest) = $columns.as_chunks::<TOGETHER>();
+        let (fours, ones) = rest.as_chunks::<HALF>();
+        let mut $first = 0;
+        for columns in eights {
+            let $group = columns.each_ref().map(|column| &column[$start..$start + $rows]);
+            $call;
+            $first += TOGETHER;
+        }
+        for columns in fours {
+            let $group = columns.each_ref().map(|column| &column[$start..$start + $rows]);
+            $call;
+            $first += HALF;
+        }
+        for column in ones {
+            let $group = [&column[$start..$start + $rows]];
+            $call;
+            $first += 1;
+        }
+    }};
+}
+
 /// The inner product of one block.
 pub(super) fn dot_block(a: &[f64], b: &[f64]) -> f64 {
+    widest!(dot(a: &[f64], b: &[f64]) -> f64)
+}
+
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (a_chunks, a_tail) = a.as_chunks::<8>();
     let (b_chunks, b_tail) = b.as_chunks::<8>();
@@ -24,78 +83,201 @@ pub(super) fn dot_block(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// `Vᵀ w` for the rows of one block, which begins at `start`.
-pub(super) fn dots_block(columns: &[Vec<f64>], start: usize, rows: &[f64], sums: &mut [f64]) {
-    let range = start..start + rows.len();
-    let (groups, rest) = columns.as_chunks::<TOGETHER>();
-    let (group_sums, rest_sums) = sums.split_at_mut(TOGETHER * groups.len());
-    for (group, sums) in groups.iter().zip(group_sums.chunks_exact_mut(TOGETHER)) {
-        sums.copy_from_slice(&dots(group.each_ref().map(|column| &column[range.clone()]), rows));
-    }
-    for (column, sum) in rest.iter().zip(rest_sums) {
-        [*sum] = dots([&column[range.clone()]], rows);
-    }
+pub(super) fn dots_block(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) {
+    widest!(dots(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) -> ());
 }
 
-/// The same sum for each column, whatever `K` is.
-fn dots<const K: usize>(columns: [&[f64]; K], rows: &[f64]) -> [f64; K] {
-    let (chunks, tail) = rows.as_chunks::<LANES>();
-    let mut sums = [[0.0; LANES]; K];
-    for (index, x) in chunks.iter().enumerate() {
-        for (column, sums) in columns.iter().zip(&mut sums) {
-            let y = &column[index * LANES..(index + 1) * LANES];
-            for lane in 0..LANES {
-                sums[lane] += x[lane] * y[lane];
+#[inline(always)]
+fn dots(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) {
+    in_groups!(columns, start, w.len(), |first, group| {
+        let [of_group] = dots_of(group, [w]);
+        sums[first..first + of_group.len()].copy_from_slice(&of_group);
+    });
+}
+
+/// Inner products with two vectors, as in [`dots_block`].
+pub(super) type Pair<'a> = (&'a [f64], &'a [f64]);
+
+/// Two vectors to be changed.
+pub(super) type PairMut<'a> = (&'a mut [f64], &'a mut [f64]);
+
+/// `Vᵀ x` and `Vᵀ z` for the rows of one block, which begins at `start`.
+pub(super) fn dots_pair_block(columns: &[Vec<f64>], start: usize, of: Pair<'_>, sums: PairMut<'_>) {
+    widest!(dots_pair(columns: &[Vec<f64>], start: usize, of: Pair<'_>, sums: PairMut<'_>) -> ());
+}
+
+#[inline(always)]
+fn dots_pair(columns: &[Vec<f64>], start: usize, (x, z): Pair<'_>, (of_x, of_z): PairMut<'_>) {
+    in_groups!(columns, start, x.len(), |first, group| {
+        let [with_x, with_z] = dots_of(group, [x, z]);
+        of_x[first..first + with_x.len()].copy_from_slice(&with_x);
+        of_z[first..first + with_z.len()].copy_from_slice(&with_z);
+    });
+}
+
+/// The same sum for each column and vector, however many there are.
+#[inline(always)]
+fn dots_of<const K: usize, const M: usize>(columns: [&[f64]; K], vectors: [&[f64]; M]) -> [[f64; K]; M] {
+    let chunks = vectors.map(|vector| vector.as_chunks::<LANES>().0);
+    let columns_chunks = columns.map(|column| column.as_chunks::<LANES>().0);
+    let count = chunks[0].len();
+    let mut sums = [[[0.0; LANES]; K]; M];
+    for index in 0..count {
+        let x = chunks.map(|chunks| chunks[index]);
+        for k in 0..K {
+            let y = columns_chunks[k][index];
+            for (x, sums) in x.iter().zip(&mut sums) {
+                for lane in 0..LANES {
+                    sums[k][lane] += x[lane] * y[lane];
+                }
             }
         }
     }
-    let first = rows.len() - tail.len();
-    std::array::from_fn(|k| {
-        let rest: f64 = tail.iter().zip(&columns[k][first..]).map(|(x, y)| x * y).sum();
-        (sums[k][0] + sums[k][1]) + (sums[k][2] + sums[k][3]) + rest
+    let first = LANES * count;
+    std::array::from_fn(|m| {
+        std::array::from_fn(|k| {
+            let tail = vectors[m][first..].iter().zip(&columns[k][first..]);
+            let rest: f64 = tail.map(|(x, y)| x * y).sum();
+            let [a, b, c, d] = sums[m][k];
+            (a + b) + (c + d) + rest
+        })
     })
 }
 
-/// `rows ← rows + sign · V h` for the rows of one block, which begins at `start`.
-pub(super) fn add_block(
-    columns: &[Vec<f64>],
-    coefficients: &[f64],
+/// `w ← w + sign · V h` for the rows of one block, which begins at `start`: one column after the other.
+pub(super) fn add_block(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) {
+    widest!(add(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) -> ());
+}
+
+#[inline(always)]
+fn add(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) {
+    in_groups!(columns, start, w.len(), |first, group| add_of(group, [&h[first..]], sign, [&mut *w]));
+}
+
+/// `w ← w + V h` for two pairs `(h, w)` and the rows of one block, which begins at `start`.
+pub(super) fn add_pair_block(columns: &[Vec<f64>], h: Pair<'_>, start: usize, to: PairMut<'_>) {
+    widest!(add_pair(columns: &[Vec<f64>], h: Pair<'_>, start: usize, to: PairMut<'_>) -> ());
+}
+
+#[inline(always)]
+fn add_pair(columns: &[Vec<f64>], (f, h): Pair<'_>, start: usize, (u, w): PairMut<'_>) {
+    in_groups!(columns, start, u.len(), |first, group| {
+        add_of(group, [&f[first..], &h[first..]], 1.0, [&mut *u, &mut *w]);
+    });
+}
+
+#[inline(always)]
+fn add_of<const K: usize, const M: usize>(
+    columns: [&[f64]; K],
+    h: [&[f64]; M],
     sign: f64,
-    start: usize,
-    rows: &mut [f64],
+    mut to: [&mut [f64]; M],
 ) {
-    let range = start..start + rows.len();
-    let (groups, rest) = columns.as_chunks::<TOGETHER>();
-    let (group_factors, rest_factors) = coefficients.as_chunks::<TOGETHER>();
-    for (group, factors) in groups.iter().zip(group_factors) {
-        let columns = group.each_ref().map(|column| &column[range.clone()]);
-        let f = factors.map(|factor| sign * factor);
-        let sum = |entries: [f64; TOGETHER]| {
-            let part = |k: usize| f[k] * entries[k];
-            ((part(0) + part(1)) + (part(2) + part(3))) + ((part(4) + part(5)) + (part(6) + part(7)))
-        };
-        let (chunks, tail) = rows.as_chunks_mut::<LANES>();
-        let first = LANES * chunks.len();
-        for (index, values) in chunks.iter_mut().enumerate() {
-            let entries = columns.map(|column| &column[index * LANES..(index + 1) * LANES]);
-            for (lane, value) in values.iter_mut().enumerate() {
-                *value += sum(entries.map(|entries| entries[lane]));
+    let factors: [[f64; K]; M] = h.map(|h| std::array::from_fn(|k| sign * h[k]));
+    let columns_chunks = columns.map(|column| column.as_chunks::<LANES>().0);
+    let count = columns_chunks[0].len();
+    for index in 0..count {
+        let y = columns_chunks.map(|chunks| chunks[index]);
+        for (to, factors) in to.iter_mut().zip(&factors) {
+            let to = &mut to.as_chunks_mut::<LANES>().0[index];
+            // In registers.
+            let mut values = *to;
+            for k in 0..K {
+                for lane in 0..LANES {
+                    values[lane] += factors[k] * y[k][lane];
+                }
+            }
+            *to = values;
+        }
+    }
+    for (to, factors) in to.iter_mut().zip(&factors) {
+        for (row, value) in to.iter_mut().enumerate().skip(LANES * count) {
+            for (column, factor) in columns.iter().zip(factors) {
+                *value += factor * column[row];
             }
         }
-        for (row, value) in (first..).zip(tail) {
-            *value += sum(columns.map(|column| column[row]));
+    }
+}
+
+/// For the rows of one block, which begins at `start`: `Vᵀ w`, then `u ← u − V s` and `w ← w − V q`, for the pair of
+/// coefficients `(s, q)`. The inner products with a group of columns are taken before `w` loses this group and those after it.
+pub(super) fn settle_block(
+    columns: &[Vec<f64>],
+    by: Pair<'_>,
+    start: usize,
+    of: PairMut<'_>,
+    sums: &mut [f64],
+) {
+    widest!(settle(columns: &[Vec<f64>], by: Pair<'_>, start: usize, of: PairMut<'_>, sums: &mut [f64]) -> ());
+}
+
+#[inline(always)]
+fn settle(columns: &[Vec<f64>], (s, q): Pair<'_>, start: usize, (u, w): PairMut<'_>, sums: &mut [f64]) {
+    in_groups!(columns, start, w.len(), |first, group| {
+        let of_group = settle_of(group, (&s[first..], &q[first..]), u, w);
+        sums[first..first + of_group.len()].copy_from_slice(&of_group);
+    });
+}
+
+/// Each entry of a column is read once, and used three times.
+#[inline(always)]
+fn settle_of<const K: usize>(columns: [&[f64]; K], by: Pair<'_>, u: &mut [f64], w: &mut [f64]) -> [f64; K] {
+    let [s, q]: [[f64; K]; 2] = [by.0, by.1].map(|h| std::array::from_fn(|k| h[k]));
+    let columns_chunks = columns.map(|column| column.as_chunks::<LANES>().0);
+    let (u_chunks, u_tail) = u.as_chunks_mut::<LANES>();
+    let (w_chunks, w_tail) = w.as_chunks_mut::<LANES>();
+    let mut sums = [[0.0; LANES]; K];
+    for (index, (u, w)) in u_chunks.iter_mut().zip(w_chunks.iter_mut()).enumerate() {
+        // In registers.
+        let (before, mut of_u, mut of_w) = (*w, *u, *w);
+        for k in 0..K {
+            let y = columns_chunks[k][index];
+            for lane in 0..LANES {
+                sums[k][lane] += before[lane] * y[lane];
+                of_u[lane] -= s[k] * y[lane];
+                of_w[lane] -= q[k] * y[lane];
+            }
+        }
+        (*u, *w) = (of_u, of_w);
+    }
+    let first = LANES * w_chunks.len();
+    let mut rests = [0.0; K];
+    for (row, (u, w)) in (first..).zip(u_tail.iter_mut().zip(w_tail)) {
+        let before = *w;
+        for (k, column) in columns.iter().enumerate() {
+            rests[k] += before * column[row];
+            *u -= s[k] * column[row];
+            *w -= q[k] * column[row];
         }
     }
-    for (column, factor) in rest.iter().zip(rest_factors) {
-        let factor = sign * factor;
-        for (value, entry) in rows.iter_mut().zip(&column[range.clone()]) {
-            *value += factor * entry;
-        }
-    }
+    std::array::from_fn(|k| (sums[k][0] + sums[k][1]) + (sums[k][2] + sums[k][3]) + rests[k])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn both_compilations_of_a_kernel_give_the_same_bits() {
+        let wave = |n: usize, step: f64| -> Vec<f64> { (0..n).map(|i| (i as f64 * step).sin()).collect() };
+        let columns: Vec<Vec<f64>> = (0..13).map(|k| wave(111, 0.3 + k as f64)).collect();
+        let (s, q) = (wave(13, 0.9), wave(13, 1.7));
+        // The functions without a suffix are compiled for every processor, those of a block for this one.
+        let mut found = [const { Vec::new() }; 2];
+        for (is_wide, found) in [false, true].into_iter().zip(&mut found) {
+            let (mut u, mut w) = (wave(103, 0.2), wave(103, 0.7));
+            let [mut a, mut b, mut c, mut d] = [const { [0.0; 13] }; 4];
+            let block = if is_wide { dot_block(&u, &w) } else { dot(&u, &w) };
+            (if is_wide { dots_block } else { dots })(&columns, 5, &w, &mut a);
+            (if is_wide { dots_pair_block } else { dots_pair })(&columns, 5, (&u, &w), (&mut b, &mut c));
+            assert_eq!(a, c, "one vector or two, the same sums");
+            (if is_wide { add_block } else { add })(&columns, &s, -1.0, 5, &mut u);
+            (if is_wide { add_pair_block } else { add_pair })(&columns, (&s, &q), 5, (&mut u, &mut w));
+            (if is_wide { settle_block } else { settle })(&columns, (&s, &q), 5, (&mut u, &mut w), &mut d);
+            *found = [&u[..], &w, &a, &b, &c, &d, &[block]].concat();
+        }
+        assert!(found[0].iter().zip(&found[1]).all(|(a, b)| a.to_bits() == b.to_bits()));
+    }
 
     #[test]
     fn columns_are_summed_equally_at_any_position() {

@@ -87,7 +87,7 @@ pub const METHODS: [MethodFacts; 13] = [
     row(Method::Lsmr,           "lsmr",           [true, false],  Constraint::None,        [10, 0], [1, 2]),
     row(Method::Jacobi,         "jacobi",         [false, false], Constraint::Box,         [7, 0],  [0, 1]),
     row(Method::Fista,          "fista",          [true, false],  Constraint::Box,         [11, 0], [1, 2]),
-    row(Method::KrylovBox,      "krylov-box",     [false, false], Constraint::Box,         [16, 2], [0, 1]),
+    row(Method::KrylovBox,      "krylov-box",     [false, false], Constraint::Box,         [14, 2], [0, 1]),
     row(Method::Mrnsd,          "mrnsd",          [true, false],  Constraint::NonNegative, [7, 0],  [1, 2]),
     row(Method::Multiplicative, "multiplicative", [true, false],  Constraint::NonNegative, [8, 0],  [2, 2]),
 ];

@@ -38,6 +38,7 @@ mod orthogonalize;
 mod precondition;
 mod start;
 mod stats;
+mod sweeps;
 mod vectors;
 
 pub use basis::{dot, norm};

@@ -32,6 +32,7 @@ mod kept;
 mod labels;
 mod layout;
 mod light;
+mod loading;
 mod look;
 mod matrix;
 mod measured;

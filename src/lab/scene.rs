@@ -8,7 +8,7 @@ use super::operator::lock;
 use super::settings::Settings;
 use super::text::grouped;
 use super::traced::{report_matrix, report_trace, store};
-use super::{Log, SharedObserver, Truth};
+use super::{Log, SharedObserver, Truth, loading};
 use crate::cache::{Cache, Found, Key};
 use crate::error::{Error, Result};
 use crate::gpu::AdapterSummary;
@@ -16,9 +16,8 @@ use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::Identity;
 use crate::measure::RunManifest;
-use crate::observer::{Estimate, Level, Step};
 use crate::render::{TraceSettings, Tracer};
-use crate::scene::{self, LoadOptions, Scene};
+use crate::scene::{LoadOptions, Scene};
 use crate::transport::{self, Assembled, Backend, Channels};
 
 /// The label of a pixel that sees no region, as in all label images.
@@ -53,11 +52,11 @@ impl SceneSource {
         observer: &SharedObserver,
     ) -> Result<Self> {
         let (auto_camera, strict) = (settings.auto_camera, settings.strict);
-        let options = LoadOptions { camera, camera_file, auto_camera, strict };
-        let load = || load(path, &options, observer);
+        let options = LoadOptions { camera, camera_file, auto_camera, strict, ..LoadOptions::default() };
+        let load = || loading::load(path, options, observer);
         let (scene, mut tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
         share(&mut tracer, &scene, settings, observer)?;
-        loading(observer, 2)?;
+        loading::at(observer, 1.0)?;
         Self::new(scene, tracer, trace, settings, observer)
     }
 
@@ -276,27 +275,4 @@ fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings, observer: &Sha
     transport::share_scene(tracer, scene, settings.adapter.as_deref(), team)?;
     observer.detail(format_args!("processes {} trace the scene together", team.size()));
     Ok(())
-}
-
-/// Loads the scene and reports what was ignored in it.
-fn load(path: &Path, options: &LoadOptions<'_>, observer: &SharedObserver) -> Result<Scene> {
-    loading(observer, 0)?;
-    let scene = scene::load_with(path, options)?;
-    loading(observer, 1)?;
-    for warning in &scene.warnings {
-        observer.log(Level::Warning, &format!("warning: {}: {warning}", scene.path.display()));
-    }
-    observer.detail(format_args!(
-        "scene     {} triangles, {} materials, camera `{}`",
-        scene.triangles.len(),
-        scene.materials.len(),
-        scene.camera.name
-    ));
-    Ok(scene)
-}
-
-/// Tells the observer how much of a scene is loaded: nothing, its files, or its search tree as well.
-fn loading(observer: &SharedObserver, done: u64) -> Result<()> {
-    let step = Step { stage: "loading", done, total: 2, estimate: Estimate::None };
-    if observer.0.step(&step).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }

@@ -77,7 +77,8 @@ impl AttachedCamera {
         if !is_asked {
             return self;
         }
-        match super::describe::ask(kind, place) {
+        let asked = super::Helper::find().and_then(|helper| super::describe::ask(&helper, kind, place));
+        match asked {
             Ok(abilities) => {
                 self.lines.push(abilities.to_string());
                 self.add("abilities", json!(abilities));

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::Triangle;
+use super::{Material, Triangle};
 use crate::image::Resolution;
 
 /// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of
@@ -85,14 +85,14 @@ impl Camera {
     pub const PLACED: &str = "auto";
 
     /// A pinhole with a field of view of 40° that sees all of these triangles, from the front (+Z, as in glTF), somewhat from the right and from
-    /// above. Rooms are seen from outside.
-    pub fn in_front_of(triangles: &[Triangle]) -> Self {
+    /// above. Rooms are seen from outside. Where nearly all surfaces turn their black backs to it, it stands behind, beside or below the scene instead.
+    pub fn in_front_of(triangles: &[Triangle], materials: &[Material]) -> Self {
         let corners = || triangles.iter().flat_map(|triangle| triangle.positions);
         let low = corners().fold(Vec3::INFINITY, Vec3::min);
         let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
         let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(1e-3));
         let half_field = 20.0_f32.to_radians();
-        let forward = -Vec3::new(0.5, 0.35, 1.0).normalize();
+        let forward = -side_to_see(triangles, materials);
         // The sphere around the scene touches the picture's edges.
         let position = centre - radius / half_field.sin() * forward;
         let right = forward.cross(Vec3::Y).normalize();
@@ -160,6 +160,38 @@ impl Camera {
     }
 }
 
+/// Directions from a scene to a camera, the one that is preferred first.
+const SIDES: [Vec3; 5] = [
+    Vec3::new(0.5, 0.35, 1.0),
+    Vec3::new(-0.5, 0.35, -1.0),
+    Vec3::new(1.0, 0.35, -0.5),
+    Vec3::new(-1.0, 0.35, 0.5),
+    Vec3::new(0.5, -1.0, 1.0),
+];
+
+/// The least share of the surface seen from the best side that makes the preferred side good enough.
+const ENOUGH: f32 = 0.1;
+
+/// The unit vector from a scene to a camera that sees fronts of its surfaces.
+fn side_to_see(triangles: &[Triangle], materials: &[Material]) -> Vec3 {
+    let sides = SIDES.map(|side| side.normalize());
+    let mut seen = [0.0_f32; SIDES.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.positions;
+        let doubled = (b - a).cross(c - a);
+        let has_back = materials
+            .get(triangle.material as usize)
+            .is_some_and(|material| material.double_sided || material.lets_light_through());
+        for (seen, side) in seen.iter_mut().zip(sides) {
+            let facing = doubled.dot(side);
+            *seen += if has_back { facing.abs() } else { facing.max(0.0) };
+        }
+    }
+    let most = seen.into_iter().fold(0.0, f32::max);
+    let good = seen.iter().position(|&seen| seen >= ENOUGH * most);
+    sides[good.unwrap_or_default()]
+}
+
 #[cfg(test)]
 mod tests {
     use glam::vec3;
@@ -204,7 +236,7 @@ mod tests {
     #[test]
     fn a_placed_camera_sees_all_of_the_scene() {
         let corners = [vec3(-3.0, 0.0, 1.0), vec3(5.0, 0.1, 2.0), vec3(0.0, 4.0, -7.0)];
-        let camera = Camera::in_front_of(&[Triangle::flat(corners, 0, 0)]);
+        let camera = Camera::in_front_of(&[Triangle::flat(corners, 0, 0)], &[Material::default()]);
         let resolution = Resolution::new(100, 100);
         for corner in corners {
             let (u, v) = camera.project(corner, resolution).expect("it is in front");
@@ -212,6 +244,18 @@ mod tests {
         }
         assert!((camera.right.cross(camera.up) + camera.forward).length() < 1e-5, "{camera:?}");
         assert!(camera.up.y > 0.9 && camera.forward.z < -0.5, "{camera:?}");
+    }
+
+    #[test]
+    fn a_placed_camera_sees_fronts() {
+        let corners = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0)];
+        let (front, back) = (Triangle::flat(corners, 0, 0), Triangle::flat(corners, 0, 0).flipped());
+        let one_sided = [Material { double_sided: false, ..Material::default() }];
+        assert!(Camera::in_front_of(&[front], &one_sided).forward.z < 0.0);
+        assert!(Camera::in_front_of(&[back], &one_sided).forward.z > 0.0, "from behind");
+        assert!(Camera::in_front_of(&[back], &[Material::default()]).forward.z < 0.0, "both sides are seen");
+        let ceiling = Triangle::flat(corners.map(|corner| vec3(corner.x, 0.0, corner.y)), 0, 0);
+        assert!(Camera::in_front_of(&[ceiling], &one_sided).forward.y > 0.0, "from below");
     }
 
     #[test]

@@ -118,6 +118,27 @@ impl Material {
         self.metallic_roughness_texture.is_some() || self.roughness * self.roughness < alpha
     }
 
+    /// Leaves out the textures that `is_kept` does not want. A light whose texture is left out does not shine.
+    pub(super) fn retain_textures(&mut self, is_kept: impl Fn(&TextureRef) -> bool) {
+        let is_lit = self.emission_texture.as_ref().is_none_or(&is_kept);
+        if !is_lit {
+            self.emission = Vec3::ZERO;
+        }
+        for slot in [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.normal_texture,
+            &mut self.specular_texture,
+            &mut self.specular_color_texture,
+            &mut self.emission_texture,
+            &mut self.transmission_texture,
+            &mut self.diffuse_transmission_texture,
+            &mut self.diffuse_transmission_color_texture,
+        ] {
+            *slot = slot.filter(&is_kept);
+        }
+    }
+
     /// The textures of the material, each with its role in glTF's words.
     pub fn textures(&self) -> impl Iterator<Item = (&'static str, &TextureRef)> {
         [

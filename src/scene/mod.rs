@@ -17,6 +17,7 @@ mod source;
 mod texture;
 mod triangle;
 pub mod view;
+mod watch;
 
 pub use camera::{Camera, Lens};
 pub use first_hit::{SurfacePoint, first_hits};
@@ -24,6 +25,7 @@ pub use material::{AlphaMode, Material, Volume};
 pub use shape::predicted_direct;
 pub use texture::{Texture, TextureRef, Wrap};
 pub use triangle::Triangle;
+pub use watch::Watcher;
 
 use std::path::{Path, PathBuf};
 
@@ -38,11 +40,14 @@ pub struct LoadOptions<'a> {
     pub camera: Option<&'a str>,
     /// The path of a camera file, whose poses replace those of the scene (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
-    /// Places a camera in front of a scene that has none, from where all of it is seen ([`Camera::in_front_of`]).
+    /// Places a camera in front of a scene that has none, from where all of it is seen ([`Camera::in_front_of`]). Of several perspective cameras the first is
+    /// taken, and a warning says so.
     pub auto_camera: bool,
-    /// Makes a missing material library or picture an error. Otherwise its surfaces are matte or have the material's own colour, and a warning
-    /// says so.
+    /// Makes material libraries, pictures and texture coordinates that are missing or cannot be read errors. Otherwise their surfaces are matte or
+    /// have the material's own colour, and a warning says so.
     pub strict: bool,
+    /// Who is told how far loading is, and may end it.
+    pub watcher: Watcher<'a>,
 }
 
 /// Loads a scene with the camera called `camera`; see [`load_with`].

@@ -28,6 +28,44 @@ pub(super) struct Fault {
     pub fault: String,
     /// What to do about it.
     pub help: String,
+    /// Whether the picture has a format that is not read. Others are damaged or too large.
+    pub is_unknown: bool,
+}
+
+/// Advice for pictures of other formats, which ImageMagick reads.
+const CONVERT: &str =
+    "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures";
+
+/// Formats of pictures that scenes are found with, but that are not read: how a file begins, from which byte on, and what to do.
+const UNREAD: [(usize, &[u8], &str, &str); 5] = [
+    (
+        0,
+        b"\xABKTX 20\xBB",
+        "KTX2",
+        "convert the pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed",
+    ),
+    (0, b"DDS ", "DDS", CONVERT),
+    (4, b"ftypavif", "AVIF", CONVERT),
+    (0, b"#?RADIANCE", "Radiance HDR", CONVERT),
+    (0, b"\x76\x2F\x31\x01", "EXR", CONVERT),
+];
+
+/// Why the picture of a file is not read, judged by its beginning and its name; `None` where its format is read.
+pub(super) fn unread(beginning: &[u8], name: &Path) -> Option<Fault> {
+    let format = Format::of(beginning).or_else(|| Format::of_name(name));
+    format.is_none().then(|| other_format(beginning))
+}
+
+/// What a picture is whose format is not read.
+fn other_format(bytes: &[u8]) -> Fault {
+    let of = |(at, beginning, ..): &&(usize, &[u8], &str, &str)| {
+        bytes.get(*at..).is_some_and(|rest| rest.starts_with(beginning))
+    };
+    let (fault, help) = match UNREAD.iter().find(of) {
+        Some((_, _, name, help)) => (format!("has the format {name}, which is not read"), *help),
+        None => ("is neither PNG, JPEG, WebP, BMP, GIF nor TGA".into(), CONVERT),
+    };
+    Fault { fault, help: help.into(), is_unknown: true }
 }
 
 /// The decoder of one scene's pictures, which counts their texels together.
@@ -41,14 +79,12 @@ impl Pictures {
     /// file's `name` only.
     pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> Result<Picture, Fault> {
         let Some(format) = Format::of(bytes).or_else(|| Format::of_name(name?)) else {
-            return Err(Fault {
-                fault: "is neither PNG, JPEG, WebP, BMP, GIF nor TGA".into(),
-                help: "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures".into(),
-            });
+            return Err(other_format(bytes));
         };
         let broken = |error: String| Fault {
             fault: format!("cannot be decoded: {error}"),
             help: "convert it (magick PICTURE picture.png), or save it again as PNG or JPEG".into(),
+            is_unknown: false,
         };
         let (width, height) = format.size(bytes).map_err(broken)?;
         self.texels = self.texels.saturating_add(u64::from(width) * u64::from(height));
@@ -58,6 +94,7 @@ impl Pictures {
                 help: format!(
                     "make it smaller: at most {MAX_SIDE} pixels a side, and {MAX_TEXELS} in all pictures together"
                 ),
+                is_unknown: false,
             });
         }
         let decoded = format.decode(bytes, MAX_BYTES).map_err(broken)?;

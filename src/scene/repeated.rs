@@ -1,29 +1,36 @@
 //! Triangles that repeat another one exactly. They change nothing that is seen, but a ray has to test each of them, and software
 //! Vulkan ends an invocation after 65,535 tests without a word. Exporters write them where an object was duplicated in place.
 
-use std::collections::HashMap;
-use std::collections::hash_map::{DefaultHasher, Entry};
+use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::Triangle;
 
 /// Drops every triangle that has the corners, the region and all else of an earlier one. Returns how many were dropped.
 pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
-    let before = triangles.len();
-    // The first triangle with each corners; one hash of 64 bits stands for them, and what it finds is compared.
-    let mut first: HashMap<u64, Triangle> = HashMap::with_capacity(before);
-    triangles.retain(|triangle| {
-        let turned = turned(triangle);
-        match first.entry(hash(&turned.positions)) {
-            Entry::Vacant(entry) => {
-                entry.insert(turned);
-                true
-            }
-            Entry::Occupied(entry) => *entry.get() != turned,
+    // One hash of 64 bits stands for the corners; triangles with the same one are compared. The list takes a tenth of the memory of the triangles,
+    // which a table of them would double.
+    let mut order: Vec<(u64, u32)> = triangles
+        .par_iter()
+        .enumerate()
+        // A loaded scene has fewer triangles than 2³².
+        .map(|(index, triangle)| (hash(&turned(triangle).positions), index as u32))
+        .collect();
+    order.par_sort_unstable();
+    let mut is_repeated = vec![false; triangles.len()];
+    for alike in order.chunk_by(|a, b| a.0 == b.0) {
+        let [(_, first), rest @ ..] = alike else { continue };
+        let first = turned(&triangles[*first as usize]);
+        for &(_, index) in rest {
+            is_repeated[index as usize] = turned(&triangles[index as usize]) == first;
         }
-    });
+    }
+    let before = triangles.len();
+    let mut is_repeated = is_repeated.into_iter();
+    triangles.retain(|_| is_repeated.next() != Some(true));
     before - triangles.len()
 }
 

@@ -1,6 +1,7 @@
 //! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, and the content
 //! hash.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -12,9 +13,24 @@ pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<Strin
     Error::Scene { path: path.to_path_buf(), fault: fault.into(), help: help.into() }
 }
 
+/// Reads the scene's own file.
+///
+/// # Errors
+/// [`Error::Read`] when it cannot be read, [`Error::Scene`] when it only stands for a file that is elsewhere.
+pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {
+    file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
+}
+
 /// Reads a file that the scene file `scene` refers to. `path` is already resolved; `what` names the object
 /// that refers to it (`buffer 0`).
 pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
+    if is_missing(path) {
+        return Err(fault(
+            path,
+            format!("no such file, but {what} of {} refers to it", scene.display()),
+            "a scene may be several files: put this one where the scene names it, or get the scene as one .glb",
+        ));
+    }
     if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
         return Err(fault(
             path,
@@ -22,7 +38,41 @@ pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
             "correct the reference in the scene",
         ));
     }
-    file::read(path)
+    file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
+}
+
+/// Refuses the few lines by which Git LFS stands for a large file that was not fetched.
+fn not_a_pointer(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>> {
+    if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
+        return Err(fault(
+            path,
+            "not the file itself, but a pointer of Git LFS to it",
+            "fetch the file: git lfs pull, or download it by itself",
+        ));
+    }
+    Ok(bytes)
+}
+
+/// The text of a file, in UTF-8 or, where it begins with a byte order mark, in UTF-16; what is neither is replaced.
+pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
+    let wide = |read: fn([u8; 2]) -> u16| {
+        let units = bytes[2..].as_chunks::<2>().0.iter().map(|&unit| read(unit));
+        Cow::Owned(
+            char::decode_utf16(units).map(|unit| unit.unwrap_or(char::REPLACEMENT_CHARACTER)).collect(),
+        )
+    };
+    match bytes {
+        [0xFE, 0xFF, ..] => wide(u16::from_be_bytes),
+        [0xFF, 0xFE, ..] => wide(u16::from_le_bytes),
+        [0xEF, 0xBB, 0xBF, rest @ ..] => String::from_utf8_lossy(rest),
+        _ => String::from_utf8_lossy(bytes),
+    }
+}
+
+/// The file that a path names that is no relative one, such as that of another computer: the one of the same name next to the scene.
+pub(super) fn same_name(scene: &Path, elsewhere: &str) -> Option<PathBuf> {
+    let name = elsewhere.rsplit(['/', '\\']).next().filter(|name| !name.is_empty() && !name.contains(':'))?;
+    next_to(scene, name).ok()
 }
 
 /// Whether there is nothing at a path.

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Camera, Scene, Triangle};
+use super::{AlphaMode, Camera, Scene, TextureRef, Triangle};
 use crate::image::Resolution;
 
 /// The most intersections of a ray with a triangle that are computed: a fraction of a second.
@@ -13,12 +13,51 @@ const MAX_SIDE: usize = 32;
 /// Surfaces further away than this, in metres, send back less than a ten-thousandth of a pattern.
 const FAR: f32 = 50.0;
 
+/// The roughness below which a surface counts as a mirror here.
+const SMOOTH: f32 = 0.05;
+
 /// The first surface on a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Hit {
     distance: f32,
-    /// Whether a one-sided surface shows its back.
-    is_back: bool,
+    material: u32,
+    is_front: bool,
+}
+
+/// Why a surface that is seen sends little or no light back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Darkness {
+    /// A one-sided surface shows its back.
+    Back,
+    /// Its colour is black.
+    Black,
+    /// It is not there: its opacity is 0.
+    Absent,
+    /// It is a smooth mirror, or clear glass.
+    Mirror,
+}
+
+impl Darkness {
+    /// The predicate of a sentence whose subject is a surface.
+    fn predicate(self) -> &'static str {
+        match self {
+            Self::Back => "is seen from its back, which is black",
+            Self::Black => "has a colour of 0, which is black",
+            Self::Absent => "has an opacity of 0",
+            Self::Mirror => {
+                "is a smooth mirror or clear glass, which sends light back only where it faces the camera"
+            }
+        }
+    }
+
+    fn advice(self) -> &'static str {
+        match self {
+            Self::Back => "turn the faces around, or make the materials double-sided",
+            Self::Black => "give the material a colour (Kd, baseColorFactor)",
+            Self::Absent => "raise the material's opacity (d, the alpha of baseColorFactor)",
+            Self::Mirror => "make it rougher, or put something around it that it mirrors",
+        }
+    }
 }
 
 /// Why photos of this scene are black or nearly so, as one sentence; `None` if some surface is in view, near enough and from its front.
@@ -34,25 +73,28 @@ pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<Stri
         .collect();
     let hits: Vec<Hit> = rays.par_iter().filter_map(|&ray| first_hit(scene, camera, ray)).collect();
     if hits.is_empty() {
-        let Camera { name, position, forward, .. } = camera;
-        let corners = || scene.triangles.iter().flat_map(|triangle| triangle.positions);
-        let low = corners().fold(Vec3::INFINITY, Vec3::min);
-        let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
-        return Some(format!(
-            "no surface in view: none of {} rays meets one. The camera `{name}` stands at {position:.3} and looks along \
-             {forward:.3}; the scene lies between {low:.3} and {high:.3}",
-            rays.len()
-        ));
+        return nothing_in_view(scene, resolution, rays.len());
     }
-    if hits.iter().all(|hit| hit.is_back) {
-        return Some(
-            "every surface in view is seen from its back, which is black: turn the faces around, or make the materials double-sided"
-                .into(),
-        );
+    let mut seen: Vec<(u32, bool)> = hits.iter().map(|hit| (hit.material, hit.is_front)).collect();
+    seen.sort();
+    seen.dedup();
+    let reasons = seen.into_iter().map(|(material, is_front)| darkness(scene, material, is_front));
+    if let Some(mut reasons) = reasons.collect::<Option<Vec<Darkness>>>() {
+        reasons.sort();
+        reasons.dedup();
+        let words =
+            |of: fn(Darkness) -> &'static str| reasons.iter().map(|&reason| of(reason)).collect::<Vec<_>>();
+        let predicates = words(Darkness::predicate).join(", or ");
+        let advice = words(Darkness::advice).join("; ");
+        return Some(format!("every surface in view {predicates}: {advice}"));
     }
-    let mut distances: Vec<f32> = hits.iter().map(|hit| hit.distance).collect();
+    far_away(hits.iter().map(|hit| hit.distance).collect())
+}
+
+/// The reason where surfaces at these distances are far away.
+fn far_away(mut distances: Vec<f32>) -> Option<String> {
     distances.sort_by(f32::total_cmp);
-    let middle = distances[distances.len() / 2];
+    let middle = *distances.get(distances.len() / 2)?;
     (middle > FAR).then(|| {
         format!(
             "the surfaces in view are {middle:.0} m away, where a projector's light is faint: lengths are metres, so scale the scene if \
@@ -61,12 +103,63 @@ pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<Stri
     })
 }
 
+/// The reason where no ray of `rays` meets a surface. Where a corner of a triangle is in view, a small surface was missed between the rays.
+fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option<String> {
+    let camera = &scene.camera;
+    let corners = || scene.triangles.iter().flat_map(|triangle| triangle.positions);
+    let (width, height) = (resolution.width as f32, resolution.height as f32);
+    let is_in_view = |corner: &Vec3| {
+        let at = camera.project(*corner, resolution);
+        at.is_some_and(|(u, v)| (0.0..=width).contains(&u) && (0.0..=height).contains(&v))
+    };
+    let seen: Vec<f32> =
+        corners().filter(is_in_view).map(|corner| corner.distance(camera.position)).collect();
+    if !seen.is_empty() {
+        return far_away(seen);
+    }
+    let Camera { name, position, forward, .. } = camera;
+    let low = corners().fold(Vec3::INFINITY, Vec3::min);
+    let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
+    Some(format!(
+        "no surface in view: none of {rays} rays meets one. The camera `{name}` stands at {position:.3} and looks along \
+         {forward:.3}; the scene lies between {low:.3} and {high:.3}"
+    ))
+}
+
+/// Why a surface of this material is dark from its front or its back. Of textures only colours that are black everywhere are taken into account.
+fn darkness(scene: &Scene, material: u32, is_front: bool) -> Option<Darkness> {
+    let material = &scene.materials[material as usize];
+    if matches!(material.alpha_mode, AlphaMode::Blend) && material.opacity == 0.0 {
+        return Some(Darkness::Absent);
+    }
+    if !is_front && !material.double_sided && !material.lets_light_through() {
+        return Some(Darkness::Back);
+    }
+    let is_colored = |color: Vec3, texture: &Option<TextureRef>| {
+        let picture = texture.as_ref().and_then(|texture| scene.textures.get(texture.texture as usize));
+        let mut texels = picture.iter().flat_map(|picture| &picture.texels);
+        let is_black = picture.is_some() && texels.all(|&[red, green, blue, _]| red | green | blue == 0);
+        color.max_element() > 0.0 && !is_black
+    };
+    let has_color = is_colored(material.base_color, &material.base_color_texture);
+    let reflects =
+        material.specular > 0.0 && is_colored(material.specular_color, &material.specular_color_texture);
+    let is_smooth = material.roughness < SMOOTH && material.metallic_roughness_texture.is_none();
+    let scatters = has_color && material.metallic < 1.0 && material.transmission < 1.0
+        || material.diffuse_transmission > 0.0;
+    let glints = reflects || has_color && (material.metallic > 0.0 || material.transmission > 0.0);
+    match (scatters, glints) {
+        (true, _) => None,
+        (false, false) => Some(Darkness::Black),
+        (false, true) => is_smooth.then_some(Darkness::Mirror),
+    }
+}
+
 fn first_hit(scene: &Scene, camera: &Camera, ray: Vec3) -> Option<Hit> {
     let nearest = |best: Option<Hit>, triangle: &Triangle| match intersection(triangle, camera.position, ray)
     {
         Some((distance, is_front, _)) if best.is_none_or(|best| distance < best.distance) => {
-            let is_one_sided = !scene.materials[triangle.material as usize].double_sided;
-            Some(Hit { distance, is_back: is_one_sided && !is_front })
+            Some(Hit { distance, material: triangle.material, is_front })
         }
         _ => best,
     };
@@ -96,6 +189,7 @@ mod tests {
 
     use super::*;
     use crate::error::Result;
+    use crate::scene::{Material, Texture, Wrap};
 
     fn reason(change: impl Fn(&mut Scene)) -> Result<Option<String>> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/corner/scene.glb");
@@ -131,6 +225,43 @@ mod tests {
         ];
         assert!(backs.contains(&None), "one side is the front: {backs:?}");
         says(backs.into_iter().flatten().next(), "seen from its back");
+        let with = |change: fn(&mut Material)| reason(|scene| scene.materials.iter_mut().for_each(change));
+        says(with(|material| material.base_color = Vec3::ZERO)?, "has a colour of 0");
+        says(
+            with(|material| (material.metallic, material.roughness) = (1.0, 0.0))?,
+            "is a smooth mirror or clear glass",
+        );
+        assert_eq!(
+            with(|material| (material.metallic, material.roughness) = (1.0, 0.5))?,
+            None,
+            "rough metal"
+        );
+        let black = Texture {
+            name: "black".into(),
+            width: 1,
+            height: 1,
+            texels: vec![[0, 0, 0, 255]],
+            wrap: [Wrap::Repeat; 2],
+            linear: true,
+        };
+        let painted = reason(|scene| {
+            scene.textures = vec![black.clone()];
+            let paint = |material: &mut Material| material.base_color_texture = Some(TextureRef::new(0));
+            scene.materials.iter_mut().for_each(paint);
+        })?;
+        says(painted, "has a colour of 0");
+        says(
+            with(|material| (material.alpha_mode, material.opacity) = (AlphaMode::Blend, 0.0))?,
+            "has an opacity of 0",
+        );
+        // A surface that is too small for the rays is still in view.
+        let speck = reason(|scene| {
+            let centre = scene.camera.position + 1.37 * scene.camera.forward;
+            scene.triangles.truncate(1);
+            let corners = [Vec3::ZERO, 1e-4 * Vec3::X, 1e-4 * Vec3::Y].map(|corner| centre + corner);
+            scene.triangles[0].positions = corners;
+        })?;
+        assert_eq!(speck, None);
         assert_eq!(reason(turned)?, None, "both sides of these materials are seen");
         says(
             reason(|scene| {

@@ -5,6 +5,7 @@ use std::process::{Command, Output};
 
 use krylux::image::{Image, Resolution};
 use krylux::io::{exr, npy};
+use serde_json::{Value, json};
 
 use crate::program::{assert_error, command, command_without_graphics, folder, inside, rig, text};
 
@@ -37,6 +38,47 @@ fn a_photo_larger_than_the_memory_is_refused_before_it_is_traced() {
     // The same option lets a small photo pass.
     let small = ["photo", SCENE, "--size", "8", "--spp", "1", "-o", &photo, "--memory", "2GiB"];
     assert!(command(&small).status().expect("the program is built").success());
+}
+
+#[test]
+fn a_scene_larger_than_the_memory_is_refused() {
+    // A triangle that eight nodes place a million times each, in a file of 12 MB.
+    let (count, corners) = (1_usize << 20, [0.0_f32, 0.0, -2.0, 1e-6, 0.0, -2.0, 0.0, 1e-6, -2.0]);
+    let places = (0..count).flat_map(|at| [at as f32 * 1e-5, 0.0, 0.0]);
+    let binary: Vec<u8> =
+        corners.into_iter().chain(places).flat_map(|value: f32| value.to_le_bytes()).collect();
+    let instancing = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 1 } } });
+    let mut nodes: Vec<Value> = (0..8)
+        .map(|row| json!({ "mesh": 0, "translation": [0, row, 0], "extensions": instancing }))
+        .collect();
+    nodes.push(json!({ "camera": 0 }));
+    let document = json!({
+        "asset": { "version": "2.0" },
+        "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
+        "nodes": nodes,
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3 },
+            { "bufferView": 1, "componentType": 5126, "type": "VEC3", "count": count },
+        ],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 36 },
+            { "buffer": 0, "byteOffset": 36, "byteLength": 12 * count },
+        ],
+        "buffers": [{ "byteLength": binary.len(), "uri": "places.bin" }],
+    });
+    let folder = folder();
+    let [scene, photo] = ["scene.gltf", "photo.npy"].map(|name| inside(&folder, name));
+    std::fs::write(inside(&folder, "places.bin"), binary).expect("the folder can be written");
+    std::fs::write(&scene, document.to_string()).expect("the folder can be written");
+    let command = command(&["photo", &scene, "--size", "8", "--spp", "1", "-o", &photo]);
+    // Too little to load it, and too little for its search tree.
+    for (limit, what) in
+        [("ulimit -v 2097152", "no memory for"), ("ulimit -v 4194304", "8,388,608 triangles take about")]
+    {
+        assert_error(&limited(limit, &command), &["scene.gltf", what, "simplify the meshes"]);
+    }
 }
 
 #[test]

@@ -134,7 +134,23 @@ pub fn gltf(_: &Path) -> Vec<Vec<u8>> {
         "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}},
           {{"bufferView":0,"componentType":5126,"count":2,"type":"VEC3"}}]}}"#
     );
-    vec![text.into_bytes()]
+    // A file as some exporters write it: no scene, a child, normals without data, an old kind of material, and a picture of another format.
+    let odd = format!(
+        r#"{{"asset":{{"version":"2.0"}},"extensionsUsed":["KHR_materials_pbrSpecularGlossiness","EXT_mesh_features"],
+        "nodes":[{{"camera":0,"translation":[0,0,2]}},{{"name":"above","children":[2]}},{{"mesh":0}}],
+        "cameras":[{{"type":"perspective","perspective":{{"yfov":0.5,"znear":0.1}}}}],
+        "materials":[{{"emissiveTexture":{{"index":1,"texCoord":2}},"extensions":{{"KHR_materials_pbrSpecularGlossiness":
+          {{"diffuseFactor":[0.5,0.25,0.125,1],"specularFactor":[0.1,0.2,0.3],"glossinessFactor":0.7,
+            "specularGlossinessTexture":{{"index":0}}}}}}}}],
+        "textures":[{{"source":0}},{{}}],"images":[{{"uri":"data:image/ktx2;base64,q0tUWCAyMLsNChoK"}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"NORMAL":1}},"material":0}}]}}],
+        "buffers":[{{"byteLength":36,"uri":"data:application/octet-stream;base64,{position}"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+          {{"componentType":5126,"count":3,"type":"VEC3"}}]}}"#
+    );
+    let listed = odd.replacen(r#""nodes""#, r#""scenes":[{"nodes":[0,2]},{}],"scene":0,"nodes""#, 1);
+    [text, odd, listed].map(String::into_bytes).to_vec()
 }
 
 pub const CAMERA: &str =
@@ -151,13 +167,18 @@ pub fn camera_file(_: &Path) -> Vec<Vec<u8>> {
 pub fn obj(_: &Path) -> Vec<Vec<u8>> {
     let text = "mtllib scene.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.2 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
                 usemtl red\nf 1/1/1 2/2/1 3/3/1\nf 1//1 3//1 4//1\ng b\ns 1\nf 1 2 3 5 4\nf -1 -2 -3\n";
-    vec![text.into(), text.replace('\n', "\r\n").into_bytes()]
+    let odd = "mtllib C:\\x\\scene.mtl # of mine\nmtllib a b.mtl scene\\ two.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl red # here\nf 1/7 2/8/9 3\n\
+               usemtl\nf 1 2 3\nl 1 2\n";
+    let wide: Vec<u8> =
+        std::iter::once(0xFEFF).chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    vec![text.into(), text.replace('\n', "\r\n").into_bytes(), odd.into(), wide]
 }
 
 pub fn mtl(_: &Path) -> Vec<Vec<u8>> {
     let text = "newmtl red\nKd 0.8 0.1 0.1\nKs 0.1 0.1 0.1\nNs 20\nd 1\nTr 0\nNi 1.4\nillum 2\nKe 0 0 0\nmap_Kd -s 2 2 1 red.png\n\
                 newmtl glass\nKd 0 0 0\nTf 0.9 0.9 0.9\nillum 7\n";
-    vec![text.into()]
+    let odd = "newmtl red # 1\nKd 0 0 0\nmap_Kd -mm 0 1 -imfchan r -type sphere -colorspace sRGB -t 1 /home/me/red.png\nnewmtl\nKd 1 0 0\n";
+    vec![text.into(), odd.into()]
 }
 
 pub fn rig(_: &Path) -> Vec<Vec<u8>> {

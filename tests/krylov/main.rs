@@ -16,5 +16,6 @@ mod eigs;
 mod estimators;
 mod lanczos;
 mod linear;
+mod orthogonal;
 mod save;
 mod scipy;

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use krylux::rig::Helper;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -107,7 +108,8 @@ fn a_faulty_device_is_named_and_the_other_one_is_checked_too() {
 
     let rig = session.rig("", "monitor_size = [200, 200]");
     // Another program holds the camera.
-    let held = session.stage.hardware.open_camera().expect("it is free");
+    let held =
+        session.stage.hardware.open_camera(&Helper::at(env!("CARGO_BIN_EXE_krylux"))).expect("it is free");
     let (said, status) = summary(&["rig", "check", &rig, "-o", &out]);
     drop(held);
     let found = wrong(&said);
@@ -152,7 +154,8 @@ fn ctrl_c_releases_both_devices() {
 fn the_list_shows_what_a_camera_can_do_even_while_it_is_held() {
     let session = Session::new(204);
     let rig = session.rig("", "");
-    let held = session.stage.hardware.open_camera().expect("it is free");
+    let held =
+        session.stage.hardware.open_camera(&Helper::at(env!("CARGO_BIN_EXE_krylux"))).expect("it is free");
     let (said, _) = summary(&["rig", "list", &rig]);
     drop(held);
     let cameras = said["cameras"].as_array().expect("an array");

@@ -109,7 +109,7 @@ fn description(elements: &str) -> String {
 }
 
 #[test]
-fn a_hostile_camera_does_not_end_the_list() {
+fn a_hostile_camera_ends_neither_the_list_nor_a_session() {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let stage = stage(14, &noisy(Path::new("rooms.npz")));
     let rig = rig_file(folder.path(), &stage, "");
@@ -150,6 +150,14 @@ fn a_hostile_camera_does_not_end_the_list() {
         assert!(cameras.iter().any(is_listed), "camera {number} is not listed");
         assert!(began.elapsed() < Duration::from_secs(60), "camera {number} takes {:?}", began.elapsed());
         println!("camera {number}: {:?}", began.elapsed());
+        // Nor does it end a session, which is refused or fails by name.
+        let (began, photo) = (Instant::now(), folder.path().join("photo.npy").display().to_string());
+        let output = krylux(&["photo", &rig, "-o", &photo]);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "camera {number}: {message}");
+        assert!(message.contains(&stage.address.to_string()), "camera {number}: {message}");
+        assert!(began.elapsed() < Duration::from_secs(60), "camera {number} takes {:?}", began.elapsed());
+        println!("its session: {:?}: {}", began.elapsed(), message.lines().next().unwrap_or_default());
     }
 }
 

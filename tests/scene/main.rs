@@ -17,3 +17,4 @@ mod gltf_meshes;
 mod gltf_textures;
 mod obj;
 mod obj_fuzz;
+mod wild;

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use base64::Engine;
 use krylux::error::{Error, Result};
-use krylux::scene::{self, Scene};
+use krylux::scene::{self, LoadOptions, Scene};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -149,6 +149,17 @@ pub fn fault(document: &Value, camera: Option<&str>) -> (String, String) {
         }
         Err(other) => panic!("not an error about the scene: {other}"),
         Ok(_) => panic!("the document loads: {document}"),
+    }
+}
+
+/// As [`fault`], of the scene read strictly, and without what must be a warning otherwise.
+pub fn strict_fault(document: &Value, warning: &str) -> (String, String) {
+    let written = write(document);
+    let scene = scene::load(&written.path, None).unwrap_or_else(|error| panic!("not strictly: {error}"));
+    assert!(scene.warnings.iter().any(|said| said.contains(warning)), "{warning}: {:?}", scene.warnings);
+    match scene::load_with(&written.path, &LoadOptions { strict: true, ..LoadOptions::default() }) {
+        Err(Error::Scene { fault, help, .. }) => (fault, help),
+        other => panic!("not an error about the scene: {other:?}"),
     }
 }
 

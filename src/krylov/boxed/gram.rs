@@ -1,7 +1,7 @@
-//! Inner products of a model's vectors in the metric of `D`. With them, a gradient reads the long vectors
-//! only twice.
+//! Inner products of a model's vectors in the metric of `D`. With them, the coordinates of `M̂ D M̂ u` follow from those of `u`.
 
-use super::super::basis::{Basis, dot};
+use super::super::basis::dot;
+use super::normal::Coordinates;
 
 /// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
 /// [`Model`](super::model::Model).
@@ -13,11 +13,11 @@ pub(super) struct Gram {
 }
 
 impl Gram {
-    /// Adds the last columns `v` and `w` of both; `dv = D v` and `dw = D w`.
-    pub(super) fn extend(&mut self, patterns: &Basis, products: &Basis, dv: &[f64], dw: &[f64]) {
-        append(&mut self.vv, patterns.dots(0, dv), None);
-        append(&mut self.ww, products.dots(0, dw), None);
-        append(&mut self.vw, patterns.dots(0, dw), Some(products.dots(0, dv)));
+    /// Adds the last pattern and the last product, which have these coordinates.
+    pub(super) fn extend(&mut self, of_v: Coordinates, of_w: Coordinates) {
+        append(&mut self.vv, of_v.c_weighted, None);
+        append(&mut self.ww, of_w.d_weighted, None);
+        append(&mut self.vw, of_w.c_weighted, Some(of_v.d_weighted));
     }
 
     /// `(VᵀDW c + VᵀDV e, WᵀDW c + WᵀDV e)`.

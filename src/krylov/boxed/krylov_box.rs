@@ -31,7 +31,7 @@ use crate::operator::{Adjoint, Symmetry};
 ///
 /// # Storage
 /// After `k` products `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`,
-/// `r, D, D^½`, the candidate, a product and six work vectors.
+/// `r, D, D^½`, the candidate, a product and four work vectors (five for an operator that is not symmetric).
 ///
 /// # References
 /// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for

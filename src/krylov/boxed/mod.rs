@@ -11,9 +11,11 @@ mod fista;
 mod gram;
 mod jacobi;
 mod krylov_box;
+mod minimize;
 mod model;
 mod mrnsd;
 mod multiplicative;
+mod normal;
 mod surrogate;
 
 pub use fista::Fista;

@@ -1,11 +1,10 @@
-//! A model of the operator from all products so far, and the box problem for the model.
+//! A model of the operator from all products so far.
 
 use std::sync::Arc;
 
 use super::super::basis::{Basis, dot, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::vectors::{update, update2};
-use super::bounds::Bounds;
 use super::gram::Gram;
 use super::surrogate::{Corrected, Surrogate};
 
@@ -28,36 +27,39 @@ use super::surrogate::{Corrected, Surrogate};
 #[derive(Clone)]
 pub(super) struct Model {
     /// `D^½`.
-    root: Vec<f64>,
-    patterns: Basis,
-    products: Basis,
+    pub(super) root: Vec<f64>,
+    pub(super) patterns: Basis,
+    pub(super) products: Basis,
     /// `H`, by columns; symmetrized.
     projected: Vec<Vec<f64>>,
     /// Inner products; only for a symmetric model.
-    gram: Gram,
-    theta: f64,
-    symmetric: bool,
-    surrogate: Option<Corrected>,
-    work: Work,
+    pub(super) gram: Gram,
+    pub(super) theta: f64,
+    pub(super) symmetric: bool,
+    pub(super) surrogate: Option<Corrected>,
+    pub(super) work: Work,
 }
 
-/// The work vectors of the inner iteration.
-#[derive(Clone)]
-struct Work {
-    u: Vec<f64>,
-    y: Vec<f64>,
-    next: Vec<f64>,
-    image: Vec<f64>,
-    g: Vec<f64>,
-    /// `M̂ D^½ b`.
-    constant: Vec<f64>,
+/// The work vectors of the box problem.
+#[derive(Clone, Default)]
+pub(super) struct Work {
+    pub(super) u: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    pub(super) g: Vec<f64>,
+    /// The vector that a symmetric model's square multiplies most; zero before the first box problem. Empty for others.
+    pub(super) dominant: Vec<f64>,
+    /// Empty for a symmetric model.
+    pub(super) next: Vec<f64>,
+    /// Empty for a symmetric model.
+    pub(super) image: Vec<f64>,
 }
 
 impl Work {
-    fn new(n: usize) -> Self {
-        let zero = vec![0.0; n];
-        let [u, y, next, image, g] = std::array::from_fn(|_| zero.clone());
-        Self { u, y, next, image, g, constant: zero }
+    fn new(n: usize, symmetric: bool) -> Self {
+        let zero = || vec![0.0; n];
+        let only = |needed: bool| if needed { zero() } else { Vec::new() };
+        let [next, image] = [only(!symmetric), only(!symmetric)];
+        Self { u: zero(), y: zero(), g: zero(), dominant: only(symmetric), next, image }
     }
 }
 
@@ -78,6 +80,7 @@ impl Model {
         let (mut patterns, mut taken) = (Basis::new(n), Basis::new(n));
         patterns.reserve(products.min(n));
         taken.reserve(products.min(n));
+        let symmetric = symmetric && surrogate.is_none();
         Self {
             root: diagonal.iter().map(|d| d.sqrt()).collect(),
             patterns,
@@ -85,9 +88,9 @@ impl Model {
             projected: Vec::new(),
             gram: Gram::default(),
             theta: 1.0,
-            symmetric: symmetric && surrogate.is_none(),
+            symmetric,
             surrogate: surrogate.map(Corrected::new),
-            work: Work::new(n),
+            work: Work::new(n, symmetric),
         }
     }
 
@@ -97,7 +100,7 @@ impl Model {
         update2(v, x, &self.root, |_, x, s| x * s);
         update2(w, y, &self.root, |_, y, s| y / s);
         let before = norm(v);
-        let removed = orthogonalize(&self.patterns, v, 0);
+        let removed = orthogonalize(&self.patterns, v);
         if removed.norm.is_nan() || removed.norm <= NEW * before {
             return false;
         }
@@ -107,8 +110,14 @@ impl Model {
         let (Some(v), Some(w)) = (self.patterns.columns().last(), self.products.columns().last()) else {
             return false;
         };
-        let left = self.patterns.dots(0, w);
-        let right = self.products.dots(0, v);
+        let (left, right) = if self.symmetric {
+            let (of_v, of_w) = (self.coordinates(v), self.coordinates(w));
+            let (left, right) = (of_w.c.clone(), of_v.d.clone());
+            self.gram.extend(of_v, of_w);
+            (left, right)
+        } else {
+            (self.patterns.dots(0, w), self.products.dots(0, v))
+        };
         let last = left.len() - 1;
         let column: Vec<f64> = left.iter().zip(&right).map(|(a, b)| 0.5 * (a + b)).collect();
         for (row, entry) in self.projected.iter_mut().zip(&column) {
@@ -118,12 +127,6 @@ impl Model {
         if let Some(surrogate) = &mut self.surrogate {
             surrogate.learn(x, y);
         }
-        if self.symmetric {
-            let Work { u: dv, y: dw, .. } = &mut self.work;
-            update2(dv, v, &self.root, |_, v, s| s * s * v);
-            update2(dw, w, &self.root, |_, w, s| s * s * w);
-            self.gram.extend(&self.patterns, &self.products, dv, dw);
-        }
         if last > 0 {
             self.theta = left[last].clamp(0.0, 1.0);
         }
@@ -131,7 +134,7 @@ impl Model {
     }
 
     /// `out ← M̂ u`, or `M̂ᵀ u`, in scaled coordinates.
-    fn apply(&self, transposed: bool, u: &[f64], out: &mut [f64]) {
+    pub(super) fn apply(&self, transposed: bool, u: &[f64], out: &mut [f64]) {
         if let Some(surrogate) = &self.surrogate {
             return surrogate.apply(transposed, &self.root, &self.patterns, u, out);
         }
@@ -156,144 +159,24 @@ impl Model {
     }
 
     /// `e = d − (H + θ) c`, the coefficients of `M̂ u` on the patterns, for `c = Vᵀu` and `d = Wᵀu`.
-    fn along_patterns(&self, c: &[f64], d: &[f64]) -> Vec<f64> {
+    pub(super) fn along_patterns(&self, c: &[f64], d: &[f64]) -> Vec<f64> {
         (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
     }
 
-    /// `g ← M̂ D M̂ u − constant` for a symmetric model. [`Model::gradient`] reads all vectors four times;
-    /// with their inner products known, twice is enough.
-    fn normal_product(&self, u: &[f64], constant: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
-        let theta = self.theta;
-        let (c, c_weighted) = self.patterns.dots_twice(u, &self.root);
-        let (d, d_weighted) = self.products.dots_twice(u, &self.root);
-        // M̂ u = θ u + W c + V e, and the same again for D M̂ u.
-        let e = self.along_patterns(&c, &d);
-        let (mut c_next, mut d_next) = self.gram.apply(&c, &e);
-        c_next.iter_mut().zip(&c_weighted).for_each(|(next, weighted)| *next += theta * weighted);
-        d_next.iter_mut().zip(&d_weighted).for_each(|(next, weighted)| *next += theta * weighted);
-        let e_next = self.along_patterns(&c_next, &d_next);
-        update(image, u, |_, u| theta * u);
-        match constant {
-            Some(constant) => update(g, constant, |_, constant| -constant),
-            None => g.fill(0.0),
-        }
-        self.products.accumulate_twice((&c, image), (&c_next, g));
-        self.patterns.accumulate_twice((&e, image), (&e_next, g));
-        update2(g, image, &self.root, |g, image, s| g + theta * s * s * image);
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x` (`b = 0` if it is
+    /// `None`).
+    pub(super) fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
+        self.residual(u, b, image);
+        update(image, &self.root, |r, s| r * s);
+        self.apply(true, image, g);
     }
 
-    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x` (`b = 0` if it is
-    /// `None`); returns `‖M x − b‖`.
-    fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) -> f64 {
+    /// `image ← D^½ M̂ u − b`, which is `M x − b` for `u = D^½ x`.
+    pub(super) fn residual(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64]) {
         self.apply(false, u, image);
         match b {
             Some(b) => update2(image, &self.root, b, |y, s, b| s * y - b),
             None => update(image, &self.root, |y, s| s * y),
         }
-        let length = norm(image);
-        update(image, &self.root, |r, s| r * s);
-        self.apply(true, image, g);
-        length
-    }
-
-    /// `x ← argmin ‖M x − b‖` over the box, from `x`, by accelerated projected gradients with restart; takes
-    /// no product. Returns `‖M x − b‖`.
-    pub(super) fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        // Moved out of the model, which is borrowed meanwhile.
-        let mut work = std::mem::replace(&mut self.work, Work::new(0));
-        if let Some(surrogate) = &mut self.surrogate {
-            surrogate.catch_up(&self.root, &self.patterns, &self.products);
-        }
-        let predicted = self.minimize_in(&mut work, b, bounds, x);
-        self.work = work;
-        predicted
-    }
-
-    fn minimize_in(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        /// Iterations without a surrogate: until the iteration rests, since the model agrees with all photos.
-        const ITERATIONS: usize = 400;
-        /// Iterations with a surrogate, whose finest details are not reliable: stopping early regularizes. On
-        /// a defocused projector of 128×128 pixels 12 photos come to 1.033 times the optimum with 60
-        /// iterations, 1.040 with 150 and 1.054 with 400.
-        const SURROGATE_ITERATIONS: usize = 60;
-        /// The relative accuracy: the iterate is photographed next, and the photo corrects more than this.
-        const SETTLED: f64 = 1e-6;
-        let Work { u, y, next, image, g, constant } = work;
-        let lipschitz = self.lipschitz(next, image, g);
-        update2(u, x, &self.root, |_, x, s| x * s);
-        y.copy_from_slice(u);
-        if self.symmetric {
-            update2(image, b, &self.root, |_, b, s| s * b);
-            self.apply(true, image, constant);
-        }
-        if lipschitz <= 0.0 {
-            return self.gradient(u, Some(b), image, g);
-        }
-        let mut t = 1.0_f64;
-        let iterations = if self.surrogate.is_some() { SURROGATE_ITERATIONS } else { ITERATIONS };
-        for _ in 0..iterations {
-            if self.symmetric {
-                self.normal_product(y, Some(constant), image, g);
-            } else {
-                self.gradient(y, Some(b), image, g);
-            }
-            next.copy_from_slice(y);
-            update2(next, g, &self.root, |y, g, s| {
-                (y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s)
-            });
-            // u ← next − u, the step.
-            update(u, next, |old, new| new - old);
-            let step = norm(u);
-            if dot(g, u) > 0.0 {
-                t = 1.0;
-            }
-            let t_next = 0.5 * (1.0 + (1.0 + 4.0 * t * t).sqrt());
-            let momentum = (t - 1.0) / t_next;
-            t = t_next;
-            update2(y, next, u, |_, new, step| new + momentum * step);
-            std::mem::swap(u, next);
-            if step <= SETTLED * norm(u) {
-                break;
-            }
-        }
-        let predicted = self.gradient(u, Some(b), image, g);
-        update2(x, u, &self.root, |_, u, s| bounds.clip(u / s));
-        predicted
-    }
-
-    /// A bound of `‖D^½ M̂‖²`: the estimate of a few power iterations from the white pattern, plus ten
-    /// percent.
-    fn lipschitz(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
-        v.copy_from_slice(&self.root);
-        let mut square = 0.0_f64;
-        for _ in 0..12 {
-            let length = norm(v);
-            if length == 0.0 || !length.is_finite() {
-                return 0.0;
-            }
-            for value in v.iter_mut() {
-                *value /= length;
-            }
-            if self.symmetric {
-                self.normal_product(v, None, image, g);
-            } else {
-                self.gradient(v, None, image, g);
-            }
-            let next = norm(g);
-            v.copy_from_slice(g);
-            // The norms of a power iteration only grow. Where they grow by a thousandth, the ten percent
-            // suffice.
-            let settled = next <= 1.001 * square;
-            square = next;
-            if settled {
-                break;
-            }
-        }
-        if self.surrogate.is_some() {
-            return 1.1 * square;
-        }
-        // Vectors outside the span are multiplied by θ.
-        let largest = self.root.iter().copied().fold(0.0, f64::max);
-        1.1 * square.max((self.theta * largest).powi(2))
     }
 }

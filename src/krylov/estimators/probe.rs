@@ -172,7 +172,7 @@ pub(super) fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<
     for vector in vectors {
         let length = norm(vector);
         let mut w = vector.clone();
-        let mut removed = orthogonalize(&basis, &mut w, 0);
+        let mut removed = orthogonalize(&basis, &mut w);
         // The rest is rounding errors of a sum of `rows` terms.
         if removed.norm > length * f64::EPSILON * (10.0 + (rows as f64).sqrt()) {
             basis.push_scaled(&w, removed.norm);

@@ -62,6 +62,9 @@ pub struct Expansion {
     /// The number of random vectors drawn so far.
     pub(super) draws: u64,
     pub(super) work: Vec<f64>,
+    /// The parts that the last column still has along the columns before it, at most 1e-12 in all; empty for none. The next step
+    /// removes them.
+    pub(super) late: Vec<f64>,
     /// Products with the first waiting vectors, which a block has taken before their steps.
     pub(super) ready: VecDeque<(Vec<f64>, f64)>,
     /// Removes noise from the next direction. It is not saved.
@@ -108,6 +111,7 @@ impl Expansion {
             scale: 0.0,
             draws: 0,
             work: vec![0.0; n],
+            late: Vec::new(),
             ready: VecDeque::new(),
             filter: None,
         };
@@ -119,6 +123,7 @@ impl Expansion {
 
     /// Adds starting vectors to those that wait for their product.
     pub(super) fn widen(&mut self, starts: &[Vec<f64>]) -> Result<()> {
+        self.settle();
         for start in starts {
             if start.len() != self.n() {
                 return Err(Error::Dimension {
@@ -157,7 +162,14 @@ impl Expansion {
         }
         self.fits(operator)?;
         let mut products = vec![vec![0.0; self.n()]; count];
-        operator.apply_block(&block(&self.waiting()[..count]), &mut block_mut(&mut products))?;
+        // The last vector as it will be by the time of its step.
+        let late = count == self.pending() && !self.late.is_empty();
+        let last = late.then(|| self.basis.settled_last(&self.late));
+        let mut vectors = block(&self.waiting()[..count]);
+        if let (Some(last), Some(vector)) = (&last, vectors.last_mut()) {
+            *vector = last;
+        }
+        operator.apply_block(&vectors, &mut block_mut(&mut products))?;
         let errors = operator.standard_errors();
         let errors = errors.into_iter().chain(std::iter::repeat(0.0));
         self.ready = products.into_iter().zip(errors).collect();
@@ -165,7 +177,7 @@ impl Expansion {
     }
 
     /// One step: one product. `recent` last columns contain, up to rounding, the part of `A v` in the
-    /// span (0: all columns).
+    /// span (0: not known).
     pub(super) fn step(&mut self, operator: &mut dyn Operator, recent: usize) -> Result<Step> {
         let n = self.n();
         self.fits(operator)?;
@@ -181,7 +193,8 @@ impl Expansion {
                 operator.standard_error()
             }
         };
-        let length = norm(&self.work);
+        let first = self.basis.len().saturating_sub(recent);
+        let (along, length) = self.basis.dots_and_norm(first, &self.work);
         if !length.is_finite() {
             // The step can be taken again, with a new product.
             self.ready.clear();
@@ -194,7 +207,7 @@ impl Expansion {
         // Nothing can fail from here on.
         self.products += 1;
         self.scale = self.scale.max(length);
-        let mut removed = orthogonalize(&self.basis, &mut self.work, recent);
+        let mut removed = self.orthogonalize_product(&along);
         // The rest of A v is at most the rounding errors of a product of n terms.
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
         if !nothing_new && self.basis.len() < n {
@@ -207,6 +220,7 @@ impl Expansion {
                 }
                 None => {
                     self.basis.push_scaled(&self.work, removed.norm);
+                    self.late = removed.late.iter().map(|part| part / removed.norm).collect();
                     (error, removed.norm)
                 }
             };
@@ -234,7 +248,7 @@ impl Expansion {
             return None;
         }
         let before = norm(&direction);
-        let left = orthogonalize(&self.basis, &mut direction, 0).norm;
+        let left = orthogonalize(&self.basis, &mut direction).norm;
         if left <= before * f64::EPSILON * (10.0 + (self.n() as f64).sqrt()) {
             return None;
         }
@@ -284,7 +298,8 @@ impl Expansion {
         &self.basis.columns()[self.known..self.known + self.steps()]
     }
 
-    /// `v_{m+1} … v_{m+p}`: orthonormal vectors of length `n`, whose products come next.
+    /// `v_{m+1} … v_{m+p}`: orthonormal vectors of length `n`, whose products come next. The last may have parts along the others of up
+    /// to 1e-12, which are mostly far smaller; the next step removes them.
     pub fn waiting(&self) -> &[Vec<f64>] {
         &self.basis.columns()[self.known + self.steps()..]
     }
@@ -369,7 +384,7 @@ fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
         return Ok(false);
     }
     let mut w: Vec<f64> = vector.iter().map(|value| value / length).collect();
-    let left = orthogonalize(basis, &mut w, 0).norm;
+    let left = orthogonalize(basis, &mut w).norm;
     if left <= f64::EPSILON * (10.0 + (w.len() as f64).sqrt()) {
         return Ok(false);
     }

@@ -2,6 +2,7 @@
 
 mod arnoldi;
 mod block_lanczos;
+mod delayed;
 mod expansion;
 mod factorization;
 mod filter;

@@ -7,6 +7,7 @@ impl Expansion {
     /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the symmetric part of `H`, with their values; the waiting
     /// vectors are kept. `H` becomes `diag(values)` with the couplings to the waiting vectors below.
     pub(super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
+        self.settle();
         let (m, pending) = (self.steps(), self.pending());
         let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s)).collect();
         // Each part includes what earlier restarts discarded; count it once.

@@ -11,7 +11,9 @@ use super::Expansion;
 use crate::error::{Error, Result};
 
 const MAGIC: &[u8; 8] = b"KRYLUXFZ";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
+/// A file of this version has no late parts.
+const EARLIER: u32 = 2;
 /// Floats written or read at a time.
 const CHUNK: usize = 8192;
 
@@ -60,6 +62,8 @@ impl<W: Write> Sink<W> {
             self.floats(column)?;
             self.floats(&[*error])?;
         }
+        self.bytes(&(state.late.len() as u64).to_le_bytes())?;
+        self.floats(&state.late)?;
         for column in state.basis.columns() {
             self.floats(column)?;
         }
@@ -97,8 +101,9 @@ impl<R: Read> Source<R> {
             return Err(damaged("the file does not begin like a saved factorization"));
         }
         let version = self.u32()?;
-        if version != VERSION {
-            return Err(damaged(&format!("version {version}; this program reads version {VERSION}")));
+        if version != VERSION && version != EARLIER {
+            let fault = format!("version {version}; this program reads versions {EARLIER} and {VERSION}");
+            return Err(damaged(&fault));
         }
         let found = self.u32()?;
         if found != kind as u32 {
@@ -124,6 +129,7 @@ impl<R: Read> Source<R> {
             columns.push(self.floats(length as usize)?);
             errors.push(self.float()?);
         }
+        let late = if version == EARLIER { Vec::new() } else { self.late(known + steps, total)? };
         let mut basis = Basis::new(n);
         for _ in 0..total {
             basis.push_scaled(&self.floats(n)?, 1.0);
@@ -140,9 +146,19 @@ impl<R: Read> Source<R> {
             scale,
             draws,
             work,
+            late,
             ready,
             filter: None,
         })
+    }
+
+    /// The late parts of the last of `total` columns, which waits behind `used` ones.
+    fn late(&mut self, used: usize, total: usize) -> Result<Vec<f64>> {
+        let length = self.u64()?;
+        if length != 0 && (length != total as u64 - 1 || used == total) {
+            return Err(damaged("the counts contradict each other"));
+        }
+        self.floats(length as usize)
     }
 
     fn bytes(&mut self, bytes: &mut [u8]) -> Result<()> {

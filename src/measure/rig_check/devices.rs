@@ -6,8 +6,6 @@ use super::thresholds::REFRESH_FRACTION;
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::measure::{MeasureOptions, RigFile, RigKind};
-#[cfg(any(feature = "gige", feature = "usb3"))]
-use crate::rig;
 use crate::rig::{CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
 /// What the file describes, and whether its exposures suit its projector.
@@ -60,7 +58,7 @@ pub(super) fn devices(
     let has_monitor = monitor(&rig.projector, recorder)?;
     let shows = has_monitor && screen(rig, helper, recorder)?;
     // The camera is checked whatever the projector does, so that two faults are reported at once.
-    let captures = camera(rig, recorder)?;
+    let captures = camera(rig, helper, recorder)?;
     Ok(shows && captures)
 }
 
@@ -133,9 +131,21 @@ fn ramp(info: &ProjectorInfo) -> Result<Vec<Frame>> {
 }
 
 /// Opens the camera, and sets its longest and its shortest exposure. Returns whether it can be used.
-fn camera(rig: &HardwareRig, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
-    let abilities = abilities(&rig.camera);
-    let opened = rig.open_camera().and_then(|mut camera| {
+fn camera(
+    rig: &HardwareRig,
+    helper: &dyn Fn() -> Result<Helper>,
+    recorder: &mut Recorder<'_, '_>,
+) -> Result<bool> {
+    let describes_itself = matches!(rig.camera, CameraSpec::Gige(_) | CameraSpec::Usb3(_));
+    let asked = match describes_itself {
+        true => helper().and_then(|helper| rig.camera_abilities(&helper)),
+        false => Ok(None),
+    };
+    let abilities = match asked {
+        Ok(abilities) => abilities.map_or_else(String::new, |can| format!(" (it can do {can})")),
+        Err(error) => return recorder.failure("camera", error),
+    };
+    let opened = rig.open_checked_camera().and_then(|mut camera| {
         let [shortest, longest] = camera.info().exposures;
         let set = [camera.configure(longest)?, camera.configure(shortest)?];
         Ok((camera.info().clone(), set))
@@ -151,20 +161,6 @@ fn camera(rig: &HardwareRig, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
         }
         Err(error) => recorder.failure("camera", error),
     }
-}
-
-/// What else the camera can do, where it answers that question.
-fn abilities(spec: &CameraSpec) -> String {
-    let abilities = match spec {
-        #[cfg(feature = "gige")]
-        CameraSpec::Gige(spec) => rig::gige_camera_abilities(spec.address).ok().map(|can| can.to_string()),
-        #[cfg(feature = "usb3")]
-        CameraSpec::Usb3(spec) => {
-            rig::usb_camera_abilities(spec.serial.as_deref()).ok().map(|can| can.to_string())
-        }
-        _ => None::<String>,
-    };
-    abilities.map_or_else(String::new, |abilities| format!(" (it can do {abilities})"))
 }
 
 #[cfg(test)]

@@ -103,11 +103,8 @@ pub(super) fn open<'a>(
             let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
             Some(elements(document, &format!("accessor {index}"), view, offset, element, count)?)
         }
-        None if accessor.sparse.is_some() => None,
-        None => {
-            let fault = format!("{what} has no data: accessor {index} has no buffer view");
-            return Err(document.fault(fault, HELP));
-        }
+        // By the specification, elements without data are zero.
+        None => None,
     };
     let Ok(count) = usize::try_from(count) else {
         return Err(document.fault(format!("accessor {index} has {count} elements"), HELP));

@@ -7,7 +7,8 @@ use crate::error::{Error, Result};
 
 /// Reads every buffer of the file.
 pub(super) fn load(document: &mut Document) -> Result<()> {
-    for index in 0..document.root.buffers.len() {
+    let unread = meshopt::unread(&document.root);
+    for (index, is_unread) in unread.into_iter().enumerate() {
         let buffer = &document.root.buffers[index];
         let what = object_name("buffer", index, buffer.name.as_ref());
         let expected = buffer.byte_length.0;
@@ -19,6 +20,10 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
         let bytes = match buffer.uri.clone() {
             Some(uri) => uri::read(document, &what, &uri)?,
             None if index == 0 && document.chunk.is_some() => document.chunk.take().unwrap_or_default(),
+            None if is_unread => {
+                document.buffers.push(Vec::new());
+                continue;
+            }
             None => return Err(missing(document, &what)),
         };
         if (bytes.len() as u64) < expected {

@@ -8,10 +8,10 @@ use super::extras::Extras;
 use super::nodes::Placed;
 use super::{Document, object_name};
 use crate::error::Result;
-use crate::scene::Camera;
 use crate::scene::camera::tan_half;
 use crate::scene::camera_file::{CameraFile, CameraPair};
 use crate::scene::triangle::MAX_COORDINATE;
+use crate::scene::{Camera, LoadOptions};
 
 /// The largest cosine of axes that count as perpendicular: well above the rounding of exporters, well below a
 /// visible shear.
@@ -25,13 +25,64 @@ struct Candidate<'a> {
     extras: Extras,
 }
 
+/// Which camera the rig stands at, unless a camera file says it.
+pub(super) enum Wanted {
+    /// The node of this name.
+    Named(String),
+    /// The only camera node.
+    Only,
+    /// The first perspective one.
+    First,
+    /// None of the scene: one is placed.
+    Placed,
+}
+
+/// Which camera the options want. Where they let one be placed, the first that the scene has is taken, and none is placed unless there is none; a
+/// warning names those that are not taken.
+pub(super) fn wanted(
+    document: &mut Document,
+    placed: &[Placed],
+    options: &LoadOptions<'_>,
+    file: &Option<CameraFile>,
+) -> Result<Wanted> {
+    if let Some(name) = options.camera {
+        return Ok(Wanted::Named(name.into()));
+    }
+    if !options.auto_camera || file.as_ref().is_some_and(|file| file.camera.is_some()) {
+        return Ok(Wanted::Only);
+    }
+    let (cameras, _) = candidates(document, placed)?;
+    let (usable, others): (Vec<_>, Vec<_>) =
+        cameras.iter().partition(|candidate| candidate.camera.perspective.is_some());
+    let warning = match (usable.as_slice(), others.as_slice()) {
+        ([], []) => return Ok(Wanted::Placed),
+        ([], _) => Some(format!("cameras without a perspective are not used: {}", names(&others))),
+        ([_], _) => None,
+        ([first, rest @ ..], _) => {
+            let first = &first.name;
+            Some(format!(
+                "of several cameras the first, `{first}`, is used; --camera chooses another: {}",
+                names(rest)
+            ))
+        }
+    };
+    let is_empty = usable.is_empty();
+    warning.into_iter().for_each(|warning| document.warnings.add(warning));
+    Ok(if is_empty { Wanted::Placed } else { Wanted::First })
+}
+
+/// The names of candidates, for messages.
+fn names(candidates: &[&Candidate<'_>]) -> String {
+    candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ")
+}
+
 /// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from
-/// the scene's camera nodes. The camera is then the node called `wanted`, or the only one. The projector is
+/// the scene's camera nodes. The camera is then the one that is `wanted`. The projector is
 /// the node that has `"krylux": "projector"` in its extras.
 pub(super) fn pair(
     document: &Document,
     placed: &[Placed],
-    wanted: Option<&str>,
+    wanted: &Wanted,
     file: Option<CameraFile>,
 ) -> Result<CameraPair> {
     let (camera, projector, mut resolution) = match file {
@@ -58,12 +109,6 @@ pub(super) fn pair(
         }
     };
     Ok(CameraPair::new(camera, projector, resolution))
-}
-
-/// Whether the camera file or the scene has a camera.
-pub(super) fn has_camera(document: &Document, placed: &[Placed], file: &Option<CameraFile>) -> Result<bool> {
-    let in_file = file.as_ref().is_some_and(|file| file.camera.is_some());
-    Ok(in_file || !candidates(document, placed)?.0.is_empty())
 }
 
 /// The camera nodes of the scene: the cameras, and those that are marked as projectors.
@@ -102,14 +147,21 @@ fn candidates<'a>(
     Ok((cameras, projectors))
 }
 
-/// The candidate called `wanted`, or the only one.
+/// The candidate that is `wanted`.
 fn choose<'a>(
     document: &Document,
     candidates: &'a [Candidate<'a>],
-    wanted: Option<&str>,
+    wanted: &Wanted,
 ) -> Result<&'a Candidate<'a>> {
-    let names =
-        || candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ");
+    let names = || names(&candidates.iter().collect::<Vec<_>>());
+    let mut pinholes = candidates.iter().filter(|candidate| candidate.camera.perspective.is_some());
+    if let (Wanted::First, Some(first)) = (wanted, pinholes.next()) {
+        return Ok(first);
+    }
+    let wanted = match wanted {
+        Wanted::Named(name) => Some(name.as_str()),
+        _ => None,
+    };
     let matching: Vec<_> =
         candidates.iter().filter(|candidate| wanted.is_none_or(|wanted| wanted == candidate.name)).collect();
     match (matching.as_slice(), wanted) {

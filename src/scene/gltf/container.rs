@@ -24,7 +24,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Optio
     let version = word(bytes, 4).ok_or_else(|| damaged(path, "the GLB header is cut short"))?;
     let length = word(bytes, 8).ok_or_else(|| damaged(path, "the GLB header is cut short"))?;
     if version != 2 {
-        return Err(damaged(path, format!("GLB version {version} is not supported, only 2 is")));
+        return Err(other_version(path, &format!("{version}.0")));
     }
     if length as usize > bytes.len() || (length as usize) < HEADER_BYTES {
         return Err(damaged(
@@ -65,6 +65,16 @@ fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let four = bytes.get(at..at + 4)?;
     Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
+}
+
+/// The error about a file of another version of glTF than 2.
+pub(super) fn other_version(path: &Path, version: &str) -> crate::error::Error {
+    let help = if version.starts_with("1.") {
+        "convert it: npx gltf-pipeline -i OLD.gltf -o NEW.glb (or export the scene again as glTF 2.0)"
+    } else {
+        "export the scene as glTF 2.0"
+    };
+    fault(path, format!("glTF version `{version}` is not supported"), help)
 }
 
 fn damaged(path: &Path, what: impl Into<String>) -> crate::error::Error {

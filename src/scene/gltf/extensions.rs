@@ -6,12 +6,13 @@
 //! | `KHR_materials_transmission` | supported; the surface is a thin wall unless it has a volume |
 //! | `KHR_materials_volume` | makes a surface the boundary of a solid where `thicknessFactor` is above 0; the thickness itself comes from the geometry, so the surface must be closed |
 //! | `KHR_materials_diffuse_transmission` | supported |
+//! | `KHR_materials_pbrSpecularGlossiness` | converted |
 //! | `KHR_texture_transform` | supported, for each texture separately |
 //! | `KHR_mesh_quantization` | supported |
 //! | `EXT_mesh_gpu_instancing` | supported |
 //! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed |
 //! | `EXT_texture_webp` | supported |
-//! | `KHR_texture_basisu`, `EXT_texture_avif` | another picture of the texture is used; an error where there is none |
+//! | `KHR_texture_basisu`, `EXT_texture_avif`, `MSFT_texture_dds` | another picture of the texture is used; where there is none, the texture is left out with a warning; an error where the file requires the extension |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
 //! | any other, required | an error |
 //! | any other, used | a warning, unless the extension has no effect on the picture |
@@ -25,10 +26,11 @@
 //! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and
 //! `focus_distance`.
 
-use super::{Document, draco, meshopt};
+use super::{Document, draco, glossiness, meshopt};
 use crate::error::Result;
 
-const SUPPORTED: [&str; 14] = [
+const SUPPORTED: [&str; 15] = [
+    glossiness::NAME,
     draco::NAME,
     meshopt::NAMES[0],
     meshopt::NAMES[1],
@@ -54,7 +56,11 @@ pub(super) const WEBP: &str = "EXT_texture_webp";
 const LIGHTS: &str = "KHR_lights_punctual";
 
 /// Extensions that do not change the picture of the scene at rest.
-const WITHOUT_EFFECT: [&str; 8] = [
+const WITHOUT_EFFECT: [&str; 14] = [
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_structural_metadata",
+    "FB_ngon_encoding",
     "KHR_xmp",
     "KHR_xmp_json_ld",
     "KHR_materials_variants",
@@ -63,10 +69,12 @@ const WITHOUT_EFFECT: [&str; 8] = [
     "KHR_physics_rigid_bodies",
     "KHR_implicit_shapes",
     "MSFT_lod",
+    "VRM",
+    "VRMC_vrm",
 ];
 
-/// Extensions for image formats. They are refused only if a texture in use has no picture in another format.
-const CHECKED_AT_USE: [&str; 2] = ["KHR_texture_basisu", "EXT_texture_avif"];
+/// Extensions for image formats. Only textures that have no picture in another format lose something.
+const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"];
 
 /// Refuses required extensions that are not supported, and adds a warning for each of the other unsupported
 /// ones in use.
@@ -107,9 +115,6 @@ pub(super) fn advice(name: &str) -> &'static str {
         }
         "EXT_texture_avif" => {
             "convert its pictures: npx @gltf-transform/cli png SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
-        }
-        "KHR_materials_pbrSpecularGlossiness" => {
-            "convert its materials: npx @gltf-transform/cli metalrough SCENE.glb PLAIN.glb"
         }
         _ if name.starts_with("KHR_materials_") => {
             "export the scene with materials that have metallic-roughness, specular, transmission and volume only"

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use glam::DAffine3;
-use gltf_json::mesh::Mode;
+use gltf_json::mesh::{Mode, Semantic};
 use gltf_json::validation::Checked;
 
+use super::counts::{Counts, Progress, too_many};
 use super::labels::{self, Label};
 use super::materials::Materials;
 use super::nodes::Placed;
@@ -17,14 +18,11 @@ use super::skin::{Influences, Skins};
 use super::vertices::Vertices;
 use super::{Document, instancing, object_name};
 use crate::error::{Error, Result};
-use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
+use crate::scene::Watcher;
+use crate::scene::triangle::Triangle;
 
-/// The largest number of primitives, counted each time a node places them. A limit is needed because a small
-/// file can place any number of primitives without triangles.
-const MAX_PLACEMENTS: usize = 1 << 20;
-
-/// The largest number of triangles times morph targets.
-const MAX_MORPHS: usize = 1 << 28;
+/// What primitives without triangles consist of.
+const NO_AREA: &str = "points or lines, which have no area";
 
 /// The triangles of one primitive at one node. Their region index is set later.
 pub(super) struct Surface {
@@ -41,17 +39,18 @@ pub(super) fn assemble(
     document: &mut Document,
     placed: &[Placed],
     materials: &mut Materials,
+    watcher: Watcher<'_>,
 ) -> Result<Vec<Surface>> {
     let mut assembly = Assembly {
         surfaces: Vec::new(),
         skins: Skins::new(document, placed),
-        placements: 0,
-        total: 0,
-        morphs: 0,
+        counts: Counts::default(),
         degenerate: 0,
         labels: HashMap::new(),
     };
     for (position, node) in placed.iter().enumerate() {
+        let progress = Progress { watcher, position, nodes: placed.len() };
+        progress.begin()?;
         let source = &document.root.nodes[node.node];
         let Some(index) = source.mesh.map(|mesh| mesh.value()) else { continue };
         let node_name = object_name("node", node.node, source.name.as_ref());
@@ -64,7 +63,7 @@ pub(super) fn assemble(
         let mesh_name = object_name("mesh", index, mesh.name.as_ref());
         let primitives = mesh.primitives.len();
         let mesh_label = assembly.label(document, &mesh_name, index, None)?;
-        assembly.count_placements(document, primitives)?;
+        assembly.counts.placements(document, primitives)?;
         let poses = assembly.poses(document, &node_name, node)?;
         for primitive in 0..primitives {
             let placement = Placement {
@@ -77,7 +76,7 @@ pub(super) fn assemble(
                 .label(document, &placement.what, index, Some(primitive))?
                 .or_else(|| mesh_label.clone())
                 .or_else(|| node.label.clone());
-            let triangles = assembly.place(document, &placement, &poses, materials)?;
+            let triangles = assembly.place(document, &placement, &poses, materials, progress)?;
             if !triangles.is_empty() {
                 assembly.surfaces.push(Surface { placed: position, label, triangles });
             }
@@ -87,10 +86,13 @@ pub(super) fn assemble(
         document.warnings.add(format!("{} triangles without area were dropped", assembly.degenerate));
     }
     if assembly.surfaces.is_empty() {
-        return Err(document.fault(
-            "no triangles in the scene",
-            "export meshes with faces, in the scene that the file shows by default",
-        ));
+        let what = match document.warnings.list.iter().any(|warning| warning.contains(NO_AREA)) {
+            true => "no triangles in the scene, but points or lines, which have no area and show nothing",
+            false => "no triangles in the scene",
+        };
+        return Err(
+            document.fault(what, "export meshes with faces, in the scene that the file shows by default")
+        );
     }
     Ok(assembly.surfaces)
 }
@@ -116,12 +118,7 @@ enum Poses {
 struct Assembly {
     surfaces: Vec<Surface>,
     skins: Skins,
-    /// Number of primitives placed.
-    placements: usize,
-    /// Number of triangles, dropped ones included.
-    total: usize,
-    /// Number of triangles, counted once for each morph target.
-    morphs: usize,
+    counts: Counts,
     /// Number of triangles dropped because they have no area.
     degenerate: usize,
     /// Labels of meshes and of their primitives. They are parsed once, however often the mesh is placed.
@@ -147,18 +144,6 @@ impl Assembly {
         Ok(label)
     }
 
-    /// Counts the primitives of a placed mesh, up to [`MAX_PLACEMENTS`].
-    fn count_placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
-        self.placements = self.placements.saturating_add(primitives);
-        if self.placements > MAX_PLACEMENTS {
-            return Err(document.fault(
-                format!("more than {MAX_PLACEMENTS} primitives, all instances counted"),
-                "join the meshes, or place fewer of them",
-            ));
-        }
-        Ok(())
-    }
-
     /// The poses of the mesh of a node.
     fn poses(&mut self, document: &Document, node_name: &str, node: &Placed) -> Result<Poses> {
         let source = &document.root.nodes[node.node];
@@ -169,6 +154,7 @@ impl Assembly {
         Ok(Poses::Rigid(match instances {
             None => vec![Transform::new(&node.transform)],
             Some(instances) => {
+                self.counts.instances(document, instances.len())?;
                 instances.iter().map(|instance| Transform::new(&(node.transform * *instance))).collect()
             }
         }))
@@ -181,14 +167,18 @@ impl Assembly {
         placement: &Placement,
         poses: &Poses,
         materials: &mut Materials,
+        progress: Progress<'_>,
     ) -> Result<Vec<Triangle>> {
         let what = &placement.what;
         let primitive = &document.root.meshes[placement.mesh].primitives[placement.primitive];
         let material_index = primitive.material.map(|material| material.value());
+        let has_set =
+            [0, 1].map(|set| primitive.attributes.contains_key(&Checked::Valid(Semantic::TexCoords(set))));
         if !has_triangles(document, placement)? {
             return Ok(Vec::new());
         }
         let material = materials.index_of(document, what, material_index)?;
+        let material = materials.with_coordinates(document, what, material, has_set)?;
         let document = &*document;
         let mesh = &document.root.meshes[placement.mesh];
         let primitive = &mesh.primitives[placement.primitive];
@@ -208,11 +198,15 @@ impl Assembly {
                 vec![Pose::Skinned { joints: Rc::clone(joints), influences }]
             }
         };
-        let count = self.count_triangles(document, corners.triangles, poses.len(), vertices.targets())?;
-        let mut triangles = Vec::with_capacity(count);
+        let count = self.counts.triangles(document, corners.triangles, poses.len(), vertices.targets())?;
+        let mut triangles = Vec::new();
+        triangles.try_reserve_exact(count).map_err(|_| too_many(document, count))?;
+        let mut done = 0_usize;
         for pose in &poses {
             let placer = Placer { document, what, vertices: &vertices, pose, material };
             for index in 0..corners.triangles {
+                done += 1;
+                progress.at(done, count)?;
                 let indices = corners.vertices(index).ok_or_else(|| cut_short(document, what))?;
                 let triangle = placer.triangle(indices)?;
                 if triangle.has_area() {
@@ -223,33 +217,6 @@ impl Assembly {
             }
         }
         Ok(triangles)
-    }
-
-    /// Counts the triangles of a primitive, up to [`MAX_TRIANGLES`] and [`MAX_MORPHS`]. Returns their number
-    /// at all poses.
-    fn count_triangles(
-        &mut self,
-        document: &Document,
-        mesh: usize,
-        poses: usize,
-        targets: usize,
-    ) -> Result<usize> {
-        let count = mesh.saturating_mul(poses);
-        self.total = self.total.saturating_add(count);
-        self.morphs = self.morphs.saturating_add(count.saturating_mul(targets));
-        if self.total > MAX_TRIANGLES {
-            return Err(document.fault(
-                format!("more than {MAX_TRIANGLES} triangles, all instances counted"),
-                "simplify the meshes, or place fewer of them",
-            ));
-        }
-        if self.morphs > MAX_MORPHS {
-            return Err(document.fault(
-                format!("more than {MAX_MORPHS} triangles, counted once for each of their morph targets"),
-                "apply the morph targets before the export",
-            ));
-        }
-        Ok(count)
     }
 }
 
@@ -262,7 +229,7 @@ fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool>
         }
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => Ok(true),
         Checked::Valid(_) => {
-            document.warnings.add(format!("{what} consists of points or lines, which have no area: ignored"));
+            document.warnings.add(format!("{what} consists of {NO_AREA}: ignored"));
             Ok(false)
         }
     }

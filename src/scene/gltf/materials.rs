@@ -6,6 +6,7 @@ use gltf_json as json;
 use gltf_json::validation::Checked;
 
 use super::checks::Checks;
+use super::glossiness::{self, Glossiness};
 use super::textures::{TextureUse, Textures};
 use super::transmission::TransmissionExtensions;
 use super::{Document, object_name};
@@ -21,6 +22,8 @@ pub(super) struct Materials {
     pub textures: Textures,
     /// By the file's index; `None` is glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
+    /// Materials without the textures for which a primitive has no coordinates, by the material and the sets that it has.
+    bare: HashMap<(u32, [bool; 2]), u32>,
 }
 
 impl Materials {
@@ -57,6 +60,37 @@ impl Materials {
         Ok(position as u32)
     }
 
+    /// The material number `position` for a primitive that has these sets of texture coordinates: without the textures that read other
+    /// sets, of which a warning says that they are left out. `what` names the primitive.
+    pub(super) fn with_coordinates(
+        &mut self,
+        document: &mut Document,
+        what: &str,
+        position: u32,
+        has_set: [bool; 2],
+    ) -> Result<u32> {
+        let material = &self.list[position as usize];
+        let Some((role, texture)) = material.textures().find(|(_, texture)| !has_set[texture.set as usize])
+        else {
+            return Ok(position);
+        };
+        if let Some(&bare) = self.bare.get(&(position, has_set)) {
+            return Ok(bare);
+        }
+        let set = texture.set;
+        document.leave_out(
+            format!("{what} has no TEXCOORD_{set}, but its material's {role} texture reads it"),
+            "unwrap the mesh, or remove the texture from the material",
+            "the texture",
+        )?;
+        let mut bare = material.clone();
+        bare.retain_textures(|texture| has_set[texture.set as usize]);
+        self.list.push(bare);
+        let index = self.list.len() as u32 - 1;
+        self.bare.insert((position, has_set), index);
+        Ok(index)
+    }
+
     /// Converts the file's material `index`. `user` names the primitive that uses it.
     fn convert(&mut self, document: &mut Document, user: &str, index: usize) -> Result<Material> {
         let Some(source) = document.root.materials.get(index).cloned() else {
@@ -73,6 +107,9 @@ impl Materials {
         let checked = Checks { document, what: &what };
         let mut material = factors(&checked, index, &source, &transmission)?;
         self.refer_to_textures(document, &what, &source, &transmission, &mut material)?;
+        if let Some(glossiness) = Glossiness::read(document, &what, &source)? {
+            glossiness.replace(document, &what, &mut self.textures, &mut material)?;
+        }
         if is_unlit {
             (material.metallic, material.roughness, material.specular) = (0.0, 1.0, 0.0);
             material.metallic_roughness_texture = None;
@@ -123,7 +160,7 @@ impl Materials {
             ),
         ] {
             if let Some(texture) = texture {
-                *slot = Some(self.textures.refer(document, what, role, &texture)?);
+                *slot = self.textures.refer(document, what, role, &texture)?;
             }
         }
         Ok(())
@@ -203,7 +240,9 @@ fn check_extensions(document: &mut Document, what: &str, source: &json::Material
             format!("{what} is unlit ({UNLIT}), which transports no light: it is a matte surface here");
         document.warnings.add(warning);
     }
-    let supported = |name: &str| name == UNLIT || super::transmission::SUPPORTED.contains(&name);
+    let supported = |name: &str| {
+        [UNLIT, glossiness::NAME].contains(&name) || super::transmission::SUPPORTED.contains(&name)
+    };
     for name in others.keys().filter(|name| !supported(name)) {
         let warning = format!("{name} is not supported and ignored; {what} uses it first");
         document.warnings.add_once(name, warning);

@@ -33,7 +33,7 @@ fn none() -> String {
     "NONE".into()
 }
 
-/// Whether a buffer only stands in for views that are decompressed from another one, and may lack data.
+/// Whether a buffer is marked as one that only stands in for views that are decompressed from another one, and may lack data.
 pub(super) fn is_fallback(buffer: &json::Buffer) -> bool {
     let extensions = buffer.extensions.as_ref().map(|extensions| &extensions.others);
     let is_fallback = |name: &&str| {
@@ -43,14 +43,30 @@ pub(super) fn is_fallback(buffer: &json::Buffer) -> bool {
     NAMES.iter().any(is_fallback)
 }
 
+/// For each buffer, whether there are views of it and all of them are compressed, so that the buffer itself is not read. Some exporters do
+/// not mark it.
+pub(super) fn unread(root: &json::Root) -> Vec<bool> {
+    let mut views = vec![[0_usize; 2]; root.buffers.len()];
+    for view in &root.buffer_views {
+        if let Some([compressed, plain]) = views.get_mut(view.buffer.value()) {
+            *(if extension(view).is_some() { compressed } else { plain }) += 1;
+        }
+    }
+    views.into_iter().map(|[compressed, plain]| compressed > 0 && plain == 0).collect()
+}
+
+/// The extension of a buffer view.
+fn extension(view: &json::buffer::View) -> Option<&json::Value> {
+    let others = &view.extensions.as_ref()?.others;
+    NAMES.iter().find_map(|name| others.get(*name))
+}
+
 /// Decompresses every compressed buffer view into a new buffer, to which the view then refers.
 pub(super) fn decompress(document: &mut Document) -> Result<()> {
     let mut workspace = Workspace::new(Limits { max_bytes: MAX_BYTES, ..Limits::default() });
     let mut total = 0_usize;
     for index in 0..document.root.buffer_views.len() {
-        let extensions = document.root.buffer_views[index].extensions.as_ref();
-        let of_name = |name: &&str| extensions.and_then(|extensions| extensions.others.get(*name)).cloned();
-        let Some(value) = NAMES.iter().find_map(of_name) else { continue };
+        let Some(value) = extension(&document.root.buffer_views[index]).cloned() else { continue };
         let bytes = parse(value)
             .and_then(|compressed| {
                 total = total.saturating_add(compressed.count.saturating_mul(compressed.byte_stride));

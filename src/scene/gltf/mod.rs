@@ -11,10 +11,12 @@ mod buffers;
 mod cameras;
 mod checks;
 mod container;
+mod counts;
 mod draco;
 mod extensions;
 mod extras;
 mod geometry;
+mod glossiness;
 mod instancing;
 mod labels;
 mod materials;
@@ -36,17 +38,17 @@ use std::path::{Path, PathBuf};
 
 use gltf_json as json;
 
-use super::source::{ContentHash, Warnings, fault};
+use super::source::{self, ContentHash, Warnings, fault};
 use super::{Camera, LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
-use crate::file;
+use cameras::Wanted;
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
 ///
 /// # Errors
 /// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
-    let bytes = file::read(path)?;
+    let bytes = source::read_scene(path)?;
     let mut document = Document::parse(path, &bytes)?;
     document.strict = options.strict;
     let mut camera_file = camera_file::find(path, options)?;
@@ -60,20 +62,20 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 
     let placed = nodes::walk(&mut document)?;
     // Errors about the camera come before the work on the meshes.
-    let needs_camera = options.auto_camera && !cameras::has_camera(&document, &placed, &camera_file)?;
-    let mut pair = match needs_camera {
-        true => None,
-        false => Some(cameras::pair(&document, &placed, options.camera, camera_file.take())?),
+    let wanted = cameras::wanted(&mut document, &placed, options, &camera_file)?;
+    let mut pair = match wanted {
+        Wanted::Placed => None,
+        _ => Some(cameras::pair(&document, &placed, &wanted, camera_file.take())?),
     };
     let mut materials = materials::Materials::default();
-    let surfaces = geometry::assemble(&mut document, &placed, &mut materials)?;
+    let surfaces = geometry::assemble(&mut document, &placed, &mut materials, options.watcher)?;
     let (triangles, regions, regions_are_labels) = regions::name(&mut document, &placed, surfaces)?;
     let cameras = match pair.take() {
         Some(pair) => pair,
         None => {
             let mut file = camera_file.unwrap_or_default();
-            file.camera = Some(Camera::in_front_of(&triangles));
-            cameras::pair(&document, &placed, None, Some(file))?
+            file.camera = Some(Camera::in_front_of(&triangles, &materials.list));
+            cameras::pair(&document, &placed, &wanted, Some(file))?
         }
     };
 
@@ -106,7 +108,7 @@ struct Document {
     checked_sparse: RefCell<HashSet<usize>>,
     hash: ContentHash,
     warnings: Warnings,
-    /// Whether a missing picture is an error.
+    /// Whether pictures and texture coordinates that are missing are errors.
     strict: bool,
 }
 
@@ -137,37 +139,64 @@ impl Document {
         json::Index::new(self.buffers.len() as u32 - 1)
     }
 
+    /// A warning that says what is wrong, what is left out because of it, and what to do; an error where the scene is read strictly.
+    fn leave_out(&mut self, fault: String, help: impl Into<String>, what: &str) -> Result<()> {
+        let help = help.into();
+        if self.strict {
+            return Err(self.fault(fault, help));
+        }
+        self.warnings.add(format!("{fault}: {what} is left out; {help}"));
+        Ok(())
+    }
+
     /// An error about this file.
     fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
-        super::source::fault(&self.path, fault, help)
+        source::fault(&self.path, fault, help)
     }
 }
 
 /// Parses the JSON of a glTF 2.0 file.
 fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
-    let version = |version: &str| {
-        fault(path, format!("glTF version `{version}` is not supported"), "export the scene as glTF 2.0")
-    };
+    // Some programs write a byte order mark.
+    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let error = match json::Root::from_slice(text) {
         Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
-        Ok(root) => return Err(version(&root.asset.version)),
+        Ok(root) => return Err(container::other_version(path, &root.asset.version)),
         Err(error) => error,
     };
     let broken =
         fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0");
-    // A file of another glTF version does not fit the structure, nor do animations that use an extension.
-    // Animations are not used, so the file is parsed again without them.
+    // A file of another glTF version does not fit the structure.
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
-    if let Some(other) = value.pointer("/asset/version").and_then(json::Value::as_str)
-        && !other.starts_with("2.")
-    {
-        return Err(version(other));
+    match value.pointer("/asset/version").and_then(json::Value::as_str) {
+        Some(other) if !other.starts_with("2.") => return Err(container::other_version(path, other)),
+        // Of glTF 1.0, which names its objects instead of numbering them, some files state no version as a text.
+        _ if value.get("scenes").is_some_and(json::Value::is_object) => {
+            return Err(container::other_version(path, "1.0"));
+        }
+        _ => {}
     }
-    match value.as_object_mut().and_then(|members| members.remove("animations")) {
-        // The rest is parsed from text again. This case is rare, and a parser of values would be more code to compile.
-        Some(_) => json::Root::from_str(&value.to_string()).map_err(|_| broken),
-        None => Err(broken),
+    // The rest is parsed from text again. This case is rare, and a parser of values would be more code to compile.
+    if complete(&mut value) {
+        json::Root::from_str(&value.to_string()).map_err(|_| broken)
+    } else {
+        Err(broken)
     }
+}
+
+/// Makes a valid document fit the crate's structure, which wants more than the specification. Returns whether there was anything to do.
+fn complete(value: &mut json::Value) -> bool {
+    let Some(members) = value.as_object_mut() else { return false };
+    // Animations are not used; some use an extension that has another structure.
+    let mut is_changed = members.remove("animations").is_some();
+    // A scene may be empty.
+    for scene in members.get_mut("scenes").and_then(json::Value::as_array_mut).into_iter().flatten() {
+        if let Some(scene) = scene.as_object_mut().filter(|scene| !scene.contains_key("nodes")) {
+            scene.insert("nodes".into(), json::Value::Array(Vec::new()));
+            is_changed = true;
+        }
+    }
+    is_changed
 }
 
 /// The name of an object of the file in messages, such as `mesh 3 "lamp"`.

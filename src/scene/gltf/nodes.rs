@@ -20,8 +20,9 @@ pub(super) struct Placed {
 
 /// Lists every node of the default scene, parents before children, in the file's order.
 pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
-    let roots = roots(document)?;
-    check_forest(document, &roots)?;
+    let parents = parents(document)?;
+    let listed = roots(document, &parents)?;
+    let roots = trees(document, &parents, listed)?;
 
     // The walk is not recursive: a chain of a million nodes must not overflow the thread's stack.
     let mut stack: Vec<(usize, DAffine3, Option<Label>)> =
@@ -45,14 +46,19 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     Ok(placed)
 }
 
-/// The root nodes of the file's default scene, or of its first scene if the file names no default.
-fn roots(document: &mut Document) -> Result<Vec<usize>> {
+/// The root nodes of the file's default scene, or of its first scene if the file names no default. A file without scenes is a library
+/// of objects, of which all are shown.
+fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize>> {
     let index = document.root.scene.map_or(0, |scene| scene.value());
     let count = document.root.scenes.len();
+    if count == 0 && !parents.is_empty() {
+        document.warnings.add("the file has no scene: all of its nodes are shown");
+        return Ok((0..parents.len()).filter(|&node| parents[node].is_none()).collect());
+    }
     let Some(scene) = document.root.scenes.get(index) else {
         return Err(document.fault(
             if count == 0 {
-                "the file has no scene".to_string()
+                "the file has no scene and no nodes".to_string()
             } else {
                 format!("the default scene is {index}, but there are only {count}")
             },
@@ -67,10 +73,11 @@ fn roots(document: &mut Document) -> Result<Vec<usize>> {
     Ok(roots)
 }
 
-/// Checks that each node has at most one parent and that no root has one. Then the walk visits each node at
-/// most once.
-fn check_forest(document: &Document, roots: &[usize]) -> Result<()> {
-    let help = "the file is damaged: nodes must form a tree; export it again";
+/// Advice for nodes that do not form trees.
+const FOREST: &str = "the file is damaged: nodes must form a tree; export it again";
+
+/// The parent of each node. Checks that each has at most one.
+fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     let nodes = &document.root.nodes;
     let name = |index: usize| object_name("node", index, nodes[index].name.as_ref());
     let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
@@ -79,36 +86,90 @@ fn check_forest(document: &Document, roots: &[usize]) -> Result<()> {
             let child = child.value();
             if child >= nodes.len() {
                 return Err(document
-                    .fault(format!("{} has a child {child}, which does not exist", name(index)), help));
+                    .fault(format!("{} has a child {child}, which does not exist", name(index)), FOREST));
             }
             if let Some(other) = parents[child].replace(index) {
                 return Err(document.fault(
                     format!("{} has two parents, {} and {}", name(child), name(other), name(index)),
-                    help,
+                    FOREST,
                 ));
             }
         }
     }
-    let mut listed = vec![false; nodes.len()];
-    for &root in roots {
-        if root >= nodes.len() {
-            return Err(document.fault(format!("the scene has node {root}, which does not exist"), help));
+    Ok(parents)
+}
+
+/// The nodes from which the walk starts, so that it visits each node at most once: those that the scene lists, without those that lie
+/// below another one. Some exporters list the child of a node that the scene does not have; it is shown without its parent, as viewers do.
+fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>) -> Result<Vec<usize>> {
+    let names = &document.root.nodes;
+    let name = |index: usize| object_name("node", index, names[index].name.as_ref());
+    let mut is_listed = vec![false; parents.len()];
+    for &root in &listed {
+        if root >= parents.len() {
+            return Err(document.fault(format!("the scene has node {root}, which does not exist"), FOREST));
         }
-        if std::mem::replace(&mut listed[root], true) {
-            return Err(document.fault(format!("the scene lists {} twice", name(root)), help));
-        }
-        if let Some(parent) = parents[root] {
-            return Err(document.fault(
-                if in_cycle(&parents, root) {
-                    format!("{} is its own ancestor", name(root))
-                } else {
-                    format!("the scene lists {}, which is a child of {}", name(root), name(parent))
-                },
-                help,
-            ));
+        if std::mem::replace(&mut is_listed[root], true) {
+            return Err(document.fault(format!("the scene lists {} twice", name(root)), FOREST));
         }
     }
-    Ok(())
+    let above = above(parents, &is_listed);
+    let mut trees = Vec::new();
+    let mut warnings = Vec::new();
+    for root in listed {
+        let Some(parent) = parents[root] else {
+            trees.push(root);
+            continue;
+        };
+        let what = format!("the scene lists {}, which is a child of {}", name(root), name(parent));
+        match above[root] {
+            Some(Above::Listed) => warnings.push(format!("{what}: it is shown once")),
+            Some(Above::Unlisted) => {
+                let left_out = "but does not list that: the parent and its transform are left out";
+                warnings.push(format!("{what}, {left_out}"));
+                trees.push(root);
+            }
+            None => {
+                let cycle = if in_cycle(parents, root) { "is" } else { "lies below a node that is" };
+                return Err(document.fault(format!("{} {cycle} its own ancestor", name(root)), FOREST));
+            }
+        }
+    }
+    warnings.into_iter().for_each(|warning| document.warnings.add(warning));
+    Ok(trees)
+}
+
+/// What is above a node.
+#[derive(Clone, Copy, PartialEq)]
+enum Above {
+    /// A node that the scene lists.
+    Listed,
+    /// No node that the scene lists, or no node at all.
+    Unlisted,
+}
+
+/// What is above each node; `None` for nodes of a cycle and below one, of which no end is above.
+fn above(parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<Above>> {
+    let mut known: Vec<Option<Above>> = vec![None; parents.len()];
+    let mut is_visited = vec![false; parents.len()];
+    let mut path = Vec::new();
+    for start in 0..parents.len() {
+        let mut at = Some(start);
+        // Up to the root, or to a node that was visited before. Thus each node is visited once.
+        while let Some(node) = at.filter(|&node| !std::mem::replace(&mut is_visited[node], true)) {
+            path.push(node);
+            at = parents[node];
+        }
+        while let Some(node) = path.pop() {
+            known[node] = match parents[node] {
+                None => Some(Above::Unlisted),
+                // A parent of which nothing is known was visited on this very path: it belongs to a cycle.
+                Some(parent) if known[parent].is_some() && is_listed[parent] => Some(Above::Listed),
+                Some(parent) => known[parent],
+            };
+        }
+    }
+    known
 }
 
 /// Whether node `start` is its own ancestor.

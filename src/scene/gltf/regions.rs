@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
+use super::counts;
 use super::geometry::Surface;
 use super::labels::Label;
 use super::nodes::Placed;
@@ -22,7 +23,9 @@ pub(super) fn name(
     let labelled = surfaces.iter().any(|surface| surface.label.is_some());
     let (names, region_of) =
         if labelled { by_label(document, &surfaces)? } else { by_node(document, placed, &surfaces) };
-    let mut triangles = Vec::with_capacity(surfaces.iter().map(|surface| surface.triangles.len()).sum());
+    let count = surfaces.iter().map(|surface| surface.triangles.len()).sum();
+    let mut triangles = Vec::new();
+    triangles.try_reserve_exact(count).map_err(|_| counts::too_many(document, count))?;
     for (mut surface, region) in surfaces.into_iter().zip(region_of) {
         surface.triangles.iter_mut().for_each(|triangle| triangle.region = region);
         triangles.append(&mut surface.triangles);

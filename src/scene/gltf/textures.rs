@@ -52,20 +52,22 @@ impl TextureUse {
 
 impl Textures {
     /// The scene's reference for the file's reference `info`. `material` and `role` (`base colour`) name its
-    /// place in messages.
+    /// place in messages. `None` where it reads coordinates that are not supported, of which a warning says that it is left out.
     pub(super) fn refer(
         &mut self,
         document: &mut Document,
         material: &str,
         role: &str,
         info: &TextureUse,
-    ) -> Result<TextureRef> {
+    ) -> Result<Option<TextureRef>> {
         let set = info.transform.tex_coord.unwrap_or(info.set);
         if set > 1 {
-            return Err(document.fault(
-                format!("{material}: its {role} texture reads TEXCOORD_{set}; only 0 and 1 are supported"),
-                "export the scene with at most two sets of texture coordinates",
-            ));
+            let fault = format!(
+                "{material}: its {role} texture reads TEXCOORD_{set}, and only 0 and 1 are supported"
+            );
+            let help = "export the scene with at most two sets of texture coordinates";
+            document.leave_out(fault, help, "the texture")?;
+            return Ok(None);
         }
         let [scale, offset] = [info.transform.scale.0, info.transform.offset.0].map(Vec2::from_array);
         let transform = transform(scale, info.transform.rotation.0, offset);
@@ -75,7 +77,8 @@ impl Textures {
                 "correct the texture's offset, rotation or scale",
             ));
         }
-        Ok(TextureRef { texture: self.index_of(document, material, role, info.index)?, set, transform })
+        let texture = self.index_of(document, material, role, info.index)?;
+        Ok(Some(TextureRef { texture, set, transform }))
     }
 
     /// The scene's index of the file's texture `index`. `user` names the material that uses it as its `role`.
@@ -92,48 +95,51 @@ impl Textures {
         if let Some(&position) = self.index_of.get(&(source, wrap, linear)) {
             return Ok(position);
         }
-        let Some(image) = document.root.images.get(source).cloned() else {
-            let alternative =
-                texture.extensions.as_ref().and_then(|extensions| extensions.others.keys().next().cloned());
-            return Err(match alternative {
-                Some(name) => document.fault(
-                    format!("{what} has its picture only as {name}, which is not supported"),
-                    extensions::advice(&name),
-                ),
-                None if source == u32::MAX as usize => document.fault(format!("{what} has no picture"), help),
-                None => {
-                    document.fault(format!("{what} refers to image {source}, which does not exist"), help)
-                }
-            });
+        let found = match document.root.images.get(source).cloned() {
+            Some(image) => self.picture(document, source, &image)?,
+            None => Err(no_image(document, &what, &texture, source)?),
         };
         let position = self.list.len() as u32;
-        if let Some(file) =
-            image.uri.as_ref().filter(|uri| !document.strict && uri::is_missing(document, uri))
-        {
-            let warning =
-                format!("{user}: the picture {file} of its {role} texture is missing, and left out");
-            document.warnings.add(warning);
-            let texels = vec![neutral(role)];
-            self.list.push(Texture { name: file.clone(), width: 1, height: 1, texels, wrap, linear });
-            return Ok(position);
+        match found {
+            Ok((name, Picture { width, height, texels })) => {
+                self.list.push(Texture { name, width, height, texels, wrap, linear });
+                self.index_of.insert((source, wrap, linear), position);
+            }
+            Err((fault, help)) => {
+                document.leave_out(fault, help, &format!("the {role} texture of {user}"))?;
+                let texels = vec![neutral(role)];
+                self.list.push(Texture { name: what, width: 1, height: 1, texels, wrap, linear });
+            }
         }
-        let (name, Picture { width, height, texels }) = self.picture(document, source, &image)?;
-        self.list.push(Texture { name, width, height, texels, wrap, linear });
-        self.index_of.insert((source, wrap, linear), position);
         Ok(position)
     }
 
-    /// Decodes image `index` of the file. Returns its name in messages and its texels.
+    /// A texture made from texture `of` by a change of its texels; they are not interpolated before it.
+    pub(super) fn derive(&mut self, of: u32, change: impl Fn([u8; 4]) -> [u8; 4]) -> Option<u32> {
+        let mut texture = self.list.get(of as usize)?.clone();
+        texture.texels.iter_mut().for_each(|texel| *texel = change(*texel));
+        self.list.push(texture);
+        Some(self.list.len() as u32 - 1)
+    }
+
+    /// Decodes image `index` of the file. Returns its name in messages and its texels, or why there is no picture and what to do, where
+    /// it is missing or has a format that is not read.
     fn picture(
         &mut self,
         document: &mut Document,
         index: usize,
         image: &json::Image,
-    ) -> Result<(String, Picture)> {
+    ) -> Result<std::result::Result<(String, Picture), Absence>> {
         let file_name = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
         let what = object_name("image", index, image.name.as_ref().or(file_name));
         let bytes = match (&image.uri, image.buffer_view) {
-            (Some(uri), _) => uri::read(document, &what, uri)?,
+            (Some(uri), _) => match uri::absence(document, uri) {
+                Some(why) => {
+                    let help = "put the picture where the scene names it".into();
+                    return Ok(Err((format!("the picture {uri} {why}"), help)));
+                }
+                None => uri::read(document, &what, uri)?,
+            },
             (None, Some(view)) => buffers::view(document, &what, view)?.0.to_vec(),
             (None, None) => {
                 return Err(
@@ -141,11 +147,34 @@ impl Textures {
                 );
             }
         };
-        let picture = self
-            .pictures
-            .decode(&bytes, file_name.map(Path::new))
-            .map_err(|Fault { fault, help }| document.fault(format!("{what} {fault}"), help))?;
-        Ok((what, picture))
+        match self.pictures.decode(&bytes, file_name.map(Path::new)) {
+            Ok(picture) => Ok(Ok((what, picture))),
+            Err(Fault { fault, help, is_unknown: true }) => Ok(Err((format!("{what} {fault}"), help))),
+            Err(Fault { fault, help, .. }) => Err(document.fault(format!("{what} {fault}"), help)),
+        }
+    }
+}
+
+/// Why there is no picture, and what to do.
+type Absence = (String, String);
+
+/// Why a texture has no image; an error where it refers to one that does not exist.
+fn no_image(document: &Document, what: &str, texture: &json::Texture, source: usize) -> Result<Absence> {
+    let alternative =
+        texture.extensions.as_ref().and_then(|extensions| extensions.others.keys().next().cloned());
+    match alternative {
+        Some(name) => Ok((
+            format!("{what} has its picture only as {name}, which is not supported"),
+            extensions::advice(&name).into(),
+        )),
+        // By the specification, a texture may lack an image.
+        None if source == u32::MAX as usize => {
+            Ok((format!("{what} has no picture"), "export the scene with its pictures".into()))
+        }
+        None => {
+            let help = "the file is damaged: export it again";
+            Err(document.fault(format!("{what} refers to image {source}, which does not exist"), help))
+        }
     }
 }
 

@@ -46,10 +46,14 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     })
 }
 
-/// Whether a URI names a file that is missing. A URI that cannot be read at all is another error.
-pub(super) fn is_missing(document: &Document, uri: &str) -> bool {
+/// Why there is no file that a URI names, as a predicate: it is missing, or not next to the scene. A URI that cannot be read at all is another error.
+pub(super) fn absence(document: &Document, uri: &str) -> Option<&'static str> {
     let is_data = uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"));
-    !is_data && resolve(document, "picture", uri).is_ok_and(|path| source::is_missing(&path))
+    let decoded = percent_decode(uri).filter(|_| !is_data && !uri.is_empty())?;
+    match source::next_to(&document.path, uri).and_then(|_| source::next_to(&document.path, &decoded)) {
+        Ok(path) => source::is_missing(&path).then_some("is missing"),
+        Err(_) => Some("is not read, since it is not next to the scene"),
+    }
 }
 
 /// The path of a relative URI: percent-decoded and relative to the scene's folder.

@@ -71,16 +71,10 @@ impl<'a> Vertices<'a> {
         };
         let normals = open("NORMAL", Semantic::Normals, Type::Vec3, &COORDINATES)?;
         let mut texcoords = [None; 2];
-        for (role, texture) in material.textures() {
+        for (_, texture) in material.textures() {
             let set = texture.set;
-            let array = open(&format!("TEXCOORD_{set}"), Semantic::TexCoords(set), Type::Vec2, &COORDINATES)?;
-            if array.is_none() {
-                return Err(document.fault(
-                    format!("{what} has no TEXCOORD_{set}, but its material's {role} texture reads it"),
-                    "unwrap the mesh, or remove the texture from the material",
-                ));
-            }
-            texcoords[set as usize] = array;
+            let name = format!("TEXCOORD_{set}");
+            texcoords[set as usize] = open(&name, Semantic::TexCoords(set), Type::Vec2, &COORDINATES)?;
         }
         let colors = match attribute(Semantic::Colors(0)) {
             None => None,

@@ -5,6 +5,8 @@
 //! statements are copied, word by word, into unambiguous text for `tobj`: `v x y z r g b`, `vt u v`, `vn x y z` and `f`. Groups and
 //! materials are recorded here, because `tobj` ignores materials that no library defines.
 
+use std::borrow::Cow;
+
 use indexmap::IndexSet;
 
 use super::line::{Line, shortened};
@@ -48,6 +50,8 @@ pub(super) struct Checked {
     counts: [usize; 3],
     triangles: usize,
     unknown: usize,
+    /// Whether there are points or lines.
+    pub has_points: bool,
 }
 
 impl Checked {
@@ -65,12 +69,18 @@ impl Checked {
             },
             "f" => self.face(line, warnings)?,
             "o" | "g" => self.group = line.rest.into(),
-            "usemtl" => self.material = Some(index_of(&mut self.materials, line.rest)),
+            "usemtl" => {
+                let name = if line.rest.is_empty() { super::mtl::UNNAMED } else { line.rest };
+                self.material = Some(index_of(&mut self.materials, name));
+            }
             "mtllib" => {
                 index_of(&mut self.libraries, line.rest);
             }
             "s" => {}
-            "l" | "p" => warnings.add("points and lines have no area: ignored"),
+            "l" | "p" => {
+                self.has_points = true;
+                warnings.add("points and lines have no area: ignored");
+            }
             other => {
                 if self.unknown < MAX_UNKNOWN {
                     warnings.add(format!("`{}` is not supported and ignored", shortened(other)));
@@ -115,7 +125,7 @@ impl Checked {
             let (given, plain) = self.corner(line, word, warnings)?;
             self.given.push(given);
             self.plain.push(' ');
-            self.plain.push_str(plain);
+            self.plain.push_str(&plain);
             corners += 1;
         }
         self.plain.push('\n');
@@ -139,37 +149,41 @@ impl Checked {
         Ok(())
     }
 
-    /// Checks a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Returns whether it has a texture coordinate and a normal, and the corner without a normal
-    /// that the file does not have: exporters that leave normals out may still count them.
+    /// Checks a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Returns whether it has a texture coordinate and a normal, and the corner without those
+    /// that the file does not have: exporters that leave them out may still count them.
     fn corner<'b>(
         &self,
         line: &Line<'_>,
         word: &'b str,
         warnings: &mut Warnings,
-    ) -> Result<([bool; 2], &'b str)> {
-        let mut plain = word;
-        let mut given = [false; 3];
+    ) -> Result<([bool; 2], Cow<'b, str>)> {
+        let mut kept = [""; 3];
+        let mut is_whole = true;
         let mut indices = word.split('/');
-        for ((given, count), element) in given.iter_mut().zip(self.counts).zip(ELEMENTS) {
+        for ((kept, count), element) in kept.iter_mut().zip(self.counts).zip(ELEMENTS) {
             let index = indices.next().unwrap_or("");
-            *given = !index.is_empty();
-            if *given
-                && !exists(index, count)
-                && element == ELEMENTS[2]
-                && index.parse::<i64>().is_ok_and(|at| at != 0)
-            {
-                warnings.add("faces refer to normals that the file does not have: they are flat");
-                *given = false;
-                plain = word.rsplit_once('/').map_or(word, |(rest, _)| rest.trim_end_matches('/'));
-            } else if *given && !exists(index, count) {
+            if index.is_empty() || exists(index, count) {
+                *kept = index;
+            } else if element != ELEMENTS[0] && index.parse::<i64>().is_ok_and(|at| at != 0) {
+                let consequence =
+                    if element == ELEMENTS[2] { "they are flat" } else { "they show no texture" };
+                warnings.add(format!("faces refer to {element}s that the file does not have: {consequence}"));
+                is_whole = false;
+            } else {
                 let word = shortened(word);
                 return Err(line.fault(&format!("`{word}`: there is no such {element}; there are {count}")));
             }
         }
-        match (given, indices.next()) {
-            ([true, texcoord, normal], None) => Ok(([texcoord, normal], plain)),
-            _ => Err(line.fault(&format!("`{}` is no corner of a face", shortened(word)))),
+        let [vertex, texcoord, normal] = kept;
+        if vertex.is_empty() || indices.next().is_some() {
+            return Err(line.fault(&format!("`{}` is no corner of a face", shortened(word))));
         }
+        let plain = match (is_whole, normal) {
+            (true, _) => Cow::Borrowed(word),
+            (false, "") => Cow::Owned(format!("{vertex}/{texcoord}").trim_end_matches('/').to_owned()),
+            (false, normal) => Cow::Owned(format!("{vertex}/{texcoord}/{normal}")),
+        };
+        Ok(([!texcoord.is_empty(), !normal.is_empty()], plain))
     }
 }
 

@@ -1,12 +1,15 @@
 //! Textures of `.mtl` materials: map options, and the opacity map that becomes the base colour's alpha.
 
 use std::collections::HashMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{Affine2, Mat2, Vec2};
 
+use super::line::shortened;
 use crate::error::Result;
-use crate::scene::picture::{Picture, Pictures};
+use crate::file;
+use crate::scene::picture::{self, Fault, Picture, Pictures};
 use crate::scene::source::{self, ContentHash, fault};
 use crate::scene::{Texture, TextureRef, Wrap};
 
@@ -104,8 +107,21 @@ impl<'a> Maps<'a> {
             let picture = map.file.display();
             self.missing
                 .push(format!("material `{material}`: its picture {picture} is missing, and left out"));
+            return false;
         }
-        !is_missing
+        if self.strict {
+            return true;
+        }
+        // What cannot be opened is an error when it is read.
+        let mut beginning = [0; 16];
+        let read = file::open(&map.file).ok().and_then(|mut file| file.read(&mut beginning).ok());
+        let unread = read.and_then(|length| picture::unread(&beginning[..length], &map.file));
+        if let Some(Fault { fault, help, .. }) = &unread {
+            let picture = map.file.display();
+            self.missing
+                .push(format!("material `{material}`: its picture {picture} {fault}, and left out; {help}"));
+        }
+        unread.is_none()
     }
 
     fn combined(
@@ -146,11 +162,12 @@ impl<'a> Maps<'a> {
     }
 
     /// Parses the arguments `-o u v w -s u v w … FILE`.
-    fn parse(&self, material: &str, text: &str) -> Result<Map> {
+    fn parse(&mut self, material: &str, text: &str) -> Result<Map> {
+        let scene = self.scene;
         let bad = |what: &str| {
             fault(
-                self.scene,
-                format!("material `{material}`: `{}` {what}", super::line::shortened(text)),
+                scene,
+                format!("material `{material}`: `{}` {what}", shortened(text)),
                 "give the options -o, -s and -clamp, and a file next to the scene",
             )
         };
@@ -159,12 +176,23 @@ impl<'a> Maps<'a> {
         while let Some(option) = rest.strip_prefix('-') {
             let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
             rest = arguments.trim_start();
-            // Unsupported: turbulence distorts the picture at random, and channel or type options change its content.
+            // Turbulence distorts the picture at random, -mm changes its contrast, and -imfchan chooses a channel: a warning says that they are
+            // ignored.
             let most = match name {
-                "o" | "s" => 3,
+                "o" | "s" | "t" => 3,
+                "mm" => 2,
                 "clamp" | "blendu" | "blendv" | "cc" | "bm" | "boost" | "texres" => 1,
-                _ => return Err(bad("has an option that is not supported")),
+                "imfchan" | "type" | "colorspace" => {
+                    rest = rest.split_once(char::is_whitespace).map_or("", |(_, after)| after.trim_start());
+                    0
+                }
+                _ => return Err(bad("has an option that is not known")),
             };
+            if matches!(name, "t" | "mm" | "imfchan") {
+                let what = shortened(text);
+                self.missing
+                    .push(format!("material `{material}`: the option -{name} of `{what}` is ignored"));
+            }
             let mut values = Vec::new();
             while values.len() < most {
                 let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -193,8 +221,12 @@ impl<'a> Maps<'a> {
             return Err(bad("names no picture"));
         }
         let name = rest.replace('\\', "/");
-        map.file = source::next_to(self.scene, &name)
-            .map_err(|what| bad(&format!("is {what}; only files next to the scene are read")))?;
+        map.file = match (source::next_to(self.scene, &name), source::same_name(self.scene, &name)) {
+            (Ok(file), _) => file,
+            // A path of another computer.
+            (Err(_), Some(file)) if !self.strict => file,
+            (Err(what), _) => return Err(bad(&format!("is {what}; only files next to the scene are read"))),
+        };
         Ok(map)
     }
 }

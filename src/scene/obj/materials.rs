@@ -5,8 +5,9 @@
 //! | `.mtl` | material |
 //! |---|---|
 //! | none, or not defined in any library that is there | matte, 0.8 |
-//! | a map whose picture is missing | the material without the map |
-//! | `Kd`, `map_Kd` | base colour |
+//! | a map whose picture is missing or has a format that is not read | the material without the map |
+//! | a picture or library at an absolute path | the file of that name next to the scene |
+//! | `Kd`, `map_Kd` | base colour; `Kd` 0 with a `map_Kd` is the picture as it is, since nothing else would be seen of it |
 //! | `Ks` with `illum` 2 or more (or no `illum`) | coat with reflectance `2 Ks ((n−1)/(n+1))²` at normal incidence: `Ks` 0.5 is plastic of `n` = 1.5, as exporters write it |
 //! | `Ks` with `Kd` 0 | metal with base colour `Ks` |
 //! | `Ns` | microfacet width `α = √(2/(Ns+2))` |
@@ -38,6 +39,8 @@ pub(super) struct Materials {
     index_of: Vec<u32>,
     /// Index of the default material, for faces without a material or with an undefined one.
     matte: u32,
+    /// Materials without their textures, for faces without texture coordinates.
+    bare: HashMap<u32, u32>,
 }
 
 impl Materials {
@@ -45,6 +48,37 @@ impl Materials {
     pub(super) fn of(&self, face: Option<u32>) -> u32 {
         face.and_then(|face| self.index_of.get(face as usize).copied()).unwrap_or(self.matte)
     }
+
+    /// The material `material` without its textures; a warning says so, or an error where the scene is read strictly.
+    pub(super) fn without_textures(
+        &mut self,
+        path: &Path,
+        material: u32,
+        strict: bool,
+        warnings: &mut Warnings,
+    ) -> Result<u32> {
+        if let Some(&bare) = self.bare.get(&material) {
+            return Ok(bare);
+        }
+        let mut bare = self.list[material as usize].clone();
+        let what =
+            format!("faces of material `{}` have no texture coordinates, but it has a texture", bare.name);
+        let help = "unwrap the mesh, or remove the texture from the material";
+        if strict {
+            return Err(fault(path, what, help));
+        }
+        warnings.add(format!("{what}: they are shown without it; {help}"));
+        bare.retain_textures(|_| false);
+        self.list.push(bare);
+        let index = self.list.len() as u32 - 1;
+        self.bare.insert(material, index);
+        Ok(index)
+    }
+}
+
+/// A name without the comment behind it.
+fn without_comment(name: &str) -> &str {
+    name.find(" #").or_else(|| name.find("\t#")).map_or(name, |end| name[..end].trim_end())
 }
 
 /// Reads the libraries of the file and converts the entries that its faces use.
@@ -56,14 +90,19 @@ pub(super) fn load(
     warnings: &mut Warnings,
 ) -> Result<Materials> {
     let mut entries: HashMap<String, tobj::Material> = HashMap::new();
-    for file in libraries(path, &checked.libraries)? {
+    for file in libraries(path, &checked.libraries, strict)? {
         if !strict && source::is_missing(&file) {
             warnings.add(format!("the material library {} is missing", file.display()));
             continue;
         }
         let bytes = source::read(path, "mtllib", &file)?;
         hash.add(&bytes);
-        for entry in mtl::read(&file, &String::from_utf8_lossy(&bytes), warnings)? {
+        for entry in mtl::read(&file, &source::text(&bytes), warnings)? {
+            // A number sign in a name may begin a comment, or belong to it.
+            let plain = without_comment(&entry.name);
+            if plain != entry.name {
+                entries.entry(plain.to_owned()).or_insert_with(|| entry.clone());
+            }
             entries.insert(entry.name.clone(), entry);
         }
     }
@@ -71,7 +110,7 @@ pub(super) fn load(
     let mut list = Vec::new();
     let mut found = Vec::new();
     for name in &checked.materials {
-        let entry = entries.get(name);
+        let entry = entries.get(name).or_else(|| entries.get(without_comment(name)));
         found.push(entry.map(|_| list.len() as u32));
         match entry {
             Some(entry) => list.push(convert(entry, &mut maps, hash)?),
@@ -82,34 +121,67 @@ pub(super) fn load(
     let matte = list.len() as u32;
     list.push(Material { name: "matte".into(), base_color: Vec3::splat(0.8), ..Material::default() });
     let index_of = found.into_iter().map(|index| index.unwrap_or(matte)).collect();
-    Ok(Materials { list, textures: maps.textures, index_of, matte })
+    let bare = HashMap::new();
+    Ok(Materials { list, textures: maps.textures, index_of, matte, bare })
 }
 
-/// The library files. A name may contain spaces, and a line may hold several names.
-fn libraries(path: &Path, lines: &IndexSet<String>) -> Result<Vec<PathBuf>> {
+/// The library files. A name may contain spaces, a line may hold several names, and a comment may follow.
+fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for line in lines {
         let resolve = |name: &str| {
             let name = name.replace('\\', "/");
-            source::next_to(path, &name).map_err(|what| {
-                fault(
+            match (source::next_to(path, &name), source::same_name(path, &name)) {
+                (Ok(file), _) => Ok(file),
+                // A path of another computer.
+                (Err(_), Some(file)) if !strict => Ok(file),
+                (Err(what), _) => Err(fault(
                     path,
                     format!("mtllib: `{name}` is {what}; only files next to the scene are read"),
                     "put the library next to the scene and refer to it by a relative path",
-                )
-            })
+                )),
+            }
         };
         let whole = resolve(line)?;
         if whole.is_file() || !line.contains(char::is_whitespace) {
             files.push(whole);
-        } else {
-            for name in line.split_whitespace() {
-                files.push(resolve(name)?);
-            }
+            continue;
+        }
+        // Some writers mark the spaces of a name.
+        let line = without_comment(line).replace("\\ ", " ");
+        for name in names(&line, |name| resolve(name).is_ok_and(|file| file.is_file())) {
+            files.push(resolve(name)?);
         }
     }
     files.dedup();
     Ok(files)
+}
+
+/// The most words of a line that may form names with spaces.
+const MAX_WORDS: usize = 64;
+
+/// Splits a line into names: each is the longest one of which there is a file, or where there is none it ends with `.mtl`.
+fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
+    // The place of each word in the line.
+    let words: Vec<[usize; 2]> = line
+        .split_whitespace()
+        .map(|word| {
+            let start = word.as_ptr() as usize - line.as_ptr() as usize;
+            [start, start + word.len()]
+        })
+        .collect();
+    let mut names = Vec::new();
+    let mut first = 0;
+    while first < words.len() {
+        let name = |last: usize| &line[words[first][0]..words[last][1]];
+        let end = words.len().min(first + MAX_WORDS);
+        let ends_well = |last: &usize| name(*last).to_ascii_lowercase().ends_with(".mtl");
+        let last = (first..end).rev().find(|&last| is_file(name(last)));
+        let last = last.or_else(|| (first..end).find(ends_well)).unwrap_or(end - 1);
+        names.push(name(last));
+        first = last + 1;
+    }
+    names
 }
 
 fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result<Material> {
@@ -123,6 +195,8 @@ fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) 
     });
     let model = entry.illumination_model;
     let diffuse = clamped(entry.diffuse).unwrap_or(Vec3::splat(0.8));
+    // Nothing would be seen of a picture in black; writers mean the picture as it is.
+    let diffuse = if entry.diffuse_texture.is_some() && diffuse == Vec3::ZERO { Vec3::ONE } else { diffuse };
     let shiny = model.is_none_or(|model| model >= 2);
     let specular = clamped(entry.specular).filter(|_| shiny).unwrap_or(Vec3::ZERO);
     let opacity = entry.dissolve.unwrap_or(1.0);

@@ -24,31 +24,39 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::source::{ContentHash, Warnings, fault};
+use super::source::{self, ContentHash, Warnings, fault};
 use super::triangle::{MAX_COORDINATE, Triangle};
-use super::{Camera, LoadOptions, Scene, camera_file};
+use super::{Camera, LoadOptions, Material, Scene, camera_file};
 use crate::error::Result;
-use crate::file;
 use check::Checked;
-use mesh::{Corner, Face};
+use mesh::Corner;
 use polygon::Triangulator;
+
+/// The share of reading the file in the work of loading it.
+const READING: f32 = 0.5;
 
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
 ///
 /// # Errors
 /// [`crate::Error::Read`] when a file cannot be read, [`crate::Error::Scene`] when its content is unusable.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
-    let bytes = file::read(path)?;
+    let bytes = source::read_scene(path)?;
     let mut hash = ContentHash::default();
     hash.add(&bytes);
     let mut warnings = Warnings::default();
     let mut checked = Checked::default();
     checked.plain.reserve(bytes.len());
-    line::statements(path, &String::from_utf8_lossy(&bytes), |line| checked.statement(line, &mut warnings))?;
+    let (watcher, mut lines) = (options.watcher, 0_usize);
+    line::statements(path, &source::text(&bytes), |line| {
+        lines += 1;
+        // What is copied is about as long as what was read.
+        watcher.count(lines, || READING * checked.plain.len() as f32 / bytes.len() as f32)?;
+        checked.statement(line, &mut warnings)
+    })?;
     drop(bytes);
-    let materials = materials::load(path, &checked, options.strict, &mut hash, &mut warnings)?;
-    let triangles = triangles(path, &checked, &materials, &mut warnings)?;
-    let rig = find_rig(path, options, &triangles, &mut hash)?;
+    let mut materials = materials::load(path, &checked, options.strict, &mut hash, &mut warnings)?;
+    let triangles = triangles(path, &checked, &mut materials, options, &mut warnings)?;
+    let rig = find_rig(path, options, &triangles, &materials.list, &mut hash)?;
     Ok(Scene {
         path: path.to_path_buf(),
         triangles,
@@ -68,6 +76,7 @@ fn find_rig(
     path: &Path,
     options: &LoadOptions<'_>,
     triangles: &[Triangle],
+    materials: &[Material],
     hash: &mut ContentHash,
 ) -> Result<camera_file::CameraPair> {
     if let Some(name) = options.camera {
@@ -90,7 +99,7 @@ fn find_rig(
         )
     };
     if options.auto_camera && given.as_ref().is_none_or(|given| given.camera.is_none()) {
-        let camera = Camera::in_front_of(triangles);
+        let camera = Camera::in_front_of(triangles, materials);
         let given = given.inspect(|given| hash.add(&given.bytes));
         let (projector, resolution) =
             given.map_or((None, None), |of| (of.projector, of.projector_resolution));
@@ -105,15 +114,24 @@ fn find_rig(
 fn triangles(
     path: &Path,
     checked: &Checked,
-    materials: &materials::Materials,
+    materials: &mut materials::Materials,
+    options: &LoadOptions<'_>,
     warnings: &mut Warnings,
 ) -> Result<Vec<Triangle>> {
     let mut triangles = Vec::new();
     let mut degenerate = 0_usize;
     let mut polygons = Triangulator::default();
-    for face in mesh::faces(path, checked)? {
+    let count: usize = checked.runs.iter().map(|run| run.faces).sum();
+    for (index, face) in mesh::faces(path, checked)?.enumerate() {
+        options.watcher.count(index, || READING + (1.0 - READING) * index as f32 / count as f32)?;
+        let is_bare = face.corners.iter().any(|corner| corner.texcoord.is_none());
+        let material = materials.of(face.material);
+        let material = match is_bare && materials.list[material as usize].textures().next().is_some() {
+            true => materials.without_textures(path, material, options.strict, warnings)?,
+            false => material,
+        };
         for corners in polygons.split(face.corners.iter().map(|corner| corner.position)) {
-            let triangle = triangle(path, &corners.map(|at| face.corners[at]), &face, materials)?;
+            let triangle = triangle(path, &corners.map(|at| face.corners[at]), material, face.group)?;
             if triangle.has_area() {
                 triangles.push(triangle.with_normals_in_front());
             } else {
@@ -131,35 +149,23 @@ fn triangles(
         warnings.add(format!("{degenerate} triangles without area were dropped"));
     }
     if triangles.is_empty() {
-        return Err(fault(path, "no triangles in the scene", "export meshes with faces"));
+        let what = match checked.has_points {
+            true => "no triangles in the scene, but points or lines, which have no area and show nothing",
+            false => "no triangles in the scene",
+        };
+        return Err(fault(path, what, "export meshes with faces"));
     }
     Ok(triangles)
 }
 
-fn triangle(
-    path: &Path,
-    corners: &[Corner; 3],
-    face: &Face,
-    materials: &materials::Materials,
-) -> Result<Triangle> {
+fn triangle(path: &Path, corners: &[Corner; 3], material: u32, group: u32) -> Result<Triangle> {
     let positions = corners.map(|corner| corner.position);
-    let mut triangle = Triangle::flat(positions, materials.of(face.material), face.group);
+    let mut triangle = Triangle::flat(positions, material, group);
     if let Some(position) = positions.iter().find(|position| position.abs().max_element() > MAX_COORDINATE) {
         return Err(fault(
             path,
             format!("a vertex at {position} lies more than {MAX_COORDINATE:e} m from the origin"),
             "lengths are metres: scale the scene",
-        ));
-    }
-    let material = &materials.list[triangle.material as usize];
-    if material.textures().next().is_some() && corners.iter().any(|corner| corner.texcoord.is_none()) {
-        return Err(fault(
-            path,
-            format!(
-                "a face of material `{}` has no texture coordinates, but the material has a texture",
-                material.name
-            ),
-            "unwrap the mesh, or remove the texture from the material",
         ));
     }
     triangle.texcoords = corners.map(|corner| [corner.texcoord.unwrap_or(Vec2::ZERO), Vec2::ZERO]);

@@ -9,13 +9,19 @@ use super::line::{Line, shortened, statements};
 use crate::error::Result;
 use crate::scene::source::{Warnings, fault};
 
+/// The name of a material whose name is left out.
+pub(super) const UNNAMED: &str = "unnamed";
+
 /// The materials of a library in order. Statements unknown to `tobj` are in `unknown_param`: `Tf`, `Pr`, `Pm`, `map_Ke`, `norm`.
 pub(super) fn read(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<tobj::Material>> {
     let mut checked = String::new();
     let mut material = None;
     statements(path, text, |line| {
         let statement = match (line.keyword, &material) {
-            ("newmtl", _) if line.rest.is_empty() => return Err(line.fault("`newmtl` gives no name")),
+            ("newmtl", _) if line.rest.is_empty() => {
+                material = Some(UNNAMED.to_owned());
+                Some(format!("newmtl {UNNAMED}"))
+            }
             ("newmtl", _) => {
                 material = Some(shortened(line.rest));
                 Some(format!("newmtl {}", line.rest))

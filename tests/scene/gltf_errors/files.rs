@@ -3,7 +3,7 @@
 #![allow(clippy::panic, reason = "a failed test panics")]
 
 use super::refuses;
-use crate::scene_support::{self, data_uri, document, fault, png, with, write, write_bytes};
+use crate::scene_support::{self, data_uri, document, fault, png, strict_fault, with, write, write_bytes};
 use krylux::error::Error;
 use krylux::scene;
 use serde_json::{Value, json};
@@ -20,7 +20,8 @@ fn textured(image: Value) -> Value {
 #[test]
 fn unusable_pictures_are_refused_by_name() {
     let tiff = textured(json!({ "name": "logo", "uri": data_uri("image/tiff", b"II*\0..........") }));
-    assert_eq!(fault(&tiff, None).0, "image 0 \"logo\" is neither PNG, JPEG, WebP, BMP, GIF nor TGA");
+    let neither = "image 0 \"logo\" is neither PNG, JPEG, WebP, BMP, GIF nor TGA";
+    assert_eq!(strict_fault(&tiff, neither).0, neither);
 
     let mut cut = png(8, 8, &[[1, 2, 3, 255]; 64]);
     cut.truncate(cut.len() - 20);
@@ -44,8 +45,9 @@ fn unusable_pictures_are_refused_by_name() {
         ("/materials/0/pbrMetallicRoughness/baseColorTexture/index", json!(0)),
         ("/textures", json!([{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }])),
     ]);
-    let (what, help) = fault(&basis, None);
-    assert_eq!(what, "texture 0 has its picture only as KHR_texture_basisu, which is not supported");
+    let only = "texture 0 has its picture only as KHR_texture_basisu, which is not supported";
+    let (what, help) = strict_fault(&basis, only);
+    assert_eq!(what, only);
     assert_eq!(
         help,
         "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)"
@@ -64,10 +66,9 @@ fn textures_need_texture_coordinates() {
     let picture = json!({ "uri": data_uri("image/png", &png(1, 1, &[[255; 4]])) });
     let mut document = textured(picture);
     scene_support::set(&mut document, "/meshes/0/primitives/0/attributes", json!({ "POSITION": 0 }));
-    assert_eq!(
-        fault(&document, None).0,
-        "mesh 0 \"triangle\", primitive 0 has no TEXCOORD_0, but its material's base colour texture reads it"
-    );
+    let expected =
+        "mesh 0 \"triangle\", primitive 0 has no TEXCOORD_0, but its material's base colour texture reads it";
+    assert_eq!(strict_fault(&document, expected).0, expected);
 }
 
 #[test]
@@ -98,8 +99,12 @@ fn uris_other_than_data_and_relative_paths_are_refused() {
 fn the_error_about_a_missing_buffer_names_the_path_of_the_buffer() {
     let written = write(&with(&[("/buffers/0/uri", json!("parts/my%20mesh.bin"))]));
     match scene::load(&written.path, None) {
-        Err(Error::Read { path, .. }) => assert_eq!(path, written.folder.path().join("parts/my mesh.bin")),
-        other => panic!("not an error about reading: {other:?}"),
+        Err(Error::Scene { path, fault, help }) => {
+            assert_eq!(path, written.folder.path().join("parts/my mesh.bin"));
+            assert!(fault.starts_with("no such file, but buffer 0 of "), "{fault}");
+            assert!(help.contains("where the scene names it"), "{help}");
+        }
+        other => panic!("not an error about the scene: {other:?}"),
     }
 }
 
@@ -132,7 +137,7 @@ fn files_that_are_not_gltf_2_are_refused() {
     refused("scene", b"", "not a known scene format");
     refused("scene.gltf", b"{ \"asset\": ", "not a valid glTF document: EOF while parsing");
     refused("scene.gltf", br#"{ "asset": { "version": "1.0" } }"#, "glTF version `1.0` is not supported");
-    refused("scene.gltf", br#"{ "asset": { "version": "2.0" } }"#, "the file has no scene");
+    refused("scene.gltf", br#"{ "asset": { "version": "2.0" } }"#, "the file has no scene and no nodes");
     refused("scene.glb", b"{}", "not a GLB file: it does not begin with `glTF`");
     let whole = scene_support::glb(&document(), &scene_support::buffer());
     refused("scene.glb", &whole[..10], "the GLB header is cut short");
@@ -148,7 +153,7 @@ fn files_that_are_not_gltf_2_are_refused() {
     refused("scene.glb", &binary_first, "the first GLB chunk is not JSON");
     let mut old = whole;
     old[4] = 1;
-    refused("scene.glb", &old, "GLB version 1 is not supported, only 2 is");
+    refused("scene.glb", &old, "glTF version `1.0` is not supported");
 }
 
 #[test]

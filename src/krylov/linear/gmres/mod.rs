@@ -181,7 +181,7 @@ impl Solver for Gmres {
             &mut self.hat
         };
         let length = norm(w);
-        let removed = orthogonalize(&self.cycle.basis, w, 0);
+        let removed = orthogonalize(&self.cycle.basis, w);
         // Orthogonalization leaves only rounding errors of a vector in the span.
         let tiny = 10.0 * f64::EPSILON * length;
         let invariant = removed.norm <= tiny;
