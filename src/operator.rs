@@ -3,12 +3,14 @@
 mod closure;
 mod each;
 mod forward;
+mod metered;
 mod observed;
 mod recorded;
 
 pub use closure::Closure;
 pub use each::each_product;
 pub(crate) use forward::delegate;
+pub use metered::Metered;
 pub use observed::{Observed, Relayed};
 pub use recorded::{Product, Recorded};
 
@@ -67,6 +69,12 @@ pub trait Operator {
     /// transpose. Empty by default: the products are exact, or their errors are not known.
     fn standard_errors(&self) -> Vec<f64> {
         Vec::new()
+    }
+
+    /// The frames that a camera has taken so far for the rig behind this operator: those of exposures, takes, signs, bit planes, black and
+    /// white and sentinels among them, and those that a journal had. `None` by default: products are computed, and cost no frames.
+    fn frames(&self) -> Option<u64> {
+        None
     }
 
     /// The standard error of the last product, where a single one was taken; 0 where it is exact or not known.

@@ -72,7 +72,7 @@ impl<'a> WithoutDirect<'a> {
 }
 
 impl Operator for WithoutDirect<'_> {
-    delegate!(operator: symmetry, block_size, observer, standard_errors);
+    delegate!(operator: symmetry, block_size, observer, standard_errors, frames);
 
     fn rows(&self) -> usize {
         self.direct.len()
@@ -123,7 +123,7 @@ impl<'a> Blurred<'a> {
 }
 
 impl Operator for Blurred<'_> {
-    delegate!(operator: symmetry, block_size, observer);
+    delegate!(operator: symmetry, block_size, observer, frames);
 
     fn rows(&self) -> usize {
         self.photo.len()

@@ -16,7 +16,9 @@ use crate::paper::{self, BenchOptions, Figure, Gallery, Reproduced, Rig};
 
 /// Make the paper's figures again: pictures, numbers and a page that holds them beside what the paper says
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  krylux reproduce fig4 fig11 --quick -o paper")]
+#[command(
+    after_help = "The folder has the page, and all numbers as a table: figures.md.\n\nExamples:\n  krylux reproduce fig4 fig11 --quick -o paper\n  krylux reproduce all --rig both -o paper"
+)]
 pub(super) struct Args {
     /// Which figures
     #[arg(value_name = "FIGURE", required = true, value_enum)]
@@ -123,6 +125,7 @@ fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(
     let gallery = Gallery { made: &made, quick: args.quick };
     let report = gallery.write_into(folder)?;
     console.say(format_args!("report    {}", report.display()))?;
+    console.say(format_args!("table     {}", folder.path.join("figures.md").display()))?;
     let verdict = gallery.verdict();
     console.say(format_args!("verdict   {}", verdict.sentence))?;
     let all_met = made.iter().all(Reproduced::is_met);
@@ -157,7 +160,14 @@ fn say(made: &Reproduced, quick: bool, console: &Console) -> Result<()> {
     ))?;
     for check in &made.checks {
         let line = format!("          {:<12.6} {}", check.value, check.what);
-        if quick || check.is_met() { console.detail(line) } else { console.say(line)? }
+        if quick || check.is_met() {
+            console.detail(line)
+        } else {
+            console.say(line)?
+        }
+        if !quick && !check.cause().is_empty() {
+            console.detail(format!("          {}", check.cause()));
+        }
     }
     Ok(())
 }

@@ -120,6 +120,11 @@ impl Operator for LabOperator {
     fn standard_errors(&self) -> Vec<f64> {
         self.errors.clone()
     }
+
+    fn frames(&self) -> Option<u64> {
+        let effort = lock(&self.transport).rig()?.measurement.effort();
+        Some(effort.taken + effort.replayed)
+    }
 }
 
 impl Adjoint for LabOperator {

@@ -77,6 +77,11 @@ impl Operator for MeasuredOperator<'_> {
     fn standard_errors(&self) -> Vec<f64> {
         self.errors.clone()
     }
+
+    fn frames(&self) -> Option<u64> {
+        let effort = self.measurement.effort();
+        Some(effort.taken + effort.replayed)
+    }
 }
 
 impl Adjoint for MeasuredOperator<'_> {

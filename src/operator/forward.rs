@@ -38,6 +38,10 @@ macro_rules! forward {
             fn standard_errors(&self) -> Vec<f64> {
                 (**self).standard_errors()
             }
+
+            fn frames(&self) -> Option<u64> {
+                (**self).frames()
+            }
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {
@@ -89,6 +93,11 @@ macro_rules! delegate {
     (@observer $field:tt) => {
         fn observer(&self) -> &dyn $crate::observer::Observer {
             self.$field.observer()
+        }
+    };
+    (@frames $field:tt) => {
+        fn frames(&self) -> Option<u64> {
+            self.$field.frames()
         }
     };
     (@standard_errors $field:tt) => {

@@ -7,9 +7,10 @@ use super::stage::{Set, Stage};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
+use crate::measure::Calibration;
 use crate::measure::calibrate::CalibrateOptions;
-use crate::measure::{Calibration, FlatField};
 use crate::observer::{Estimate, Observer, Step};
+use crate::operator::Operator;
 use crate::team::Team;
 use crate::transport::{Backend, Part};
 
@@ -50,6 +51,8 @@ pub struct Bench {
     options: BenchOptions,
     observer: SharedObserver,
     scenes: Vec<OpenScene>,
+    /// Operators of the rigs that took photos since [`Bench::frames`] was asked last.
+    meters: Vec<LabOperator>,
 }
 
 /// A traced scene.
@@ -63,7 +66,7 @@ struct OpenScene {
 impl Bench {
     /// Creates a bench without tracing anything. `observer` sees the steps of each trace and may stop it.
     pub fn new(options: BenchOptions, observer: Arc<dyn Observer + Send + Sync>) -> Self {
-        Self { options, observer: SharedObserver(observer), scenes: Vec::new() }
+        Self { options, observer: SharedObserver(observer), scenes: Vec::new(), meters: Vec::new() }
     }
 
     /// The kind of rig.
@@ -100,18 +103,26 @@ impl Bench {
         match self.options.rig {
             Rig::Ideal => self.truth(stage, part),
             Rig::Virtual => {
-                let even = match stage.set.is_coaxial() {
+                let known = match stage.set.is_coaxial() {
                     true => None,
-                    // The symmetry of the light transport tells the devices' uneven brightness. They are the same in front of each scene.
+                    // The devices are the same in front of each scene. They are calibrated before the projector's lens is opened: stripes
+                    // that are out of focus tell few pixels apart (of the corner by a lens of 70 mm, Gray codes lose 63 %), and the
+                    // symmetry of the light transport tells the devices' uneven brightness.
                     false => {
-                        let corner = self.open(Set::Corner, stage.resolution)?.through_devices(None)?;
-                        calibration_of(&corner).and_then(|known| known.flat_field)
+                        calibration_of(&self.open(Set::Corner, stage.resolution)?.through_devices(None)?)
                     }
                 };
-                let mut rig = self.open(stage.set, stage.resolution)?.through_devices(even)?;
+                let mut rig = self.open(stage.set, stage.resolution)?.through_devices(known)?;
+                self.meters.push(rig.reference_operators(part)?.swap_remove(0));
                 Ok(rig.reference_operators(part)?.swap_remove(0))
             }
         }
+    }
+
+    /// The frames that virtual cameras took for photos since this was asked last, those of black, white and exposures included and those of
+    /// calibrations not.
+    pub(super) fn frames(&mut self) -> u64 {
+        self.meters.drain(..).filter_map(|rig| rig.frames()).sum()
     }
 
     /// The scene, traced now if it is not.
@@ -157,20 +168,14 @@ impl OpenScene {
         Ok(Self { stage, lab, calibration: None })
     }
 
-    /// The scene through virtual devices, which are calibrated from captures alone the first time. Their uneven brightness is measured by a
-    /// sheet, or is `even` where it is known.
-    fn through_devices(&mut self, even: Option<FlatField>) -> Result<Lab> {
+    /// The scene through virtual devices, whose calibration is `known`, or is measured from captures alone the first time; their uneven
+    /// brightness is then measured by a sheet.
+    fn through_devices(&mut self, known: Option<Calibration>) -> Result<Lab> {
         let mut rig = self.lab.through_rig(realistic(self.stage.resolution)?)?;
-        if let Some(known) = &self.calibration {
-            rig.set_calibration(known.clone())?;
-            return Ok(rig);
-        }
-        rig.calibrate(&CalibrateOptions::default())?;
-        match (even, calibration_of(&rig)) {
-            (Some(even), Some(found)) => {
-                rig.set_calibration(Calibration { flat_field: Some(even), ..found })?;
-            }
-            _ => {
+        match known.or(self.calibration.take()) {
+            Some(known) => rig.set_calibration(known)?,
+            None => {
+                rig.calibrate(&CalibrateOptions::default())?;
                 rig.measure_flat_field()?;
             }
         }

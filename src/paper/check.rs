@@ -20,22 +20,35 @@ pub struct Check {
     pub value: f64,
     /// The bound.
     pub limit: Limit,
+    /// Why the number misses its bound where it does; empty where nothing is known of that.
+    pub cause: String,
 }
 
 impl Check {
     /// A number that must be `limit` or more.
     pub fn at_least(what: impl Into<String>, value: f64, limit: f64) -> Self {
-        Self { what: what.into(), value, limit: Limit::AtLeast(limit) }
+        Self { what: what.into(), value, limit: Limit::AtLeast(limit), cause: String::new() }
     }
 
     /// A number that must be `limit` or less.
     pub fn at_most(what: impl Into<String>, value: f64, limit: f64) -> Self {
-        Self { what: what.into(), value, limit: Limit::AtMost(limit) }
+        Self { what: what.into(), value, limit: Limit::AtMost(limit), cause: String::new() }
     }
 
     /// A number without a bound.
     pub fn stated(what: impl Into<String>, value: f64) -> Self {
-        Self { what: what.into(), value, limit: Limit::Stated }
+        Self { what: what.into(), value, limit: Limit::Stated, cause: String::new() }
+    }
+
+    /// The same number, and why it misses its bound if it does.
+    #[must_use]
+    pub fn because(self, cause: impl Into<String>) -> Self {
+        Self { cause: cause.into(), ..self }
+    }
+
+    /// The cause of a missed bound; empty where it is met, or where no cause is known.
+    pub fn cause(&self) -> &str {
+        if self.is_met() { "" } else { &self.cause }
     }
 
     /// Whether the number meets its bound. NaN meets no bound, except [`Limit::Stated`].
@@ -69,6 +82,8 @@ mod tests {
         let missed = [Check::at_least("purity", 0.75, 1.0), Check::at_most("photos", 14.25, 14.0)];
         assert!(missed.iter().all(|check| !check.is_met() && check.shortfall() == 0.25));
         assert!(Check::stated("seconds", 7.0).is_met());
+        let of = |value: f64| Check::at_least("purity", value, 0.99).because("the lamp is off");
+        assert_eq!([of(1.0).cause(), of(0.5).cause()], ["", "the lamp is off"]);
     }
 
     #[test]

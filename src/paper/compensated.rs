@@ -1,6 +1,6 @@
 //! Pictures and plot of a compensation.
 
-use super::contest::{Entry, TargetLight, clamped};
+use super::contest::{Entry, TargetLight, clamped, over_frames};
 use super::figure::{Content, Panel, Plot};
 use super::stage::Stage;
 use crate::report::plot::{LinePlot, Series};
@@ -36,8 +36,29 @@ pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], b
     ]
 }
 
+/// Displayed residuals at equal photo counts and, through a rig, at equal frames.
+pub(super) fn at_equal_costs(
+    lines: Vec<Series>,
+    entries: &[(&str, &Entry)],
+    uncompensated: f64,
+    optimum: f64,
+) -> Vec<Plot> {
+    let mut plots = vec![residuals(lines, uncompensated, optimum)];
+    let over_frames = over_frames(entries);
+    if !over_frames.is_empty() {
+        let mut plot = residuals(over_frames, uncompensated, optimum);
+        plot.caption = "The same, displayed, at equal frames: what the camera takes for each method. A photo of a signed pattern is that of \
+                        two, and every pattern has its takes and exposures; sentinels are among them. Black, white and the choice of exposures \
+                        are common to all methods and not counted."
+            .into();
+        plot.lines.x_label = "frames".into();
+        plots.push(plot);
+    }
+    plots
+}
+
 /// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
-pub(super) fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
+fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
     Plot {
         caption: "Relative residual by the light itself, at equal photos (the white one not counted).".into(),
         lines: LinePlot {

@@ -5,12 +5,13 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::bench::Bench;
+use super::check::Check;
 use super::stage::Stage;
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
-use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
+use crate::operator::{Adjoint, Metered, Observed, Operator, Product, Recorded, Symmetry};
 use crate::report::plot::Series;
 use crate::transport::Part;
 
@@ -43,6 +44,11 @@ impl TargetLight {
         norm(&misfit) / norm(&self.light)
     }
 
+    /// The target's light as the rig reads it.
+    pub(super) fn wanted(&self) -> Vec<f64> {
+        self.light.iter().map(|light| self.unit * light).collect()
+    }
+
     fn options(&self, method: Method, photos: usize) -> SolveOptions {
         let boxed = method.facts().constraint == crate::krylov::Constraint::Box;
         let diagonal = boxed.then(|| self.white.clone());
@@ -51,6 +57,7 @@ impl TargetLight {
 }
 
 /// The run of one method.
+#[derive(Default)]
 pub(super) struct Entry {
     /// Residual of the method's answer after each photo.
     pub(super) answered: Vec<f64>,
@@ -60,6 +67,8 @@ pub(super) struct Entry {
     pub(super) pattern: Vec<f64>,
     /// The photos in order.
     pub(super) shots: Vec<Product>,
+    /// The frames that the camera had taken for the method after each photo; none by an ideal rig.
+    pub(super) frames: Vec<u64>,
 }
 
 impl Entry {
@@ -97,9 +106,9 @@ pub(super) fn enter(
     if method == Method::KrylovBox && blurred {
         options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
     }
-    let mut entry =
-        Entry { answered: Vec::new(), displayed: Vec::new(), pattern: Vec::new(), shots: Vec::new() };
-    let mut recorded = Recorded::new(operator);
+    let mut entry = Entry::default();
+    let mut metered = Metered::new(operator);
+    let mut recorded = Recorded::new(&mut metered);
     let observer = OnStep::new(|step: &Step<'_>| {
         let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
         let answer = iterate();
@@ -110,10 +119,11 @@ pub(super) fn enter(
         }
         ControlFlow::Continue(())
     });
-    let wanted: Vec<f64> = target_light.light.iter().map(|light| target_light.unit * light).collect();
+    let wanted = target_light.wanted();
     let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
     entry.pattern = found.x;
     entry.shots = recorded.products;
+    entry.frames = metered.frames;
     Ok(entry)
 }
 
@@ -183,6 +193,30 @@ pub(super) fn optimum(
     let square = dot(&misfit, &misfit);
     let scale = norm(&target_light.light);
     Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
+}
+
+/// Curves of displayed residuals over the frames that they took; none by an ideal rig, which takes none.
+pub(super) fn over_frames(entries: &[(&str, &Entry)]) -> Vec<Series> {
+    let line = |(name, entry): &(&str, &Entry)| Series {
+        name: (*name).into(),
+        points: entry
+            .frames
+            .iter()
+            .zip(&entry.displayed)
+            .map(|(&taken, &seen)| (taken as f64, seen))
+            .collect(),
+    };
+    let lines: Vec<Series> = entries.iter().map(line).collect();
+    if lines.iter().all(|line| line.points.is_empty()) { Vec::new() } else { lines }
+}
+
+/// The frames of the methods' first so many photos, as numbers without a bound; none by an ideal rig.
+pub(super) fn frames_taken(entries: &[(&str, &Entry)], photos: usize) -> Vec<Check> {
+    let taken = |(name, entry): &(&str, &Entry)| {
+        let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
+        Some(Check::stated(format!("frames of {photos} photos, {name}"), *frames as f64))
+    };
+    entries.iter().filter_map(taken).collect()
 }
 
 /// A curve of residuals over photos.

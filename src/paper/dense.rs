@@ -1,24 +1,57 @@
-//! The dense reference solution for Krylov methods.
+//! Dense reference solutions for Krylov methods.
 
 use faer::{Mat, Side};
 
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// The largest eigenvalue of a symmetric matrix and its eigenvector, of norm 1 and with a positive sum, from a dense eigensolver.
-/// It needs `8 n²` bytes and O(`n³`) operations.
-pub(super) fn principal(matrix: &Csr) -> Result<(f64, Vec<f64>)> {
+/// All eigenvalues of a symmetric matrix, the largest first, and its eigenvectors of norm 1.
+pub(super) struct Spectrum {
+    pub(super) values: Vec<f64>,
+    pub(super) vectors: Vec<Vec<f64>>,
+}
+
+/// The spectrum by a dense eigensolver. It needs `16 n²` bytes and O(`n³`) operations.
+pub(super) fn spectrum(matrix: &Csr) -> Result<Spectrum> {
     let n = matrix.rows();
     let mut dense = Mat::<f64>::zeros(n, n);
     matrix.entries().for_each(|(row, column, weight)| dense[(row, column)] += weight);
+    of_dense(&dense)
+}
+
+/// The spectrum of the symmetric part of a small matrix that is given by its rows.
+pub(super) fn spectrum_of_rows(rows: &[Vec<f64>]) -> Result<Spectrum> {
+    let half = |i: usize, j: usize| 0.5 * (rows[i][j] + rows[j][i]);
+    of_dense(&Mat::from_fn(rows.len(), rows.len(), half))
+}
+
+fn of_dense(dense: &Mat<f64>) -> Result<Spectrum> {
+    let n = dense.nrows();
     let found = dense
         .self_adjoint_eigen(Side::Lower)
         .map_err(|error| Error::Numerical(format!("the dense eigensolver: {error:?}")))?;
     // The eigenvalues are in ascending order.
-    let vector: Vec<f64> = (0..n).map(|row| found.U()[(row, n - 1)]).collect();
-    let sign = vector.iter().sum::<f64>().signum();
-    let value = found.S().column_vector()[n - 1];
-    Ok((value, vector.into_iter().map(|entry| sign * entry).collect()))
+    let values = (0..n).rev().map(|at| found.S().column_vector()[at]).collect();
+    let vector = |at: usize| (0..n).map(|row| found.U()[(row, at)]).collect();
+    Ok(Spectrum { values, vectors: (0..n).rev().map(vector).collect() })
+}
+
+/// The condition number `σ_max / σ_min` of the matrix of the first `k` of these vectors, each scaled to norm 1, for `k` from 1 to all; infinite
+/// where they depend on each other.
+pub(super) fn conditions(vectors: &[Vec<f64>]) -> Result<Vec<f64>> {
+    let (rows, columns) = (vectors.first().map_or(0, Vec::len), vectors.len());
+    let norms: Vec<f64> = vectors.iter().map(|vector| crate::krylov::norm(vector)).collect();
+    let scaled = Mat::from_fn(rows, columns, |row, column| vectors[column][row] / norms[column]);
+    // A = Q R: the first k columns of A and the leading block of R have the same singular values.
+    let triangle = scaled.qr().thin_R().to_owned();
+    let condition = |k: usize| {
+        let block = triangle.submatrix(0, 0, k.min(rows), k);
+        let found = block.svd().map_err(|error| Error::Numerical(format!("the dense SVD: {error:?}")))?;
+        let values = found.S().column_vector();
+        let (largest, smallest) = (values[0], values[k.min(rows) - 1]);
+        Ok(if smallest > 0.0 { largest / smallest } else { f64::INFINITY })
+    };
+    (1..=columns).map(condition).collect()
 }
 
 #[cfg(test)]
@@ -26,12 +59,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn principal_pair_of_two_coupled_pixels() -> Result<()> {
-        // [[2, 1], [1, 2]] has eigenvalue 3 with eigenvector (1, 1).
+    fn spectrum_of_two_coupled_pixels() -> Result<()> {
+        // [[2, 1], [1, 2]] has the eigenvalues 3, with (1, 1), and 1.
         let matrix = Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![2.0, 1.0, 1.0, 2.0])?;
-        let (value, vector) = principal(&matrix)?;
-        assert!((value - 3.0).abs() < 1e-14, "rounding of a 2×2 matrix: {value}");
-        assert!(vector.iter().all(|entry| (entry - 0.5_f64.sqrt()).abs() < 1e-14), "{vector:?}");
+        for found in [spectrum(&matrix)?, spectrum_of_rows(&[vec![2.0, 0.5], vec![1.5, 2.0]])?] {
+            assert!((found.values[0] - 3.0).abs() < 1e-14, "rounding of a 2×2 matrix: {:?}", found.values);
+            assert!((found.values[1] - 1.0).abs() < 1e-14);
+            assert!((found.vectors[0][0] - found.vectors[0][1]).abs() < 1e-14, "{:?}", found.vectors);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn condition_numbers_are_of_the_first_vectors_whatever_their_lengths() -> Result<()> {
+        // Two vectors of norm 1 at an angle of 2t have the condition number 1 / tan t.
+        let [c, s] = [0.1_f64.cos(), 0.1_f64.sin()];
+        let vectors = [vec![c, s, 0.0], vec![7.0 * c, -7.0 * s, 0.0], vec![0.0, 0.0, 5.0]];
+        let found = conditions(&vectors)?;
+        let wanted = 1.0 / 0.1_f64.tan();
+        for (found, wanted) in found.iter().zip([1.0, wanted, wanted]) {
+            assert!((found - wanted).abs() < 1e-12 * wanted, "rounding: {found} {wanted}");
+        }
         Ok(())
     }
 }

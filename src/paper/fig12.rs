@@ -2,19 +2,23 @@
 
 use super::bench::Bench;
 use super::check::Check;
-use super::compensated::{panels, percent, residuals};
-use super::contest::{Contest, Entry, TargetLight, clamped, enter, line, optimum};
+use super::compensated::{at_equal_costs, panels, percent};
+use super::contest::{Contest, Entry, TargetLight, clamped, enter, frames_taken, line, optimum};
 use super::figure::{Figure, Reproduced};
-use super::stage::Set;
+use super::stage::{Set, Stage};
 use super::target::picture;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::krylov::Method;
 use crate::transport::Part;
 
-const SIDE: usize = 128;
+pub(super) const SIDE: usize = 128;
 /// Photos besides the white one.
-const PHOTOS: usize = 12;
+pub(super) const PHOTOS: usize = 12;
+/// Photos by which it is seen whether more of them would do.
+const MORE: usize = 36;
+/// The wanted residual over the optimum.
+const NEARLY: f64 = 1.05;
 /// Products with matrix and transpose for the optimum; it converges slowly out of focus.
 const OPTIMUM: usize = 2000;
 
@@ -31,12 +35,16 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     };
     let pattern = clamped(&boxed.pattern);
     let sharper = edges(&pattern, stage.resolution) / edges(&contest.plain, stage.resolution);
+    let mut within = Check::at_most(
+        "residual displayed, 12 photos inside the box, over the optimum",
+        boxed.displayed_at(PHOTOS) / contest.bound,
+        NEARLY,
+    );
+    if !within.is_met() {
+        within = within.because(transpose_is_missing(bench, &stage, &target, contest.bound)?);
+    }
     let mut checks = vec![
-        Check::at_most(
-            "residual displayed, 12 photos inside the box, over the optimum",
-            boxed.displayed_at(PHOTOS) / contest.bound,
-            1.05,
-        ),
+        within,
         Check::at_most(
             "the same over what clamping displays, the worst of 1 to 12 photos",
             worst(recipe),
@@ -65,8 +73,15 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     checks.push(Check::at_most(
         "with the camera out of focus, too: residual displayed, 12 photos inside the box, over the optimum",
         both_lenses(bench, &target)?,
-        1.05,
+        NEARLY,
     ));
+    let entries = [
+        ("GMRES, then clamped", recipe),
+        ("GMRES scaled by the white photo, then clamped", scaled),
+        ("Krylov inside the box", boxed),
+        ("projected Jacobi", jacobi),
+    ];
+    checks.extend(frames_taken(&entries, PHOTOS));
     let lines = vec![
         line("GMRES, not clamped", &recipe.answered),
         line("GMRES, then clamped", &recipe.displayed),
@@ -76,15 +91,34 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     ];
     Ok(Reproduced {
         setting: format!(
-            "corner by a projector lens of 30 mm focused at 2.4 m, {}, 12 photos beside the white one",
+            "corner by a projector lens of 70 mm focused at 2.4 m, {}, 12 photos beside the white one",
             stage.resolution
         ),
         checks,
         panels: panels(&stage, target_light, &contest.plain, boxed),
-        plots: vec![residuals(lines, contest.uncompensated, contest.optimum)],
+        plots: at_equal_costs(lines, &entries, contest.uncompensated, contest.optimum),
         photos: 2 * (1 + PHOTOS),
         ..Reproduced::of(Figure::Fig12, bench.rig())
     })
+}
+
+/// Why twelve photos may not be enough, by runs on the matrix itself: as many products, more of them, and as many with the transpose, too.
+fn transpose_is_missing(bench: &mut Bench, stage: &Stage, target: &[f64], bound: f64) -> Result<String> {
+    let operator = &mut bench.truth(stage, Part::Full)?;
+    let light = TargetLight::new(stage, operator, target)?;
+    let boxed = enter(stage, operator, &light, (Method::KrylovBox, false), MORE)?;
+    let from = (1..=MORE).find(|&photos| boxed.displayed_at(photos) <= NEARLY * bound);
+    let (_, with_transpose) = optimum(operator, stage, &light, 2 * MORE)?;
+    Ok(format!(
+        "No photo is one of the transpose, which the gradient of the residual needs; a mixture of blurs that is told from the photos stands for \
+         it. On the matrix itself, without any device, the method displays {:.3} times the optimum after {PHOTOS} photos, and {} within 5 %. \
+         Accelerated gradients with the true transpose display {:.3} times it after {MORE} products of either kind.",
+        boxed.displayed_at(PHOTOS) / bound,
+        from.map_or(format!("{MORE} photos are not enough to come"), |photos| format!(
+            "{photos} photos come"
+        )),
+        with_transpose / bound,
+    ))
 }
 
 /// Ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.

@@ -90,7 +90,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             grown / predicted,
             0.8,
         ),
-        Check::at_most("the same", grown / predicted, 1.25),
+        Check::at_most("the same, from above", grown / predicted, 1.25),
         Check::stated("read noise of 8 bit planes over that of one photo, predicted", predicted),
     ];
     Ok(Reproduced {

@@ -2,10 +2,12 @@
 
 use super::bench::Bench;
 use super::check::Check;
+use super::fig4::OPENING;
 use super::figure::{Content, Figure, Panel, Plot, Reproduced};
+use super::fold::continuous;
 use super::stage::{Set, Stage};
-use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
@@ -24,8 +26,13 @@ const CHOSEN: [(&str, [f64; 2]); 4] = [
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
-    let options =
-        SegmentOptions { photos: PHOTOS, tolerance: 0.0, starts: Some(1), ..SegmentOptions::default() };
+    let options = SegmentOptions {
+        photos: PHOTOS,
+        tolerance: 0.0,
+        starts: Some(1),
+        resolution: Some(stage.resolution),
+        ..SegmentOptions::default()
+    };
     let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
     let features: Vec<Vec<f64>> = (0..stage.pixels()).map(|pixel| found.feature(pixel)).collect();
     let chosen = CHOSEN.map(|(name, [x, y])| {
@@ -35,13 +42,20 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let distances = chosen.map(|(_, pixel)| distances(&features, pixel));
     let ranks: Vec<f64> =
         chosen.iter().zip(&distances).map(|((_, pixel), from)| ranked(from, &stage.truth, *pixel)).collect();
+    let separate = ranked_by_separate(&found, &stage, &chosen.map(|(_, pixel)| pixel));
     let between = |a: usize, b: usize| distances[a][chosen[b].1];
     let checks = vec![
         Check::at_least(
             "share of pixel pairs of which the one on the same sheet is nearer, the least of four pixels",
             ranks.iter().copied().fold(f64::INFINITY, f64::min),
             0.99,
-        ),
+        )
+        .because(format!(
+            "Noise in the eigenvectors of the crease is the cause: below {:.3} no eigenvalue is separate (figure 4), and those vectors are \
+             resolved by no number of photos. In the separate eigenvectors alone the share is {separate:.4}.",
+            edge()
+        )),
+        Check::stated("the same in the eigenvectors of separate eigenvalues alone", separate),
         Check::at_most(
             "distance from A to B, which faces it, over that to D, beside B but on the other sheet",
             between(0, 1) / between(0, 3),
@@ -75,6 +89,21 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         photos: found.photos,
         ..Reproduced::of(Figure::Fig5, bench.rig())
     })
+}
+
+/// The edge of the continuous spectrum of the zigzag's creases.
+fn edge() -> f64 {
+    continuous(OPENING, 0.0)
+}
+
+/// The least rank of the pixels by the coordinates of separate eigenvalues only.
+fn ranked_by_separate(found: &Segmentation, stage: &Stage, pixels: &[usize]) -> f64 {
+    // The first eigenvector is the same in all pixels and no coordinate.
+    let count = found.eigenvalues.iter().skip(1).filter(|value| **value > edge()).count();
+    let feature = |pixel| found.feature(pixel).into_iter().take(count).collect();
+    let features: Vec<Vec<f64>> = (0..stage.pixels()).map(feature).collect();
+    let rank = |&pixel: &usize| ranked(&distances(&features, pixel), &stage.truth, pixel);
+    pixels.iter().map(rank).fold(f64::INFINITY, f64::min)
 }
 
 /// Distances from `pixel` to all pixels in feature space.

@@ -2,6 +2,7 @@
 
 use super::bench::Rig;
 use super::check::Check;
+use super::words::words;
 use crate::image::Resolution;
 use crate::operator::Product;
 use crate::report::plot::LinePlot;
@@ -29,11 +30,17 @@ pub enum Figure {
     Fig12,
     /// Bit planes.
     Fig13,
+    /// Random patterns beside those of Krylov methods.
+    Random,
+    /// How independent photos are.
+    Conditioning,
+    /// The polynomials behind the methods.
+    Polynomials,
 }
 
 impl Figure {
-    /// All figures in order.
-    pub const ALL: [Self; 10] = [
+    /// All figures in order; those that the paper argues with and does not show come last.
+    pub const ALL: [Self; 13] = [
         Self::Fig2,
         Self::Fig4,
         Self::Fig5,
@@ -44,85 +51,24 @@ impl Figure {
         Self::Fig11,
         Self::Fig12,
         Self::Fig13,
+        Self::Random,
+        Self::Conditioning,
+        Self::Polynomials,
     ];
 
     /// Name on the command line: `fig2`.
     pub fn name(self) -> &'static str {
-        self.words()[0]
+        words(self)[0]
     }
 
-    /// Number and subject: `Figure 2: power iteration`.
+    /// Number and subject: `Figure 2: power iteration`. What the paper does not show has no number.
     pub fn title(self) -> &'static str {
-        self.words()[1]
+        words(self)[1]
     }
 
     /// The paper's statement about the figure, in our words.
     pub fn statement(self) -> &'static str {
-        self.words()[2]
-    }
-
-    /// Name, title and statement.
-    fn words(self) -> [&'static str; 3] {
-        match self {
-            Self::Fig2 => [
-                "fig2",
-                "Figure 2: power iteration",
-                "A photo, projected back again and again, becomes the principal eigenvector of the light transport \
-                 matrix: a pattern whose photo is itself. It has no negative pixel.",
-            ],
-            Self::Fig4 => [
-                "fig4",
-                "Figure 4: segmentation of a folded sheet",
-                "50 photos and ten eigenvectors split a folded sheet of 100×100 pixels where no light is exchanged; six \
-                 and ten groups cut the same sheets horizontally.",
-            ],
-            Self::Fig5 => [
-                "fig5",
-                "Figure 5: pixels by their eigenvector entries",
-                "The entries of the leading eigenvectors at a pixel tell with which others it exchanges light: pixels \
-                 of one fold have alike entries, wherever they are in the photo.",
-            ],
-            Self::Fig6 => [
-                "fig6",
-                "Figure 6: patches apart in the photo",
-                "Groups follow the light and not the picture: patches that are apart in the photo, but light each \
-                 other, share a group.",
-            ],
-            Self::Fig8 => [
-                "fig8",
-                "Figure 8: an egg carton",
-                "100 photos and 20 eigenvectors find the cells of an egg carton, one group each. With eggs in it light \
-                 takes other ways, and the groups change.",
-            ],
-            Self::Fig9 => [
-                "fig9",
-                "Figure 9: the photos of a segmentation",
-                "The photos of a segmentation in the order in which they were taken, each made from those before.",
-            ],
-            Self::Fig10 => [
-                "fig10",
-                "Figure 10: the photos of a compensation",
-                "The photos of a compensation in the order in which they were taken: five suffice.",
-            ],
-            Self::Fig11 => [
-                "fig11",
-                "Figure 11: compensation",
-                "Five photos are enough to find a pattern under which a corner of two white walls looks like a given \
-                 picture, interreflections included.",
-            ],
-            Self::Fig12 => [
-                "fig12",
-                "Figure 12: compensation out of focus",
-                "The same with a projector out of focus: what is to be projected has its edges enhanced, and looks \
-                 sharp where it lands.",
-            ],
-            Self::Fig13 => [
-                "fig13",
-                "Figure 13: bit planes",
-                "A projector of one bit shows a sinusoid as stripes. In bit planes, each of what those before could not \
-                 show, the weighted sum of the photos is that of the sinusoid; but each photo adds its noise.",
-            ],
-        }
+        words(self)[2]
     }
 }
 
@@ -145,6 +91,9 @@ pub struct Reproduced {
     pub strips: Vec<Strip>,
     /// Number of photos of the result: products with the light transport matrix.
     pub photos: usize,
+    /// Frames that the virtual camera took for all products of the figure, comparisons with other methods among them; calibration is not.
+    /// 0 by an ideal rig, which takes none.
+    pub frames: u64,
     /// Wall-clock time, in seconds.
     pub seconds: f64,
 }
@@ -153,7 +102,18 @@ impl Reproduced {
     /// A figure in front of which nothing has been measured yet.
     pub(super) fn of(figure: Figure, rig: Rig) -> Self {
         let (checks, panels, plots, strips) = Default::default();
-        Self { figure, rig, setting: String::new(), checks, panels, plots, strips, photos: 0, seconds: 0.0 }
+        Self {
+            figure,
+            rig,
+            setting: String::new(),
+            checks,
+            panels,
+            plots,
+            strips,
+            photos: 0,
+            frames: 0,
+            seconds: 0.0,
+        }
     }
 
     /// Whether every number meets its bound.
@@ -221,8 +181,9 @@ mod tests {
     fn names_are_in_order_and_begin_the_titles() {
         assert!(Figure::ALL.is_sorted());
         for figure in Figure::ALL {
-            let number = figure.name().trim_start_matches("fig");
-            assert!(figure.title().starts_with(&format!("Figure {number}: ")), "{}", figure.title());
+            if let Some(number) = figure.name().strip_prefix("fig") {
+                assert!(figure.title().starts_with(&format!("Figure {number}: ")), "{}", figure.title());
+            }
             assert!(figure.statement().ends_with('.') || figure.statement().ends_with("suffice."));
         }
     }

@@ -15,6 +15,9 @@
 //! | 11 | compensation in focus with five photos | `fig11` |
 //! | 12 | compensation with a defocused projector, twelve photos | `fig12` |
 //! | 13 | bit planes of a one-bit projector | `fig13` |
+//! | – | random patterns at equal photos | `random` |
+//! | – | photos without orthogonalisation | `conditioning` |
+//! | – | the polynomials of equations 1 to 3 | `polynomials` |
 //!
 //! [`Gallery`] writes the page that shows the figures beside the paper's statements.
 
@@ -22,6 +25,7 @@ mod bench;
 mod check;
 mod compensated;
 mod components;
+mod conditioning;
 mod contest;
 mod dense;
 mod devices;
@@ -36,11 +40,17 @@ mod fig6;
 mod fig8;
 mod fig9;
 mod figure;
+mod fold;
 mod gallery;
 mod groups;
+mod polynomial;
+mod polynomials;
 mod purity;
+mod random;
+mod sketch;
 mod stage;
 mod target;
+mod words;
 
 pub use bench::{Bench, BenchOptions, Rig};
 pub use check::{Check, Limit};
@@ -67,7 +77,11 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
         Figure::Fig11 => fig11::reproduce(bench),
         Figure::Fig12 => fig12::reproduce(bench),
         Figure::Fig13 => fig13::reproduce(bench),
+        Figure::Random => random::reproduce(bench),
+        Figure::Conditioning => conditioning::reproduce(bench),
+        Figure::Polynomials => polynomials::reproduce(bench),
     }?;
+    made.frames += bench.frames();
     made.seconds = start.elapsed().as_secs_f64();
     Ok(made)
 }

@@ -17,14 +17,15 @@ pub(super) enum Set {
     /// The same with an equal camera lens, which makes the matrix symmetric again.
     BothDefocused,
     TwoSheets,
-    FacingSheets,
-    Room,
+    /// The two sheets behind a post.
+    Post,
+    FoldedSheet,
     Carton,
     CartonEggs,
 }
 
-/// Walls at 0.6 to 1.2 m are blurred at 128 pixels per side by discs of radius 1 to 3 pixels.
-const DEFOCUSED: Lens = Lens { radius: 0.015, focus: 2.4 };
+/// Walls at 0.6 to 1.2 m are blurred at 128 pixels per side by discs of radius 2.6 to 7.7 pixels.
+const DEFOCUSED: Lens = Lens { radius: 0.035, focus: 2.4 };
 
 impl Set {
     pub(super) fn is_out_of_focus(self) -> bool {
@@ -59,8 +60,8 @@ impl Set {
                 scene
             }
             Self::TwoSheets => builtin::two_sheets().to_scene(),
-            Self::FacingSheets => builtin::facing_sheets().to_scene(),
-            Self::Room => builtin::white_room().to_scene(),
+            Self::Post => builtin::two_sheets_post().to_scene(),
+            Self::FoldedSheet => builtin::folded_sheet().to_scene(),
             Self::Carton => builtin::nine_cells(false).to_scene(),
             Self::CartonEggs => builtin::nine_cells(true).to_scene(),
         }

@@ -23,14 +23,19 @@ pub(super) fn plot(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, Strin
     Block::Plot { svg: lines_of(count, lines, marks).render(), caption: caption.into() }
 }
 
-/// A small plot for each method, over the photos.
-pub(super) fn multiples(lines: &[(&str, &[Row])], marks: Vec<(f64, String)>, caption: &str) -> Block {
+/// A small plot for each method, over the `count` of photos or frames.
+pub(super) fn multiples(
+    count: &str,
+    lines: &[(&str, &[Row])],
+    marks: Vec<(f64, String)>,
+    caption: &str,
+) -> Block {
     let marked: Vec<&str> = marks.iter().map(|(_, note)| note.as_str()).collect();
-    let mut caption = format!("Relative residual over photos; other methods in gray. {caption}");
+    let mut caption = format!("Relative residual over {count}; other methods in gray. {caption}");
     if !marked.is_empty() {
         caption += &format!(" Dotted: {}.", marked.join(", "));
     }
-    Block::Multiples { plots: lines_of("photos", lines, marks).small_multiples(), caption }
+    Block::Multiples { plots: lines_of(count, lines, marks).small_multiples(), caption }
 }
 
 fn lines_of(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>) -> LinePlot {

@@ -8,8 +8,21 @@ use std::process::Output;
 use serde_json::Value;
 use tempfile::TempDir;
 
-const FIGURES: [&str; 10] =
-    ["fig2", "fig4", "fig5", "fig6", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13"];
+const FIGURES: [&str; 13] = [
+    "fig2",
+    "fig4",
+    "fig5",
+    "fig6",
+    "fig8",
+    "fig9",
+    "fig10",
+    "fig11",
+    "fig12",
+    "fig13",
+    "random",
+    "conditioning",
+    "polynomials",
+];
 
 /// In an empty folder, so that nothing of the repository lies beside it.
 fn krylux(folder: &Path, args: &[&str]) -> Output {
@@ -43,6 +56,11 @@ fn all_figures_run_and_their_verdicts_follow_from_the_numbers() {
 
     let run = folder.path().join("run");
     let page = std::fs::read_to_string(run.join("report.html")).unwrap();
+    let table = std::fs::read_to_string(run.join("figures.md")).unwrap();
+    assert!(
+        table.contains("`krylux reproduce all --quick --json -o run`") && table.contains("quick run"),
+        "{table}"
+    );
     let mut all_met = true;
     for figure in figures {
         let name = figure["figure"].as_str().unwrap();
@@ -54,8 +72,18 @@ fn all_figures_run_and_their_verdicts_follow_from_the_numbers() {
         let met = checks.iter().all(is_met);
         assert_eq!(figure["met"], met, "{name}");
         all_met &= met;
-        let title = format!(">Figure {}: ", name.trim_start_matches("fig"));
-        assert!(page.lines().any(|line| line.starts_with("<h2") && line.contains(&title)), "{title}");
+        let title = match name.strip_prefix("fig") {
+            Some(number) => format!("Figure {number}: "),
+            None => krylux::paper::Figure::ALL
+                .into_iter()
+                .find(|figure| figure.name() == name)
+                .unwrap()
+                .title()
+                .into(),
+        };
+        let is_title = |line: &&str| line.starts_with("<h2") && line.contains(&format!(">{title}"));
+        assert!(page.lines().any(|line| is_title(&line)), "{title}");
+        assert!(table.lines().any(|line| line.starts_with("## ") && line.contains(&title)), "{title}");
         assert!(figure["photos"].as_u64().is_some_and(|photos| photos > 0), "{name}");
     }
     // Small pictures may miss bounds that the paper's meet: a quick run says so in its numbers, and is none the worse.
@@ -70,6 +98,27 @@ fn all_figures_run_and_their_verdicts_follow_from_the_numbers() {
         let path = run.join(file.as_str().unwrap());
         assert!(path.is_file(), "{} is listed and not there", path.display());
     }
+}
+
+#[test]
+fn a_rig_counts_its_frames_and_the_methods_are_shown_over_them() {
+    let folder = TempDir::new().unwrap();
+    let output =
+        krylux(folder.path(), &["reproduce", "fig11", "--quick", "--rig", "both", "--json", "-o", "run"]);
+    let figures = summary(&output)["figures"].as_array().unwrap().clone();
+    let of = |rig: &str| figures.iter().find(|figure| figure["rig"] == rig).unwrap();
+    let counted = |figure: &Value| -> Vec<f64> {
+        let checks = figure["checks"].as_array().unwrap();
+        let is_count = |check: &&Value| check["what"].as_str().unwrap().starts_with("frames of ");
+        checks.iter().filter(is_count).filter_map(|check| check["value"].as_f64()).collect()
+    };
+    assert_eq!((of("ideal")["frames"].as_u64(), counted(of("ideal")).len()), (Some(0), 0));
+    // Five photos of each of three methods, two takes each at the least; MINRES' patterns are signed, and take two photos each from the second on.
+    let frames = counted(of("virtual"));
+    assert!(frames.len() == 3 && frames.iter().all(|frames| *frames >= 10.0), "{frames:?}");
+    assert!(of("virtual")["frames"].as_f64().unwrap() > frames.iter().sum(), "{frames:?}");
+    let page = std::fs::read_to_string(folder.path().join("run/report.html")).unwrap();
+    assert!(page.contains("at equal frames") && page.contains(">frames</text>"));
 }
 
 #[test]

@@ -121,6 +121,28 @@ fn compensation_on_a_rig_takes_no_photos_for_comparison() {
 }
 
 #[test]
+fn methods_on_a_rig_are_compared_by_their_frames_too() {
+    let folder = folder();
+    let (rig, target, out) = (rig(&folder, ""), folder.path().join("target.npy"), inside(&folder, "run"));
+    let striped: Vec<f64> = (0..SIDE * SIDE).map(|pixel| 0.6 + 0.2 * (pixel % 3) as f64).collect();
+    npy::write_npy(&target, &[SIDE, SIDE], &striped).expect("the folder can be written");
+    let target = target.display().to_string();
+    let said =
+        summary(&["compensate", &rig, "--target", &target, "--photos", "4", "--compare-methods", "-o", &out]);
+    let methods = said["methods"].as_array().expect("methods were compared");
+    for method in methods {
+        let frames: Vec<u64> =
+            method["frames"].as_array().into_iter().flatten().filter_map(Value::as_u64).collect();
+        // Each photo is one frame at the least, but for that of an even pattern: it is the white photo's.
+        assert!(!frames.is_empty() && frames.is_sorted(), "{method}");
+        assert!(frames.last().is_some_and(|&last| last + 1 >= frames.len() as u64), "{method}");
+    }
+    let read = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).unwrap_or_default();
+    assert!(read("methods.csv").starts_with("method,photo,frames,relative_residual_displayed\n"));
+    assert!(read("report.html").contains("Relative residual over frames"));
+}
+
+#[test]
 fn options_of_the_tracer_are_refused_where_nothing_is_traced() {
     let folder = folder();
     let rig = rig(&folder, "");

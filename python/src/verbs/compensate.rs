@@ -114,7 +114,8 @@ fn fields<'py>(py: Python<'py>, found: &Compensation, methods: &[MethodRun]) -> 
     let by_name = PyDict::new(py);
     for run in methods {
         let about = Fields::new(py);
-        about.put("photos", run.photos)?.put("residual", run.residual)?.put("ssim", run.ssim)?;
+        about.put("photos", run.photos)?.put("frames", run.frames.clone())?;
+        about.put("residual", run.residual)?.put("ssim", run.ssim)?;
         about.numbers("history", residuals(&run.history))?;
         about.numbers("displayed", residuals(&run.displayed))?;
         by_name.set_item(run.name, about.0)?;

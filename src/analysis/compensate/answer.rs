@@ -52,6 +52,7 @@ impl Answer<'_> {
             history: solved.history,
             baseline: Vec::new(),
             photos: solved.photos,
+            frames: solved.frames,
             preparation: 0,
             clamping: None,
             status: solved.status,

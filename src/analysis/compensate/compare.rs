@@ -18,6 +18,9 @@ pub struct MethodRun {
     pub displayed: Vec<CompensationRow>,
     /// Photos taken by the method, without preparation.
     pub photos: usize,
+    /// The frames that the camera had taken for the method after each photo: signs, bit planes, exposures, takes and sentinels
+    /// counted. None where photos are computed.
+    pub frames: Vec<u64>,
     /// The relative residual of the final photo.
     pub residual: f64,
     /// Structural similarity of the final photo and the target; none below 11×11 pixels.
@@ -57,6 +60,7 @@ pub fn compare_methods<O: Adjoint>(
             history: found.history,
             displayed,
             photos: found.photos,
+            frames: found.frames,
             residual: found.residual,
             ssim: found.similarity.ssim,
         });

@@ -163,6 +163,11 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
         Ok(())
     }
 
+    /// The channels are of one rig.
+    fn frames(&self) -> Option<u64> {
+        self.channels.first().and_then(|channel| channel.frames())
+    }
+
     // Blocks are applied one vector at a time: the order of the channels' products is part of a journal.
 
     fn observer(&self) -> &dyn Observer {

@@ -73,6 +73,8 @@ pub struct Compensation {
     pub baseline: Vec<CompensationRow>,
     /// Photos taken by the method, without those that only show a result (`observed`, `uncompensated`, and all of the baseline).
     pub photos: usize,
+    /// The frames that the camera had taken for the method after each of these photos; none where photos are computed.
+    pub frames: Vec<u64>,
     /// Photos taken before: the white one, and those that measure a preconditioner or a prior.
     pub preparation: usize,
     /// The similarity of `observed` and `target`, with the peak as the data range.

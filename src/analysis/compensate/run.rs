@@ -15,7 +15,7 @@ use crate::krylov::{
     Status, Surrogate, solve_adjoint,
 };
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::{Adjoint, Operator, Relayed, Symmetry};
+use crate::operator::{Adjoint, Metered, Operator, Relayed, Symmetry};
 
 /// Squares and shifts that measure an unknown direct image: 16 photos.
 const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
@@ -34,6 +34,8 @@ pub(super) struct Solved {
     pub(super) status: Status,
     /// The answers after each photo, if they are to be stored.
     pub(super) answers: Vec<Planes>,
+    /// The frames that the camera had taken for the method after each photo; none where photos are computed.
+    pub(super) frames: Vec<u64>,
 }
 
 /// The common inputs of all channels' systems.
@@ -59,17 +61,17 @@ impl Run<'_> {
         keep: bool,
     ) -> Result<Solved> {
         let crosstalk = self.prior.crosstalk.as_ref();
-        let (solutions, answers) = match crosstalk {
+        let (solutions, answers, frames) = match crosstalk {
             Some(crosstalk) if crosstalk.coupled => {
                 let mut mixed = Mixed { channels, crosstalk };
                 let (b, white) = (self.b.concat(), self.white.concat());
                 let start = self.prior.start.as_ref().map(|start| start.concat());
                 let options = self.solve_options(&mut mixed, method, photos, (None, white, start), 1.0)?;
-                let (solution, answers) = kept(method, &mut mixed, &b, &options, keep)?;
-                (vec![solution], vec![answers])
+                let (solution, answers, frames) = kept(method, &mut mixed, &b, &options, keep)?;
+                (vec![solution], vec![answers], vec![frames])
             }
             _ => {
-                let (mut solutions, mut answers) = (Vec::new(), Vec::new());
+                let (mut solutions, mut answers, mut frames) = (Vec::new(), Vec::new(), Vec::new());
                 let whites = crosstalk.map_or([1.0; 3], Crosstalk::white);
                 let starts = self.prior.start.as_ref().map(|start| match crosstalk {
                     Some(crosstalk) => crosstalk.mix(start),
@@ -81,11 +83,12 @@ impl Run<'_> {
                     let start = starts.as_ref().map(|starts| starts[channel].clone());
                     let setup = (Some(channel), white, start);
                     let options = self.solve_options(operator, method, photos, setup, whites[channel])?;
-                    let (solution, answer) = kept(method, operator, &self.b[channel], &options, keep)?;
+                    let (solution, answer, taken) = kept(method, operator, &self.b[channel], &options, keep)?;
                     solutions.push(solution);
                     answers.push(answer);
+                    frames.push(taken);
                 }
-                (solutions, answers)
+                (solutions, answers, frames)
             }
         };
         Ok(Solved {
@@ -95,6 +98,7 @@ impl Run<'_> {
             photos: solutions.iter().map(|found| found.stats.products).max().unwrap_or(0),
             status: least_good(&solutions),
             answers: self.in_lockstep(&answers),
+            frames: sums(&frames),
         })
     }
 
@@ -246,14 +250,21 @@ fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
     Ok((probe, photo))
 }
 
-/// Solves, and stores the answer after each photo if `keep` is set.
+/// The frames of all systems after each photo; a system that ended takes no more.
+fn sums(frames: &[Vec<u64>]) -> Vec<u64> {
+    let most = frames.iter().map(Vec::len).max().unwrap_or(0);
+    let at = |index: usize| frames.iter().filter_map(|of| of.get(index).or(of.last())).sum();
+    (0..most).map(at).collect()
+}
+
+/// Solves, and stores the answer after each photo if `keep` is set. The last is the number of frames after each photo.
 fn kept(
     method: Method,
     operator: &mut dyn Adjoint,
     b: &[f64],
     options: &SolveOptions,
     keep: bool,
-) -> Result<(Solution, Vec<Vec<f64>>)> {
+) -> Result<(Solution, Vec<Vec<f64>>, Vec<u64>)> {
     let mut answers = Vec::new();
     let relay = |observer: &dyn Observer, step: &Step<'_>| {
         if let (true, Estimate::Solution { iterate, .. }) = (keep, step.estimate) {
@@ -261,8 +272,9 @@ fn kept(
         }
         observer.step(step)
     };
-    let solution = solve_adjoint(method, &mut Relayed::new(operator, relay), b, options)?;
-    Ok((solution, answers))
+    let mut metered = Metered::new(operator);
+    let solution = solve_adjoint(method, &mut Relayed::new(&mut metered, relay), b, options)?;
+    Ok((solution, answers, metered.frames))
 }
 
 /// The least successful status: one channel within its tolerance does not speak for the others.

@@ -211,8 +211,9 @@ fn say(answer: &Compensated<'_>, console: &Console) -> Result<()> {
     ))?;
     for run in answer.methods {
         let own = run.history.last().map_or(f64::NAN, |row| row.residual);
+        let frames = run.frames.last().map_or(String::new(), |frames| format!(", {frames:>4} frames"));
         console.say(format_args!(
-            "method    {:<14} {:>3} photos: seen {:.4}, before clipping {own:.4}",
+            "method    {:<14} {:>3} photos{frames}: seen {:.4}, before clipping {own:.4}",
             run.name, run.photos, run.residual
         ))?;
     }
@@ -235,6 +236,7 @@ fn summary(answer: &Compensated<'_>) -> Value {
         json!({
             "method": run.name,
             "photos": run.photos,
+            "frames": run.frames,
             "relative_residual": run.residual,
             "ssim": run.ssim,
             "residuals": residuals(&run.history),

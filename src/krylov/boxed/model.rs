@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::super::basis::{Basis, dot, norm};
 use super::super::orthogonalize::orthogonalize;
-use super::super::vectors::{update, update2};
+use super::super::vectors::{axpy, update, update2};
 use super::gram::Gram;
 use super::surrogate::{Corrected, Surrogate};
 
@@ -24,6 +24,15 @@ use super::surrogate::{Corrected, Surrogate};
 /// `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh quotient `vᵀ Â v` of the newest direction, an estimate for
 /// patterns not yet shown: in focus it is the direct share of the light, and under defocus it falls towards
 /// zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
+///
+/// A surrogate is not right in its finest details, and how wrong it is shows where it is compared with the products
+/// taken: by `δ²` for each vector of norm 1 ([`Corrected::missed_square`]). The model agrees with the products
+/// themselves, so that its photo of `u` is off by about `δ ‖(I − VVᵀ)u‖`. What is minimized is the square of the residual
+/// that is then to be expected,
+///
+/// ```text
+/// ‖D^½ M̂ u − b‖² + δ² ‖(I − VVᵀ) u‖²
+/// ```
 #[derive(Clone)]
 pub(super) struct Model {
     /// `D^½`.
@@ -37,6 +46,9 @@ pub(super) struct Model {
     pub(super) theta: f64,
     pub(super) symmetric: bool,
     pub(super) surrogate: Option<Corrected>,
+    /// `δ²`: the square of what a product with a vector of norm 1 outside the patterns is expected to differ from the model's, measured
+    /// by what the surrogate misses of the products taken; 0 without a surrogate.
+    pub(super) doubt: f64,
     pub(super) work: Work,
 }
 
@@ -90,6 +102,7 @@ impl Model {
             theta: 1.0,
             symmetric,
             surrogate: surrogate.map(Corrected::new),
+            doubt: 0.0,
             work: Work::new(n, symmetric),
         }
     }
@@ -163,12 +176,18 @@ impl Model {
         (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
     }
 
-    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x` (`b = 0` if it is
-    /// `None`).
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b) + δ² (I − VVᵀ) u`, the gradient of half of what is minimized, in `u = D^½ x`
+    /// (`b = 0` if it is `None`).
     pub(super) fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
         self.residual(u, b, image);
         update(image, &self.root, |r, s| r * s);
         self.apply(true, image, g);
+        if self.doubt > 0.0 {
+            // g ← g + δ² (I − VVᵀ) u
+            let shares: Vec<f64> = self.patterns.dots(0, u).iter().map(|share| -self.doubt * share).collect();
+            axpy(self.doubt, u, g);
+            self.patterns.accumulate(0, &shares, 1.0, g);
+        }
     }
 
     /// `image ← D^½ M̂ u − b`, which is `M x − b` for `u = D^½ x`.

@@ -60,6 +60,14 @@ impl Corrected {
         }
     }
 
+    /// The mean square of `D^½ (W − P̂ V)` per direction of `V`: what the surrogate, fitted to these products, misses of the product with a
+    /// vector of norm 1. The first direction is white, which says nothing of details.
+    pub(super) fn missed_square(&self, root: &[f64]) -> f64 {
+        let details = self.excess.columns().get(1..).unwrap_or_default();
+        let square = |column: &Vec<f64>| column.iter().zip(root).map(|(e, s)| (e * s).powi(2)).sum::<f64>();
+        details.iter().map(square).sum::<f64>() / details.len().max(1) as f64
+    }
+
     /// `out ← P̂ u`, or `P̂ᵀ u`.
     fn plain(&self, transposed: bool, root: &[f64], u: &[f64], out: &mut [f64]) {
         let scaled: Vec<f64> = u.iter().zip(root).map(|(u, s)| u / s).collect();

@@ -73,7 +73,7 @@ impl<'a> SelfAdjoint<'a> {
 }
 
 impl Operator for SelfAdjoint<'_> {
-    delegate!(operator: rows, cols, apply, block_size, observer, standard_errors);
+    delegate!(operator: rows, cols, apply, block_size, observer, standard_errors, frames);
 
     fn symmetry(&self) -> Symmetry {
         Symmetry::Symmetric

@@ -130,7 +130,7 @@ impl ForwardOnly<'_> {
 }
 
 impl Operator for ForwardOnly<'_> {
-    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors);
+    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors, frames);
 }
 
 impl Adjoint for ForwardOnly<'_> {

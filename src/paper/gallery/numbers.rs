@@ -32,7 +32,11 @@ pub(super) fn number(check: &Check) -> Number {
         (false, _) => (bound, None),
         (true, true) => (format!("{bound}: met"), Some(Outcome::Good)),
         (true, false) => {
-            (format!("{bound}: not met, by {}", digits(check.shortfall())), Some(Outcome::Short))
+            let mut missed = format!("{bound}: not met, by {}", digits(check.shortfall()));
+            if !check.cause().is_empty() {
+                missed += &format!(". {}", check.cause());
+            }
+            (missed, Some(Outcome::Short))
         }
     };
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
@@ -46,7 +50,7 @@ pub(super) fn json(made: &Reproduced) -> Value {
             Limit::AtMost(limit) => ("at most", Some(limit)),
             Limit::Stated => ("stated", None),
         };
-        json!({ "what": check.what, "value": check.value, "bound": bound, "limit": limit, "met": check.is_met() })
+        json!({ "what": check.what, "value": check.value, "bound": bound, "limit": limit, "met": check.is_met(), "cause": check.cause() })
     };
     json!({
         "figure": made.figure.name(),
@@ -54,13 +58,14 @@ pub(super) fn json(made: &Reproduced) -> Value {
         "setting": made.setting,
         "met": made.is_met(),
         "photos": made.photos,
+        "frames": made.frames,
         "seconds": made.seconds,
         "checks": made.checks.iter().map(check).collect::<Vec<_>>(),
     })
 }
 
 /// A number with four significant digits; counts are written in full.
-fn digits(value: f64) -> String {
+pub(super) fn digits(value: f64) -> String {
     let text = match value.abs() {
         _ if value.is_nan() => "none".into(),
         size if size.is_infinite() => "∞".into(),

@@ -53,34 +53,55 @@ pub(super) fn clamping(run: &Compensated<'_>, clamping: &Clamping) -> Section {
     }
 }
 
-/// Residuals of every method at equal photo counts.
+/// Residuals of every method at equal photo counts, and on a rig at equal frames.
 pub(super) fn methods(run: &Compensated<'_>, methods: &[MethodRun]) -> Section {
-    let histories: Vec<Vec<Row>> = methods.iter().map(|method| rows(&method.displayed)).collect();
-    let lines: Vec<(&str, &[Row])> =
-        methods.iter().zip(&histories).map(|(method, rows)| (method.name, rows.as_slice())).collect();
-    let marks = vec![(run.found.uncompensated_residual, "uncompensated".to_owned())];
+    let marks = || vec![(run.found.uncompensated_residual, "uncompensated".to_owned())];
+    let plot = |count: &str, histories: &[Vec<Row>], caption: &str| {
+        let lines: Vec<(&str, &[Row])> =
+            methods.iter().zip(histories).map(|(method, rows)| (method.name, rows.as_slice())).collect();
+        residuals::multiples(count, &lines, marks(), caption)
+    };
+    let photos: Vec<Vec<Row>> = methods.iter().map(|method| rows(&method.displayed)).collect();
     let caption = "The residual of what is seen after each photo: answers that leave the projector's range are clamped.";
+    let mut blocks = vec![plot("photos", &photos, caption)];
+    let frames: Vec<Vec<Row>> = methods.iter().map(over_frames).collect();
+    if frames.iter().any(|rows| !rows.is_empty()) {
+        let caption = "The same over what the camera took: a photo of a signed pattern, in bit planes, at several exposures or in \
+                       several takes is several frames, and a sentinel is one. Those of white and black are common to all.";
+        blocks.push(plot("frames", &frames, caption));
+    }
+    blocks.push(at_the_end(methods));
+    Section {
+        title: "Every method at equal photos".into(),
+        text: "All from the same white photo; the light that is seen is what counts.".into(),
+        blocks,
+    }
+}
+
+/// The displayed residuals of a method over its frames; none where photos are computed.
+fn over_frames(method: &MethodRun) -> Vec<Row> {
+    let at = |(row, &frames): (&CompensationRow, &u64)| (frames as usize, row.residual);
+    method.displayed.iter().zip(&method.frames).map(at).collect()
+}
+
+/// Table of what each method reached with all of its photos.
+fn at_the_end(methods: &[MethodRun]) -> Block {
     let number = |value: f64| format!("{value:.4}");
     let row = |method: &MethodRun| {
         vec![
             method.name.to_owned(),
             method.photos.to_string(),
+            method.frames.last().map_or("–".into(), u64::to_string),
             number(method.residual),
             method.history.last().map_or("–".into(), |row| number(row.residual)),
             method.ssim.map_or("–".into(), number),
         ]
     };
-    Section {
-        title: "Every method at equal photos".into(),
-        text: "All from the same white photo; the light that is seen is what counts.".into(),
-        blocks: vec![
-            residuals::multiples(&lines, marks, caption),
-            Block::Table {
-                headers: ["method", "photos", "seen", "before clamping", "SSIM"].map(String::from).into(),
-                rows: methods.iter().map(row).collect(),
-                caption: "Relative residuals at the end".into(),
-            },
-        ],
+    let headers = ["method", "photos", "frames", "seen", "before clamping", "SSIM"];
+    Block::Table {
+        headers: headers.map(String::from).into(),
+        rows: methods.iter().map(row).collect(),
+        caption: "Relative residuals at the end".into(),
     }
 }
 
@@ -101,12 +122,14 @@ pub(super) fn similarity(run: &Compensated<'_>) -> Block {
     }
 }
 
-/// Content of `methods.csv`: the residual of each method's displayed photo after each photo.
+/// Content of `methods.csv`: the residual of each method's displayed photo after each photo, and the frames that it took; these are empty
+/// where photos are computed.
 pub(super) fn csv(methods: &[MethodRun]) -> String {
-    let mut text = String::from("method,photo,relative_residual_displayed\n");
+    let mut text = String::from("method,photo,frames,relative_residual_displayed\n");
     for method in methods {
-        for row in &method.displayed {
-            text += &format!("{},{},{:e}\n", method.name, row.photo, row.residual);
+        for (index, row) in method.displayed.iter().enumerate() {
+            let frames = method.frames.get(index).map_or(String::new(), u64::to_string);
+            text += &format!("{},{},{frames},{:e}\n", method.name, row.photo, row.residual);
         }
     }
     text

@@ -20,7 +20,7 @@ mod analytic;
 mod cornell;
 mod corner;
 mod egg_carton;
-mod facing_sheets;
+mod folded_sheet;
 mod glb;
 mod icosphere;
 mod mirror;
@@ -28,20 +28,18 @@ mod mirror_ball;
 mod model;
 mod tessellated_box;
 mod two_sheets;
-mod white_room;
 mod zigzag;
 
 pub use analytic::{inside_sphere, parallel_plates, plane};
 pub use cornell::cornell;
 pub use corner::corner;
 pub use egg_carton::{carton, carton_eggs, nine_cells};
-pub use facing_sheets::facing_sheets;
+pub use folded_sheet::folded_sheet;
 pub use mirror::mirror;
 pub use mirror_ball::mirror_ball;
 pub use model::{Model, Part};
 pub use tessellated_box::tessellated_box;
 pub use two_sheets::{two_sheets, two_sheets_post};
-pub use white_room::white_room;
 pub use zigzag::zigzag;
 
 /// All shipped scenes. The file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].

@@ -1,0 +1,240 @@
+//! Photos that are projected back as they are, beside patterns that are made orthogonal: how independent they are, and what that costs.
+//!
+//! `x, N x, N² x, …` turn towards the principal eigenvector. The condition number of the first `k` of them grows by a factor with each photo,
+//! and what an answer takes from their differences, it takes with the photos' errors times that number. Patterns of the Lanczos process span the
+//! same space, and have the condition number 1.
+
+use super::bench::Bench;
+use super::check::Check;
+use super::dense::{conditions, spectrum_of_rows};
+use super::figure::{Content, Figure, Plot, Reproduced};
+use super::sketch::graph;
+use super::stage::Set;
+use crate::analysis::segment::NormalizedAdjacency;
+use crate::error::Result;
+use crate::krylov::{EigsOptions, Factorization, Lanczos, Start, dot, eigs, norm};
+use crate::operator::Operator;
+use crate::report::plot::{LinePlot, Series};
+use crate::transport::Part;
+
+const SIDE: usize = 100;
+const PHOTOS: usize = 30;
+/// The number of photos that is judged, …
+const JUDGED: usize = 20;
+/// … by this factor between the condition numbers.
+const WORSE: f64 = 100.0;
+
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
+    let stage = bench.stage(Set::Corner, bench.side(SIDE))?;
+    let light = &mut bench.truth(&stage, Part::Global)?;
+    let reference = second_eigenvalue(light)?;
+    let photos = &mut bench.photos(&stage, Part::Global)?;
+    let graph = graph(photos)?;
+    let known = NormalizedAdjacency::known_vector(&graph);
+    let cut = &mut NormalizedAdjacency::new(photos, &graph);
+
+    let start = without(&known, Start::default().vector(known.len()));
+    let (as_they_are, noise) = projected_back(cut, &known, &start)?;
+    let mut process = Lanczos::new(&start, std::slice::from_ref(&known))?;
+    let mut made_orthogonal = Vec::new();
+    for _ in 0..PHOTOS {
+        let mut photo = vec![0.0; known.len()];
+        process.expand(cut)?;
+        // The photo of the last pattern, from the coefficients that the process keeps: no product.
+        let last = process.steps() - 1;
+        for (row, vector) in process.basis().iter().chain(process.expansion().waiting()).enumerate() {
+            let share = process.expansion().entry(row, last);
+            photo.iter_mut().zip(vector).for_each(|(sum, value)| *sum += share * value);
+        }
+        made_orthogonal.push(photo);
+    }
+    let patterns: Vec<Vec<f64>> = as_they_are.iter().map(|[pattern, _]| pattern.clone()).collect();
+    let power = conditions(&patterns)?;
+    let orthogonal = conditions(process.basis())?;
+    let photographed = conditions(&made_orthogonal)?;
+
+    let by_power = errors_by_power(&as_they_are, reference)?;
+    let by_lanczos = errors_by_lanczos(&process, reference)?;
+    let ratio = at(&power, JUDGED) / at(&photographed, JUDGED);
+    let checks = vec![
+        Check::at_least(
+            format!("condition number of {JUDGED} photos projected back as they are, over that of photos of orthogonal patterns"),
+            ratio,
+            WORSE,
+        )
+        .because(format!(
+            "Noise is the cause: each photo's is {:.1e} of it and independent of the others', so that photos which the light makes alike \
+             differ by their noise. Their condition number stops near its inverse, and the differences that it measures are noise.",
+            noise
+        )),
+        Check::stated(format!("condition number of {JUDGED} patterns, projected back as they are"), at(&power, JUDGED)),
+        Check::stated("the same, made orthogonal", at(&orthogonal, JUDGED)),
+        Check::stated("photos of the orthogonal ones", at(&photographed, JUDGED)),
+        Check::stated("second eigenvalue of the normalized cut by the light itself", reference),
+        Check::stated(format!("its error by {JUDGED} photos projected back as they are"), by_power[JUDGED - 1].1),
+        Check::stated(format!("its error by {JUDGED} photos of orthogonal patterns"), by_lanczos[JUDGED - 1].1),
+    ];
+    let shown = |number: usize| {
+        let values = graph.scatter(&patterns[number - 1], 0.0);
+        let caption = format!("Photo {number} projected back as it is");
+        stage.panel(format!("photo-{number}"), caption, Content::Signed(values))
+    };
+    let most = patterns.len();
+    Ok(Reproduced {
+        setting: format!(
+            "corner, {}, {PHOTOS} photos of the normalized cut from random signs",
+            stage.resolution
+        ),
+        checks,
+        panels: [2, 5, 10, most - 1, most].map(shown).into(),
+        plots: plots([power, photographed, orthogonal], by_power, by_lanczos),
+        photos: 2 * PHOTOS,
+        ..Reproduced::of(Figure::Conditioning, bench.rig())
+    })
+}
+
+/// The value after so many photos.
+fn at(values: &[f64], photos: usize) -> f64 {
+    values.get(photos - 1).copied().unwrap_or(f64::NAN)
+}
+
+/// The second eigenvalue of the normalized cut by the light itself.
+fn second_eigenvalue(light: &mut dyn Operator) -> Result<f64> {
+    let graph = graph(light)?;
+    let options = EigsOptions {
+        count: 1,
+        products: 300,
+        tolerance: 1e-12,
+        deflate: vec![NormalizedAdjacency::known_vector(&graph)],
+        ..EigsOptions::default()
+    };
+    let found = eigs(&mut NormalizedAdjacency::new(light, &graph), &options)?;
+    Ok(found.values.first().copied().unwrap_or(f64::NAN))
+}
+
+/// `vector` without what it has of `known`, at norm 1.
+fn without(known: &[f64], mut vector: Vec<f64>) -> Vec<f64> {
+    let share = dot(known, &vector) / dot(known, known);
+    vector.iter_mut().zip(known).for_each(|(value, known)| *value -= share * known);
+    let length = norm(&vector);
+    vector.iter_mut().for_each(|value| *value /= length);
+    vector
+}
+
+/// Patterns of norm 1 and their photos, each pattern the photo before without the known vector, and the last photo's error relative to it.
+fn projected_back(
+    operator: &mut dyn Operator,
+    known: &[f64],
+    start: &[f64],
+) -> Result<(Vec<[Vec<f64>; 2]>, f64)> {
+    let (mut pairs, mut noise) = (Vec::new(), 0.0);
+    let mut pattern = start.to_vec();
+    for _ in 0..PHOTOS {
+        let mut photo = vec![0.0; pattern.len()];
+        operator.apply(&pattern, &mut photo)?;
+        noise = operator.standard_error() / norm(&photo);
+        let next = without(known, photo.clone());
+        pairs.push([std::mem::replace(&mut pattern, next), photo]);
+    }
+    Ok((pairs, noise))
+}
+
+/// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R` the photos of `Q` are those of
+/// `X` times `R⁻¹`, and so are their errors.
+fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Vec<(f64, f64)>> {
+    let (mut basis, mut products): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
+    let mut found = Vec::new();
+    for [pattern, photo] in pairs {
+        let (mut pattern, mut photo) = (pattern.clone(), photo.clone());
+        for _ in 0..2 {
+            for (known, product) in basis.iter().zip(&products) {
+                let share = dot(known, &pattern);
+                pattern.iter_mut().zip(known).for_each(|(value, known)| *value -= share * known);
+                photo.iter_mut().zip(product).for_each(|(value, product)| *value -= share * product);
+            }
+        }
+        let length = norm(&pattern);
+        pattern.iter_mut().chain(&mut photo).for_each(|value| *value /= length);
+        basis.push(pattern);
+        products.push(photo);
+        let row = |vector: &Vec<f64>| products.iter().map(|product| dot(vector, product)).collect();
+        let value = spectrum_of_rows(&basis.iter().map(row).collect::<Vec<_>>())?.values[0];
+        found.push((found.len() as f64 + 1.0, (value - reference).abs() / reference));
+    }
+    Ok(found)
+}
+
+/// The same for the patterns of the Lanczos process.
+fn errors_by_lanczos(process: &Lanczos, reference: f64) -> Result<Vec<(f64, f64)>> {
+    let entry = |i: usize, j: usize| process.expansion().entry(i, j);
+    let error = |steps: usize| {
+        let row = |i: usize| (0..steps).map(|j| entry(i, j)).collect();
+        let value = spectrum_of_rows(&(0..steps).map(row).collect::<Vec<_>>())?.values[0];
+        Ok((steps as f64, (value - reference).abs() / reference))
+    };
+    (1..=process.steps()).map(error).collect()
+}
+
+fn plots(conditions: [Vec<f64>; 3], by_power: Vec<(f64, f64)>, by_lanczos: Vec<(f64, f64)>) -> Vec<Plot> {
+    let line = |(name, values): (&str, Vec<f64>)| Series {
+        name: name.into(),
+        points: values.into_iter().enumerate().map(|(k, value)| (k as f64 + 1.0, value)).collect(),
+    };
+    let names = ["photos projected back as they are", "photos of orthogonal patterns", "orthogonal patterns"];
+    let plot = |caption: &str, y_label: &str, series: Vec<Series>| Plot {
+        caption: caption.into(),
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: y_label.into(),
+            logarithmic: true,
+            series,
+            ..LinePlot::default()
+        },
+    };
+    vec![
+        plot(
+            "Condition number of the first k vectors, each of norm 1. Where noise is in the photos, the first line stops near the inverse of \
+             their relative noise: what differs then is noise.",
+            "condition number",
+            names.into_iter().zip(conditions).map(line).collect(),
+        ),
+        plot(
+            "Relative error of the second eigenvalue of the normalized cut, from the same space by either basis. An error of the photos grows \
+             by the condition number of the basis.",
+            "relative error",
+            vec![
+                Series { name: "photos projected back as they are".into(), points: by_power },
+                Series { name: "orthogonal patterns".into(), points: by_lanczos },
+            ],
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::operator::{Closure, Symmetry};
+
+    #[test]
+    fn both_bases_find_the_eigenvalue_where_photos_are_exact() -> Result<()> {
+        let n = 40;
+        let mut light = Closure::new(n, n, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
+            y.iter_mut().zip(x).enumerate().for_each(|(i, (y, x))| *y = 0.7_f64.powi(i as i32) * x);
+            Ok(())
+        });
+        // The known vector is the first eigenvector, and 0.7 the second eigenvalue.
+        let known: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == 0))).collect();
+        let start = without(&known, vec![1.0; n]);
+        let (pairs, noise) = projected_back(&mut light, &known, &start)?;
+        let mut process = Lanczos::new(&start, std::slice::from_ref(&known))?;
+        for _ in 0..8 {
+            process.expand(&mut light)?;
+        }
+        let [power, lanczos] = [errors_by_power(&pairs, 0.7)?, errors_by_lanczos(&process, 0.7)?];
+        assert_eq!(noise, 0.0);
+        // Three exact photos leave the same by either basis; rounding is 1e-16 times a small condition number.
+        assert!((power[2].1 - lanczos[2].1).abs() < 1e-10, "{:?} {:?}", power[2], lanczos[2]);
+        assert!(lanczos[7].1 < 1e-6, "eight photos of a geometric spectrum: {lanczos:?}");
+        Ok(())
+    }
+}

@@ -1,0 +1,213 @@
+//! The polynomials of the paper's equations 1 to 3: what `k` photos of a Krylov method can tell of a matrix.
+//!
+//! Every vector of the space `span{b, A b, …, A^{k−1} b}` is `q(A) b` for a polynomial `q`. The residual that MINRES and GMRES leave is
+//! `p(A) b` with `p(0) = 1`, of degree `k`, the one of least norm: `‖p(A) b‖² = Σ p(λ_i)² (u_iᵀ b)²`. The process ends where a polynomial
+//! vanishes on all eigenvalues that `b` has a part of: the minimal polynomial of `A` for `b`. The monic one of least norm after `k` photos has
+//! the Ritz values for its zeros.
+
+use super::bench::Bench;
+use super::check::Check;
+use super::compensated::percent;
+use super::contest::TargetLight;
+use super::dense::{Spectrum, spectrum};
+use super::figure::{Figure, Plot, Reproduced};
+use super::polynomial::{Run, chebyshev_bound};
+use super::stage::{Set, Stage};
+use super::target::picture;
+use crate::error::Result;
+use crate::krylov::{dot, norm};
+use crate::operator::Operator;
+use crate::report::plot::{LinePlot, Series};
+use crate::transport::Part;
+
+/// Pixels per side for the dense eigensolver: 1024 unknowns.
+const SIDE: usize = 32;
+/// The longest run.
+const PHOTOS: usize = 20;
+/// The photos whose polynomials are shown, …
+const SHOWN: [usize; 4] = [1, 2, 3, 5];
+/// … and judged.
+const JUDGED: usize = 5;
+/// Points of a curve over the spectrum.
+const POINTS: usize = 400;
+
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
+    let stage = bench.stage(Set::Corner, SIDE.min(bench.side(100)))?;
+    let exact = spectrum(&stage.traced.matrix.to_csr(Part::Full, 0)?)?;
+    let photos = &mut bench.photos(&stage, Part::Full)?;
+    let target_light = TargetLight::new(&stage, photos, &picture(stage.resolution.width))?;
+    let unit = norm(&target_light.wanted()) / norm(&target_light.light);
+    let run = Run::of(photos, &target_light.wanted(), (PHOTOS, unit))?;
+
+    let shares: Vec<f64> = exact.vectors.iter().map(|vector| dot(vector, &target_light.light)).collect();
+    let scale = norm(&target_light.light);
+    let predicted = |k: usize| {
+        let minres = run.residual_polynomial(k);
+        let squares = exact.values.iter().zip(&shares).map(|(&value, share)| (minres(value) * share).powi(2));
+        squares.sum::<f64>().sqrt() / scale
+    };
+    let seen = |k: usize| target_light.residual(&stage, &run.answer(k));
+    let [largest, smallest] = [exact.values[0], exact.values[exact.values.len() - 1]];
+    let by_condition = chebyshev_bound(largest, smallest, JUDGED);
+    let ends = [0.0_f64.min(smallest), largest];
+    let devices = devices(photos, &target_light, &stage, &run.answer(JUDGED))?;
+    let checks = vec![
+        Check::at_most(
+            format!(
+                "residual of {JUDGED} photos of MINRES, over the least that the condition number alone allows to promise"
+            ),
+            seen(JUDGED) / by_condition,
+            0.5,
+        )
+        .because(&devices),
+        Check::at_most(
+            "residual over the norm of its polynomial on the true spectrum, the worst of 1 to 3 photos",
+            (1..=3).map(|k| seen(k) / predicted(k)).fold(0.0, f64::max),
+            1.2,
+        )
+        .because(&devices),
+        Check::stated(format!("residual of {JUDGED} photos of MINRES, %"), percent(seen(JUDGED))),
+        Check::stated("by its polynomial on the true spectrum, %", percent(predicted(JUDGED))),
+        Check::stated(
+            "by the Chebyshev polynomial of the same degree, at the most, %",
+            percent(by_condition),
+        ),
+        Check::stated("smallest eigenvalue over the largest", smallest / largest),
+        Check::stated(
+            format!("norm of the monic polynomial of degree {PHOTOS}, its root over the largest eigenvalue"),
+            run.monic_norms().last().map_or(f64::NAN, |norm| norm / largest),
+        ),
+    ];
+    Ok(Reproduced {
+        setting: format!("corner, {}, MINRES from the target's light, {PHOTOS} photos", stage.resolution),
+        checks,
+        plots: vec![
+            residual_plot(&run, ends),
+            share_plot(&exact, &shares, scale),
+            minimal_plot(&run, ends),
+            monic_plot(&run, largest),
+        ],
+        photos: 1 + PHOTOS,
+        ..Reproduced::of(Figure::Polynomials, bench.rig())
+    })
+}
+
+/// Values of a function between two ends.
+fn curve(name: String, [low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Series {
+    let at = |index: usize| low + (high - low) * index as f64 / (POINTS - 1) as f64;
+    Series { name, points: (0..POINTS).map(|index| (at(index), of(at(index)))).collect() }
+}
+
+/// What the devices add to the residual of an answer, by one more photo of it.
+fn devices(
+    operator: &mut dyn Operator,
+    target_light: &TargetLight,
+    stage: &Stage,
+    answer: &[f64],
+) -> Result<String> {
+    let mut photo = vec![0.0; answer.len()];
+    operator.apply(answer, &mut photo)?;
+    let wanted = target_light.wanted();
+    let unit = norm(&wanted) / norm(&target_light.light);
+    let light: Vec<f64> = stage.photo(answer).into_iter().map(|value| unit * value).collect();
+    let apart = |other: &[f64]| {
+        let difference: Vec<f64> = photo.iter().zip(other).map(|(a, b)| a - b).collect();
+        percent(norm(&difference) / norm(&wanted))
+    };
+    Ok(format!(
+        "The devices are the cause: their own photo of the answer after {JUDGED} photos is {:.2} % from the target, but {:.2} % from the true \
+         light, by noise and by what calibration leaves. The polynomial knows of neither.",
+        apart(&wanted),
+        apart(&light)
+    ))
+}
+
+fn photos_named(k: usize) -> String {
+    if k == 1 { "1 photo".into() } else { format!("{k} photos") }
+}
+
+fn residual_plot(run: &Run, ends: [f64; 2]) -> Plot {
+    let line = |k: usize| curve(photos_named(k), ends, run.residual_polynomial(k));
+    Plot {
+        caption: "Residual polynomials of MINRES: all are 1 at 0, and the residual's part along an eigenvector is the target's times the value \
+                  at its eigenvalue. They are small where the target has its light, which the next plot shows."
+            .into(),
+        lines: LinePlot {
+            x_label: "eigenvalue λ, W/(m² sr)".into(),
+            y_label: "p(λ)".into(),
+            series: SHOWN.map(line).into(),
+            marks: vec![(0.0, String::new())],
+            ..LinePlot::default()
+        },
+    }
+}
+
+/// The share of the target's light in eigenvectors of at most an eigenvalue, and the share of the eigenvalues themselves.
+fn share_plot(exact: &Spectrum, shares: &[f64], scale: f64) -> Plot {
+    let steps = |name: &str, of: &dyn Fn(usize) -> f64| {
+        let mut sum = 0.0;
+        let ascending = (0..exact.values.len()).rev();
+        let points = ascending.map(|at| {
+            sum += of(at);
+            (exact.values[at], sum)
+        });
+        Series { name: name.into(), points: points.collect() }
+    };
+    let count = exact.values.len() as f64;
+    Plot {
+        caption: "The spectrum: the share of the eigenvalues that are no larger than λ, and of the square of the target's light in their \
+                  eigenvectors."
+            .into(),
+        lines: LinePlot {
+            x_label: "eigenvalue λ, W/(m² sr)".into(),
+            y_label: "share".into(),
+            series: vec![
+                steps("eigenvalues", &|_| 1.0 / count),
+                steps("light of the target", &|at| (shares[at] / scale).powi(2)),
+            ],
+            ..LinePlot::default()
+        },
+    }
+}
+
+fn minimal_plot(run: &Run, ends: [f64; 2]) -> Plot {
+    let line = |k: usize| {
+        let largest = curve(String::new(), ends, |value| run.monic(k, value).abs());
+        let most = largest.points.iter().map(|point| point.1).fold(0.0, f64::max);
+        curve(photos_named(k), ends, |value| run.monic(k, value) / most)
+    };
+    let found = run.ritz_values(JUDGED).unwrap_or_default();
+    let list = found.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(", ");
+    Plot {
+        caption: format!(
+            "Towards the minimal polynomial: the monic polynomial of each degree with the least norm on the target's light, here divided by its \
+             largest value. Its zeros are the Ritz values, after {JUDGED} photos {list}. Where it vanished on all eigenvalues it would be the \
+             minimal polynomial, and the answer exact."
+        ),
+        lines: LinePlot {
+            x_label: "eigenvalue λ, W/(m² sr)".into(),
+            y_label: "q(λ) / max |q|".into(),
+            series: SHOWN.map(line).into(),
+            marks: vec![(0.0, String::new())],
+            ..LinePlot::default()
+        },
+    }
+}
+
+fn monic_plot(run: &Run, largest: f64) -> Plot {
+    let norms = run.monic_norms();
+    let points = norms.iter().enumerate().map(|(k, norm)| (k as f64 + 1.0, norm / largest));
+    Plot {
+        caption: "The norm of the monic polynomial of each degree, its k-th root over the largest eigenvalue. It would fall to 0 at the degree \
+                  of the minimal polynomial; the light of a scene has no such degree below the number of its pixels, and what the line \
+                  approaches tells how densely the spectrum is filled."
+            .into(),
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: "‖q(A) b‖^(1/k) / λ₁".into(),
+            logarithmic: true,
+            series: vec![Series { name: "monic polynomial".into(), points: points.collect() }],
+            ..LinePlot::default()
+        },
+    }
+}
