@@ -161,9 +161,9 @@ fn say(made: &Reproduced, quick: bool, console: &Console) -> Result<()> {
     for check in &made.checks {
         let line = format!("          {:<12.6} {}", check.value, check.what);
         if quick || check.is_met() {
-            console.detail(line)
+            console.detail(line);
         } else {
-            console.say(line)?
+            console.say(line)?;
         }
         if !quick && !check.cause().is_empty() {
             console.detail(format!("          {}", check.cause()));

@@ -63,9 +63,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             WORSE,
         )
         .because(format!(
-            "Noise is the cause: each photo's is {:.1e} of it and independent of the others', so that photos which the light makes alike \
-             differ by their noise. Their condition number stops near its inverse, and the differences that it measures are noise.",
-            noise
+            "Noise is the cause: each photo's is {noise:.1e} of it and independent of the others', so that photos which the light makes alike \
+             differ by their noise. Their condition number stops near its inverse, and the differences that it measures are noise."
         )),
         Check::stated(format!("condition number of {JUDGED} patterns, projected back as they are"), at(&power, JUDGED)),
         Check::stated("the same, made orthogonal", at(&orthogonal, JUDGED)),

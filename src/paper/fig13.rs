@@ -44,7 +44,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let truth = stage.photo(&pattern);
     let lab = &*bench.lab(&stage)?;
     let take = |rig: &VirtualRig, planes: u32, seconds: f64| -> Result<Vec<f64>> {
-        let counts = photo(lab, &file, rig, &pattern, (planes, seconds))?;
+        let (counts, _) = photo(lab, &file, rig, &pattern, (planes, seconds))?;
         // Counts per second for 1 W/(m² sr); the sensor's gain is set by the noise-free white photo.
         let unit = counts_per_light(rig, &stage);
         Ok(counts.into_iter().map(|count| count / unit).collect())
@@ -53,6 +53,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 
     let plain = take(rig, 1, BRIGHT)?;
     let decomposed = take(rig, PLANES, BRIGHT)?;
+    let frames = photo(lab, &file, rig, &pattern, (PLANES, BRIGHT))?.1;
     let (mut bright, mut dim) = (Vec::new(), Vec::new());
     for planes in 1..=MOST {
         bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
@@ -92,6 +93,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         ),
         Check::at_most("the same, from above", grown / predicted, 1.25),
         Check::stated("read noise of 8 bit planes over that of one photo, predicted", predicted),
+        Check::stated("frames of the photo in 8 bit planes, black and white counted", frames as f64),
     ];
     Ok(Reproduced {
         setting: format!("corner, {}, a projector of one bit and a camera of 12", stage.resolution),
@@ -99,6 +101,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         panels: panels(&stage, &pattern, &truth, &plain, &decomposed),
         plots: vec![curves(bright, dim)],
         photos: 1 + PLANES as usize,
+        frames: if bench.rig() == Rig::Virtual { frames } else { 0 },
         ..Reproduced::of(Figure::Fig13, bench.rig())
     })
 }
@@ -131,14 +134,14 @@ fn sinusoid(side: usize) -> Vec<f64> {
     (0..side * side).map(value).collect()
 }
 
-/// The photo of `pattern` in counts per second, from `planes` bit planes with a total exposure of `seconds`.
+/// The photo of `pattern` in counts per second, from `planes` bit planes with a total exposure of `seconds`, and the frames that it took.
 fn photo(
     lab: &Lab,
     file: &RigFile,
     rig: &VirtualRig,
     pattern: &[f64],
     (planes, seconds): (u32, f64),
-) -> Result<Vec<f64>> {
+) -> Result<(Vec<f64>, u64)> {
     let measurement = MeasureOptions {
         bit_planes: planes,
         exposures: vec![seconds / f64::from(planes)],
@@ -152,8 +155,12 @@ fn photo(
     // A rig has devices, and its photos are measured.
     let calibration = known(lab.rig().ok_or(Error::Interrupted)?.devices()?);
     lab.set_calibration(calibration)?;
-    let taken = lab.with_measurement(|measurement| measurement.photograph(&pattern))?;
-    Ok(taken.ok_or(Error::Interrupted)?.planes.swap_remove(0).values)
+    let taken = lab.with_measurement(|measurement| {
+        let photo = measurement.photograph(&pattern)?;
+        Ok((photo, measurement.effort().taken))
+    })?;
+    let (mut photo, frames) = taken.ok_or(Error::Interrupted)?;
+    Ok((photo.planes.swap_remove(0).values, frames))
 }
 
 /// The calibration that follows from the rig's own description: one of two levels, from captures, would add little.

@@ -225,16 +225,17 @@ fn panels(stage: &Stage, patterns: &[Vec<f64>], reference: &[f64]) -> Vec<Panel>
     for photos in SHOWN {
         if let Some(pattern) = patterns.get(photos - 1) {
             let caption = format!("The pattern after {photos} photo{}", if photos == 1 { "" } else { "s" });
-            let amounts = pattern.iter().map(|value| value.max(0.0)).collect();
-            panels.push(stage.panel(format!("power-{photos}"), caption, Content::Amounts(amounts)));
+            panels.push(stage.panel(format!("power-{photos}"), caption, as_light(pattern)));
         }
     }
-    panels.push(stage.panel(
-        "reference",
-        "The principal eigenvector",
-        Content::Amounts(reference.iter().map(|value| value.max(0.0)).collect()),
-    ));
+    panels.push(stage.panel("reference", "The principal eigenvector", as_light(reference)));
     panels
+}
+
+/// A pattern whose brightest pixel is shown as white, so that a spot of few pixels is seen as one.
+fn as_light(pattern: &[f64]) -> Content {
+    let white = pattern.iter().copied().fold(0.0, f64::max);
+    Content::Light { values: pattern.iter().map(|value| value.max(0.0)).collect(), white: Some(white) }
 }
 
 #[cfg(test)]

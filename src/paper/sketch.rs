@@ -36,10 +36,10 @@ pub(super) fn lanczos(
     for photo in 1..=photos {
         process.expand(&mut cut)?;
         // The vectors of a long run are wanted at its end only.
-        if photos <= EACH || photo == photos {
-            if let Some(pair) = process.ritz(Which::LargestAlgebraic, 1)?.first() {
-                found.push((photo as f64, graph.scatter(&process.ritz_vector(pair), 0.0)));
-            }
+        if (photos <= EACH || photo == photos)
+            && let Some(pair) = process.ritz(Which::LargestAlgebraic, 1)?.first()
+        {
+            found.push((photo as f64, graph.scatter(&process.ritz_vector(pair), 0.0)));
         }
     }
     Ok(found)

@@ -82,8 +82,10 @@ impl Gallery<'_> {
         let (all, met) = (judged().count(), judged().filter(|check| check.is_met()).count());
         let mut sentence =
             format!("{met} of {all} numbers are as the paper's figures, and our bounds, want them");
+        let is_short =
+            |figure: &Figure| self.made.iter().any(|made| made.figure == *figure && !made.is_met());
         let short: Vec<&str> =
-            self.made.iter().filter(|made| !made.is_met()).map(|made| made.figure.name()).collect();
+            Figure::ALL.iter().filter(|figure| is_short(figure)).map(|of| of.name()).collect();
         if !short.is_empty() {
             sentence += &format!("; not so in {}", short.join(", "));
         }

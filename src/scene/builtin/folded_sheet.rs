@@ -1,4 +1,4 @@
-//! `folded-sheet`: a sheet of paper whose folds lean towards the camera, so that one point of it is nearest.
+//! `folded-sheet`: a folded sheet of paper that leans, so that direct light is brightest in one spot of it.
 
 use glam::{DQuat, DVec3, dvec3};
 
@@ -18,9 +18,9 @@ const LEAN: f64 = 35.0;
 /// … and is turned by this one about the vertical, so that the faces beside its middle ridge are not equally bright.
 const TURN: f64 = 20.0;
 
-/// One white sheet, folded like the two of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. The lower end of
-/// its middle ridge is 0.65 m from the camera and nearer than all else in view, so that direct light is brightest in one spot. On an upright
-/// sheet it is equally bright along a whole ridge. The sheet is region 0.
+/// One white sheet, folded like the two of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. Direct light is
+/// brightest in one spot, at the lower end of the middle ridge, 0.65 m from the camera. On an upright sheet it is equally bright along a
+/// whole ridge. The sheet is region 0.
 pub fn folded_sheet() -> Model {
     let turn = DQuat::from_rotation_y(TURN.to_radians());
     let lean = DQuat::from_rotation_x(-LEAN.to_radians());
