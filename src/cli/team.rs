@@ -32,11 +32,10 @@ pub(super) fn join() -> Result<Role> {
 
 #[cfg(feature = "mpi")]
 fn joined() -> Result<Role> {
-    use crate::team::{Comm, World, require_same_program, return_freed_memory, serve, share_cores};
+    use crate::team::{Comm, World, require_same_program, serve, share_cores};
     use crate::transport::SceneWorker;
 
     let Some(world) = World::join()? else { return Ok(Role::Leader(None)) };
-    return_freed_memory();
     let world: Arc<dyn Comm> = Arc::new(world);
     let placements = share_cores(&*world);
     let placement = placements[world.rank()].clone();

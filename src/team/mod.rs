@@ -7,8 +7,6 @@
 //! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
 
 mod cores;
-#[cfg(feature = "mpi")]
-mod memory;
 mod serve;
 mod threads;
 #[cfg(feature = "mpi")]
@@ -19,8 +17,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub use cores::{Placement, share_cores};
-#[cfg(feature = "mpi")]
-pub use memory::return_freed_memory;
 pub use serve::{Worker, serve};
 pub use threads::{Threads, threads};
 #[cfg(feature = "mpi")]
