@@ -160,15 +160,14 @@ impl<const C: usize> Chunk<C> {
         self
     }
 
-    /// Keeps the terms of each row that `keep` wants, and gives back the memory of the others.
-    pub(super) fn retain(&mut self, keep: impl Fn(&Row, &Term<C>) -> bool) {
+    /// Keeps the terms of each row at the places that `wanted` names, in ascending order, and gives back the memory of the others.
+    pub(super) fn retain(&mut self, wanted: impl Fn(&Row, &[Term<C>]) -> Vec<Range<usize>>) {
         let (mut start, mut kept) = (0, 0);
         for row in &mut self.rows {
-            for at in start..row.end {
-                if keep(row, &self.terms[at]) {
-                    self.terms[kept] = self.terms[at];
-                    kept += 1;
-                }
+            for places in wanted(row, &self.terms[start..row.end]) {
+                let count = places.len();
+                self.terms.copy_within(start + places.start..start + places.end, kept);
+                kept += count;
             }
             (start, row.end) = (row.end, kept);
         }

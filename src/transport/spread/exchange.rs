@@ -12,13 +12,13 @@ use super::command::{from_bytes, to_bytes, unread};
 use crate::error::Result;
 use crate::render::StartPixels;
 use crate::team::Comm;
-use crate::transport::chunk::{CLASSES, Chunk, Row, Term, at};
+use crate::transport::chunk::{CLASSES, Chunk, Row, Term, at, places};
 use crate::transport::combine::Combined;
 use crate::transport::portions::Portions;
 use crate::transport::{RigShape, wire};
 
 /// The number of portions. With more of them a process holds less at a time, and goes through its contributions more often.
-pub(in crate::transport) const PORTIONS: usize = 12;
+pub(in crate::transport) const PORTIONS: usize = 8;
 
 /// Merges the contributions of all processes to the own rows. `chunks` are the own contributions, and `direct` is as for
 /// [`combine`](crate::transport::combine::combine). Every process of the team must call it.
@@ -43,7 +43,7 @@ pub(super) fn merge<const C: usize>(
         own = taken_back(merged.add(chunks, now, direct), places);
         let done: Vec<Range<usize>> =
             rows.iter().zip(&wanted).map(|(rows, wanted)| rows.start..wanted.end).collect();
-        let needed = |row: &Row, term: &Term<C>| is_needed(rig, &done, now.end, row, term);
+        let needed = |row: &Row, terms: &[Term<C>]| needed(rig, &done, now.end, row, terms);
         own.iter_mut().flatten().par_bridge().for_each(|chunk| chunk.retain(needed));
     }
     Ok(merged.finish())
@@ -55,20 +55,30 @@ fn part(rows: &Range<usize>, portion: usize) -> Range<usize> {
     end(portion)..end(portion + 1)
 }
 
-/// Whether the own contributions of `row` at a pixel are needed after some portions: `done` are the rows of each process that are merged already, and
-/// the own ones end before the pixel `next`.
-fn is_needed<const C: usize>(
+/// The places of the own contributions of `row` that are needed after some portions: `done` are the rows of each process that are merged already, in
+/// ascending order, and the own ones end before the pixel `next`.
+fn needed<const C: usize>(
     rig: RigShape,
     done: &[Range<usize>],
     next: usize,
     row: &Row,
-    term: &Term<C>,
-) -> bool {
+    terms: &[Term<C>],
+) -> Vec<Range<usize>> {
     // A contribution counts for the row of the pixel that its path starts from, and for that of the pixel at the other end.
-    let starts = (rig.symmetric || row.from_camera) && row.pixel as usize >= next;
-    let other = term.key.other() as usize;
-    let ends = (rig.symmetric || !row.from_camera) && !done.iter().any(|done| done.contains(&other));
-    starts || ends
+    if (rig.symmetric || row.from_camera) && row.pixel as usize >= next {
+        return vec![0..terms.len()];
+    }
+    if !rig.symmetric && row.from_camera {
+        return Vec::new();
+    }
+    let mut wanted = Vec::with_capacity(done.len() + 1);
+    let mut start = 0;
+    for merged in done.iter().map(|done| places(terms, done)) {
+        wanted.push(start..merged.start);
+        start = merged.end;
+    }
+    wanted.push(start..terms.len());
+    wanted
 }
 
 /// The number of contributions of each class to the own rows, from all processes.
@@ -163,7 +173,12 @@ mod tests {
                     let done: Vec<Range<usize>> =
                         rows.iter().map(|rows| rows.start..part(rows, portion).end).collect();
                     let row = Row { pixel, from_camera, end: 1 };
-                    is_needed(rig, &done, done[0].end, &row, &Term::<1>::none(Key::new(other, 1)))
+                    let terms = [Term::<1>::none(Key::new(other, 1))];
+                    needed(rig, &done, done[0].end, &row, &terms)
+                        .into_iter()
+                        .map(|places| places.len())
+                        .sum::<usize>()
+                        == 1
                 };
                 for (pixel, other) in [(0, 1), (0, 7), (1, 4), (3, 0)] {
                     // The first portion after which a row is merged.
@@ -191,7 +206,11 @@ mod tests {
         let row = |pixel: u32, end: usize| Row { pixel, from_camera: true, end };
         let mut chunk =
             Chunk { rows: vec![row(0, 3), row(1, 3), row(2, 5)], terms: [0, 1, 2, 1, 3].map(term).into() };
-        chunk.retain(|row, term| row.pixel == 2 || term.key.other() == 1);
+        chunk.retain(|row, terms| match row.pixel {
+            0 => vec![1..2],
+            2 => vec![0..1, 1..terms.len()],
+            _ => Vec::new(),
+        });
         let left: Vec<(u32, Vec<u32>)> = chunk
             .rows()
             .map(|(row, terms)| (row.pixel, terms.iter().map(|term| term.key.other()).collect()))
