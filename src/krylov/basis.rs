@@ -99,13 +99,7 @@ impl Basis {
         } else {
             w.par_chunks(BLOCK).enumerate().map(block_sums).collect()
         };
-        let mut sums = vec![0.0; columns.len()];
-        for block in &partial {
-            for (sum, part) in sums.iter_mut().zip(block) {
-                *sum += part;
-            }
-        }
-        sums
+        added(columns.len(), &partial)
     }
 
     /// `w ← w + sign · V h` over the columns from `first` on.
@@ -118,6 +112,15 @@ impl Basis {
     pub(super) fn accumulate_first(&self, coefficients: &[f64], sign: f64, w: &mut [f64]) {
         accumulate(&self.columns[..coefficients.len()], coefficients, sign, w);
     }
+}
+
+/// The sums of all blocks, in the order of the rows.
+pub(super) fn added(count: usize, partial: &[Vec<f64>]) -> Vec<f64> {
+    let mut sums = vec![0.0; count];
+    for block in partial {
+        sums.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
+    }
+    sums
 }
 
 /// `w ← w + sign · V h` over these columns.

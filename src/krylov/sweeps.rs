@@ -7,15 +7,15 @@
 
 use rayon::prelude::*;
 
-use super::basis::{Basis, norm_of_square};
+use super::basis::{Basis, added, norm_of_square};
 use super::kernels::{add_block, dot_block, dots_block, settle_block};
 
 /// Rows in a block. The blocks of eight columns (32 KiB) stay in the first-level cache, those of a hundred columns in the
 /// second-level cache.
-const ROWS: usize = 512;
+pub(super) const ROWS: usize = 512;
 
 /// Below this length, threads cost more time than they save.
-const PARALLEL: usize = 2048;
+pub(super) const PARALLEL: usize = 2048;
 
 /// What a sweep removes from a vector and from the last column.
 pub(super) struct Settling<'a> {
@@ -146,15 +146,6 @@ fn settle_rows(
 fn last_and_others(sums: &mut [f64]) -> (&mut f64, &mut [f64]) {
     let (others, last) = sums.split_at_mut(sums.len() - 1);
     (&mut last[0], others)
-}
-
-/// The sums of all blocks, in the order of the rows.
-pub(super) fn added(count: usize, partial: &[Vec<f64>]) -> Vec<f64> {
-    let mut sums = vec![0.0; count];
-    for block in partial {
-        sums.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
-    }
-    sums
 }
 
 /// Inner products and the norm of `w`, from these products with `‖w‖²` after them.

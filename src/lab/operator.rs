@@ -122,8 +122,7 @@ impl Operator for LabOperator {
     }
 
     fn frames(&self) -> Option<u64> {
-        let effort = lock(&self.transport).rig()?.measurement.effort();
-        Some(effort.taken + effort.replayed)
+        Some(lock(&self.transport).rig()?.measurement.effort().frames())
     }
 }
 

@@ -46,6 +46,13 @@ pub struct Effort {
     pub times: Times,
 }
 
+impl Effort {
+    /// The frames that were used: those taken, and those from the journal.
+    pub fn frames(&self) -> u64 {
+        self.taken + self.replayed
+    }
+}
+
 /// A source of raw frames.
 pub trait FrameSource: Send {
     /// The projector.

@@ -79,8 +79,7 @@ impl Operator for MeasuredOperator<'_> {
     }
 
     fn frames(&self) -> Option<u64> {
-        let effort = self.measurement.effort();
-        Some(effort.taken + effort.replayed)
+        Some(self.measurement.effort().frames())
     }
 }
 

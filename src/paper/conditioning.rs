@@ -8,13 +8,13 @@ use super::bench::Bench;
 use super::check::Check;
 use super::dense::{conditions, spectrum_of_rows};
 use super::figure::{Content, Figure, Plot, Reproduced};
-use super::sketch::graph;
+use super::sketch::{graph, make_orthonormal};
 use super::stage::Set;
 use crate::analysis::segment::NormalizedAdjacency;
 use crate::error::Result;
 use crate::krylov::{EigsOptions, Factorization, Lanczos, Start, dot, eigs, norm};
 use crate::operator::Operator;
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -141,22 +141,13 @@ fn projected_back(
 /// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R` the photos of `Q` are those of
 /// `X` times `R⁻¹`, and so are their errors.
 fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Vec<(f64, f64)>> {
-    let (mut basis, mut products): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
+    let mut basis: Vec<[Vec<f64>; 2]> = Vec::new();
     let mut found = Vec::new();
-    for [pattern, photo] in pairs {
-        let (mut pattern, mut photo) = (pattern.clone(), photo.clone());
-        for _ in 0..2 {
-            for (known, product) in basis.iter().zip(&products) {
-                let share = dot(known, &pattern);
-                pattern.iter_mut().zip(known).for_each(|(value, known)| *value -= share * known);
-                photo.iter_mut().zip(product).for_each(|(value, product)| *value -= share * product);
-            }
-        }
-        let length = norm(&pattern);
-        pattern.iter_mut().chain(&mut photo).for_each(|value| *value /= length);
-        basis.push(pattern);
-        products.push(photo);
-        let row = |vector: &Vec<f64>| products.iter().map(|product| dot(vector, product)).collect();
+    for pair in pairs {
+        let mut pair = pair.clone();
+        make_orthonormal(&mut pair, &basis);
+        basis.push(pair);
+        let row = |[vector, _]: &[Vec<f64>; 2]| basis.iter().map(|[_, photo]| dot(vector, photo)).collect();
         let value = spectrum_of_rows(&basis.iter().map(row).collect::<Vec<_>>())?.values[0];
         found.push((found.len() as f64 + 1.0, (value - reference).abs() / reference));
     }
@@ -180,27 +171,17 @@ fn plots(conditions: [Vec<f64>; 3], by_power: Vec<(f64, f64)>, by_lanczos: Vec<(
         points: values.into_iter().enumerate().map(|(k, value)| (k as f64 + 1.0, value)).collect(),
     };
     let names = ["photos projected back as they are", "photos of orthogonal patterns", "orthogonal patterns"];
-    let plot = |caption: &str, y_label: &str, series: Vec<Series>| Plot {
-        caption: caption.into(),
-        lines: LinePlot {
-            x_label: "photos".into(),
-            y_label: y_label.into(),
-            logarithmic: true,
-            series,
-            ..LinePlot::default()
-        },
-    };
     vec![
-        plot(
+        Plot::logarithmic(
             "Condition number of the first k vectors, each of norm 1. Where noise is in the photos, the first line stops near the inverse of \
              their relative noise: what differs then is noise.",
-            "condition number",
+            ["photos", "condition number"],
             names.into_iter().zip(conditions).map(line).collect(),
         ),
-        plot(
+        Plot::logarithmic(
             "Relative error of the second eigenvalue of the normalized cut, from the same space by either basis. An error of the photos grows \
              by the condition number of the basis.",
-            "relative error",
+            ["photos", "relative error"],
             vec![
                 Series { name: "photos projected back as they are".into(), points: by_power },
                 Series { name: "orthogonal patterns".into(), points: by_lanczos },

@@ -110,7 +110,7 @@ fn transpose_is_missing(bench: &mut Bench, stage: &Stage, target: &[f64], bound:
     let from = (1..=MORE).find(|&photos| boxed.displayed_at(photos) <= NEARLY * bound);
     let (_, with_transpose) = optimum(operator, stage, &light, 2 * MORE)?;
     Ok(format!(
-        "No photo is one of the transpose, which the gradient of the residual needs; a mixture of blurs that is told from the photos stands for \
+        "No photo is one of the transpose, which the gradient of the residual needs; a mixture of blurs that is fitted to the photos stands for \
          it. On the matrix itself, without any device, the method displays {:.3} times the optimum after {PHOTOS} photos, and {} within 5 %. \
          Accelerated gradients with the true transpose display {:.3} times it after {MORE} products of either kind.",
         boxed.displayed_at(PHOTOS) / bound,

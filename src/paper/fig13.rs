@@ -11,7 +11,7 @@ use crate::krylov::norm;
 use crate::lab::Lab;
 use crate::measure::bit_planes::{amplification, weights};
 use crate::measure::{Calibration, MeasureOptions, RigFile, RigKind};
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::rig::VirtualRig;
 
 const SIDE: usize = 100;
@@ -108,21 +108,15 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 
 /// The error of the photo for each number of bit planes.
 fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Plot {
-    Plot {
-        caption: "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read \
-                  noise: more bit planes are worse than fewer."
-            .into(),
-        lines: LinePlot {
-            x_label: "bit planes".into(),
-            y_label: "relative error".into(),
-            logarithmic: true,
-            series: vec![
-                Series { name: "bright".into(), points: bright },
-                Series { name: "dim, with noise".into(), points: dim },
-            ],
-            ..LinePlot::default()
-        },
-    }
+    Plot::logarithmic(
+        "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read noise: more bit planes are worse \
+         than fewer.",
+        ["bit planes", "relative error"],
+        vec![
+            Series { name: "bright".into(), points: bright },
+            Series { name: "dim, with noise".into(), points: dim },
+        ],
+    )
 }
 
 /// `½ + ½ sin` along the rows.

@@ -5,7 +5,7 @@ use super::check::Check;
 use super::words::words;
 use crate::image::Resolution;
 use crate::operator::Product;
-use crate::report::plot::LinePlot;
+use crate::report::plot::{LinePlot, Series};
 
 /// A figure of the paper that can be reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -160,6 +160,19 @@ pub struct Plot {
     pub caption: String,
     /// The lines.
     pub lines: LinePlot,
+}
+
+impl Plot {
+    /// Lines over the axis `x_label`, with a logarithmic axis `y_label`.
+    pub(super) fn logarithmic(
+        caption: impl Into<String>,
+        [x_label, y_label]: [&str; 2],
+        series: Vec<Series>,
+    ) -> Self {
+        let (x_label, y_label) = (x_label.into(), y_label.into());
+        let lines = LinePlot { x_label, y_label, logarithmic: true, series, ..LinePlot::default() };
+        Self { caption: caption.into(), lines }
+    }
 }
 
 /// Photos in the order in which they were taken, for a contact sheet.

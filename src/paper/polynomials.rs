@@ -197,17 +197,11 @@ fn minimal_plot(run: &Run, ends: [f64; 2]) -> Plot {
 fn monic_plot(run: &Run, largest: f64) -> Plot {
     let norms = run.monic_norms();
     let points = norms.iter().enumerate().map(|(k, norm)| (k as f64 + 1.0, norm / largest));
-    Plot {
-        caption: "The norm of the monic polynomial of each degree, its k-th root over the largest eigenvalue. It would fall to 0 at the degree \
-                  of the minimal polynomial; the light of a scene has no such degree below the number of its pixels, and what the line \
-                  approaches tells how densely the spectrum is filled."
-            .into(),
-        lines: LinePlot {
-            x_label: "photos".into(),
-            y_label: "‖q(A) b‖^(1/k) / λ₁".into(),
-            logarithmic: true,
-            series: vec![Series { name: "monic polynomial".into(), points: points.collect() }],
-            ..LinePlot::default()
-        },
-    }
+    Plot::logarithmic(
+        "The norm of the monic polynomial of each degree, its k-th root over the largest eigenvalue. It would fall to 0 at the degree of the \
+         minimal polynomial; the light of a scene has no such degree below the number of its pixels, and what the line approaches tells \
+         how densely the spectrum is filled.",
+        ["photos", "‖q(A) b‖^(1/k) / λ₁"],
+        vec![Series { name: "monic polynomial".into(), points: points.collect() }],
+    )
 }

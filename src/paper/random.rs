@@ -16,7 +16,7 @@ use super::target::picture;
 use crate::analysis::low_rank::smooth_starts;
 use crate::error::Result;
 use crate::krylov::{Method, Start, dot, norm};
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -81,22 +81,16 @@ fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
         Check::stated("the same by random signs", best(&signs)),
         Check::stated("the same by random smooth patterns", best(&smooth)),
     ];
-    let plot = Plot {
-        caption: "How far the vector that parts the sheets of the zigzag is from the true one (one minus overlap), at equal photos. Half of \
-                  the photos of random patterns are those of an orthonormal basis of what the other half showed."
-            .into(),
-        lines: LinePlot {
-            x_label: "photos".into(),
-            y_label: "1 − overlap".into(),
-            logarithmic: true,
-            series: vec![
-                Series { name: "Lanczos".into(), points: krylov },
-                Series { name: "random signs".into(), points: signs },
-                Series { name: "random smooth patterns".into(), points: smooth },
-            ],
-            ..LinePlot::default()
-        },
-    };
+    let plot = Plot::logarithmic(
+        "How far the vector that parts the sheets of the zigzag is from the true one (one minus overlap), at equal photos. Half of the \
+         photos of random patterns are those of an orthonormal basis of what the other half showed.",
+        ["photos", "1 − overlap"],
+        vec![
+            Series { name: "Lanczos".into(), points: krylov },
+            Series { name: "random signs".into(), points: signs },
+            Series { name: "random smooth patterns".into(), points: smooth },
+        ],
+    );
     Ok((plot, checks))
 }
 
@@ -139,26 +133,17 @@ fn compensated(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>,
         ),
         Check::stated("by random smooth patterns, %", percent(smooth.answered_at(PHOTOS))),
     ];
-    let plot = |x_label: &str, caption: &str, series: Vec<Series>| Plot {
-        caption: caption.into(),
-        lines: LinePlot {
-            x_label: x_label.into(),
-            y_label: "relative residual".into(),
-            logarithmic: true,
-            series,
-            ..LinePlot::default()
-        },
-    };
     let entries = [("MINRES", &minres), ("random signs", &signs), ("random smooth patterns", &smooth)];
     let lines = entries.iter().map(|(name, entry)| line(name, &entry.answered)).collect();
-    let mut plots = vec![plot(
-        "photos",
+    let mut plots = vec![Plot::logarithmic(
         "Relative residual of the compensation of the corner by the light itself, answers not clamped, at equal photos.",
+        ["photos", "relative residual"],
         lines,
     )];
     let frames = over_frames(&entries);
     if !frames.is_empty() {
-        plots.push(plot("frames", "The same, clamped to what can be displayed, at equal frames.", frames));
+        let caption = "The same, clamped to what can be displayed, at equal frames.";
+        plots.push(Plot::logarithmic(caption, ["frames", "relative residual"], frames));
     }
     let seen = |name: &str, caption: &str, entry: &Entry| {
         let values = stage.photo(&clamped(&entry.pattern));

@@ -11,6 +11,9 @@ use crate::operator::{Adjoint, Metered, Operator};
 /// Runs of more photos than this are wanted at their end only.
 const EACH: usize = 50;
 
+/// A photo that depends on those before has some 1e-16 of its norm left once they are removed: less than this share is rounding.
+const ROUNDING: f64 = 1e-10;
+
 /// The graph of exchanged light, by one or two photos.
 pub(super) fn graph(global: &mut dyn Operator) -> Result<Graph> {
     let ones = vec![1.0; global.cols()];
@@ -55,27 +58,32 @@ pub(super) fn sketch(
     let length = norm(&known);
     let known: Vec<f64> = known.iter().map(|value| value / length).collect();
     let mut cut = NormalizedAdjacency::new(global, graph);
-    let (mut basis, mut products): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (vec![known], Vec::new());
+    // The vectors of an orthonormal basis. None has an image: a photo is taken of each once it is made.
+    let mut basis = vec![[known, Vec::new()]];
+    let mut products: Vec<Vec<f64>> = Vec::new();
     let mut found = Vec::new();
     for pattern in patterns {
-        let mut pattern: Vec<f64> = graph.pixels().iter().map(|&pixel| pattern[pixel]).collect();
+        let pattern: Vec<f64> = graph.pixels().iter().map(|&pixel| pattern[pixel]).collect();
         let mut photo = vec![0.0; pattern.len()];
-        make_orthogonal(&mut pattern, &basis[..1]);
-        cut.apply(&pattern, &mut photo)?;
-        if !make_orthogonal(&mut photo, &basis) {
+        let mut pattern = [pattern, Vec::new()];
+        make_orthonormal(&mut pattern, &basis[..1]);
+        cut.apply(&pattern[0], &mut photo)?;
+        let before = norm(&photo);
+        let mut photo = [photo, Vec::new()];
+        if make_orthonormal(&mut photo, &basis) <= ROUNDING * before {
             continue;
         }
-        let mut product = vec![0.0; photo.len()];
-        cut.apply(&photo, &mut product)?;
+        let mut product = vec![0.0; photo[0].len()];
+        cut.apply(&photo[0], &mut product)?;
         basis.push(photo);
         products.push(product);
         let rows: Vec<Vec<f64>> = basis[1..]
             .iter()
-            .map(|vector| products.iter().map(|product| dot(vector, product)).collect())
+            .map(|[vector, _]| products.iter().map(|product| dot(vector, product)).collect())
             .collect();
         let leading = spectrum_of_rows(&rows)?.vectors.swap_remove(0);
         let mut vector = vec![0.0; graph.pixels().len()];
-        for (share, column) in leading.iter().zip(&basis[1..]) {
+        for (share, [column, _]) in leading.iter().zip(&basis[1..]) {
             vector.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
         }
         found.push((2.0 * products.len() as f64, graph.scatter(&vector, 0.0)));
@@ -83,21 +91,23 @@ pub(super) fn sketch(
     Ok(found)
 }
 
-/// Removes from `vector` what it has of an orthonormal basis, twice, since rounding leaves some the first time, and scales it to norm 1. False
-/// where nothing but rounding is left.
-fn make_orthogonal(vector: &mut [f64], basis: &[Vec<f64>]) -> bool {
-    /// What is left of a vector that depends on the basis is some 1e-16 of it.
-    const ROUNDING: f64 = 1e-10;
-    let before = norm(vector);
+/// Makes the first of two vectors orthogonal to the first ones of `known`, which are orthonormal, and scales it to norm 1. The second one, which is a
+/// linear function of the first, is changed alike. Returns the norm of what was left of the first; where it is 0, nothing is scaled.
+pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]) -> f64 {
+    let [vector, image] = pair;
+    // Rounding leaves some of the basis the first time.
     for _ in 0..2 {
-        for known in basis {
-            let share = dot(known, vector);
-            vector.iter_mut().zip(known).for_each(|(value, known)| *value -= share * known);
+        for [of, image_of] in known {
+            let share = dot(of, vector);
+            vector.iter_mut().zip(of).for_each(|(value, of)| *value -= share * of);
+            image.iter_mut().zip(image_of).for_each(|(value, of)| *value -= share * of);
         }
     }
     let left = norm(vector);
-    vector.iter_mut().for_each(|value| *value /= left);
-    left > ROUNDING * before
+    if left > 0.0 {
+        vector.iter_mut().chain(image).for_each(|value| *value /= left);
+    }
+    left
 }
 
 /// The least-squares combination of `patterns` after each of their photos.
@@ -113,22 +123,13 @@ pub(super) fn fitted(
     // Photos made orthonormal, and the same combinations of patterns.
     let mut known: Vec<[Vec<f64>; 2]> = Vec::new();
     for pattern in patterns {
-        let (mut pattern, mut photo) = (pattern.clone(), vec![0.0; left.len()]);
-        metered.apply(&pattern, &mut photo)?;
-        for _ in 0..2 {
-            for [of, seen] in &known {
-                let share = dot(seen, &photo);
-                photo.iter_mut().zip(seen).for_each(|(value, seen)| *value -= share * seen);
-                pattern.iter_mut().zip(of).for_each(|(value, of)| *value -= share * of);
-            }
-        }
-        let length = norm(&photo);
-        if length > 0.0 {
-            pattern.iter_mut().chain(&mut photo).for_each(|value| *value /= length);
-            let share = dot(&photo, &left);
-            left.iter_mut().zip(&photo).for_each(|(left, value)| *left -= share * value);
-            entry.pattern.iter_mut().zip(&pattern).for_each(|(sum, value)| *sum += share * value);
-            known.push([pattern, photo]);
+        let mut pair = [vec![0.0; left.len()], pattern.clone()];
+        metered.apply(pattern, &mut pair[0])?;
+        if make_orthonormal(&mut pair, &known) > 0.0 {
+            let share = dot(&pair[0], &left);
+            left.iter_mut().zip(&pair[0]).for_each(|(left, value)| *left -= share * value);
+            entry.pattern.iter_mut().zip(&pair[1]).for_each(|(sum, value)| *sum += share * value);
+            known.push(pair);
         }
         entry.answered.push(target_light.residual(stage, &entry.pattern));
         entry.displayed.push(target_light.residual(stage, &clamped(&entry.pattern)));

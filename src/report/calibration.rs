@@ -60,7 +60,7 @@ pub fn write_page(
         .map(|(_, caption, plot)| Block::Plot { svg: plot.render(), caption: caption.into() });
     let section =
         |title: &str, text: &str, blocks| Section { title: title.into(), text: text.into(), blocks };
-    let taken = report.effort.taken + report.effort.replayed;
+    let taken = report.effort.frames();
     let page = Report {
         title,
         verdict: Verdict {

@@ -46,7 +46,7 @@ pub struct LoadOptions<'a> {
     /// Makes material libraries, pictures and texture coordinates that are missing or cannot be read errors. Otherwise their surfaces are matte or
     /// have the material's own colour, and a warning says so.
     pub strict: bool,
-    /// Who is told how far loading is, and may end it.
+    /// Receives the progress of loading, and may end it.
     pub watcher: Watcher<'a>,
 }
 

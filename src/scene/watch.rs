@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 /// After how many triangles or lines the watcher is told again: a fraction of a second.
 const RHYTHM: usize = 1 << 16;
 
-/// Who watches while a scene is loaded; by default nobody.
+/// Receives the progress of loading a scene, and decides whether it goes on. The default does nothing.
 #[derive(Clone, Copy, Default)]
 pub struct Watcher<'a>(Option<&'a dyn Fn(f32) -> ControlFlow<()>>);
 
@@ -34,6 +34,6 @@ impl<'a> Watcher<'a> {
 
 impl fmt::Debug for Watcher<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.0.is_some() { "Watcher" } else { "nobody" })
+        f.write_str(if self.0.is_some() { "Watcher" } else { "none" })
     }
 }

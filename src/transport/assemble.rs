@@ -1,9 +1,6 @@
 //! The light transport matrix of a scene: its light paths are traced, summed pixel by pixel, and combined
 //! into rows.
 
-use std::ops::Range;
-
-use super::chunk::Chunk;
 use super::combine::{Combined, combine};
 use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
@@ -80,7 +77,8 @@ pub(super) fn whole<const C: usize>(
 ) -> Result<Assembled> {
     let Share { chunks, direct, ambient, has_halves, summary } = share;
     let rows = 0..rig.camera.pixels();
-    let (mut layers, sums) = layers(chunks, rig, rows.clone(), split, &direct);
+    let combined = combine(chunks, rig, rows.clone(), classes(split).len(), &direct);
+    let (mut layers, sums) = of_classes(combined, split);
     // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
     let matrix = TransportMatrix { rig, channels, direct: planes(&direct), layers, rows, spread: None };
@@ -94,18 +92,6 @@ pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
         projector: tracer.projector_resolution(settings),
         symmetric: tracer.symmetric(settings),
     }
-}
-
-/// These rows of the matrix by number of bounces, with the sums over each. `direct` is their part of the diagonal, or empty. The chunks are dropped
-/// as soon as they are combined.
-pub(super) fn layers<const C: usize>(
-    chunks: Vec<Chunk<C>>,
-    rig: RigShape,
-    rows: Range<usize>,
-    split: bool,
-    direct: &[[[f64; 2]; C]],
-) -> (Vec<Layer>, Vec<RowSums<C>>) {
-    of_classes(combine(chunks, rig, rows, classes(split).len(), direct), split)
 }
 
 /// The bounces of each class of contributions.

@@ -12,7 +12,6 @@ use super::tiles::{Builder, Pieces};
 /// Layers that get consecutive rows of a matrix portion by portion, where the contributions to all of them are never there at the same time.
 pub(super) struct Portions<const C: usize> {
     rig: RigShape,
-    classes: usize,
     layers: Vec<Builder>,
     /// For each layer, merged rows that are not in tiles yet, counted from the first row of the layers.
     pieces: Vec<Pieces>,
@@ -24,7 +23,7 @@ impl<const C: usize> Portions<C> {
     pub(super) fn new(rig: RigShape, rows: usize, classes: usize, of_class: [usize; CLASSES]) -> Self {
         let layers = builders::<C>(of_class, rig, rows, classes, false);
         let pieces = layers.iter().map(|_| Pieces::new(0, Vec::new())).collect();
-        Self { rig, classes, layers, pieces, sums: Vec::new() }
+        Self { rig, layers, pieces, sums: Vec::new() }
     }
 
     /// Merges the next `rows`. The chunks have all contributions to them, in the order of [`combine`](super::combine::combine), and are handed back; `direct` is as
@@ -36,7 +35,7 @@ impl<const C: usize> Portions<C> {
         direct: &[[[f64; 2]; C]],
     ) -> Vec<Chunk<C>> {
         let (mut merging, _) = Merging::new(chunks, self.rig, rows, false, direct);
-        let merged = merging.pieces(&(0..rows.len()), self.classes);
+        let merged = merging.pieces(&(0..rows.len()), self.layers.len());
         for ((layer, pieces), merged) in self.layers.iter_mut().zip(&mut self.pieces).zip(merged) {
             pieces.append(merged);
             while let Some(group) = layer.next_rows().filter(|group| group.end <= pieces.end()) {

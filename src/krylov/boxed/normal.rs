@@ -8,17 +8,11 @@
 
 use rayon::prelude::*;
 
-use super::super::basis::{norm, norm_of_square};
+use super::super::basis::{added, norm, norm_of_square};
 use super::super::kernels::{add_pair_block, dots_pair_block};
-use super::super::sweeps::added;
+use super::super::sweeps::{PARALLEL, ROWS};
 use super::super::vectors::update2;
 use super::model::Model;
-
-/// Rows in a block: the blocks of 12 patterns and 12 products (96 KiB) stay in the second-level cache, and those of 100.
-const ROWS: usize = 512;
-
-/// Below this length, threads cost more time than they save.
-const PARALLEL: usize = 2048;
 
 /// The inner products of a vector `u` that a model needs.
 #[derive(Clone, Default)]

@@ -55,7 +55,7 @@ impl RigSource {
         found.save(&run.path)?;
         calibration::write(&run.path, &found, &report)?;
         let effort = frames.effort();
-        run.manifest.photos = effort.taken + effort.replayed;
+        run.manifest.photos = effort.frames();
         let (title, lines) = (format!("{} · calibration", self.name()), report.lines());
         let seconds = run.seconds();
         calibration::write_page(&run.path, (title, &lines), (&found, &report), &run.manifest, seconds)?;
