@@ -59,7 +59,7 @@ def request(source, options):
 
 
 def _source(source, name):
-    from .rig import ProgramRig
+    from ._program import ProgramRig
 
     if isinstance(source, ProgramRig):
         return source._request(name)

@@ -6,8 +6,9 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use super::bar::Bar;
 use super::options::GlobalArgs;
-use super::progress::{Bar, Progress};
+use super::progress::Progress;
 use crate::error::{Error, Result};
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 use crate::team::Team;
@@ -41,8 +42,8 @@ impl Console {
                 std::process::exit(130);
             }
         });
-        let progress = Arc::default();
         let GlobalArgs { json, quiet, verbose, allow_programs: allows_programs } = *args;
+        let progress = Arc::new(Mutex::new(Progress::new(quiet)));
         let console = Self { json, quiet, verbose, allows_programs, interrupted, asked, progress, team };
         if handler.is_err() {
             console.note("note: Ctrl-C cannot be handled here; it will stop krylux at once");
@@ -132,16 +133,6 @@ impl Console {
         self.team.clone()
     }
 
-    /// Whether progress is drawn on a terminal.
-    pub(super) fn has_terminal(&self) -> bool {
-        std::io::stderr().is_terminal()
-    }
-
-    /// Whether progress is drawn at all.
-    pub(super) fn is_quiet(&self) -> bool {
-        self.quiet
-    }
-
     /// Whether pictures may be drawn among the lines of the result: stdout is a terminal, and lines are said.
     pub(super) fn draws_pictures(&self) -> bool {
         !self.json && !self.quiet && std::io::stdout().is_terminal()
@@ -154,7 +145,7 @@ impl Console {
 
     /// One line that is rewritten again and again.
     pub(super) fn line(&self) -> Bar {
-        Bar::line(self)
+        Bar::line(self.quiet)
     }
 
     /// What is shown of a running computation.
@@ -165,7 +156,7 @@ impl Console {
 
 impl Observer for Console {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
-        self.progress().step(self, step);
+        self.progress().step(step);
         if step.stage == "loading" {
             // Between these steps nothing may ask whether to stop for long, so that Ctrl-C still ends the program at once.
             return match self.interrupted.load(Ordering::SeqCst) {
@@ -186,7 +177,7 @@ impl Observer for Console {
     }
 
     fn photo(&self, photo: &PhotoTaken<'_>) -> ControlFlow<()> {
-        self.progress().photo(self, photo);
+        self.progress().photo(photo);
         self.check()
     }
 }
@@ -228,7 +219,7 @@ mod tests {
     fn while_a_scene_is_loaded_nothing_asks_so_that_the_first_interrupt_ends_the_program() {
         let [json, quiet, verbose, allows_programs] = [false, true, false, false];
         let [interrupted, asked] = [false, false].map(|flag| Arc::new(AtomicBool::new(flag)));
-        let progress = Arc::default();
+        let progress = Arc::new(Mutex::new(Progress::new(quiet)));
         let console =
             Console { json, quiet, verbose, allows_programs, interrupted, asked, progress, team: None };
         let step = |stage, done| console.step(&Step { stage, done, total: 100, estimate: Estimate::None });

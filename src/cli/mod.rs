@@ -3,6 +3,7 @@
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
 mod audit;
+mod bar;
 mod cache;
 mod compare;
 mod compensate;

@@ -1,14 +1,9 @@
 //! What is seen of a computation while it goes on: a bar of light paths, or a line about the photos of a run; and images in a viewer.
 
-use std::cell::Cell;
-use std::fmt::Write;
-use std::ops::ControlFlow;
+use std::io::Write;
 use std::time::{Duration, Instant};
 
-use indicatif::style::TemplateError;
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
-
-use super::console::Console;
+use super::bar::{Bar, has_terminal};
 use crate::image::Resolution;
 use crate::observer::{PhotoTaken, Step};
 use crate::report::viewer::{Plane, Viewer};
@@ -16,14 +11,10 @@ use crate::report::viewer::{Plane, Viewer};
 /// Without a terminal, a line at most so often: a log of hours stays readable.
 const EVERY: Duration = Duration::from_secs(10);
 
-const STEPS: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left";
-const LINE: &str = "{wide_msg}";
-/// One line with what is known of the answer so far. 80 columns hold it with the longest estimate and a thousand photos.
-const PHOTOS: &str = "{prefix} {bar:8} {pos}/{len}  {gone} gone, {left} left  {wide_msg}";
-
 /// What is shown of a running computation.
-#[derive(Default)]
 pub(super) struct Progress {
+    /// Whether nothing is drawn.
+    quiet: bool,
     steps: Option<Bar>,
     photos: Option<PhotoLine>,
     taken: u64,
@@ -40,6 +31,11 @@ pub(super) struct Display {
 }
 
 impl Progress {
+    /// Nothing is drawn where `quiet`, nor where stderr is no terminal.
+    pub(super) fn new(quiet: bool) -> Self {
+        Self { quiet, steps: None, photos: None, taken: 0, viewer: None }
+    }
+
     /// Shows every pattern and photo in this viewer from now on.
     pub(super) fn show_in(&mut self, display: Option<Display>) {
         self.viewer = display;
@@ -51,12 +47,13 @@ impl Progress {
         self.photos = None;
     }
 
-    pub(super) fn step(&mut self, console: &Console, step: &Step<'_>) {
+    pub(super) fn step(&mut self, step: &Step<'_>) {
         match step.stage {
             // While photos are traced one by one, the line about photos says more.
             "tracing" if self.photos.is_some() => {}
             "loading" | "tracing" | "trials" => {
-                let bar = self.steps.get_or_insert_with(|| Bar::steps(console, step.stage));
+                let quiet = self.quiet;
+                let bar = self.steps.get_or_insert_with(|| Bar::steps(quiet, step.stage));
                 // Whether to go on is asked by the console, and not here: while a scene is loaded, it is not asked at all.
                 bar.show(step.done, step.total);
                 if step.done == step.total {
@@ -65,21 +62,21 @@ impl Progress {
             }
             _ if step.done == 0 => {
                 self.steps = None;
-                self.photos = Some(PhotoLine::new(console, self.taken, self.taken + step.total));
+                self.photos = Some(PhotoLine::new(self.quiet, self.taken, self.taken + step.total));
             }
             _ => {
                 if let Some(line) = &mut self.photos {
                     line.estimate(step.estimate.to_string());
-                    line.at(console, self.taken);
+                    line.at(self.taken);
                 }
             }
         }
     }
 
-    pub(super) fn photo(&mut self, console: &Console, photo: &PhotoTaken<'_>) {
+    pub(super) fn photo(&mut self, photo: &PhotoTaken<'_>) {
         self.taken += 1;
         if let Some(line) = &mut self.photos {
-            line.at(console, self.taken);
+            line.at(self.taken);
         }
         let Some(display) = &self.viewer else { return };
         let [patterns, photos] = display.sizes;
@@ -111,6 +108,7 @@ impl Display {
 
 /// The line about the photos of a run: rewritten on a terminal, now and then a new one elsewhere.
 struct PhotoLine {
+    quiet: bool,
     bar: Bar,
     estimate: String,
     start: Instant,
@@ -121,10 +119,10 @@ struct PhotoLine {
 }
 
 impl PhotoLine {
-    fn new(console: &Console, before: u64, total: u64) -> Self {
+    fn new(quiet: bool, before: u64, total: u64) -> Self {
         let start = Instant::now();
-        let bar = Bar::photos(console);
-        Self { bar, estimate: String::new(), start, rhythm: Rhythm { last: start }, before, total }
+        let bar = Bar::photos(quiet);
+        Self { quiet, bar, estimate: String::new(), start, rhythm: Rhythm { last: start }, before, total }
     }
 
     fn estimate(&mut self, estimate: String) {
@@ -132,11 +130,10 @@ impl PhotoLine {
         self.estimate = estimate;
     }
 
-    fn at(&mut self, console: &Console, taken: u64) {
+    fn at(&mut self, taken: u64) {
         let total = self.total.max(taken);
-        // Whether to go on is asked by the console.
-        let _ = self.bar.at(taken, total);
-        if console.is_quiet() || console.has_terminal() || !self.rhythm.is_due(Instant::now()) {
+        self.bar.show(taken, total);
+        if self.quiet || has_terminal() || !self.rhythm.is_due(Instant::now()) {
             return;
         }
         let (done, all) = (taken - self.before, total - self.before);
@@ -146,7 +143,6 @@ impl PhotoLine {
 }
 
 fn eprintln_softly(line: &str) {
-    use std::io::Write;
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
@@ -175,154 +171,9 @@ impl Rhythm {
     }
 }
 
-/// A progress bar that also says whether to go on.
-pub(super) struct Bar {
-    console: Console,
-    bar: ProgressBar,
-    total: Cell<u64>,
-}
-
-impl Bar {
-    pub(super) fn steps(console: &Console, what: &'static str) -> Self {
-        Self::drawn(console, what, STEPS)
-    }
-
-    pub(super) fn line(console: &Console) -> Self {
-        Self::drawn(console, "", LINE)
-    }
-
-    fn photos(console: &Console) -> Self {
-        Self::drawn(console, "photos", PHOTOS)
-    }
-
-    fn drawn(console: &Console, what: &'static str, template: &str) -> Self {
-        let is_hidden = console.is_quiet() || !console.has_terminal();
-        let target = if is_hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let bar = ProgressBar::with_draw_target(Some(0), target);
-        // The templates are constants; the test below settles that they parse.
-        if let Ok(style) = style(template) {
-            bar.set_style(style);
-        }
-        bar.set_prefix(what);
-        bar.enable_steady_tick(Duration::from_millis(200));
-        Self { console: console.clone(), bar, total: Cell::new(0) }
-    }
-
-    /// Something beside it.
-    pub(super) fn say(&self, text: &str) {
-        self.bar.set_message(text.to_owned());
-    }
-
-    /// `done` of `total` steps are done.
-    pub(super) fn at(&self, done: u64, total: u64) -> ControlFlow<()> {
-        self.show(done, total);
-        self.console.check()
-    }
-
-    /// Shows that `done` of `total` steps are done.
-    fn show(&self, done: u64, total: u64) {
-        if self.total.replace(total) != total {
-            self.bar.set_length(total);
-        }
-        self.bar.set_position(done);
-    }
-}
-
-/// The style of a bar. Its template may have `{gone}` and `{left}`: times in few characters, such as `12s` and `3m`.
-fn style(template: &str) -> Result<ProgressStyle, TemplateError> {
-    // A time that cannot be formatted is left out; nothing else depends on it.
-    let style = ProgressStyle::with_template(template)?
-        .with_key("gone", |state: &ProgressState, to: &mut dyn Write| {
-            let _ = write!(to, "{:#}", HumanDuration(state.elapsed()));
-        })
-        .with_key("left", |state: &ProgressState, to: &mut dyn Write| {
-            let _ = write!(to, "{:#}", HumanDuration(state.eta()));
-        });
-    Ok(style.progress_chars("━╸─"))
-}
-
-impl Drop for Bar {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::sync::{Arc, Mutex};
-
-    use indicatif::TermLike;
-
     use super::*;
-    use crate::observer::Estimate;
-
-    #[test]
-    fn the_templates_of_bars_parse() {
-        for template in [STEPS, PHOTOS, LINE] {
-            assert!(style(template).is_ok(), "{template}");
-        }
-    }
-
-    /// A terminal of 80 columns that keeps all that is written to it.
-    #[derive(Clone, Debug, Default)]
-    struct Terminal(Arc<Mutex<String>>);
-
-    impl TermLike for Terminal {
-        fn width(&self) -> u16 {
-            80
-        }
-
-        fn move_cursor_up(&self, _: usize) -> std::io::Result<()> {
-            Ok(())
-        }
-
-        fn move_cursor_down(&self, _: usize) -> std::io::Result<()> {
-            Ok(())
-        }
-
-        fn move_cursor_right(&self, _: usize) -> std::io::Result<()> {
-            Ok(())
-        }
-
-        fn move_cursor_left(&self, _: usize) -> std::io::Result<()> {
-            Ok(())
-        }
-
-        fn write_line(&self, line: &str) -> std::io::Result<()> {
-            self.write_str(line)
-        }
-
-        fn write_str(&self, text: &str) -> std::io::Result<()> {
-            self.0.lock().expect("no test fails while it writes").push_str(text);
-            Ok(())
-        }
-
-        fn clear_line(&self) -> std::io::Result<()> {
-            Ok(())
-        }
-
-        fn flush(&self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
-
-    #[test]
-    fn eighty_columns_hold_the_whole_estimate() {
-        let eigenpairs = Estimate::Eigenpairs { values: &[1.0; 20], residuals: &[1.2e-13; 20] };
-        let solution = Estimate::Solution { residual: 0.5, best: 0.25, iterate: &Vec::new };
-        for estimate in [eigenpairs, solution, Estimate::Unpredicted(0.123)] {
-            let terminal = Terminal::default();
-            let target = ProgressDrawTarget::term_like(Box::new(terminal.clone()));
-            let bar = ProgressBar::with_draw_target(Some(1000), target).with_elapsed(Duration::from_secs(59));
-            bar.set_style(style(PHOTOS).expect("it parses"));
-            bar.set_prefix("photos");
-            bar.set_message(estimate.to_string());
-            bar.set_position(873);
-            bar.force_draw();
-            let shown = terminal.0.lock().expect("no test fails while it writes").clone();
-            assert!(shown.contains("59s gone") && shown.contains(&estimate.to_string()), "{shown}");
-        }
-    }
 
     #[test]
     fn lines_are_sparse() {

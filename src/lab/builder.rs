@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::folder::RunOptions;
-use super::matrix::MatrixSource;
-use super::rig::Handed;
-use super::scene::SceneSource;
 use super::settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings};
+use super::source::Handed;
+use super::source::MatrixSource;
+use super::source::SceneSource;
 use super::source::{Source, SourceKind, check_settings, not_a_rig};
 use super::{Lab, RigSource, SharedObserver};
 use crate::error::Result;

@@ -1,4 +1,4 @@
-//! What lies where in the folder of a run.
+//! What lies where in the folder of a run, and short names of files.
 
 use std::path::{Path, PathBuf};
 
@@ -22,4 +22,16 @@ pub(super) fn calibration_folder(run: &Path) -> PathBuf {
 /// Photos in the journal of a run's folder; 0 where there is none that can be read.
 pub(super) fn photos_in(run: &Path) -> usize {
     Journal::read_only(&journal_folder(run)).map_or(0, |journal| journal.photos())
+}
+
+/// A short name for a file: its own, or its folder's where the file is just called `scene`.
+pub(super) fn short_name(path: &Path) -> String {
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let folder =
+        path.parent().and_then(|folder| folder.file_name()).map(|f| f.to_string_lossy().into_owned());
+    match (stem, folder) {
+        (Some(stem), Some(folder)) if stem == "scene" => folder,
+        (Some(stem), _) => stem,
+        (None, _) => "scene".into(),
+    }
 }

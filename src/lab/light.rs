@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use super::operator::lock;
+use super::lock::lock;
 use super::source::Source;
 use super::transport::{self, LightTransport};
 use super::{Lab, LabOperator};

@@ -33,19 +33,16 @@ mod labels;
 mod layout;
 mod light;
 mod loading;
+mod lock;
 mod look;
-mod matrix;
 mod measured;
-mod model;
 mod notes;
 mod observing;
 mod operator;
 mod photos;
 mod replaced;
-mod rig;
-mod run;
+mod run_model;
 mod saving;
-mod scene;
 mod settings;
 mod source;
 #[cfg(test)]
@@ -60,7 +57,6 @@ mod transport;
 mod verbs;
 mod verification;
 mod view;
-mod virtual_scene;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -70,13 +66,12 @@ pub use builder::LabBuilder;
 pub use folder::{RunFolder, RunOptions};
 pub use kept::{KeptPhotos, KeptRun};
 pub use look::look;
-pub use model::open_model;
 pub(crate) use observing::Log;
 pub use observing::SharedObserver;
 pub use operator::LabOperator;
-pub use rig::RigSource;
+pub use run_model::open_model;
 pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
-pub use source::SourceKind;
+pub use source::{RigSource, SourceKind};
 pub use verbs::{
     BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
     PlanRequest, Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto, TracedShard, join_shards,
@@ -99,8 +94,7 @@ pub use crate::report::text;
 use crate::scene::Scene;
 use crate::sparse::Csr;
 use crate::transport::Channels;
-use matrix::MatrixSource;
-use source::Source;
+use source::{MatrixSource, SceneSource, Source};
 use transport::LightTransport;
 
 /// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of an earlier run, or a matrix (`.npz`, `.mtx`, `.npy`).
@@ -281,7 +275,7 @@ impl Lab {
         }
     }
 
-    fn scene_source(&self) -> Result<&scene::SceneSource> {
+    fn scene_source(&self) -> Result<&SceneSource> {
         match &self.source {
             Source::Scene(scene) => Ok(scene),
             Source::Rig(rig) => rig.scene(),

@@ -1,4 +1,4 @@
-//! What a run's journal says of its photos, beside them.
+//! The names in a run's journal, and what it says of its photos, beside them.
 
 use std::path::PathBuf;
 
@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::image::Resolution;
 use crate::operator::Symmetry;
+use crate::transport::Part;
 
 /// The names of a journal's notes.
 pub(super) const SOURCE: &str = "source";
@@ -13,6 +14,11 @@ pub(super) const RIG_FILE: &str = "rig file";
 pub(super) const TRUTH: &str = "truth";
 pub(super) const DIRECT: &str = "direct light";
 pub(super) const NOISE: &str = "noise of products";
+
+/// The name of the products of a part and channel in a journal.
+pub(super) fn product_name(part: Part, channel: usize) -> String {
+    format!("{part:?}, channel {channel}")
+}
 
 /// What a journal's photos are of.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -1,8 +1,9 @@
 //! One part and channel of a laboratory's light transport, as the Krylov methods see it.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::SharedObserver;
+use super::lock::lock;
 use super::transport::{Direction, LightTransport, Shape};
 use crate::error::{Error, Result};
 use crate::observer::{Observer, PhotoTaken};
@@ -78,11 +79,6 @@ impl LabOperator {
         }
         if goes_on { Ok(()) } else { Err(Error::Interrupted) }
     }
-}
-
-/// What a thread that panicked left behind is still whole: every change is one assignment.
-pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Operator for LabOperator {

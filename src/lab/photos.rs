@@ -1,6 +1,6 @@
 //! The photos of a laboratory, and what they cost.
 
-use super::operator::lock;
+use super::lock::lock;
 use super::source::Source;
 use super::transport::LightTransport;
 use super::{Lab, Log};

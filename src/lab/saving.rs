@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::answers::{Answer, Saved};
 use super::folder::{RunFolder, RunOptions};
-use super::operator::lock;
+use super::lock::lock;
 use super::{Lab, Log};
 use crate::error::{Error, Result};
 

@@ -7,8 +7,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::measured::MeasuredRig;
-use super::model::{ModelParts, open_model};
-use super::{Log, SharedObserver, journal, notes};
+use super::run_model::open_model;
+use super::source::ModelParts;
+use super::{
+    Log, SharedObserver, journal,
+    notes::{self, product_name},
+};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::journal::{Journal, Key};
@@ -273,11 +277,6 @@ impl LightTransport {
         journal.note(name, &bytes)?;
         Ok(image)
     }
-}
-
-/// The name of the products of a part and channel in a journal.
-pub(super) fn product_name(part: Part, channel: usize) -> String {
-    format!("{part:?}, channel {channel}")
 }
 
 /// The direct light of each channel, where it is a diagonal.

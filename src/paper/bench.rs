@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::devices::realistic;
+use super::rig::Rig;
 use super::stage::{Set, Stage};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -13,25 +14,6 @@ use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
 use crate::team::Team;
 use crate::transport::{Backend, Part};
-
-/// The kind of rig that measures the light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Rig {
-    /// Shows any real-valued pattern and measures the light without error.
-    Ideal,
-    /// An 8-bit projector and a 14-bit camera with realistic errors, calibrated from captures.
-    Virtual,
-}
-
-impl Rig {
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ideal => "ideal",
-            Self::Virtual => "virtual",
-        }
-    }
-}
 
 /// Options for reproducing figures.
 #[derive(Clone, Debug)]

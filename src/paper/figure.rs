@@ -1,8 +1,7 @@
 //! The paper's figures and their reproductions: numbers and planes of values, before any painting.
 
-use super::bench::Rig;
 use super::check::Check;
-use super::words::words;
+use super::rig::Rig;
 use crate::image::Resolution;
 use crate::operator::Product;
 use crate::report::plot::{LinePlot, Series};
@@ -55,21 +54,6 @@ impl Figure {
         Self::Conditioning,
         Self::Polynomials,
     ];
-
-    /// Name on the command line: `fig2`.
-    pub fn name(self) -> &'static str {
-        words(self)[0]
-    }
-
-    /// Number and subject: `Figure 2: power iteration`. What the paper does not show has no number.
-    pub fn title(self) -> &'static str {
-        words(self)[1]
-    }
-
-    /// The paper's statement about the figure, in our words.
-    pub fn statement(self) -> &'static str {
-        words(self)[2]
-    }
 }
 
 /// A reproduced figure.

@@ -47,15 +47,17 @@ mod polynomial;
 mod polynomials;
 mod purity;
 mod random;
+mod rig;
 mod sketch;
 mod stage;
 mod target;
 mod words;
 
-pub use bench::{Bench, BenchOptions, Rig};
+pub use bench::{Bench, BenchOptions};
 pub use check::{Check, Limit};
 pub use figure::{Content, Figure, Panel, Plot, Reproduced, Strip};
 pub use gallery::Gallery;
+pub use rig::Rig;
 
 use crate::error::Result;
 use crate::lab::SharedObserver;

@@ -2,8 +2,25 @@
 
 use super::figure::Figure;
 
+impl Figure {
+    /// Name on the command line: `fig2`.
+    pub fn name(self) -> &'static str {
+        words(self)[0]
+    }
+
+    /// Number and subject: `Figure 2: power iteration`. What the paper does not show has no number.
+    pub fn title(self) -> &'static str {
+        words(self)[1]
+    }
+
+    /// The paper's statement about the figure, in our words.
+    pub fn statement(self) -> &'static str {
+        words(self)[2]
+    }
+}
+
 /// Name on the command line, title and statement.
-pub(super) fn words(figure: Figure) -> [&'static str; 3] {
+fn words(figure: Figure) -> [&'static str; 3] {
     match figure {
         Figure::Fig2 => FIG2,
         Figure::Fig4 => FIG4,

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 
 use super::super::Outcome;
+use super::super::bar::{Bar, has_terminal};
 use super::super::console::Console;
 use super::super::options::{count, free_file};
 use super::super::pattern::Pattern;
-use super::super::progress::Bar;
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::error::{Error, Result};
@@ -135,7 +135,7 @@ struct Line {
 
 impl Line {
     fn say(&mut self, figures: &FrameFigures, range: &CountRange) -> Result<()> {
-        if self.console.has_terminal() {
+        if has_terminal() {
             self.bar.say(&figures.short_line(range));
         } else if self.said.is_none_or(|said| said.elapsed() >= SAID) {
             self.said = Some(Instant::now());

@@ -1,7 +1,7 @@
 //! Inner products of a model's vectors in the metric of `D`. With them, the coordinates of `M̂ D M̂ u` follow from those of `u`.
 
 use super::super::basis::dot;
-use super::normal::Coordinates;
+use super::coordinates::Coordinates;
 
 /// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
 /// [`Model`](super::model::Model).

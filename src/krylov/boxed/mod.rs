@@ -7,6 +7,7 @@
 //! are here for comparison.
 
 mod bounds;
+mod coordinates;
 mod fista;
 mod gram;
 mod jacobi;

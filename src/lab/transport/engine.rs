@@ -5,10 +5,10 @@ use std::sync::Arc;
 use crate::analysis::LowRank;
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::lab::matrix::ExplicitParts;
 use crate::lab::measured::MeasuredRig;
-use crate::lab::model::ModelParts;
-use crate::lab::scene::SceneSource;
+use crate::lab::source::ExplicitParts;
+use crate::lab::source::ModelParts;
+use crate::lab::source::SceneSource;
 use crate::operator::Adjoint;
 use crate::transport::{
     Assembled, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, RetracedOperator, Transport,

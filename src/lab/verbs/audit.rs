@@ -3,7 +3,7 @@
 use crate::analysis::audit::{Audit, AuditOptions, Exact, audit};
 use crate::error::Result;
 use crate::lab::Lab;
-use crate::lab::run::not_for_runs;
+use crate::lab::source::not_for_runs;
 use crate::transport::Part;
 
 impl Lab {

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::krylov::{Eigs, EigsOptions, eigs};
 use crate::lab::Lab;
-use crate::lab::operator::lock;
+use crate::lab::lock::lock;
 use crate::transport::Part;
 
 impl Lab {

@@ -7,6 +7,7 @@ mod eigs;
 mod flat_field;
 mod join;
 mod matrix;
+mod model;
 mod photo;
 mod plan;
 mod probe;

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::image::Image;
 use crate::lab::Lab;
-use crate::lab::operator::lock;
+use crate::lab::lock::lock;
 use crate::lab::settings::OperatorChoice;
 use crate::lab::source::{Source, scenes_only};
 use crate::lab::transport::{LightTransport, require_photo_memory};

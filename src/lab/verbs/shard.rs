@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::cache::{ShardFile, ShardOrigin, write_shard};
 use crate::error::{Error, Result};
 use crate::io::atomic;
-use crate::lab::scene::SceneSource;
+use crate::lab::source::SceneSource;
 use crate::lab::source::Source;
 use crate::lab::traced::report_trace;
 use crate::lab::{Lab, Log};

@@ -1,6 +1,6 @@
 //! The check of the light: exposure, saturation and ambient light.
 
-use super::photos::{Photos, mean, percentile};
+use super::sequence::{Photos, mean, percentile};
 use super::thresholds::{AMBIENT, DIM_WHITE, INVISIBLE_WHITE, SATURATED_FAILURE, SATURATED_WARNING};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;

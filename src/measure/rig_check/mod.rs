@@ -39,6 +39,7 @@ mod light;
 mod photos;
 mod picture;
 mod probe;
+mod sequence;
 pub mod thresholds;
 mod timing;
 

@@ -1,18 +1,12 @@
-//! The check by photos of black and white: their sequence, and what it shows of frames, settling,
-//! repeatability and noise.
-
-use std::sync::Arc;
+//! The check by photos of black and white: what they show of frames, settling, repeatability and noise.
 
 use super::light::{Exposure, light};
+use super::sequence::{Photos, mean, take};
 use super::thresholds::{NOISE_RATIO, REPEATABILITY, SETTLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::measure::calibrate::{StructuredLight, WhiteExposure};
-use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource, noise_ratio};
-use crate::rig::{Frame, RawFrame};
-
-/// The number of rounds. In each, white is shown after black and photographed twice.
-const ROUNDS: u32 = 4;
+use crate::measure::{Calibration, Effort, FrameSource, noise_ratio};
 
 /// How the photos of the check are taken.
 pub(super) struct Setup<'a> {
@@ -22,20 +16,6 @@ pub(super) struct Setup<'a> {
     pub(super) exposure: Option<f64>,
     /// The calibration, where there is a usable one.
     pub(super) known: Option<&'a Calibration>,
-}
-
-/// The photos of the check.
-pub(super) struct Photos {
-    /// Black at the exposure of white.
-    pub(super) black: RawFrame,
-    /// White: the first photo after black, and the next one, of each round.
-    pub(super) whites: Vec<[RawFrame; 2]>,
-    /// The count without light: the median of black at the shortest exposure.
-    pub(super) dark_count: f64,
-    /// Black at the shortest exposure.
-    pub(super) dark: RawFrame,
-    /// What these photos have cost.
-    effort: Effort,
 }
 
 /// What the photos of black and white allow to examine further.
@@ -84,40 +64,6 @@ pub(super) fn photos(
         }
     }
     Ok(Some(Seen { exposure: seconds, photos, settled, in_range }))
-}
-
-/// Takes the photos, those of white at `exposure` seconds.
-fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos> {
-    let before = frames.effort();
-    let info = frames.projector().clone();
-    let frame = |level| Arc::new(Frame::filled(info.resolution, info.channels, level));
-    let [black, white] = [frame(0), frame(info.highest())];
-    let shortest = frames.camera().exposures[0];
-    let mut capture = |frame: &Arc<Frame>, exposure: f64, take: u32| {
-        frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })
-    };
-    let dark = capture(&black, shortest, 0)?;
-    let dark_count = percentile(&dark, 0.5);
-    let mut whites = Vec::new();
-    for round in 0..ROUNDS {
-        capture(&black, exposure, round)?;
-        whites.push([capture(&white, exposure, 2 * round)?, capture(&white, exposure, 2 * round + 1)?]);
-    }
-    // After a wait that is too short some of white's light is left in the first photo of black. That is not
-    // ambient light.
-    capture(&black, exposure, ROUNDS)?;
-    let black = capture(&black, exposure, ROUNDS + 1)?;
-    let after = frames.effort();
-    let effort = Effort {
-        taken: after.taken - before.taken,
-        dropped: after.dropped - before.dropped,
-        repeated: after.repeated - before.repeated,
-        late: after.late - before.late,
-        restarts: after.restarts - before.restarts,
-        resent: after.resent - before.resent,
-        ..after
-    };
-    Ok(Photos { black, whites, dark_count, dark, effort })
 }
 
 /// Whether frames came in order, each exposed after its pattern had settled.
@@ -194,22 +140,10 @@ fn noise(ratio: f64, error: f64) -> Finding {
     )
 }
 
-/// The mean count of a frame.
-pub(super) fn mean(frame: &RawFrame) -> f64 {
-    frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / frame.counts.len() as f64
-}
-
 /// The mean of a few values, and its standard error.
 fn average(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
     (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
-}
-
-/// The count at this quantile of a frame, from 0 to 1.
-pub(super) fn percentile(frame: &RawFrame, quantile: f64) -> f64 {
-    let mut counts = frame.counts.clone();
-    let index = ((counts.len() - 1) as f64 * quantile).round() as usize;
-    f64::from(*counts.select_nth_unstable(index).1)
 }

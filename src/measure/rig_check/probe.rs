@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::photos::{Photos, mean};
+use super::sequence::{Photos, mean};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::measure::{Calibration, CaptureRequest, FrameSource};

@@ -26,6 +26,8 @@
 //! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and
 //! `focus_distance`.
 
+use super::advice::advice;
+use super::textures::WEBP;
 use super::{Document, draco, glossiness, meshopt};
 use crate::error::Result;
 
@@ -49,9 +51,6 @@ const SUPPORTED: [&str; 15] = [
 
 /// Places one mesh many times.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-
-/// Textures whose picture is a WebP file.
-pub(super) const WEBP: &str = "EXT_texture_webp";
 
 const LIGHTS: &str = "KHR_lights_punctual";
 
@@ -105,20 +104,4 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Advice for a file that requires an unsupported extension.
-pub(super) fn advice(name: &str) -> &'static str {
-    match name {
-        "KHR_texture_basisu" => {
-            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)"
-        }
-        "EXT_texture_avif" => {
-            "convert its pictures: npx @gltf-transform/cli png SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
-        }
-        _ if name.starts_with("KHR_materials_") => {
-            "export the scene with materials that have metallic-roughness, specular, transmission and volume only"
-        }
-        _ => "export the scene without this extension",
-    }
 }

@@ -7,6 +7,7 @@
 //! The module [`extensions`] lists what is supported, what is ignored and what is refused.
 
 mod accessor;
+mod advice;
 mod buffers;
 mod cameras;
 mod checks;

@@ -9,10 +9,14 @@ use gltf_json::extensions::texture::TextureTransform;
 use gltf_json::texture::{MagFilter, WrappingMode};
 use gltf_json::validation::Checked;
 
-use super::{Document, buffers, extensions, object_name, uri};
+use super::advice::advice;
+use super::{Document, buffers, object_name, uri};
 use crate::error::Result;
 use crate::scene::picture::{Fault, Picture, Pictures};
 use crate::scene::{Texture, TextureRef, Wrap};
+
+/// Textures whose picture is a WebP file.
+pub(super) const WEBP: &str = "EXT_texture_webp";
 
 /// The textures that materials use, in the order of their first use.
 #[derive(Default)]
@@ -165,7 +169,7 @@ fn no_image(document: &Document, what: &str, texture: &json::Texture, source: us
     match alternative {
         Some(name) => Ok((
             format!("{what} has its picture only as {name}, which is not supported"),
-            extensions::advice(&name).into(),
+            advice(&name).into(),
         )),
         // By the specification, a texture may lack an image.
         None if source == u32::MAX as usize => {
@@ -181,7 +185,7 @@ fn no_image(document: &Document, what: &str, texture: &json::Texture, source: us
 /// The index of a texture's image: its own, which every reader can use, or where it has none that in WebP.
 fn image_of(document: &Document, texture: &json::Texture) -> usize {
     let own = texture.source.value();
-    let webp = texture.extensions.as_ref().and_then(|extensions| extensions.others.get(extensions::WEBP));
+    let webp = texture.extensions.as_ref().and_then(|extensions| extensions.others.get(WEBP));
     let webp = webp.and_then(|webp| webp.get("source")).and_then(json::Value::as_u64);
     let is_there = document.root.images.get(own).is_some();
     webp.filter(|_| !is_there).and_then(|index| usize::try_from(index).ok()).unwrap_or(own)

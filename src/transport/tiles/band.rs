@@ -6,14 +6,7 @@ use super::pages::Pages;
 use super::shape::Shape;
 use super::slice::{LANES, Slice};
 use super::take;
-use super::window::{Filled, Window};
-
-/// Where a tile begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Start {
-    pub(super) slice: usize,
-    pub(super) step: usize,
-}
+use super::window::{Filled, Start, Window};
 
 /// A row of tiles.
 #[derive(Clone, Debug)]

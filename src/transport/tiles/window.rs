@@ -2,7 +2,6 @@
 
 use std::cmp::Reverse;
 
-use super::band::Start;
 use super::rows::CompressedRows;
 use super::shape::Shape;
 use super::slice::{LANES, Slice};
@@ -11,6 +10,13 @@ use super::take;
 /// Rows of a window. Within it, rows are sorted by length, so that a slice has rows of about equally many entries. Its
 /// sums are close enough in memory to share cache lines.
 pub(super) const WINDOW: usize = 512;
+
+/// Where a tile begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Start {
+    pub(super) slice: usize,
+    pub(super) step: usize,
+}
 
 /// Consecutive rows of a band.
 pub(super) struct Window {

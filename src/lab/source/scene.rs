@@ -4,17 +4,17 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use super::operator::lock;
-use super::settings::Settings;
-use super::text::grouped;
-use super::traced::{report_matrix, report_trace, store};
-use super::{Log, SharedObserver, Truth, loading};
 use crate::cache::{Cache, Found, Key};
 use crate::error::{Error, Result};
 use crate::gpu::AdapterSummary;
 use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::Identity;
+use crate::lab::lock::lock;
+use crate::lab::settings::Settings;
+use crate::lab::text::grouped;
+use crate::lab::traced::{report_matrix, report_trace, store};
+use crate::lab::{Log, SharedObserver, Truth, loading};
 use crate::measure::RunManifest;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{LoadOptions, Scene};
@@ -25,17 +25,17 @@ const NO_REGION: u8 = 255;
 
 /// A scene, with the device that traces it and the matrices of earlier runs.
 #[derive(Clone)]
-pub(super) struct SceneSource {
-    pub(super) scene: Arc<Scene>,
+pub(in crate::lab) struct SceneSource {
+    pub(in crate::lab) scene: Arc<Scene>,
     tracer: Arc<Mutex<Tracer>>,
     adapter: AdapterSummary,
-    pub(super) settings: TraceSettings,
+    pub(in crate::lab) settings: TraceSettings,
     cache: Option<Arc<Cache>>,
     /// Where products are to be computed.
     backend: Backend,
     /// The matrix that was asked for last; clones of the source share it.
     kept: Arc<Mutex<Option<Kept>>>,
-    pub(super) observer: SharedObserver,
+    pub(in crate::lab) observer: SharedObserver,
 }
 
 /// An assembled matrix, with its channels and whether its second bounce is a layer apart.
@@ -43,7 +43,7 @@ type Kept = ((Channels, bool), Arc<Assembled>);
 
 impl SceneSource {
     /// Loads the scene, reports what was ignored in it, and opens the adapter for it.
-    pub(super) fn open(
+    pub(in crate::lab) fn open(
         path: &Path,
         camera: Option<&str>,
         camera_file: Option<&Path>,
@@ -62,7 +62,11 @@ impl SceneSource {
 
     /// A scene that a program made. Its matrix is neither looked up in the cache nor kept there, since the scene may differ from the file that its
     /// hash names.
-    pub(super) fn in_memory(scene: Scene, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
+    pub(in crate::lab) fn in_memory(
+        scene: Scene,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
         let mut tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
         share(&mut tracer, &scene, settings, observer)?;
         let source = Self::new(scene, tracer, settings.trace.for_scene(), settings, observer)?;
@@ -97,33 +101,33 @@ impl SceneSource {
     }
 
     /// The same scene, traced with these settings from now on. Its matrix is not shared with this one.
-    pub(super) fn with_settings(&self, settings: TraceSettings) -> Self {
+    pub(in crate::lab) fn with_settings(&self, settings: TraceSettings) -> Self {
         Self { settings, kept: Arc::default(), ..self.clone() }
     }
 
     /// The device, which takes one job at a time.
-    pub(super) fn tracer(&self) -> MutexGuard<'_, Tracer> {
+    pub(in crate::lab) fn tracer(&self) -> MutexGuard<'_, Tracer> {
         self.tracer.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
-    pub(super) fn is_symmetric(&self) -> bool {
+    pub(in crate::lab) fn is_symmetric(&self) -> bool {
         self.tracer().symmetric(&self.settings)
     }
 
     /// Names the matrix that tracing would make.
-    pub(super) fn key(&self, channels: Channels, split: bool) -> Key {
+    pub(in crate::lab) fn key(&self, channels: Channels, split: bool) -> Key {
         Key::new(&self.scene, &self.adapter, &self.settings, channels, split)
     }
 
     /// `identity` with all that a trace depends on.
-    pub(super) fn identity(&self, identity: Identity, channels: Channels) -> Identity {
+    pub(in crate::lab) fn identity(&self, identity: Identity, channels: Channels) -> Identity {
         let named = self.facts(channels).into_iter().fold(identity, |all, (name, fact)| all.with(name, fact));
         named.with("all that is traced", self.key(channels, false).hex())
     }
 
     /// What a trace depends on, by name, as far as it can be said in a few words.
-    pub(super) fn facts(&self, channels: Channels) -> Vec<(&'static str, String)> {
+    pub(in crate::lab) fn facts(&self, channels: Channels) -> Vec<(&'static str, String)> {
         let (settings, adapter) = (&self.settings, &self.adapter);
         vec![
             ("scene", blake3::Hash::from_bytes(self.scene.hash).to_string()),
@@ -137,7 +141,7 @@ impl SceneSource {
     }
 
     /// Notes what a trace depends on.
-    pub(super) fn describe(&self, manifest: &mut RunManifest) {
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let (scene, settings, adapter) = (&self.scene, &self.settings, &self.adapter);
         manifest.seed = Some(u64::from(settings.seed));
         manifest.adapter = Some(manifest::Adapter {
@@ -154,7 +158,7 @@ impl SceneSource {
     }
 
     /// The matrix, if it is in memory, or whole in the cache.
-    pub(super) fn cached(&self, channels: Channels) -> Result<Option<Arc<Assembled>>> {
+    pub(in crate::lab) fn cached(&self, channels: Channels) -> Result<Option<Arc<Assembled>>> {
         let (asked, mut kept) = ((channels, false), lock(&self.kept));
         match &*kept {
             Some((of, traced)) if *of == asked => Ok(Some(Arc::clone(traced))),
@@ -167,7 +171,7 @@ impl SceneSource {
 
     /// The light transport matrix where products are to be computed: the one in memory, or else as [`Self::cached_or_traced`]. If `split`,
     /// the second bounce is a layer apart from the third and later ones.
-    pub(super) fn assemble(&self, channels: Channels, split: bool) -> Result<Arc<Assembled>> {
+    pub(in crate::lab) fn assemble(&self, channels: Channels, split: bool) -> Result<Arc<Assembled>> {
         let (asked, mut kept) = ((channels, split), lock(&self.kept));
         match &*kept {
             Some((of, traced)) if *of == asked => Ok(Arc::clone(traced)),
@@ -244,7 +248,7 @@ impl SceneSource {
     }
 
     /// The region that the centre of each of so many pixels sees; 255 is a pixel that sees none.
-    pub(super) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
+    pub(in crate::lab) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
         let scene = &self.scene;
         if scene.regions.len() > usize::from(NO_REGION) {
             return Err(Error::Scene {
@@ -260,7 +264,7 @@ impl SceneSource {
     }
 
     /// The true labels of the scene's author, where there are any.
-    pub(super) fn truth(&self, resolution: Resolution) -> Result<Option<Truth>> {
+    pub(in crate::lab) fn truth(&self, resolution: Resolution) -> Result<Option<Truth>> {
         if !self.scene.regions_are_labels {
             return Ok(None);
         }

@@ -12,16 +12,16 @@ use crate::sparse::{Csr, SparseOperator};
 use crate::transport::{ExplicitMatrix, Part};
 
 /// A matrix of any shape. Of a square one the diagonal is the direct light, as for a coaxial rig.
-pub(super) struct MatrixSource {
-    pub(super) matrix: Csr,
-    pub(super) name: String,
+pub(in crate::lab) struct MatrixSource {
+    pub(in crate::lab) matrix: Csr,
+    pub(in crate::lab) name: String,
     /// The file, with the BLAKE3 hash of its bytes.
     file: Option<(PathBuf, String)>,
 }
 
 impl MatrixSource {
     /// Reads `.npz` (SciPy), `.mtx` (Matrix Market) or a dense `.npy`.
-    pub(super) fn open(path: &Path) -> Result<Self> {
+    pub(in crate::lab) fn open(path: &Path) -> Result<Self> {
         let matrix = sparse::read(path)?;
         let bytes = file::read(path)?;
         let hash = blake3::hash(&bytes).to_hex().to_string();
@@ -30,12 +30,12 @@ impl MatrixSource {
     }
 
     /// A matrix that a program made.
-    pub(super) fn new(matrix: Csr, name: String) -> Self {
+    pub(in crate::lab) fn new(matrix: Csr, name: String) -> Self {
         Self { matrix, name, file: None }
     }
 
     /// Notes what a run depends on.
-    pub(super) fn describe(&self, manifest: &mut RunManifest) {
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         manifest.scene = self
             .file
             .as_ref()
@@ -44,17 +44,17 @@ impl MatrixSource {
 }
 
 /// An explicit matrix with its parts, each made when it is first asked for.
-pub(super) struct ExplicitParts {
-    pub(super) full: SparseOperator,
+pub(in crate::lab) struct ExplicitParts {
+    pub(in crate::lab) full: SparseOperator,
     parts: [Option<SparseOperator>; 2],
 }
 
 impl ExplicitParts {
-    pub(super) fn new(matrix: Csr) -> Self {
+    pub(in crate::lab) fn new(matrix: Csr) -> Self {
         Self { full: SparseOperator::new(matrix), parts: [None, None] }
     }
 
-    pub(super) fn operator(&mut self, part: Part) -> Result<&mut SparseOperator> {
+    pub(in crate::lab) fn operator(&mut self, part: Part) -> Result<&mut SparseOperator> {
         let slot = match part {
             Part::Full => return Ok(&mut self.full),
             Part::Direct => 0,
@@ -75,7 +75,7 @@ impl ExplicitParts {
         Ok(self.parts[slot].insert(made))
     }
 
-    pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+    pub(in crate::lab) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         let resolution = Resolution::new(self.full.rows(), 1);
         let x = pattern.plane(0);
         Error::check_size("pixels of the pattern", self.full.cols(), x.len())?;

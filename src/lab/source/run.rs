@@ -4,44 +4,44 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::layout::{RECORD, calibration_folder, journal_folder};
-use super::measured::{MeasuredRig, measured};
-use super::notes::{self, Kind, SourceNote};
-use super::transport::product_name;
-use super::{SharedObserver, Truth, journal};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::manifest::{self, Status};
 use crate::journal::Journal;
+use crate::lab::layout::{RECORD, calibration_folder, journal_folder};
+use crate::lab::measured::{MeasuredRig, measured};
+use crate::lab::notes::product_name;
+use crate::lab::notes::{self, Kind, SourceNote};
+use crate::lab::{SharedObserver, Truth, journal};
 use crate::measure::{Calibration, JournaledFrames, RigFile, RunManifest};
 use crate::operator::Product;
 use crate::rig::Frame;
 use crate::transport::{Channels, JournaledOperator, Part};
 
 /// A run whose photos answer further questions.
-pub(super) struct RunSource {
-    pub(super) folder: PathBuf,
-    pub(super) note: SourceNote,
+pub(in crate::lab) struct RunSource {
+    pub(in crate::lab) folder: PathBuf,
+    pub(in crate::lab) note: SourceNote,
     /// The labels of the scene's author, where the run knew them.
-    pub(super) truth: Option<Truth>,
+    pub(in crate::lab) truth: Option<Truth>,
     /// Photos that the run was allowed to take, if it came to its end.
-    pub(super) photos: Option<usize>,
+    pub(in crate::lab) photos: Option<usize>,
 }
 
 /// The photos of a run: patterns with their photos, for each channel, without ambient light.
-pub(super) struct RunPhotos {
+pub(in crate::lab) struct RunPhotos {
     /// Those without direct light.
-    pub(super) global: Vec<Vec<Product>>,
+    pub(in crate::lab) global: Vec<Vec<Product>>,
     /// Those with direct light.
-    pub(super) full: Vec<Vec<Product>>,
+    pub(in crate::lab) full: Vec<Vec<Product>>,
     /// The direct light, where it is a diagonal and the run knew it.
-    pub(super) direct: Option<Vec<Vec<f64>>>,
-    pub(super) ambient: Image,
+    pub(in crate::lab) direct: Option<Vec<Vec<f64>>>,
+    pub(in crate::lab) ambient: Image,
 }
 
 impl RunSource {
     /// Reads the notes of a run's journal.
-    pub(super) fn open(run: &Path) -> Result<Self> {
+    pub(in crate::lab) fn open(run: &Path) -> Result<Self> {
         let folder = journal_folder(run);
         if !Journal::is_in(&folder) {
             return Err(Error::Data {
@@ -61,7 +61,7 @@ impl RunSource {
     }
 
     /// The journal, to be read.
-    pub(super) fn journal(&self, observer: &SharedObserver) -> Result<Journal> {
+    pub(in crate::lab) fn journal(&self, observer: &SharedObserver) -> Result<Journal> {
         let journal = Journal::read_only(&journal_folder(&self.folder))?;
         journal::report_damages(&journal, observer);
         Ok(journal)
@@ -71,7 +71,7 @@ impl RunSource {
     ///
     /// # Errors
     /// [`Error::Journal`] where the run did not get as far as to note its rig.
-    pub(super) fn measured(
+    pub(in crate::lab) fn measured(
         &self,
         channels: Option<Channels>,
         observer: &SharedObserver,
@@ -87,7 +87,7 @@ impl RunSource {
     }
 
     /// All the photos that the run took.
-    pub(super) fn taken(&self, observer: &SharedObserver) -> Result<RunPhotos> {
+    pub(in crate::lab) fn taken(&self, observer: &SharedObserver) -> Result<RunPhotos> {
         match self.note.kind {
             Kind::Scene => self.taken_of_scene(&mut self.journal(observer)?),
             Kind::Rig => self.taken_of_rig(observer),
@@ -147,7 +147,7 @@ impl RunSource {
     }
 
     /// Notes what the run depends on.
-    pub(super) fn describe(&self, manifest: &mut RunManifest) {
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let SourceNote { path, hash, .. } = &self.note;
         manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash: hash.clone() });
     }
@@ -171,7 +171,7 @@ fn incomplete(journal: &Journal, what: &str) -> Error {
 }
 
 /// What the photos of a run do not tell.
-pub(super) fn not_for_runs(run: &Path) -> Error {
+pub(in crate::lab) fn not_for_runs(run: &Path) -> Error {
     Error::Data {
         path: run.to_path_buf(),
         fault: "its photos do not answer this verb".into(),

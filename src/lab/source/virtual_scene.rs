@@ -2,18 +2,18 @@
 
 use std::path::Path;
 
-use super::SharedObserver;
 use super::scene::SceneSource;
-use super::settings::Settings;
 use crate::analysis::plan::Twin;
 use crate::error::{Error, Result};
 use crate::io::sparse;
+use crate::lab::SharedObserver;
+use crate::lab::settings::Settings;
 use crate::render::TraceSettings;
 use crate::rig::{VirtualRig, VirtualScene};
 use crate::transport::ExplicitMatrix;
 
 /// Opens the scene of a virtual rig, with settings in place of what its file says; none where its matrix is in a file.
-pub(super) fn scene_of(
+pub(in crate::lab) fn scene_of(
     scene: &mut VirtualScene,
     rig: &Path,
     settings: &Settings,
@@ -41,7 +41,7 @@ pub(super) fn scene_of(
 }
 
 /// An open scene, as a rig file would describe it.
-pub(super) fn traced_scene(scene: &SceneSource, rig: &Path) -> Result<VirtualScene> {
+pub(in crate::lab) fn traced_scene(scene: &SceneSource, rig: &Path) -> Result<VirtualScene> {
     let TraceSettings { resolution: size, projector, samples, max_bounces, seed, .. } = scene.settings;
     if projector.is_some_and(|projector| projector != size) {
         return Err(projector_of_its_own(rig));
@@ -59,7 +59,7 @@ fn projector_of_its_own(rig: &Path) -> Error {
 }
 
 /// Refuses settings of the tracer where nothing is traced.
-pub(super) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
+pub(in crate::lab) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
     let Some(option) = settings.first_of_trace() else { return Ok(()) };
     Err(Error::Option {
         option: option.into(),
@@ -69,7 +69,7 @@ pub(super) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
 }
 
 /// What the devices look at: the scene, traced now, or the matrix in a file.
-pub(super) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, rig: &Path) -> Result<Twin> {
+pub(in crate::lab) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, rig: &Path) -> Result<Twin> {
     Ok(match (scene, &devices.scene) {
         (Some(scene), _) => Twin::Traced(scene.assemble(devices.channels(), false)?),
         (None, VirtualScene::Matrix { path, size }) => {
@@ -79,7 +79,7 @@ pub(super) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, rig: &Path
     })
 }
 
-pub(super) fn no_scene(path: &Path) -> Error {
+pub(in crate::lab) fn no_scene(path: &Path) -> Error {
     Error::Data {
         path: path.to_path_buf(),
         fault: "there is no scene in it that could be traced".into(),
@@ -87,7 +87,7 @@ pub(super) fn no_scene(path: &Path) -> Error {
     }
 }
 
-pub(super) fn not_virtual(path: &Path) -> Error {
+pub(in crate::lab) fn not_virtual(path: &Path) -> Error {
     Error::Data {
         path: path.to_path_buf(),
         fault: "its devices are real: there is no virtual twin to predict by".into(),

@@ -1,25 +1,33 @@
 //! A source, of whatever kind: where photos come from, and what is known beside them.
 
+mod matrix;
+mod model;
+mod rig;
+mod run;
+mod scene;
+mod virtual_scene;
+
 use std::path::Path;
 
-use super::layout::journal_folder;
-use super::matrix::MatrixSource;
-use super::model::ModelSource;
-use super::notes::{Kind, SourceNote};
-use super::rig::{Handed, RigSource};
-use super::run::RunSource;
-use super::scene::SceneSource;
-use super::settings::{ChannelChoice, Settings};
-use super::{SharedObserver, Truth};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::io::model;
+use crate::io::model as saved_model;
 use crate::journal::Journal;
+use crate::lab::layout::{journal_folder, short_name};
+use crate::lab::notes::{Kind, SourceNote};
+use crate::lab::settings::{ChannelChoice, Settings};
+use crate::lab::{SharedObserver, Truth};
 use crate::measure::RunManifest;
 use crate::transport::Channels;
+pub(in crate::lab) use matrix::{ExplicitParts, MatrixSource};
+pub(in crate::lab) use model::{ModelParts, ModelSource};
+pub(in crate::lab) use rig::Handed;
+pub use rig::RigSource;
+pub(in crate::lab) use run::{RunPhotos, RunSource, not_for_runs};
+pub(in crate::lab) use scene::SceneSource;
 
 /// An open source. Nothing is traced and no photo is taken before its light transport is asked for.
-pub(super) enum Source {
+pub(in crate::lab) enum Source {
     /// A scene file, seen by the rig that stands in it.
     Scene(SceneSource),
     /// A rig file.
@@ -61,7 +69,7 @@ impl SourceKind {
 }
 
 impl Source {
-    pub(super) fn open(
+    pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,
         settings: &Settings,
@@ -82,7 +90,7 @@ impl Source {
                 observer,
             )?),
             SourceKind::Rig => Self::Rig(Box::new(RigSource::open(path, program, settings, observer)?)),
-            SourceKind::Run if model::is_in(path) && !Journal::is_in(&journal_folder(path)) => {
+            SourceKind::Run if saved_model::is_in(path) && !Journal::is_in(&journal_folder(path)) => {
                 Self::Model(Box::new(ModelSource::open(path)?))
             }
             SourceKind::Run => Self::Run(Box::new(RunSource::open(path)?)),
@@ -91,7 +99,7 @@ impl Source {
     }
 
     /// A short name, for folders and titles.
-    pub(super) fn name(&self) -> String {
+    pub(in crate::lab) fn name(&self) -> String {
         match self {
             Self::Scene(scene) => short_name(&scene.scene.path),
             Self::Rig(rig) => rig.name(),
@@ -102,7 +110,7 @@ impl Source {
     }
 
     /// The folder of the run that it is.
-    pub(super) fn folder(&self) -> Option<&Path> {
+    pub(in crate::lab) fn folder(&self) -> Option<&Path> {
         match self {
             Self::Run(run) => Some(&run.folder),
             Self::Model(model) => Some(&model.folder),
@@ -111,7 +119,7 @@ impl Source {
     }
 
     /// Pixels of photos.
-    pub(super) fn resolution(&self) -> Resolution {
+    pub(in crate::lab) fn resolution(&self) -> Resolution {
         match self {
             Self::Scene(scene) => scene.settings.resolution,
             Self::Rig(rig) => rig.resolution(),
@@ -122,7 +130,7 @@ impl Source {
     }
 
     /// Pixels of patterns.
-    pub(super) fn projector_resolution(&self) -> Resolution {
+    pub(in crate::lab) fn projector_resolution(&self) -> Resolution {
         match self {
             Self::Scene(scene) => scene.settings.projector.unwrap_or(scene.settings.resolution),
             Self::Rig(rig) => rig.resolution(),
@@ -133,7 +141,7 @@ impl Source {
     }
 
     /// The channels of photos.
-    pub(super) fn channels(&self, choice: ChannelChoice) -> Channels {
+    pub(in crate::lab) fn channels(&self, choice: ChannelChoice) -> Channels {
         match (choice, self) {
             (_, Self::Matrix(_)) | (ChannelChoice::Luma, _) => Channels::Luma,
             (ChannelChoice::Rgb, _) | (ChannelChoice::Native, Self::Scene(_)) => Channels::Rgb,
@@ -144,7 +152,7 @@ impl Source {
     }
 
     /// What the preparation of light transport consists of, for the record of a run's timings.
-    pub(super) fn preparation(&self) -> &'static str {
+    pub(in crate::lab) fn preparation(&self) -> &'static str {
         match self {
             Self::Scene(_) => "tracing and matrix",
             Self::Rig(rig) if rig.is_traced() => "tracing, matrix and first photos",
@@ -156,7 +164,7 @@ impl Source {
     }
 
     /// The unit of photos' values.
-    pub(super) fn unit(&self) -> &str {
+    pub(in crate::lab) fn unit(&self) -> &str {
         match self {
             Self::Scene(_) => "W/(m² sr)",
             Self::Rig(_) => "DN/s",
@@ -167,7 +175,7 @@ impl Source {
     }
 
     /// The true labels of the scene's author, where there are any.
-    pub(super) fn truth(&self) -> Result<Option<Truth>> {
+    pub(in crate::lab) fn truth(&self) -> Result<Option<Truth>> {
         match self {
             Self::Scene(scene) => scene.truth(scene.settings.resolution),
             Self::Rig(rig) => rig.truth(),
@@ -177,7 +185,7 @@ impl Source {
     }
 
     /// The note by which a run of this source can be replayed from its journal.
-    pub(super) fn note(&self, channels: Channels) -> Option<SourceNote> {
+    pub(in crate::lab) fn note(&self, channels: Channels) -> Option<SourceNote> {
         match self {
             Self::Scene(scene) => Some(SourceNote {
                 kind: Kind::Scene,
@@ -196,7 +204,7 @@ impl Source {
     }
 
     /// Notes what a run depends on.
-    pub(super) fn describe(&self, manifest: &mut RunManifest, channels: Channels) {
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest, channels: Channels) {
         match self {
             Self::Scene(scene) => scene.describe(manifest),
             Self::Rig(rig) => rig.describe(manifest),
@@ -216,7 +224,7 @@ impl Source {
 ///
 /// # Errors
 /// [`Error::Option`] naming the setting.
-pub(super) fn check_settings(kind: SourceKind, path: &Path, settings: &Settings) -> Result<()> {
+pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &Settings) -> Result<()> {
     if let (SourceKind::Run | SourceKind::Matrix, Some(option)) = (kind, settings.first_of_trace()) {
         let what = if kind == SourceKind::Run {
             "a run, whose photos are taken already"
@@ -236,7 +244,7 @@ pub(super) fn check_settings(kind: SourceKind, path: &Path, settings: &Settings)
 }
 
 /// An option that only a scene has a use for.
-pub(super) fn scenes_only(option: &str) -> Error {
+pub(in crate::lab) fn scenes_only(option: &str) -> Error {
     Error::Option {
         option: option.into(),
         fault: "the photos of a rig, a run or a matrix are neither replayed from a traced matrix nor traced"
@@ -246,22 +254,10 @@ pub(super) fn scenes_only(option: &str) -> Error {
 }
 
 /// What only a rig can answer.
-pub(super) fn not_a_rig(path: &Path) -> Error {
+pub(in crate::lab) fn not_a_rig(path: &Path) -> Error {
     Error::Option {
         option: "SOURCE".into(),
         fault: format!("{} is no rig", path.display()),
         help: "give a rig file (.toml)".into(),
-    }
-}
-
-/// A short name for a file: its own, or its folder's where the file is just called `scene`.
-pub(super) fn short_name(path: &Path) -> String {
-    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-    let folder =
-        path.parent().and_then(|folder| folder.file_name()).map(|f| f.to_string_lossy().into_owned());
-    match (stem, folder) {
-        (Some(stem), Some(folder)) if stem == "scene" => folder,
-        (Some(stem), _) => stem,
-        (None, _) => "scene".into(),
     }
 }

@@ -1,23 +1,20 @@
 //! A rig file as a source: its devices, real or virtual, and what is known of them.
 
+mod record;
+
 use std::path::Path;
 
-use super::layout::calibration_folder;
-use super::measured::{MeasuredRig, measured};
-use super::notes::{self, Kind, SourceNote};
 use super::scene::SceneSource;
-use super::settings::Settings;
-use super::source::short_name;
 use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, traced_scene, twin};
-use super::{Log, SharedObserver, Truth, journal};
 use crate::analysis::plan::Twin;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::Resolution;
-use crate::io::manifest;
 use crate::journal::{Identity, Journal};
-use crate::measure::{
-    Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind, RunManifest,
-};
+use crate::lab::layout::short_name;
+use crate::lab::measured::{MeasuredRig, measured};
+use crate::lab::settings::Settings;
+use crate::lab::{Log, SharedObserver, Truth, journal};
+use crate::measure::{Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind};
 use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
@@ -44,13 +41,13 @@ pub struct RigSource {
 
 /// What a program hands over of a rig.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Handed {
+pub(in crate::lab) struct Handed {
     /// The text of the rig file, where no file holds it.
-    pub(super) text: Option<String>,
+    pub(in crate::lab) text: Option<String>,
     /// Opens the devices of a rig file of `kind = "program"`.
-    pub(super) opener: Option<DeviceOpener>,
+    pub(in crate::lab) opener: Option<DeviceOpener>,
     /// Whether programs may be run that the file names.
-    pub(super) allows_programs: bool,
+    pub(in crate::lab) allows_programs: bool,
 }
 
 impl RigSource {
@@ -59,7 +56,7 @@ impl RigSource {
     ///
     /// # Errors
     /// As [`RigFile::load`], [`Calibration::load`], and those of loading a scene.
-    pub(super) fn open(
+    pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,
         settings: &Settings,
@@ -79,7 +76,7 @@ impl RigSource {
     ///
     /// # Errors
     /// As [`RigFile::load`], and those of loading a scene.
-    pub(super) fn uncalibrated(
+    pub(in crate::lab) fn uncalibrated(
         path: &Path,
         program: &Handed,
         settings: &Settings,
@@ -103,7 +100,11 @@ impl RigSource {
     /// # Errors
     /// [`Error::Data`] where the devices are real; [`Error::Option`] where the scene's projector has other pixels than its camera; those of
     /// loading the calibration.
-    pub(super) fn in_front_of(scene: &SceneSource, file: RigFile, observer: &SharedObserver) -> Result<Self> {
+    pub(in crate::lab) fn in_front_of(
+        scene: &SceneSource,
+        file: RigFile,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
         let RigKind::Virtual(mut rig) = file.kind.clone() else { return Err(not_virtual(&file.path)) };
         rig.scene = traced_scene(scene, &file.path)?;
         let mut source = Self::of_devices(file, RigKind::Virtual(rig), Some(scene.clone()), observer);
@@ -136,7 +137,7 @@ impl RigSource {
     ///
     /// # Errors
     /// [`Error::Rig`] when the calibration is that of other devices.
-    pub(super) fn calibrated_by(&mut self, calibration: Calibration) -> Result<()> {
+    pub(in crate::lab) fn calibrated_by(&mut self, calibration: Calibration) -> Result<()> {
         calibration.check(&self.devices.projector_info(), &self.devices.camera_info())?;
         self.calibration = calibration;
         self.is_calibrated = true;
@@ -144,7 +145,7 @@ impl RigSource {
     }
 
     /// Who watches.
-    pub(super) fn observer(&self) -> &SharedObserver {
+    pub(in crate::lab) fn observer(&self) -> &SharedObserver {
         &self.observer
     }
 
@@ -169,22 +170,22 @@ impl RigSource {
     }
 
     /// The scene that a virtual rig looks at, where it has one to be traced.
-    pub(super) fn scene(&self) -> Result<&SceneSource> {
+    pub(in crate::lab) fn scene(&self) -> Result<&SceneSource> {
         self.scene.as_ref().ok_or_else(|| no_scene(&self.file.path))
     }
 
     /// Whether the devices are virtual, and a scene has to be traced first.
-    pub(super) fn is_traced(&self) -> bool {
+    pub(in crate::lab) fn is_traced(&self) -> bool {
         self.scene.is_some()
     }
 
     /// The labels of a virtual scene's author.
-    pub(super) fn truth(&self) -> Result<Option<Truth>> {
+    pub(in crate::lab) fn truth(&self) -> Result<Option<Truth>> {
         Ok(self.scene.as_ref().map(|scene| scene.truth(self.resolution())).transpose()?.flatten())
     }
 
     /// The devices, with the settings of the tracer in place of what the file says of a virtual scene.
-    pub(super) fn kind(&self) -> &RigKind {
+    pub(in crate::lab) fn kind(&self) -> &RigKind {
         &self.devices
     }
 
@@ -208,7 +209,7 @@ impl RigSource {
     }
 
     /// All that the photos of this rig depend on.
-    pub(super) fn identity(&self) -> Result<Identity> {
+    pub(in crate::lab) fn identity(&self) -> Result<Identity> {
         let identity = Identity::new()
             .with("rig file", blake3::Hash::from_bytes(self.file.hash).to_string())
             .with("calibration", blake3::Hash::from_bytes(self.calibration.identity()).to_string());
@@ -225,7 +226,7 @@ impl RigSource {
     }
 
     /// Seconds to wait after a frame is confirmed.
-    pub(super) fn settle(&self) -> f64 {
+    pub(in crate::lab) fn settle(&self) -> f64 {
         self.file.measurement.settle.unwrap_or(self.calibration.stability.settle)
     }
 
@@ -277,7 +278,7 @@ impl RigSource {
     }
 
     /// Opens the rig and the stages behind it; with a journal, only once a photo is not in it.
-    pub(super) fn measured(
+    pub(in crate::lab) fn measured(
         &self,
         channels: Option<Channels>,
         journal: Option<Journal>,
@@ -291,53 +292,5 @@ impl RigSource {
             None => opener(None)?,
         };
         measured(frames, &self.calibration, &self.file, (channels, self.symmetry))
-    }
-
-    /// Keeps beside the journal of the run in `folder` what a replay needs of the rig: its note, its file and its calibration.
-    pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
-        let path = &self.file.path;
-        let bytes = match &self.program.text {
-            Some(text) => text.clone().into_bytes(),
-            None => crate::file::read(path)?,
-        };
-        if RigFile::from_bytes(path, &bytes)? != self.file {
-            return Err(Error::Data {
-                path: path.clone(),
-                fault: "the file is not what the rig was opened by, and a run keeps the file".into(),
-                help: "open the rig by the file as it is, or take its photos without a folder for the run"
-                    .into(),
-            });
-        }
-        journal.note(notes::RIG_FILE, &bytes)?;
-        let calibration = calibration_folder(folder);
-        let is_kept =
-            Calibration::load(&calibration).is_ok_and(|kept| kept.identity() == self.calibration.identity());
-        if !is_kept {
-            self.calibration.save(&calibration)?;
-        }
-        Ok(())
-    }
-
-    /// The note by which a run can be replayed.
-    pub(super) fn note(&self, channels: Channels) -> SourceNote {
-        SourceNote {
-            kind: Kind::Rig,
-            name: self.name(),
-            path: self.file.path.clone(),
-            hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
-            photos: self.resolution(),
-            patterns: self.resolution(),
-            symmetric: self.is_symmetric(),
-            channels: channels.count(),
-        }
-    }
-
-    /// Notes what a run depends on.
-    pub(super) fn describe(&self, manifest: &mut RunManifest) {
-        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
-        if let Some(scene) = &self.scene {
-            scene.describe(manifest);
-        }
-        manifest.scene = Some(manifest::Scene { path: self.file.path.display().to_string(), hash });
     }
 }

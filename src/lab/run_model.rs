@@ -1,0 +1,91 @@
+//! Models of light transport from the photos that a run took.
+
+use std::path::Path;
+
+use super::layout::journal_folder;
+use super::source::{RunPhotos, RunSource};
+use super::{Log, SharedObserver};
+use crate::analysis::low_rank::{SavedModel, estimated_direct, from_products};
+use crate::error::{Error, Result};
+use crate::io::model;
+use crate::journal::Journal;
+use crate::operator::Product;
+
+/// The low-rank model in the folder of a run: the one that the run left, or one from all the photos that it took. No photo is taken.
+///
+/// # Errors
+/// [`Error::Data`] where there is neither; [`Error::Journal`] where the photos do not suffice.
+pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel> {
+    if model::is_in(folder) {
+        return SavedModel::read(folder);
+    }
+    if Journal::is_in(&journal_folder(folder)) {
+        return from_photos(&RunSource::open(folder)?, observer);
+    }
+    Err(Error::Data {
+        path: folder.to_path_buf(),
+        fault: "there is no model in this folder, and there are no photos to make one of".into(),
+        help: "give the folder of a `krylux relight` run, or of another run that kept its photos".into(),
+    })
+}
+
+/// The model of each channel from all that the run's journal holds.
+fn from_photos(run: &RunSource, observer: &SharedObserver) -> Result<SavedModel> {
+    let note = &run.note;
+    let RunPhotos { global, full, direct, ambient } = run.taken(observer)?;
+    let mut channels = Vec::new();
+    for (channel, (global, full)) in global.into_iter().zip(full).enumerate() {
+        let known = direct.as_ref().and_then(|direct| direct.get(channel)).cloned();
+        let direct = match known {
+            Some(direct) => direct,
+            None if global.is_empty() => estimated(&full, observer)?,
+            None => {
+                return Err(Error::Journal {
+                    path: note.path.clone(),
+                    fault: "the run kept photos without direct light, but not the direct light itself".into(),
+                    help: "run it anew with this version of krylux, or give the scene".into(),
+                });
+            }
+        };
+        let less_direct = full.into_iter().map(|mut product: Product| {
+            product.to.iter_mut().zip(&direct).zip(&product.from).for_each(|((y, d), x)| *y -= d * x);
+            product
+        });
+        let products = global.into_iter().chain(less_direct).collect();
+        channels.push(from_products(products, direct.clone(), note.symmetric)?);
+    }
+    Ok(SavedModel {
+        channels,
+        ambient,
+        resolution: note.photos,
+        projector: note.patterns,
+        unit: note.kind.unit().into(),
+        source: note.name.clone(),
+    })
+}
+
+/// The direct light where it was not measured, from a run that has the white photo among its photos.
+fn estimated(full: &[Product], observer: &SharedObserver) -> Result<Vec<f64>> {
+    let level = |product: &Product| product.from.iter().copied().fold(0.0, f64::max);
+    // A rig never lights the pixels that its camera does not see.
+    let pixels = full.first().map_or(0, |product| product.from.len());
+    let lit: Vec<bool> =
+        (0..pixels).map(|pixel| full.iter().any(|product| product.from[pixel] != 0.0)).collect();
+    let is_white = |product: &&Product| {
+        let level = level(product);
+        level > 0.0 && product.from.iter().zip(&lit).all(|(value, lit)| !lit || *value == level)
+    };
+    let Some(white) = full.iter().find(is_white) else {
+        observer.note(format_args!(
+            "note: the run has no white photo from which direct light could be estimated; it stays in the model, so that fine \
+             detail of patterns is lost"
+        ));
+        return Ok(Vec::new());
+    };
+    observer.note(format_args!(
+        "note: the run kept no direct light: it is estimated as a share of the white photo"
+    ));
+    let level = level(white);
+    let white: Vec<f64> = white.to.iter().map(|value| value / level).collect();
+    estimated_direct(full, &white)
+}

@@ -1,0 +1,121 @@
+//! Models of light transport as sources.
+
+use std::path::{Path, PathBuf};
+
+use crate::analysis::LowRank;
+use crate::analysis::low_rank::SavedModel;
+use crate::error::Result;
+use crate::image::Image;
+use crate::io::{manifest, model};
+use crate::measure::RunManifest;
+use crate::operator::{Adjoint, Operator, delegate};
+use crate::sparse::{Csr, SparseOperator};
+use crate::transport::Part;
+
+/// The folder of a run that left a model, and no journal.
+pub(in crate::lab) struct ModelSource {
+    pub(in crate::lab) model: SavedModel,
+    pub(in crate::lab) folder: PathBuf,
+}
+
+impl ModelSource {
+    pub(in crate::lab) fn open(folder: &Path) -> Result<Self> {
+        Ok(Self { model: SavedModel::read(folder)?, folder: folder.to_path_buf() })
+    }
+
+    /// Notes what a run depends on.
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
+        let path = model::record_path(&self.folder);
+        // The record was read when the source was opened.
+        let hash = std::fs::read(&path).map(|bytes| blake3::hash(&bytes).to_hex().to_string());
+        manifest.scene =
+            Some(manifest::Scene { path: path.display().to_string(), hash: hash.unwrap_or_default() });
+        manifest.resolution = Some(self.model.resolution);
+    }
+}
+
+/// The parts of a model, as operators.
+pub(in crate::lab) struct ModelParts {
+    pub(in crate::lab) model: SavedModel,
+    global: Vec<LowRank>,
+    direct: Vec<SparseOperator>,
+}
+
+impl ModelParts {
+    pub(in crate::lab) fn new(model: SavedModel) -> Result<Self> {
+        let global = model.channels.iter().map(LowRank::global).collect();
+        let direct = |channel: &LowRank| -> Result<SparseOperator> {
+            Ok(SparseOperator::new(match channel.direct_matrix() {
+                Some(matrix) => matrix.clone(),
+                None => diagonal(channel.cols(), channel.direct())?,
+            }))
+        };
+        let direct = model.channels.iter().map(direct).collect::<Result<_>>()?;
+        Ok(Self { model, global, direct })
+    }
+
+    pub(in crate::lab) fn operator(&mut self, part: Part, channel: usize) -> ModelOperator<'_> {
+        // Either of the first two has the captured patterns.
+        let (whole, global) = (&mut self.model.channels[channel], &mut self.global[channel]);
+        let (operator, captured): (&mut dyn Adjoint, Option<&LowRank>) = match part {
+            Part::Full => (whole, Some(global)),
+            Part::Global => (global, Some(whole)),
+            Part::Direct => (&mut self.direct[channel], None),
+        };
+        ModelOperator { operator, captured, errors: Vec::new() }
+    }
+
+    /// The standard errors of a photo's samples that the rank of the model leaves, spread evenly over the pixels.
+    pub(in crate::lab) fn errors(&self, pattern: &Image) -> Result<Image> {
+        let plane = |(channel, model): (usize, &LowRank)| {
+            let error = model.error_of_rank(&pattern.plane(channel.min(pattern.channels() - 1)));
+            vec![error / (model.rows().max(1) as f64).sqrt(); model.rows()]
+        };
+        let planes: Vec<Vec<f64>> = self.model.channels.iter().enumerate().map(plane).collect();
+        Image::from_planes(self.model.resolution, &planes)
+    }
+}
+
+/// One part and channel of a model, which states what its rank leaves open as the errors of its products. Direct light is known.
+pub(in crate::lab) struct ModelOperator<'a> {
+    operator: &'a mut dyn Adjoint,
+    captured: Option<&'a LowRank>,
+    errors: Vec<f64>,
+}
+
+impl ModelOperator<'_> {
+    fn state_errors(&mut self, xs: &[&[f64]]) {
+        let error = |x: &&[f64]| self.captured.map_or(0.0, |model| model.error_of_rank(x));
+        self.errors = xs.iter().map(error).collect();
+    }
+}
+
+impl Operator for ModelOperator<'_> {
+    delegate!(operator: rows, cols, symmetry, block_size);
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.apply_block(&[x], &mut [y])
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.state_errors(xs);
+        self.operator.apply_block(xs, ys)
+    }
+
+    fn standard_errors(&self) -> Vec<f64> {
+        self.errors.clone()
+    }
+}
+
+impl Adjoint for ModelOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.state_errors(&[y]);
+        self.operator.apply_adjoint(y, x)
+    }
+}
+
+/// A diagonal matrix of `n × n`; without values it is zero.
+fn diagonal(n: usize, values: &[f64]) -> Result<Csr> {
+    let row_start = (0..=n).map(|row| row.min(values.len())).collect();
+    Csr::new(n, row_start, (0..values.len() as u32).collect(), values.to_vec())
+}

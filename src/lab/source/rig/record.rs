@@ -1,0 +1,62 @@
+//! What a run and its journal keep of a rig, so that a replay needs nothing else.
+
+use std::path::Path;
+
+use super::RigSource;
+use crate::error::{Error, Result};
+use crate::io::manifest;
+use crate::journal::Journal;
+use crate::lab::layout::calibration_folder;
+use crate::lab::notes::{self, Kind, SourceNote};
+use crate::measure::{Calibration, RigFile, RunManifest};
+use crate::transport::Channels;
+
+impl RigSource {
+    /// Keeps beside the journal of the run in `folder` what a replay needs of the rig: its note, its file and its calibration.
+    pub(in crate::lab) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
+        let path = &self.file.path;
+        let bytes = match &self.program.text {
+            Some(text) => text.clone().into_bytes(),
+            None => crate::file::read(path)?,
+        };
+        if RigFile::from_bytes(path, &bytes)? != self.file {
+            return Err(Error::Data {
+                path: path.clone(),
+                fault: "the file is not what the rig was opened by, and a run keeps the file".into(),
+                help: "open the rig by the file as it is, or take its photos without a folder for the run"
+                    .into(),
+            });
+        }
+        journal.note(notes::RIG_FILE, &bytes)?;
+        let calibration = calibration_folder(folder);
+        let is_kept =
+            Calibration::load(&calibration).is_ok_and(|kept| kept.identity() == self.calibration.identity());
+        if !is_kept {
+            self.calibration.save(&calibration)?;
+        }
+        Ok(())
+    }
+
+    /// The note by which a run can be replayed.
+    pub(in crate::lab) fn note(&self, channels: Channels) -> SourceNote {
+        SourceNote {
+            kind: Kind::Rig,
+            name: self.name(),
+            path: self.file.path.clone(),
+            hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
+            photos: self.resolution(),
+            patterns: self.resolution(),
+            symmetric: self.is_symmetric(),
+            channels: channels.count(),
+        }
+    }
+
+    /// Notes what a run depends on.
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
+        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
+        if let Some(scene) = &self.scene {
+            scene.describe(manifest);
+        }
+        manifest.scene = Some(manifest::Scene { path: self.file.path.display().to_string(), hash });
+    }
+}
