@@ -76,7 +76,8 @@ fn a_rig_is_previewed_aligned_calibrated_and_checked() {
     assert!(Path::new(&picture).is_file());
 
     let known = session.inside("known");
-    let output = krylux(&["rig", "calibrate", &rig, "-o", &known, "-q"]);
+    // The curves of these devices are smooth: 33 levels tell them as well as 256, and take an eighth of the time.
+    let output = krylux(&["rig", "calibrate", &rig, "--levels", "33", "-o", &known, "-q"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let rig = session.rig("calibration = \"known\"", "monitor_size = [200, 200]");
     let began = Instant::now();

@@ -20,8 +20,9 @@ fn a_product_calibrated_from_captures_alone_is_that_of_the_scenes_matrix() {
     let helper = Helper::at(env!("CARGO_BIN_EXE_krylux"));
     let mut live = LiveFrames::new(stage.hardware.open(&helper, None).expect("both are there"), 0.0, 5);
     let mut go_on = |_| ControlFlow::Continue(());
-    let (found, report) =
-        calibrate(&mut live, &CalibrateOptions::default(), &mut go_on).expect("it can be calibrated");
+    // The curve is smooth: 33 levels tell it as well as 256, in an eighth of the time.
+    let options = CalibrateOptions { levels: Some(33), ..CalibrateOptions::default() };
+    let (found, report) = calibrate(&mut live, &options, &mut go_on).expect("it can be calibrated");
     println!("calibrated in {:?}: {:?}, settle {}", began.elapsed(), report.effort, report.stability.settle);
     println!("gamma {}, pixel map within {:.3}", report.projector[0].gamma, report.map.error);
     assert!((report.projector[0].gamma.value - 2.2).abs() < 0.02);

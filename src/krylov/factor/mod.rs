@@ -10,12 +10,14 @@ mod lanczos;
 mod restart;
 mod ritz;
 mod save;
+mod step;
 
 pub use arnoldi::Arnoldi;
 pub use block_lanczos::BlockLanczos;
-pub use expansion::{Expansion, Step};
+pub use expansion::Expansion;
 pub use factorization::Factorization;
 pub(super) use factorization::point_upwards;
 pub use filter::Filter;
 pub use lanczos::Lanczos;
 pub use ritz::{PairStatus, RitzPair, Which, temple_kato};
+pub use step::Step;
