@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use krylux::analysis::segment::segment;
+use krylux::analysis::segment::SegmentRequest;
 use krylux::analysis::{SegmentOptions, adjusted_rand_index};
 use krylux::krylov::{Method, SolveOptions, norm, solve};
 use krylux::lab::Lab;
@@ -160,9 +160,9 @@ impl std::fmt::Display for Row {
 fn segmented(pair: &mut Pair<'_>) -> Outcome<(f64, usize, u64)> {
     let taken = |rig: &mut Lab| -> Outcome<u64> { Ok(rig.costs()?.map_or(0, |costs| costs.effort.taken)) };
     let before = taken(&mut pair.rig)?;
-    let resolution = Some(pair.rig.resolution());
-    let options = SegmentOptions { photos: 40, resolution, ..SegmentOptions::default() };
-    let found = segment(&mut pair.rig.reference_operators(Part::Global)?.swap_remove(0), &options)?;
+    let options = SegmentOptions { photos: 40, ..SegmentOptions::default() };
+    let request = SegmentRequest { options, ..SegmentRequest::default() };
+    let found = pair.rig.segment(&request)?.segmentation;
     let rand_index = adjusted_rand_index(&found.labels[0].1, &pair.exact.labels()?)?;
     Ok((rand_index, found.regions.count, taken(&mut pair.rig)? - before))
 }

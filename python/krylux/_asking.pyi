@@ -21,7 +21,7 @@ class Asking(Lighting):
         direct: Literal["source", "patterns", "estimator", "keep"] = "source",
         direct_photos: int = 16,
         direct_square: int = 4,
-        blur: float = 0.0,
+        blur: float | None = None,
         features: Iterable[tuple[int, int]] = (),
         evidence: bool = False,
     ) -> answers.Segmentation: ...

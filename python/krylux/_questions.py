@@ -23,7 +23,7 @@ def segment_question(lab, asked):
         "direct": asked["direct"],
         "direct_photos": _checks.vectors(asked["direct_photos"], "direct_photos", lab._pixels),
         "direct_square": _checks.count(asked["direct_square"], "direct_square"),
-        "blur": _checks.finite(asked["blur"], "blur"),
+        "blur": None if asked["blur"] is None else _checks.finite(asked["blur"], "blur"),
         "features": pixels,
         "evidence": bool(asked["evidence"]),
         "seed": lab.seed,

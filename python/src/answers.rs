@@ -89,7 +89,7 @@ impl Answer {
         };
         Ok(match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Eigs { found, part, .. } => lab.verify_eigenpairs(*part, found)?.map(of_pairs),
-            Kept::Segment { request, found, .. } if request.is_of_photos_as_taken() => {
+            Kept::Segment { request, found, .. } if request.is_of_photos_as_taken(found) => {
                 let (part, cut) = (request.part(), request.options.cut);
                 lab.verify_segmentation(part, cut, &found.segmentation)?.map(of_pairs)
             }

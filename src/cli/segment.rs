@@ -65,7 +65,7 @@ fn answer(args: &Args, request: &SegmentRequest, lab: &mut Lab, console: &Consol
     let truth = lab.known_truth()?;
     let scores = truth.as_ref().map(|truth| truth.scores(&segmented.segmentation)).transpose()?;
     let scores = scores.unwrap_or_default();
-    let is_checked = args.check.is_on() && request.is_of_photos_as_taken();
+    let is_checked = args.check.is_on() && request.is_of_photos_as_taken(&segmented);
     let verified = match is_checked {
         true => lab.verify_segmentation(request.part(), request.options.cut, &segmented.segmentation)?,
         false => None,
@@ -99,6 +99,7 @@ fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {
         "status": segmentation.status,
         "regions": segmentation.regions,
         "refuted_regions": refuted,
+        "blur": segmented.blur,
         "eigenvalues": segmentation.eigenvalues.iter().enumerate().map(|(index, &value)| {
             let estimate = index.checked_sub(1).and_then(|index| estimates.get(index));
             rounded(value, estimate.map_or(0.0, |of| of.standard_error))

@@ -114,7 +114,7 @@ impl Canvas<'_> {
         let request = SegmentRequest {
             options,
             direct: Default::default(),
-            blur: 0.0,
+            blur: None,
             features: Vec::new(),
             evidence: false,
         };

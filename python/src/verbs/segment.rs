@@ -26,7 +26,7 @@ pub(super) struct SegmentQuestion {
     pub(super) direct: String,
     direct_photos: usize,
     direct_square: usize,
-    blur: f64,
+    blur: Option<f64>,
     features: Vec<(usize, usize)>,
     evidence: bool,
     seed: u64,

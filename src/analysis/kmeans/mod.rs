@@ -2,6 +2,7 @@
 //!
 //! The k-means of `linfa-clustering` gives all points the same weight, so it is implemented here.
 
+mod bounded;
 mod points;
 
 use points::{Assignment, Points};
@@ -83,15 +84,22 @@ fn best_start(points: &Points<'_>, options: &KmeansOptions, random: &mut Pcg64) 
     best
 }
 
+/// Lloyd's rounds from these centres. Most of them look only at points near a border; the last one looks at all, and takes all sums anew.
 fn lloyd(points: &Points<'_>, mut centres: Vec<Vec<f64>>, rounds: usize) -> Clusters {
     let mut assignment = points.assign(&centres);
-    for _ in 0..rounds {
+    let mut left = rounds;
+    while left > 0 {
         move_centres(points, &assignment, &mut centres);
         let next = points.assign(&centres);
         let settled = next.labels == assignment.labels;
         assignment = next;
+        left -= 1;
         if settled {
             break;
+        }
+        if left > 0 {
+            left -= bounded::advance(points, assignment, &mut centres, left);
+            assignment = points.assign(&centres);
         }
     }
     Clusters { labels: assignment.labels, centres, inertia: assignment.inertia }

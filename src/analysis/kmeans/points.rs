@@ -5,7 +5,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 /// Points per block; fixed, so that sums are added in the same order for any number of threads.
-const BLOCK: usize = 512;
+pub(super) const BLOCK: usize = 512;
 
 /// The points: `n` weighted points of `d` coordinates.
 pub(super) struct Points<'a> {
@@ -18,6 +18,8 @@ pub(super) struct Assignment {
     pub(super) labels: Vec<usize>,
     /// The squared distance of each point to its centre.
     pub(super) distances: Vec<f64>,
+    /// The squared distance of each point to the nearest other centre.
+    pub(super) seconds: Vec<f64>,
     /// The weight of each group.
     pub(super) weights: Vec<f64>,
     /// The weighted sum of each group's points: `K` vectors of length `d`.
@@ -76,19 +78,21 @@ impl Points<'_> {
     pub(super) fn assign(&self, centres: &[Vec<f64>]) -> Assignment {
         let mut labels = vec![0; self.len()];
         let mut distances = vec![f64::INFINITY; self.len()];
+        let mut seconds = distances.clone();
         let blocks: Vec<_> = labels
             .par_chunks_mut(BLOCK)
             .zip(distances.par_chunks_mut(BLOCK))
+            .zip(seconds.par_chunks_mut(BLOCK))
             .enumerate()
-            .map(|(index, (labels, distances))| {
+            .map(|(index, ((labels, distances), seconds))| {
                 let first = index * BLOCK;
                 let mut squares = [0.0; BLOCK];
                 let squares = &mut squares[..labels.len()];
                 for (cluster, centre) in centres.iter().enumerate() {
                     self.squared_distances(first, centre, squares);
-                    for ((label, distance), &square) in
-                        labels.iter_mut().zip(distances.iter_mut()).zip(&*squares)
-                    {
+                    let nearest = labels.iter_mut().zip(distances.iter_mut()).zip(seconds.iter_mut());
+                    for (((label, distance), second), &square) in nearest.zip(&*squares) {
+                        *second = second.min(square.max(*distance));
                         if square < *distance {
                             *distance = square;
                             *label = cluster;
@@ -101,6 +105,7 @@ impl Points<'_> {
         let mut total = Assignment {
             labels,
             distances,
+            seconds,
             weights: vec![0.0; centres.len()],
             sums: Vec::new(),
             inertia: 0.0,
@@ -116,6 +121,21 @@ impl Points<'_> {
             }
         }
         total
+    }
+
+    /// The nearest centre of one point, and the squared distances to it and to the nearest other one: the same numbers as [`Self::assign`]'s.
+    pub(super) fn nearest(&self, point: usize, centres: &[Vec<f64>]) -> (usize, f64, f64) {
+        let (mut label, mut distance, mut second) = (0, f64::INFINITY, f64::INFINITY);
+        for (cluster, centre) in centres.iter().enumerate() {
+            let terms = self.coordinates.iter().zip(centre);
+            let square = terms
+                .fold(0.0, |sum, (column, centre)| sum + (column[point] - centre) * (column[point] - centre));
+            second = second.min(square.max(distance));
+            if square < distance {
+                (label, distance) = (cluster, square);
+            }
+        }
+        (label, distance, second)
     }
 
     /// Each group's weight and weighted sum of points within a block, and the block's inertia.

@@ -46,6 +46,9 @@ pub struct SegmentOptions {
     pub cut: Cut,
     /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
     pub mu: f64,
+    /// The share of a region's light that the operator itself carries across its border, as one does that blurs. Eigenvalues are counted as
+    /// those of regions even where they are so far from one. Default 0.
+    pub leak: f64,
     /// Pixels with at most this share, in [0, 1), of the median degree are masked: [`Graph`](super::Graph::measure). Default
     /// 0.01.
     pub mask_below: f64,
@@ -65,6 +68,7 @@ impl Default for SegmentOptions {
             resolution: None,
             cut: Cut::default(),
             mu: 0.0,
+            leak: 0.0,
             mask_below: 0.01,
             tolerance: 1e-6,
             seed: 0,

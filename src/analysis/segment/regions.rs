@@ -13,7 +13,7 @@
 use super::embedding::LEAST_SHARE;
 use crate::krylov::temple_kato;
 
-/// Eigenvalues closer to 1 than this count as this close, so that rounding creates no gaps.
+/// Eigenvalues closer to 1 than this count as this close, so that rounding creates no gaps. An operator that blurs has a higher floor.
 const FLOOR: f64 = 1e-3;
 
 /// An eigenvalue this close to 1 counts as 1.
@@ -36,7 +36,7 @@ pub struct Regions {
     pub last: f64,
     /// The distance from 1 of the eigenvalue after the gap, or a lower bound; none if the capture ends before it.
     pub next: Option<f64>,
-    /// The ratio of `next` to `last`, where `last` counts as at least 0.001.
+    /// The ratio of `next` to `last`, where `last` counts as at least 0.001, or what a blur carries across a border.
     pub ratio: Option<f64>,
     /// Regions of `count` that only the coordinates of the pixels show: groups that were divided.
     pub divided: usize,
@@ -52,26 +52,28 @@ pub struct Regions {
 impl Regions {
     /// The suggestion from `gaps`, the distances `1 − λ` of the eigenvalues with the residuals of their eigenvectors (the known
     /// one first, without localized ones), and from the second eigenvector `u` on `m` nodes of `degrees` (`uᵀ D u = 1`) with its
-    /// residual. The Krylov process began from so many `starts`.
+    /// residual. The Krylov process began from so many `starts`, and its operator carries the share `leak` across a region's border.
     pub(super) fn suggested(
         gaps: &[(f64, f64)],
         second: Option<(&[f64], f64)>,
         degrees: &[f64],
         starts: usize,
+        leak: f64,
     ) -> Self {
+        let floor = FLOOR.max(leak);
         let residuals: Vec<f64> = gaps.iter().map(|(_, residual)| *residual).collect();
         let gaps: Vec<f64> = gaps.iter().map(|(gap, _)| *gap).collect();
         // A Ritz value may still come nearer to one as it converges.
         let converged = |index: usize| {
             let residual = residuals[index];
             let apart = gaps.get(index + 1).map_or(0.0, |next| next - gaps[index]);
-            (gaps[index] - temple_kato(residual, apart)).max(FLOOR)
+            (gaps[index] - temple_kato(residual, apart)).max(floor)
         };
-        let jump = |index: usize| gaps[index + 1].max(FLOOR) / converged(index);
+        let jump = |index: usize| gaps[index + 1].max(floor) / converged(index);
         let jumps = (0..gaps.len().saturating_sub(1)).take_while(|&index| gaps[index] <= 1.0 - KEPT);
         let last = jumps.max_by(|&a, &b| jump(a).total_cmp(&jump(b)).then(b.cmp(&a))).unwrap_or(0);
         let next = gaps.get(last + 1).copied();
-        let ratio = next.map(|next| next.max(FLOOR) / gaps[last].max(FLOOR));
+        let ratio = next.map(|next| next.max(floor) / gaps[last].max(floor));
         let exact = gaps.iter().take_while(|gap| **gap <= EXACT).count();
         let levels = match second {
             Some((vector, residual)) if exact == 2 => {
@@ -85,7 +87,7 @@ impl Regions {
         let at_least = next.is_none() || (starts > 1 && last >= starts) || (starts == 1 && last > 1);
         // An eigenvector with a residual may still come that much nearer to one.
         let is_far =
-            |next: f64| next > 1.0 - KEPT && next - residuals[last + 1] >= CLEAR * gaps[last].max(FLOOR);
+            |next: f64| next > 1.0 - KEPT && next - residuals[last + 1] >= CLEAR * gaps[last].max(floor);
         Self {
             count: last + 1 + unseen,
             at_one: last + 1,
@@ -165,14 +167,14 @@ mod tests {
     #[test]
     fn a_gap_that_an_unconverged_eigenvector_may_still_close_is_not_clear() {
         let with_residual =
-            |residual| Regions::suggested(&[(0.0, 0.0), (0.01, 1e-3), (0.2, residual)], None, &[], 12);
+            |residual| Regions::suggested(&[(0.0, 0.0), (0.01, 1e-3), (0.2, residual)], None, &[], 12, 0.0);
         assert!(with_residual(0.1).clear && !with_residual(0.19).clear);
         assert_eq!(with_residual(0.19).count, 2);
     }
 
     #[test]
     fn the_widest_gap_near_one_is_the_number_of_regions() {
-        let suggested = |gaps: &[f64]| Regions::suggested(&exact(gaps), None, &[], 12);
+        let suggested = |gaps: &[f64]| Regions::suggested(&exact(gaps), None, &[], 12, 0.0);
         let count = |gaps: &[f64]| suggested(gaps).count;
         assert_eq!(count(&[0.0, 0.2, 0.25, 0.3]), 1);
         assert_eq!(count(&[0.0, 0.006, 0.18, 0.19]), 2);
@@ -189,14 +191,23 @@ mod tests {
     fn a_value_that_is_still_on_its_way_to_one_is_counted_as_there() {
         // Through a rig, by 40 photos: the second region's value has a residual that it may still come nearer by.
         let gaps = [(0.0, 0.0), (0.0137, 0.061), (0.154, 0.06), (0.217, 0.1)];
-        let found = Regions::suggested(&gaps, None, &[], 9);
+        let found = Regions::suggested(&gaps, None, &[], 9, 0.0);
         assert_eq!((found.count, found.clear), (2, true), "{found:?}");
+    }
+
+    #[test]
+    fn what_a_blur_carries_across_the_border_joins_no_regions() {
+        // Zigzag through a rig whose camera is as coarse as the projector, blurred by one pixel of 64.
+        let gaps = [(0.0, 0.0), (0.0195, 0.02), (0.188, 0.031), (0.211, 0.064)];
+        let suggested = |leak| Regions::suggested(&gaps, None, &[], 9, leak);
+        assert_eq!((suggested(0.0).count, suggested(0.0176).count), (1, 2));
+        assert!(suggested(0.0176).clear);
     }
 
     #[test]
     fn as_many_regions_as_starts_are_a_lower_bound() {
         let gaps = [0.0, 0.001, 0.002, 0.001, 0.3];
-        let [few, enough] = [3, 4].map(|starts| Regions::suggested(&exact(&gaps), None, &[], starts));
+        let [few, enough] = [3, 4].map(|starts| Regions::suggested(&exact(&gaps), None, &[], starts, 0.0));
         assert!(few.at_least && !few.clear && few.sentence().contains("at least 4"), "{}", few.sentence());
         assert!(!enough.at_least && enough.clear && enough.count == 4, "{}", enough.sentence());
     }
@@ -205,7 +216,8 @@ mod tests {
     fn regions_without_any_exchange_are_the_levels_of_one_eigenvector() {
         let vector: Vec<f64> = (0..3000).map(|i| f64::from((i % 4) as u8) * 0.01 + 1e-9 * i as f64).collect();
         let degrees = vec![1.0; 3000];
-        let found = Regions::suggested(&exact(&[0.0, 0.0, 0.003, 0.2]), Some((&vector, 1e-9)), &degrees, 4);
+        let found =
+            Regions::suggested(&exact(&[0.0, 0.0, 0.003, 0.2]), Some((&vector, 1e-9)), &degrees, 4, 0.0);
         assert_eq!((found.count, found.at_one, found.levels), (5, 3, Some(4)));
         assert!(found.sentence().contains("4 levels"), "{}", found.sentence());
     }

@@ -14,8 +14,9 @@ pub struct SegmentRequest {
     pub options: SegmentOptions,
     /// How direct light, which contains no information on groups, is removed.
     pub direct: DirectLight,
-    /// The standard deviation in pixels of the Gaussian that blurs patterns and photos; 0 for none.
-    pub blur: f64,
+    /// The standard deviation in pixels of the Gaussian that blurs patterns and photos; 0 for none. Default: what the source needs
+    /// ([`Registration::blur`](crate::measure::Registration::blur) of a rig; none where an operator is handed over).
+    pub blur: Option<f64>,
     /// Pixels, by column and row, whose coordinates in the space of eigenvectors are wanted.
     pub features: Vec<(usize, usize)>,
     /// Whether each group is then lit alone, with one more photo each, to measure how much of its light stays within it.
@@ -45,6 +46,8 @@ pub struct Segmented {
     pub evidence: Vec<Evidence>,
     /// The chosen pixels in the space of eigenvectors.
     pub features: Option<FeatureView>,
+    /// The standard deviation in pixels of the Gaussian that blurred patterns and photos; 0 for none.
+    pub blur: f64,
 }
 
 impl Segmented {
@@ -58,7 +61,7 @@ impl Segmented {
 
 impl From<Segmentation> for Segmented {
     fn from(segmentation: Segmentation) -> Self {
-        Self { segmentation, direct: None, evidence: Vec::new(), features: None }
+        Self { segmentation, direct: None, evidence: Vec::new(), features: None, blur: 0.0 }
     }
 }
 
@@ -72,9 +75,10 @@ impl SegmentRequest {
         let refuse = |option: &str, fault: String, help: String| {
             Err(Error::Option { option: option.into(), fault, help })
         };
-        if !(self.blur >= 0.0 && self.blur < 1000.0) {
+        let blur = self.blur.unwrap_or(0.0);
+        if !(0.0..1000.0).contains(&blur) {
             let help = "give a standard deviation from 0 on";
-            return refuse("--blur", format!("{} pixels", self.blur), help.into());
+            return refuse("--blur", format!("{blur} pixels"), help.into());
         }
         let outside = |&&(x, y): &&(usize, usize)| x >= resolution.width || y >= resolution.height;
         if let Some((x, y)) = self.features.iter().find(outside) {
@@ -93,9 +97,9 @@ impl SegmentRequest {
         if self.direct == DirectLight::Source { Part::Global } else { Part::Full }
     }
 
-    /// Whether the eigenvectors are those of the photos as they are taken: nothing is subtracted from these, and they are not blurred.
-    pub fn is_of_photos_as_taken(&self) -> bool {
-        !matches!(self.direct, DirectLight::Measured(_)) && self.blur == 0.0 && self.options.mu == 0.0
+    /// Whether the eigenvectors found are those of the photos as they were taken: nothing was subtracted from these, and they were not blurred.
+    pub fn is_of_photos_as_taken(&self, found: &Segmented) -> bool {
+        !matches!(self.direct, DirectLight::Measured(_)) && found.blur == 0.0 && self.options.mu == 0.0
     }
 
     /// The most photos in total.
@@ -132,7 +136,7 @@ impl SegmentRequest {
             [] => None,
             chosen => Some(feature_view(&segmentation, resolution, chosen)?),
         };
-        Ok(Segmented { segmentation, direct, evidence, features })
+        Ok(Segmented { segmentation, direct, evidence, features, blur: self.blur.unwrap_or(0.0) })
     }
 
     fn blurred(
@@ -140,7 +144,7 @@ impl SegmentRequest {
         operator: &mut dyn Operator,
         resolution: Resolution,
     ) -> Result<(Segmentation, Vec<Evidence>)> {
-        match Blur::new(resolution, self.blur) {
+        match Blur::new(resolution, self.blur.unwrap_or(0.0)) {
             Some(blur) => self.groups(&mut Blurred::new(operator, blur)?, resolution),
             None => self.groups(operator, resolution),
         }
@@ -151,7 +155,8 @@ impl SegmentRequest {
         operator: &mut dyn Operator,
         resolution: Resolution,
     ) -> Result<(Segmentation, Vec<Evidence>)> {
-        let options = SegmentOptions { resolution: Some(resolution), ..self.options.clone() };
+        let leak = leak(self.blur.unwrap_or(0.0), resolution);
+        let options = SegmentOptions { resolution: Some(resolution), leak, ..self.options.clone() };
         let mut capture = Capture::new(options)?;
         capture.run(operator)?;
         let segmentation = capture.segmentation()?;
@@ -159,4 +164,11 @@ impl SegmentRequest {
         let evidence = counts.map(|(_, labels)| evidence(operator, labels)).collect::<Result<_>>()?;
         Ok((segmentation, evidence))
     }
+}
+
+/// The share of its light that a blur of patterns and photos by `blur` pixels carries out of half a picture, across a straight border. Both
+/// together blur by `√2 blur`, and `1/√2π` of that is the mean way across.
+fn leak(blur: f64, resolution: Resolution) -> f64 {
+    let half = resolution.width.min(resolution.height) as f64 / 2.0;
+    blur / std::f64::consts::PI.sqrt() / half
 }

@@ -107,7 +107,8 @@ impl Segmentation {
         };
         let mut embedding = Embedding::new(options.cut, graph, pairs, &vectors, &weights);
         let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
-        let mut regions = count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts));
+        let mut regions =
+            count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts, taken.options.leak));
         // The eigenvectors after those asked for only served to count the regions.
         let most = if options.groups.is_empty() { regions.count } else { 0 };
         let kept = vectors.len().min(options.eigenvectors.max(most));
@@ -211,13 +212,13 @@ fn undivided(
 }
 
 /// The number of regions, from all eigenvectors that are not localized. `norm` is that of the matrix; the Krylov process began
-/// from so many `starts`.
+/// from so many `starts`, and its operator carries the share `leak` of a region's light across the border.
 fn count_regions(
     embedding: &Embedding,
     pairs: &[RitzPair],
     vectors: &[Vec<f64>],
     weights: &[f64],
-    (norm, starts): (f64, usize),
+    (norm, starts, leak): (f64, usize, f64),
 ) -> Regions {
     let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
     let gap = |index: usize| {
@@ -230,7 +231,7 @@ fn count_regions(
     // If the last eigenvector is localized, its eigenvalue still bounds that of the next region.
     gaps.extend(Some(vectors.len() - 1).filter(|&last| embedding.is_local(last)).map(gap));
     let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
-    Regions::suggested(&gaps, second, weights, starts)
+    Regions::suggested(&gaps, second, weights, starts, leak)
 }
 
 /// Renumbers labels by first appearance.

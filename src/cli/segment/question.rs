@@ -84,9 +84,10 @@ pub(super) struct LightArgs {
     /// Pixels of a square's side, for --direct patterns
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<usize>)]
     direct_square: usize,
-    /// Blur patterns and photos alike by a Gaussian of so many pixels: less noise, and still symmetric
-    #[arg(long, value_name = "PIXELS", default_value_t = 0.0, value_parser = number::<f64>)]
-    blur: f64,
+    /// Blur patterns and photos alike by a Gaussian of so many pixels: less noise, and still symmetric [default: 1 on a calibrated rig whose
+    /// camera has fewer than two pixels along a side for each of the projector's, else 0]
+    #[arg(long, value_name = "PIXELS", value_parser = number::<f64>)]
+    blur: Option<f64>,
     /// Show where these pixels lie in the space of eigenvectors, and how far apart
     #[arg(long, value_name = "X,Y;X,Y;...", value_delimiter = ';')]
     features: Vec<Pixel>,

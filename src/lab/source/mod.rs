@@ -17,7 +17,7 @@ use crate::lab::layout::{journal_folder, short_name};
 use crate::lab::notes::{Kind, SourceNote};
 use crate::lab::settings::{ChannelChoice, Settings};
 use crate::lab::{SharedObserver, Truth};
-use crate::measure::RunManifest;
+use crate::measure::{Registration, RunManifest};
 use crate::transport::Channels;
 pub(in crate::lab) use matrix::{ExplicitParts, MatrixSource};
 pub(in crate::lab) use model::{ModelParts, ModelSource};
@@ -148,6 +148,16 @@ impl Source {
             (ChannelChoice::Native, Self::Rig(rig)) => rig.channels(),
             (ChannelChoice::Native, Self::Run(run)) => Channels::of(run.note.channels),
             (ChannelChoice::Native, Self::Model(model)) => Channels::of(model.model.channels.len()),
+        }
+    }
+
+    /// Which camera pixels see which projector pixel, where that was measured.
+    pub(in crate::lab) fn registration(&self) -> Option<Registration> {
+        match self {
+            Self::Rig(rig) => rig.is_calibrated.then(|| rig.calibration.registration.clone()),
+            // What cannot be read is an error as soon as photos are asked for.
+            Self::Run(run) if run.note.kind == Kind::Rig => run.registration().ok(),
+            Self::Run(_) | Self::Scene(_) | Self::Model(_) | Self::Matrix(_) => None,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::analysis::segment::{SegmentRequest, Segmented};
 use crate::error::Result;
-use crate::lab::Lab;
+use crate::lab::{Lab, Log};
 use crate::operator::Operator;
 
 impl Lab {
@@ -18,6 +18,21 @@ impl Lab {
         let mut operator = self.operator(request.part())?;
         self.expect(request.photos());
         let resolution = self.resolution();
+        let request = &SegmentRequest { blur: Some(self.blur(request)), ..request.clone() };
         self.photos(|_| request.run(&mut operator as &mut dyn Operator, resolution))
+    }
+    /// The blur of patterns and photos: what is asked for, or what the rig needs.
+    fn blur(&self, request: &SegmentRequest) -> f64 {
+        if let Some(blur) = request.blur {
+            return blur;
+        }
+        let blur = self.source.registration().map_or(0.0, |registration| registration.blur());
+        if blur > 0.0 {
+            self.observer.note(format_args!(
+                "note: the camera has fewer than two pixels along a side for each of the projector's, so patterns and photos are blurred by \
+                 {blur} pixel; --blur 0 leaves them as they are"
+            ));
+        }
+        blur
     }
 }
