@@ -65,7 +65,7 @@ fn answer(args: &Args, request: &SegmentRequest, lab: &mut Lab, console: &Consol
     let truth = lab.known_truth()?;
     let scores = truth.as_ref().map(|truth| truth.scores(&segmented.segmentation)).transpose()?;
     let scores = scores.unwrap_or_default();
-    let is_checked = args.check.is_on() && request.is_of_photos_as_taken();
+    let is_checked = args.check.is_on() && request.is_of_photos_as_taken() && !segmented.there_and_back;
     let verified = match is_checked {
         true => lab.verify_segmentation(request.part(), request.options.cut, &segmented.segmentation)?,
         false => None,
@@ -97,6 +97,7 @@ fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {
         "photos": segmentation.photos,
         "photos_direct": segmented.direct.as_ref().map(|direct| direct.photos),
         "status": segmentation.status,
+        "there_and_back": segmented.there_and_back,
         "regions": segmentation.regions,
         "refuted_regions": refuted,
         "eigenvalues": segmentation.eigenvalues.iter().enumerate().map(|(index, &value)| {
@@ -143,6 +144,11 @@ fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
         ))?;
     }
     console.say(format_args!("photos    {}", segmentation.status))?;
+    if segmented.there_and_back {
+        console.say(
+            "matrix    not symmetric: camera and projector stand apart; every second photo is one with the two exchanged",
+        )?;
+    }
     let masked = segmentation.mask.iter().filter(|&&masked| masked).count();
     if masked > 0 {
         let share = 100.0 * masked as f64 / segmentation.mask.len() as f64;

@@ -4,7 +4,7 @@ use super::{Capture, Evidence, FeatureView, SegmentOptions, Segmentation, eviden
 use crate::analysis::{Blurred, DirectMethod, Separation, WithoutDirect, measure_direct};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
-use crate::operator::Operator;
+use crate::operator::{Adjoint, Gram, Operator, Symmetry};
 use crate::transport::Part;
 
 /// The request for a segmentation and its optional parts.
@@ -45,6 +45,8 @@ pub struct Segmented {
     pub evidence: Vec<Evidence>,
     /// The chosen pixels in the space of eigenvectors.
     pub features: Option<FeatureView>,
+    /// Whether the graph is that of `A Aᵀ`, of a matrix that is not symmetric: every second photo is one of the transpose.
+    pub there_and_back: bool,
 }
 
 impl Segmented {
@@ -58,7 +60,7 @@ impl Segmented {
 
 impl From<Segmentation> for Segmented {
     fn from(segmentation: Segmentation) -> Self {
-        Self { segmentation, direct: None, evidence: Vec::new(), features: None }
+        Self { segmentation, direct: None, evidence: Vec::new(), features: None, there_and_back: false }
     }
 }
 
@@ -132,7 +134,54 @@ impl SegmentRequest {
             [] => None,
             chosen => Some(feature_view(&segmentation, resolution, chosen)?),
         };
-        Ok(Segmented { segmentation, direct, evidence, features })
+        Ok(Segmented { segmentation, direct, evidence, features, there_and_back: false })
+    }
+
+    /// As [`SegmentRequest::run`], of any matrix whose transpose is at hand. One that is not symmetric is that of a camera and a projector that
+    /// stand apart: the graph is then that of `A Aᵀ`, where two pixels of the camera are neighbours if the same light reaches both, and each of
+    /// its products is a photo with the devices exchanged and one as they stand. All photos count.
+    ///
+    /// # Errors
+    /// As [`SegmentRequest::run`]; [`Error::Option`] naming what such a matrix does not tell.
+    pub fn run_with_transpose(
+        &self,
+        operator: &mut dyn Adjoint,
+        resolution: Resolution,
+    ) -> Result<Segmented> {
+        let mut operator = operator;
+        if operator.symmetry() == Symmetry::Symmetric {
+            return self.run(&mut operator, resolution);
+        }
+        self.check_apart()?;
+        let photos = self.options.photos / 2;
+        let starts = self.options.starts.or(Some(SegmentOptions::automatic_starts(photos)));
+        let half =
+            Self { options: SegmentOptions { photos, starts, ..self.options.clone() }, ..self.clone() };
+        let mut found = half.run(&mut Gram::of_photos(operator), resolution)?;
+        found.there_and_back = true;
+        found.segmentation.photos *= 2;
+        found.segmentation.history.iter_mut().for_each(|row| row.products *= 2);
+        found.segmentation.status = format!(
+            "{} photos there and back, of A Aᵀ: {}",
+            found.segmentation.photos, found.segmentation.status
+        );
+        Ok(found)
+    }
+
+    /// Refuses what relies on a symmetric matrix.
+    fn check_apart(&self) -> Result<()> {
+        let refuse = |option: &str, fault: &str, help: &str| {
+            Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() })
+        };
+        if let DirectLight::Measured(_) = self.direct {
+            let fault = "direct light is no diagonal where camera and projector stand apart";
+            return refuse("--direct", fault, "give --direct keep: direct light connects no groups");
+        }
+        if self.evidence {
+            let fault = "a group of the camera's pixels cannot be lit alone by a projector that stands apart";
+            return refuse("--evidence", fault, "leave it out");
+        }
+        Ok(())
     }
 
     fn blurred(

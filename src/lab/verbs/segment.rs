@@ -3,10 +3,10 @@
 use crate::analysis::segment::{SegmentRequest, Segmented};
 use crate::error::Result;
 use crate::lab::Lab;
-use crate::operator::Operator;
 
 impl Lab {
-    /// Segments the scene: groups of pixels that exchange light. The journal of the run keeps the true labels of the scene, where it has any.
+    /// Segments the scene: groups of pixels that exchange light, or, where camera and projector stand apart, on which the same light falls
+    /// ([`SegmentRequest::run_with_transpose`]). The journal of the run keeps the true labels of the scene, where it has any.
     ///
     /// # Errors
     /// As [`SegmentRequest::run`] and [`Lab::operator`].
@@ -18,6 +18,6 @@ impl Lab {
         let mut operator = self.operator(request.part())?;
         self.expect(request.photos());
         let resolution = self.resolution();
-        self.photos(|_| request.run(&mut operator as &mut dyn Operator, resolution))
+        self.photos(|_| request.run_with_transpose(&mut operator, resolution))
     }
 }
