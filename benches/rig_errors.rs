@@ -1,6 +1,7 @@
 //! Errors of a realistic rig's answers against the true light transport, for variants of the rig, scenes and seeds.
 //! `cargo bench --bench rig_errors -- [SCENE or VARIANT]... [--seeds N]`; see `benches/README.md`.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use krylux::analysis::segment::SegmentRequest;
@@ -8,7 +9,8 @@ use krylux::analysis::{SegmentOptions, adjusted_rand_index};
 use krylux::krylov::{Method, SolveOptions, norm, solve};
 use krylux::lab::Lab;
 use krylux::measure::RigFile;
-use krylux::operator::Operator;
+use krylux::observer::{Estimate, OnStep, Step};
+use krylux::operator::{Metered, Observed, Operator};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::Part;
 
@@ -59,9 +61,9 @@ fn main() -> Outcome<()> {
     let variant_names = VARIANTS.map(|variant| variant.0);
     println!("{SIDE}x{SIDE} pixels; relative errors, with the standard errors that are stated in brackets\n");
     println!(
-        "| scene | variant | seed | white | direct light | global light | global product | Rand index, regions | frames | residual 12 photos, optimum | MINRES, GMRES |"
+        "| scene | variant | seed | white | direct light | global light | global product | Rand index, regions | frames | residual 12 photos, optimum | MINRES, GMRES, 8 photos | at the frames of the 12 photos: MINRES, GMRES |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (scene, built) in scenes {
         if !asked(&scene_names, scene) {
             continue;
@@ -117,6 +119,8 @@ struct Row {
     frames: u64,
     boxed: [f64; 2],
     solvers: [f64; 2],
+    /// Frames of the 12 photos inside the box, and the residuals of MINRES and GMRES after as many frames at most, clamped as they are shown.
+    at_frames: (u64, [f64; 2]),
 }
 
 impl Row {
@@ -137,8 +141,8 @@ impl Row {
             pair.product(Part::Global, &wave)?,
         ];
         let (rand_index, regions, frames) = segmented(&mut pair)?;
-        let [boxed, solvers] = compensated(&mut pair, &truth, &seen)?;
-        Ok(Self { products, rand_index, regions, frames, boxed, solvers })
+        let (boxed, solvers, at_frames) = compensated(&mut pair, &truth, &seen)?;
+        Ok(Self { products, rand_index, regions, frames, boxed, solvers, at_frames })
     }
 }
 
@@ -148,9 +152,10 @@ impl std::fmt::Display for Row {
             write!(formatter, "{error:.4} ({stated:.4}) | ")?;
         }
         let [[reached, optimum], [minres, gmres]] = [self.boxed, self.solvers];
+        let (budget, [few_minres, few_gmres]) = self.at_frames;
         write!(
             formatter,
-            "{:.4}, {} | {} | {reached:.4}, {optimum:.4} | {minres:.4}, {gmres:.4}",
+            "{:.4}, {} | {} | {reached:.4}, {optimum:.4} | {minres:.4}, {gmres:.4} | {budget}: {few_minres:.4}, {few_gmres:.4}",
             self.rand_index, self.regions, self.frames
         )
     }
@@ -167,25 +172,71 @@ fn segmented(pair: &mut Pair<'_>) -> Outcome<(f64, usize, u64)> {
     Ok((rand_index, found.regions.count, taken(&mut pair.rig)? - before))
 }
 
-/// The residuals of compensation by 12 photos inside the box and of the optimum, and those of MINRES and GMRES by 8 photos.
-fn compensated(pair: &mut Pair<'_>, white: &[f64], seen: &[f64]) -> Outcome<[[f64; 2]; 2]> {
+/// The residuals of a compensation: those of 12 photos inside the box and of the optimum, those of MINRES and GMRES by 8 photos, and the frames of the
+/// first with what the others show after as many.
+type Compensated = ([f64; 2], [f64; 2], (u64, [f64; 2]));
+
+fn compensated(pair: &mut Pair<'_>, white: &[f64], seen: &[f64]) -> Outcome<Compensated> {
     let mut sorted = white.to_vec();
     sorted.sort_by(f64::total_cmp);
     let peak = 0.5 * sorted[white.len() / 2];
     let target = picture(|x, y| peak * (0.58 + 0.42 * (0.3 * x).sin() * (0.2 * y).cos()));
     let wanted: Vec<f64> = target.iter().map(|light| pair.unit * light).collect();
-    let solved = |lab: &mut Lab, b: &[f64], method, products, diagonal| -> Outcome<Vec<f64>> {
-        let options = SolveOptions { products, rtol: 0.0, diagonal, ..SolveOptions::default() };
-        let mut operator = lab.reference_operators(Part::Full)?.swap_remove(0);
-        Ok(solve(method, &mut operator, b, &options)?.x)
-    };
-    let clamped = |x: Vec<f64>| -> Vec<f64> { x.into_iter().map(|value| value.clamp(0.0, 1.0)).collect() };
-    let best = clamped(solved(pair.exact, &target, Method::Fista, OPTIMUM, Some(white.to_vec()))?);
-    let ours = clamped(solved(&mut pair.rig, &wanted, Method::KrylovBox, 12, Some(seen.to_vec()))?);
-    let minres = solved(&mut pair.rig, &wanted, Method::Minres, 8, None)?;
-    let gmres = solved(&mut pair.rig, &wanted, Method::Gmres, 8, None)?;
-    let mut residual = |pattern: &[f64]| pair.residual(pattern, &target);
-    Ok([[residual(&ours)?, residual(&best)?], [residual(&minres)?, residual(&gmres)?]])
+    let clamped = |x: &[f64]| -> Vec<f64> { x.iter().map(|value| value.clamp(0.0, 1.0)).collect() };
+    let best = solved(pair.exact, &target, Method::Fista, OPTIMUM, Some(white.to_vec()))?;
+    let ours = solved(&mut pair.rig, &wanted, Method::KrylovBox, 12, Some(seen.to_vec()))?;
+    let boxed =
+        [pair.residual(&clamped(&ours.last), &target)?, pair.residual(&clamped(&best.last), &target)?];
+    let budget = ours.frames.last().copied().unwrap_or(0);
+    let (mut solvers, mut few) = ([0.0; 2], [0.0; 2]);
+    for (index, method) in [Method::Minres, Method::Gmres].into_iter().enumerate() {
+        let found = solved(&mut pair.rig, &wanted, method, 8, None)?;
+        solvers[index] = pair.residual(&found.last, &target)?;
+        let answer = found.within(budget).unwrap_or(&[]);
+        let answer = if answer.is_empty() { vec![0.0; white.len()] } else { clamped(answer) };
+        few[index] = pair.residual(&answer, &target)?;
+    }
+    Ok((boxed, solvers, (budget, few)))
+}
+
+/// The answers of a method after each photo, and the frames until then.
+struct Solved {
+    answers: Vec<Vec<f64>>,
+    frames: Vec<u64>,
+    last: Vec<f64>,
+}
+
+impl Solved {
+    /// The last answer whose photos took no more than so many frames.
+    fn within(&self, budget: u64) -> Option<&[f64]> {
+        let count = self.frames.iter().take_while(|&&frames| frames <= budget).count();
+        self.answers.get(count.min(self.answers.len()).checked_sub(1)?).map(Vec::as_slice)
+    }
+}
+
+fn solved(
+    lab: &mut Lab,
+    b: &[f64],
+    method: Method,
+    products: usize,
+    diagonal: Option<Vec<f64>>,
+) -> Outcome<Solved> {
+    let options = SolveOptions { products, rtol: 0.0, diagonal, ..SolveOptions::default() };
+    let mut operator = lab.reference_operators(Part::Full)?.swap_remove(0);
+    let mut metered = Metered::new(&mut operator);
+    let mut answers = Vec::new();
+    let observer = OnStep::new(|step: &Step<'_>| {
+        if let Estimate::Solution { iterate, .. } = &step.estimate {
+            while (answers.len() as u64) < step.done {
+                answers.push(iterate());
+            }
+        }
+        ControlFlow::Continue(())
+    });
+    let last = solve(method, &mut Observed::new(&mut metered, &observer), b, &options)?.x;
+    let frames = metered.frames;
+    drop(observer);
+    Ok(Solved { answers, frames, last })
 }
 
 /// A product and the standard error that the operator states for it.

@@ -2,14 +2,18 @@
 
 mod closure;
 mod each;
+mod exchanged;
 mod forward;
+mod gram;
 mod metered;
 mod observed;
 mod recorded;
 
 pub use closure::Closure;
 pub use each::each_product;
+pub use exchanged::Exchanged;
 pub(crate) use forward::delegate;
+pub use gram::Gram;
 pub use metered::Metered;
 pub use observed::{Observed, Relayed};
 pub use recorded::{Product, Recorded};

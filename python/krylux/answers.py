@@ -145,8 +145,10 @@ class Separation(Answer):
     ----------
     direct, global_ : numpy.ndarray
         ``float64[H, W]`` or ``[H, W, 3]``: light of one bounce, and of two and more.
-    standard_error, truth : numpy.ndarray or None
-        Of ``direct``, where the method or the simulator knows them.
+    standard_error, global_error : numpy.ndarray or None
+        The standard errors of ``direct`` and of ``global_``, where the method tells them.
+    truth : numpy.ndarray or None
+        The exact ``direct``, where the simulator knows it.
     second, rest : numpy.ndarray or None
         The second bounce, and the third and later ones, where they were asked for.
     near, far : numpy.ndarray or None

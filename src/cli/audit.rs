@@ -62,8 +62,11 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     for check in &found.checks {
         console.say(check.line())?;
     }
+    for finding in &found.devices {
+        console.say(finding)?;
+    }
     console.say(found.sentence())?;
-    let summary = json!({ "passed": found.passed(), "checks": found.checks });
+    let summary = json!({ "passed": found.passed(), "checks": found.checks, "devices": found.devices });
     Ok(finish(
         lab,
         console,

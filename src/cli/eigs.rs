@@ -9,10 +9,11 @@ use super::matrix::PartArg;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
 use super::options::{CheckArgs, RunArgs, SourceArgs, count, number};
+use super::singular;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
-use crate::krylov::{EigsMethod, EigsOptions, Start, Which};
+use crate::krylov::{EigsMethod, EigsOptions, SingularOptions, Start, Which};
 use crate::lab::text::{percent, rounded, with_error};
 use crate::lab::{Eigenpairs, Lab};
 use crate::paint::Answer;
@@ -22,7 +23,7 @@ use crate::transport::Part;
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  krylux eigs scene.glb --count 6 --method block-lanczos -o out/eigs\n  krylux eigs matrix.npz --count 4 --photos 400 --tolerance 1e-6"
+    after_help = "Examples:\n  krylux eigs scene.glb --count 6 --method block-lanczos -o out/eigs\n  krylux eigs matrix.npz --count 4 --photos 400 --tolerance 1e-6\n  krylux eigs apart.glb --singular --count 4     # camera and projector apart: patterns and their photos"
 )]
 pub(super) struct Args {
     #[command(flatten)]
@@ -33,6 +34,10 @@ pub(super) struct Args {
     operator: OperatorArgs,
     #[command(flatten)]
     question: Question,
+    /// Singular values, with patterns and their photos, in place of eigenvalues: for any matrix, each step a photo and one of the transpose,
+    /// with camera and projector exchanged
+    #[arg(long, conflicts_with_all = ["method", "block", "which"])]
+    singular: bool,
     #[command(flatten)]
     check: CheckArgs,
     #[command(flatten)]
@@ -122,6 +127,12 @@ impl Question {
         }
     }
 
+    /// The library's options for singular values.
+    fn singular_options(&self, seed: u64, photos_of_run: Option<usize>) -> SingularOptions {
+        let EigsOptions { count, products, tolerance, start, .. } = self.options(seed, photos_of_run);
+        SingularOptions { count, products, tolerance, start, ..SingularOptions::default() }
+    }
+
     /// Which light.
     pub(super) fn part(&self) -> Part {
         self.part.into()
@@ -131,6 +142,15 @@ impl Question {
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let opening = Opening::new(&args.source, &args.trace).operator(&args.operator);
     let mut lab = opening.open_shown(&args.live, console)?;
+    if args.singular {
+        let options = args.question.singular_options(lab.seed(), lab.photos_of_run());
+        let asked = singular::Asked {
+            part: args.question.part(),
+            is_strict: args.question.tolerance.is_some(),
+            options,
+        };
+        return in_run(&mut lab, &args.run, "eigs", |lab| singular::answer(&asked, &args.run, lab, console));
+    }
     in_run(&mut lab, &args.run, "eigs", |lab| answer(args, lab, console))
 }
 

@@ -36,6 +36,7 @@ mod rig_info;
 mod runs;
 mod segment;
 mod separate;
+mod singular;
 mod solve;
 mod team;
 mod tev;

@@ -16,7 +16,7 @@ use crate::transport::Channels;
 /// Predict photos, time and error of a verb on a rig, from its virtual twin; or memory and time of a scene on several machines
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  krylux plan rig.toml segment --photos 40 --groups 2\n  krylux plan scene.glb --size 1024 --spp 64 --ranks 1,8,64"
+    after_help = "Examples:\n  krylux plan rig.toml segment --photos 40 --groups 2\n  krylux plan rig.toml --compare-methods compensate --target target.png --photos 12\n  krylux plan scene.glb --size 1024 --spp 64 --ranks 1,8,64"
 )]
 pub(super) struct Args {
     #[command(flatten)]
@@ -32,6 +32,9 @@ pub(super) struct Args {
     /// Bandwidth of the network between the machines, in Gbit/s, for --ranks
     #[arg(long, value_name = "X", default_value_t = 10.0, value_parser = number::<f64>)]
     network: f64,
+    /// Plan `compensate` by every method, each with as many photos, and say what each shows at equal frames, too
+    #[arg(long)]
+    compare_methods: bool,
     #[command(subcommand)]
     question: Option<Question>,
 }
@@ -70,7 +73,17 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let opening = Opening::new(&args.source, &args.trace).channels(ChannelChoice::Native);
     let lab = opening.open(console)?;
-    let request = request(question, &lab)?;
+    let request = match (request(question, &lab)?, args.compare_methods) {
+        (request, false) => request,
+        (PlanRequest::Compensate(target, options), true) => PlanRequest::CompareMethods(target, options),
+        _ => {
+            return Err(Error::Option {
+                option: "--compare-methods".into(),
+                fault: "only methods of a compensation are compared".into(),
+                help: "leave it out, or plan compensate".into(),
+            });
+        }
+    };
     let found = lab.plan(&request, args.trials)?;
     say(&found, console)?;
     let range =

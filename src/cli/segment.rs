@@ -97,6 +97,7 @@ fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {
         "photos": segmentation.photos,
         "photos_direct": segmented.direct.as_ref().map(|direct| direct.photos),
         "status": segmentation.status,
+        "there_and_back": segmented.there_and_back,
         "regions": segmentation.regions,
         "refuted_regions": refuted,
         "blur": segmented.blur,
@@ -144,6 +145,11 @@ fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
         ))?;
     }
     console.say(format_args!("photos    {}", segmentation.status))?;
+    if segmented.there_and_back {
+        console.say(
+            "matrix    not symmetric: camera and projector stand apart; every second photo is one with the two exchanged",
+        )?;
+    }
     let masked = segmentation.mask.iter().filter(|&&masked| masked).count();
     if masked > 0 {
         let share = 100.0 * masked as f64 / segmentation.mask.len() as f64;

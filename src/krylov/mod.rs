@@ -14,6 +14,7 @@
 //! | yes | [`Lanczos`] | eigenpairs at the ends of the spectrum | `m + 2` |
 //! | yes | [`BlockLanczos`] | the same, with up to `b` copies of each | `m + b + 1` |
 //! | no | [`Arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
+//! | no, but `Aᵀ` | [`singular()`] | the largest singular values and their vectors | `m + 2` |
 //!
 //! Linear systems, with or without a box around the solution, are [`Solver`]s of the same kind: [`solve`]
 //! takes any [`Method`] of the table [`METHODS`], by value, with [`SolveOptions`].
@@ -36,6 +37,7 @@ mod linear;
 mod methods;
 mod orthogonalize;
 mod precondition;
+mod singular;
 mod start;
 mod stats;
 mod sweeps;
@@ -59,5 +61,6 @@ pub use linear::{
 };
 pub use methods::{Constraint, METHODS, Method, MethodFacts, solve, solve_adjoint};
 pub use precondition::{Diagonal, Multiscale, Preconditioner, UserPreconditioner};
+pub use singular::{Singular, SingularOptions, singular};
 pub use start::Start;
 pub use stats::{Stats, Status};

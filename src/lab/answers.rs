@@ -7,7 +7,7 @@ use crate::analysis::Segmentation;
 use crate::analysis::audit::Audit;
 use crate::analysis::segment::Segmented;
 use crate::error::Result;
-use crate::krylov::Eigs;
+use crate::krylov::{Eigs, Singular};
 use crate::report;
 use crate::report::compensation::Compensated;
 use crate::report::eigenpairs::Eigenpairs;
@@ -16,6 +16,7 @@ use crate::report::relighting::Relighting;
 use crate::report::run::Run;
 use crate::report::segmentation::Scored;
 use crate::report::separation::Separated;
+use crate::report::singular::SingularTriplets;
 use crate::report::solution::Solved;
 
 /// An answer that a laboratory can save ([`Lab::save`]).
@@ -152,6 +153,44 @@ impl Answer for Eigs {
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         Answer::write(&Eigenpairs::new(self, self.values.len()), lab, run, seconds)
+    }
+}
+
+impl Answer for SingularTriplets<'_> {
+    fn verb(&self) -> &'static str {
+        "eigs"
+    }
+
+    fn photos(&self) -> usize {
+        self.found.stats.products
+    }
+
+    fn sentence(&self) -> String {
+        format!("{} photos there and back: {}", self.found.stats.products, self.found.stats.status)
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        let sizes = [lab.resolution(), lab.projector_resolution()];
+        let has_pictures = lab.kind() != SourceKind::Matrix;
+        Self::write(self, &lab.page("singular values", run, seconds), has_pictures.then_some(sizes))
+    }
+}
+
+impl Answer for Singular {
+    fn verb(&self) -> &'static str {
+        "eigs"
+    }
+
+    fn photos(&self) -> usize {
+        self.stats.products
+    }
+
+    fn sentence(&self) -> String {
+        SingularTriplets { found: self, wanted: self.values.len() }.sentence()
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        Answer::write(&SingularTriplets { found: self, wanted: self.values.len() }, lab, run, seconds)
     }
 }
 

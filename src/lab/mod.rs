@@ -89,6 +89,7 @@ pub use crate::report::probing::ProbedLight;
 pub use crate::report::relighting::Relighting;
 pub use crate::report::segmentation::Scored;
 pub use crate::report::separation::Separated;
+pub use crate::report::singular::SingularTriplets;
 pub use crate::report::solution::Solved;
 pub use crate::report::text;
 use crate::scene::Scene;

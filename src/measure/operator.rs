@@ -88,7 +88,7 @@ impl Adjoint for MeasuredOperator<'_> {
         match self.symmetry() {
             Symmetry::Symmetric => self.apply(y, x),
             Symmetry::General => Err(Error::Numerical(
-                "a rig that is not coaxial cannot take photos of its transpose\n  help: use a method without the transpose, such as gmres or krylov-box"
+                "a rig that is not coaxial cannot take photos of its transpose\n  help: use a method without the transpose, such as gmres or krylov-box, or exchange the devices: krylux::operator::Exchanged takes both rigs"
                     .into(),
             )),
         }

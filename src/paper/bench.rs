@@ -85,20 +85,23 @@ impl Bench {
         match self.options.rig {
             Rig::Ideal => self.truth(stage, part),
             Rig::Virtual => {
-                let known = match stage.set.is_coaxial() {
-                    true => None,
-                    // The devices are the same in front of each scene. They are calibrated before the projector's lens is opened: stripes
-                    // that are out of focus tell few pixels apart (of the corner by a lens of 70 mm, Gray codes lose 63 %), and the
-                    // symmetry of the light transport tells the devices' uneven brightness.
-                    false => {
-                        calibration_of(&self.open(Set::Corner, stage.resolution)?.through_devices(None)?)
-                    }
-                };
-                let mut rig = self.open(stage.set, stage.resolution)?.through_devices(known)?;
+                let mut rig = self.devices(stage)?;
                 self.meters.push(rig.reference_operators(part)?.swap_remove(0));
                 Ok(rig.reference_operators(part)?.swap_remove(0))
             }
         }
+    }
+
+    /// The scene through the virtual devices, calibrated.
+    pub(super) fn devices(&mut self, stage: &Stage) -> Result<Lab> {
+        let known = match stage.set.is_coaxial() {
+            true => None,
+            // The devices are the same in front of each scene. They are calibrated before the projector's lens is opened, or before it is moved:
+            // stripes that are out of focus tell few pixels apart (of the corner by a lens of 70 mm, Gray codes lose 63 %), and the
+            // symmetry of the light transport tells the devices' uneven brightness.
+            false => calibration_of(&self.open(Set::Corner, stage.resolution)?.through_devices(None)?),
+        };
+        self.open(stage.set, stage.resolution)?.through_devices(known)
     }
 
     /// The frames that virtual cameras took for photos since this was asked last, those of black, white and exposures included and those of

@@ -36,6 +36,27 @@ fn of_dense(dense: &Mat<f64>) -> Result<Spectrum> {
     Ok(Spectrum { values, vectors: (0..n).rev().map(vector).collect() })
 }
 
+/// The largest singular values of a matrix, descending, with their left and right vectors of norm 1.
+pub(super) struct SingularTriplets {
+    pub(super) values: Vec<f64>,
+    pub(super) left: Vec<Vec<f64>>,
+    pub(super) right: Vec<Vec<f64>>,
+}
+
+/// The `count` largest singular values by a dense solver. It needs `24 n²` bytes and O(`n³`) operations.
+pub(super) fn singular_triplets(matrix: &Csr, count: usize) -> Result<SingularTriplets> {
+    let mut dense = Mat::<f64>::zeros(matrix.rows(), matrix.cols());
+    matrix.entries().for_each(|(row, column, weight)| dense[(row, column)] += weight);
+    let found = dense.thin_svd().map_err(|error| Error::Numerical(format!("the dense SVD: {error:?}")))?;
+    let count = count.min(matrix.rows()).min(matrix.cols());
+    let column = |of: faer::MatRef<'_, f64>, at: usize| of.col(at).iter().copied().collect();
+    Ok(SingularTriplets {
+        values: (0..count).map(|at| found.S().column_vector()[at]).collect(),
+        left: (0..count).map(|at| column(found.U(), at)).collect(),
+        right: (0..count).map(|at| column(found.V(), at)).collect(),
+    })
+}
+
 /// The condition number `σ_max / σ_min` of the matrix of the first `k` of these vectors, each scaled to norm 1, for `k` from 1 to all; infinite
 /// where they depend on each other.
 pub(super) fn conditions(vectors: &[Vec<f64>]) -> Result<Vec<f64>> {
@@ -67,6 +88,18 @@ mod tests {
             assert!((found.values[1] - 1.0).abs() < 1e-14);
             assert!((found.vectors[0][0] - found.vectors[0][1]).abs() < 1e-14, "{:?}", found.vectors);
         }
+        Ok(())
+    }
+
+    #[test]
+    fn singular_triplets_of_a_shear() -> Result<()> {
+        // [[0, 2], [0, 0]] turns the second pixel of the projector to the first of the camera.
+        let found = singular_triplets(&Csr::new(2, vec![0, 1, 1], vec![1], vec![2.0])?, 5)?;
+        assert_eq!(found.values.len(), 2);
+        assert!((found.values[0] - 2.0).abs() < 1e-15 && found.values[1].abs() < 1e-15, "{:?}", found.values);
+        assert!(
+            (found.left[0][0].abs() - 1.0).abs() < 1e-15 && (found.right[0][1].abs() - 1.0).abs() < 1e-15
+        );
         Ok(())
     }
 

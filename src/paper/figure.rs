@@ -35,11 +35,15 @@ pub enum Figure {
     Conditioning,
     /// The polynomials behind the methods.
     Polynomials,
+    /// Camera and projector apart: the transpose by exchanging them.
+    Apart,
+    /// What is left of the disparity of a coaxial pair.
+    Disparity,
 }
 
 impl Figure {
     /// All figures in order; those that the paper argues with and does not show come last.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::Fig2,
         Self::Fig4,
         Self::Fig5,
@@ -53,6 +57,8 @@ impl Figure {
         Self::Random,
         Self::Conditioning,
         Self::Polynomials,
+        Self::Apart,
+        Self::Disparity,
     ];
 }
 

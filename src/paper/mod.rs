@@ -18,9 +18,12 @@
 //! | – | random patterns at equal photos | `random` |
 //! | – | photos without orthogonalisation | `conditioning` |
 //! | – | the polynomials of equations 1 to 3 | `polynomials` |
+//! | – | camera and projector apart, and exchanged for the transpose | `apart` |
+//! | – | what disparity does to methods for symmetric matrices | `disparity` |
 //!
 //! [`Gallery`] writes the page that shows the figures beside the paper's statements.
 
+mod apart;
 mod bench;
 mod check;
 mod compensated;
@@ -29,6 +32,7 @@ mod conditioning;
 mod contest;
 mod dense;
 mod devices;
+mod disparity;
 mod fig10;
 mod fig11;
 mod fig12;
@@ -82,6 +86,8 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
         Figure::Random => random::reproduce(bench),
         Figure::Conditioning => conditioning::reproduce(bench),
         Figure::Polynomials => polynomials::reproduce(bench),
+        Figure::Apart => apart::reproduce(bench),
+        Figure::Disparity => disparity::reproduce(bench),
     }?;
     made.frames += bench.frames();
     made.seconds = start.elapsed().as_secs_f64();

@@ -22,7 +22,20 @@ pub(super) enum Set {
     FoldedSheet,
     Carton,
     CartonEggs,
+    /// The zigzag with the projector [`APART`] to the right of the camera.
+    Apart,
+    /// The same with projector and camera exchanged.
+    Exchanged,
+    /// The corner with the projector so many tenths of a millimetre to the right of the camera, and turned towards the point of the corner
+    /// that the camera looks at.
+    Beside(u32),
 }
+
+/// How far the projector of [`Set::Apart`] stands from the camera, in metres.
+pub(super) const APART: f32 = 0.1;
+
+/// The distance of the corner's edge from the camera, in metres: where the projector of [`Set::Beside`] looks.
+pub(super) const EDGE: f32 = 1.2;
 
 /// Walls at 0.6 to 1.2 m are blurred at 128 pixels per side by discs of radius 2.6 to 7.7 pixels.
 const DEFOCUSED: Lens = Lens { radius: 0.035, focus: 2.4 };
@@ -34,13 +47,17 @@ impl Set {
 
     /// Whether projector and camera have the same pose and lens, so that the light transport is symmetric.
     pub(super) fn is_coaxial(self) -> bool {
-        self != Self::Defocused
+        !matches!(self, Self::Defocused | Self::Apart | Self::Exchanged | Self::Beside(1..))
     }
 
     /// Light paths per pixel. With an open lens, direct light is sampled as well. At 256 paths the optimal pattern exploits the
-    /// noise in the fixed matrix, a gain of five per cent that methods with few products cannot reach.
+    /// noise in the fixed matrix, a gain of five per cent that methods with few products cannot reach. Devices that are exchanged are traced a second
+    /// time, with other paths, and both are to be the same scene.
     pub(super) fn samples(self) -> u32 {
-        if self.is_out_of_focus() { 1024 } else { 256 }
+        match self {
+            Self::Defocused | Self::BothDefocused | Self::Apart | Self::Exchanged => 1024,
+            _ => 256,
+        }
     }
 
     pub(super) fn scene(self) -> Scene {
@@ -64,6 +81,28 @@ impl Set {
             Self::FoldedSheet => builtin::folded_sheet().to_scene(),
             Self::Carton => builtin::nine_cells(false).to_scene(),
             Self::CartonEggs => builtin::nine_cells(true).to_scene(),
+            Self::Apart | Self::Exchanged => {
+                let mut scene = builtin::zigzag().to_scene();
+                let mut projector = scene.camera.clone();
+                projector.position += APART * projector.right;
+                if self == Self::Exchanged {
+                    std::mem::swap(&mut projector, &mut scene.camera);
+                }
+                scene.projector = Some(projector);
+                scene
+            }
+            Self::Beside(0) => builtin::corner().to_scene(),
+            Self::Beside(tenths) => {
+                let mut scene = builtin::corner().to_scene();
+                let beside = 1e-4 * tenths as f32;
+                let mut projector = scene.camera.clone();
+                let looks_at = projector.position + EDGE * projector.forward;
+                projector.position += beside * projector.right;
+                projector.forward = (looks_at - projector.position).normalize();
+                projector.right = projector.forward.cross(projector.up).normalize();
+                scene.projector = Some(projector);
+                scene
+            }
         }
     }
 }

@@ -35,6 +35,8 @@ fn words(figure: Figure) -> [&'static str; 3] {
         Figure::Random => RANDOM,
         Figure::Conditioning => CONDITIONING,
         Figure::Polynomials => POLYNOMIALS,
+        Figure::Apart => APART,
+        Figure::Disparity => DISPARITY,
     }
 }
 
@@ -127,4 +129,18 @@ const POLYNOMIALS: [&str; 3] = [
     "Equations 1 to 3: polynomials of the light transport matrix",
     "Whatever k photos of a Krylov method tell is a polynomial of degree k of the matrix: the residual is one with \
      value 1 at 0 that is small where eigenvalues are, and the eigenvalues found are the zeros of another.",
+];
+
+const APART: [&str; 3] = [
+    "apart",
+    "Camera and projector apart",
+    "Where camera and projector do not share one viewpoint, the light transport matrix is not symmetric. Photos with the two exchanged are \
+     those of its transpose, and light that goes there and back is a symmetric matrix again, by which the same methods apply.",
+];
+
+const DISPARITY: [&str; 3] = [
+    "disparity",
+    "Disparity of a nearly coaxial pair",
+    "Camera and projector are brought to one viewpoint by a beam splitter, so that the matrix is symmetric; what is left of the disparity \
+     between them has to be small.",
 ];

@@ -5,6 +5,7 @@ use super::html::{Block, Figure, Kind, Legend, Report, Section, Swatch, Values};
 use super::run::{Files, Run};
 use crate::analysis::audit::{self, Audit};
 use crate::error::{Error, Result};
+use crate::measure::rig_check::Grade;
 
 /// Writes `audit.json`, arrays, pictures and `report.html` into the run's folder and returns their names.
 ///
@@ -104,7 +105,7 @@ fn page(found: &Audit, run: &Run<'_>, figures: Vec<Figure>) -> Report {
         ]
     });
     let headers = ["Check", "Verdict", "Figure", "Standard error", "At most", "What it means"];
-    let sections = vec![
+    let mut sections = vec![
         Section {
             title: "Checks".into(),
             text: "A check fails when its figure lies beyond the bound by more than three standard errors."
@@ -117,5 +118,32 @@ fn page(found: &Audit, run: &Run<'_>, figures: Vec<Figure>) -> Report {
         },
         Section { title: "Pictures".into(), text: String::new(), blocks: vec![Block::Figures(figures)] },
     ];
+    if !found.devices.is_empty() {
+        sections.insert(1, devices(found));
+    }
     run.page((found.passed(), found.sentence()), found.photos, [], sections)
+}
+
+/// What the devices do without being asked.
+fn devices(found: &Audit) -> Section {
+    let rows = found.devices.iter().map(|finding| {
+        let verdict = match finding.grade {
+            Grade::Ok => "as it should be",
+            Grade::Warning => "warning",
+            Grade::Fails => "fails",
+        };
+        let cells = [finding.name, verdict, &finding.found, &finding.expected, &finding.help];
+        cells.map(str::to_owned).to_vec()
+    });
+    Section {
+        title: "Devices".into(),
+        text: "What projector and camera do without being asked, and what is in the way of their light. It may be why a check fails; it does not \
+               fail the audit by itself."
+            .into(),
+        blocks: vec![Block::Table {
+            headers: ["Examined", "Verdict", "Found", "Expected", "What to do"].map(str::to_owned).to_vec(),
+            rows: rows.collect(),
+            caption: String::new(),
+        }],
+    }
 }

@@ -119,7 +119,7 @@ impl<'a> Eigenpairs<'a> {
     }
 }
 
-fn in_words(status: PairStatus) -> &'static str {
+pub(super) fn in_words(status: PairStatus) -> &'static str {
     match status {
         PairStatus::Converged => "converged",
         PairStatus::LimitedByNoise => "limited by noise",
@@ -128,7 +128,7 @@ fn in_words(status: PairStatus) -> &'static str {
 }
 
 /// Writes an array of shape `k×H×W` for images of `size`, otherwise `k×n`.
-fn write_vectors(
+pub(super) fn write_vectors(
     files: &mut Files<'_>,
     name: &str,
     size: Option<Resolution>,

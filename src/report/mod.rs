@@ -37,6 +37,7 @@ pub mod run;
 pub mod scatter;
 pub mod segmentation;
 pub mod separation;
+pub mod singular;
 pub mod solution;
 pub(crate) mod spectrum;
 mod svg;

@@ -30,6 +30,8 @@ pub struct Separated {
     pub global: Planes,
     /// Standard errors of `direct`, where the method knows them.
     pub standard_error: Option<Planes>,
+    /// Standard errors of `global`, where the method knows them.
+    pub global_error: Option<Planes>,
     /// The exact first bounce, where a simulator knows it and the method is another.
     pub truth: Option<Planes>,
     /// The second bounce, and three and more.
@@ -67,9 +69,9 @@ impl Separated {
         for (name, image, _) in &images {
             files.image(name, image)?;
         }
-        if let Some(errors) = &self.standard_error {
+        for (name, errors) in self.standard_errors() {
             let image = Image::from_planes(run.resolution, errors)?;
-            picture::write(&files.path("standard-error.npy"), &image)?;
+            picture::write(&files.path(name), &image)?;
         }
         let white: Planes = sum(&self.direct, &self.global);
         let scale = exposure(&Image::from_planes(run.resolution, &white)?);
@@ -88,6 +90,18 @@ impl Separated {
             files.text("errors.csv", &self.csv())?;
         }
         files.finish(self.page(run, figures)?)
+    }
+
+    /// The standard errors that are known, with the names of their files.
+    fn standard_errors(&self) -> impl Iterator<Item = (&'static str, &Planes)> {
+        let known = [("standard-error.npy", &self.standard_error), (GLOBAL_ERROR, &self.global_error)];
+        known.into_iter().filter_map(|(name, errors)| Some((name, errors.as_ref()?)))
+    }
+
+    /// The standard errors of direct and of global light over all pixels, relative to each light, where they are known.
+    pub fn relative_errors(&self) -> Option<[f64; 2]> {
+        let (direct, global) = (self.standard_error.as_ref()?, self.global_error.as_ref()?);
+        Some([norm(direct) / norm(&self.direct), norm(global) / norm(&self.global)])
     }
 
     /// The photos of the method, and those that tell near from far.
@@ -109,6 +123,14 @@ impl Separated {
         );
         if let Some(error) = self.error() {
             let _ = write!(text, " The direct light is within {} of the exact first bounce.", percent(error));
+        }
+        if let Some([direct, global]) = self.relative_errors() {
+            let _ = write!(
+                text,
+                " Standard errors: {} of the direct light, {} of the global.",
+                percent(direct),
+                percent(global)
+            );
         }
         text
     }
@@ -187,9 +209,10 @@ impl Separated {
             let caption = "Direct light found less exact";
             figures.push(figure::signed(run.resolution, &error, range, run.unit, caption)?);
         }
-        if let Some(errors) = &self.standard_error {
+        for (name, errors) in self.standard_errors() {
             let errors = mean(errors);
-            let caption = "Standard error of the direct light";
+            let whose = if name == GLOBAL_ERROR { "global" } else { "direct" };
+            let caption = format!("Standard error of the {whose} light");
             figures.push(figure::amounts(run.resolution, &errors, run.unit, caption)?);
         }
         Ok(figures)
@@ -228,6 +251,9 @@ impl Separated {
         }
     }
 }
+
+/// The file of the standard errors of global light.
+const GLOBAL_ERROR: &str = "standard-error-global.npy";
 
 /// Explains the order of the photos.
 const ORDER: &str = "Those of the method come first, those that tell near from far last.";

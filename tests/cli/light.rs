@@ -475,3 +475,83 @@ fn images_are_compared_with_thresholds() {
     bench.assert_error(&["compare", &a, &other], &["a.npy", "16x16", "8x8"]);
     bench.assert_error(&["compare", &other, &other, "--min-ssim", "0.5"], &["--min-ssim", "11x11"]);
 }
+
+/// The zigzag, which the projector lights from 10 cm to the right of the camera.
+fn apart(bench: &Bench) -> Vec<String> {
+    let poses = "[camera]\nposition = [0.0, 0.0, 0.0]\nforward = [0.0, 0.0, -1.0]\nvertical_fov_degrees = 50.0\n\
+                 [projector]\nposition = [0.1, 0.0, 0.0]\nforward = [0.0, 0.0, -1.0]\nvertical_fov_degrees = 50.0\n";
+    std::fs::write(bench.path("poses.toml"), poses).expect("the folder is writable");
+    let more = ["--camera-file", &bench.name("poses.toml"), "--size", "32", "--spp", "64"].map(str::to_owned);
+    [scene("zigzag")].into_iter().chain(more).collect()
+}
+
+#[test]
+fn a_rig_apart_is_segmented_there_and_back_and_has_singular_values() {
+    let bench = Bench::new();
+    let apart = apart(&bench);
+    let source: Vec<&str> = apart.iter().map(String::as_str).collect();
+    let arguments = ["--photos", "50", "--groups", "2", "-o", &bench.name("groups")];
+    let found = bench.json(&[&["segment"], &source[..], &arguments].concat());
+    let photos = found["photos"].as_u64().expect("a number");
+    assert!(found["there_and_back"] == true && photos <= 50 && photos.is_multiple_of(2), "{found}");
+    // The sheets exchange no light. A pixel in a hundred, at their border, sees both of them.
+    assert!(number(&found["adjusted_rand_index"]["2"]) > 0.9, "{found}");
+    let elsewhere = bench.name("x");
+    for what in [&["--evidence"][..], &["--direct", "patterns"]] {
+        let asked = [&["segment"], &source[..], what, &["--groups", "2", "-o", &elsewhere]].concat();
+        bench.assert_error(&asked, &[what[0], "stand"]);
+    }
+
+    let arguments = ["--singular", "--count", "3", "--photos", "60", "-o", &bench.name("singular")];
+    let found = bench.json(&[&["eigs"], &source[..], &arguments].concat());
+    let values: Vec<f64> = found["singular_values"].as_array().expect("a list").iter().map(number).collect();
+    assert!(values.len() == 3 && values.is_sorted_by(|a, b| a >= b) && values[2] > 0.0, "{found}");
+    // The transpose of a matrix in memory is exact.
+    assert!(number(&found["disagreement"]) < 1e-12, "{found}");
+    for name in ["left-vectors", "right-vectors"] {
+        let vectors = npy::read_npy(&bench.path(&format!("singular/{name}.npy"))).expect("it is written");
+        assert_eq!(vectors.shape, [3, 32, 32]);
+    }
+    assert!(bench.path("singular/right-01.png").exists() && bench.path("singular/report.html").exists());
+    // Patterns of a coaxial rig are their own photos: its singular values are the magnitudes of its eigenvalues.
+    let traced = ["--size", "24", "--spp", "32", "--part", "global", "--photos", "80", "--no-check"];
+    let corner = scene("corner");
+    let of = |more: &[&str], out: &str| {
+        bench.json(
+            &[&["eigs", &corner, "--count", "2"], &traced[..], more, &["-o", &bench.name(out)]].concat(),
+        )
+    };
+    let (singular, symmetric) = (of(&["--singular"], "coaxial"), of(&[], "pairs"));
+    for k in 0..2 {
+        let [sigma, lambda] = [&singular["singular_values"][k], &symmetric["eigenvalues"][k]].map(number);
+        // Both are rounded to their standard errors, which are some per cent at most.
+        assert!((sigma - lambda.abs()).abs() < 0.05 * sigma, "{sigma} {lambda}");
+    }
+}
+
+#[test]
+fn planned_methods_are_compared_at_equal_frames() {
+    let bench = Bench::new();
+    npy::write_npy::<f32>(&bench.path("target.npy"), &[16, 16], &[0.5; 256]).expect("the folder is writable");
+    let rig = root().join("assets/rigs/ideal.toml").display().to_string();
+    let question = ["compensate", "--target", &bench.name("target.npy"), "--photos", "4"];
+    let found = bench.json(
+        &[
+            &["plan", &rig, "--size", "16", "--spp", "16", "--trials", "1", "--compare-methods"],
+            &question[..],
+        ]
+        .concat(),
+    );
+    let trial = &found["trials"][0];
+    let methods = trial["methods"].as_array().expect("a list");
+    let frames = number(&trial["frames"]);
+    assert!(methods.len() > 5 && methods.iter().all(|method| number(&method["frames"]) >= frames), "{found}");
+    // The method that sets the common number of frames is compared by all of its photos.
+    let least = methods.iter().find(|method| number(&method["frames"]) == frames).expect("one has fewest");
+    assert!(number(&least["at_equal_frames"]) <= number(&least["residual"]) * (1.0 + 1e-9), "{least}");
+    assert!(found["figures"]["krylov-box: residual at equal frames"].is_object(), "{found}");
+    bench.assert_error(
+        &["plan", &rig, "--size", "16", "--compare-methods", "segment"],
+        &["--compare-methods"],
+    );
+}

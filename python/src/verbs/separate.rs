@@ -64,7 +64,11 @@ impl SeparateQuestion {
 fn fields<'py>(py: Python<'py>, found: &Separated, size: Resolution) -> PyResult<Bound<'py, PyDict>> {
     let fields = Fields::new(py);
     fields.planes("direct", &found.direct, size)?.planes("global_", &found.global, size)?;
-    for (name, planes) in [("standard_error", &found.standard_error), ("truth", &found.truth)] {
+    for (name, planes) in [
+        ("standard_error", &found.standard_error),
+        ("global_error", &found.global_error),
+        ("truth", &found.truth),
+    ] {
         match planes {
             Some(planes) => fields.planes(name, planes, size)?,
             None => fields.put(name, py.None())?,

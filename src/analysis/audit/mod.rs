@@ -11,6 +11,8 @@
 //! | crosstalk | each channel under red, green and blue alone | a camera channel that sees the projector's other colours |
 //! | direct light | pixels with light, but without direct light | as for symmetry: shadows |
 //!
+//! Why a check fails is told by what the devices of a rig do without being asked, which [`crate::measure::rig_check::faults`] names.
+//!
 //! O'Toole and Kutulakos, section 8.
 
 mod check;
@@ -27,6 +29,7 @@ use rand_pcg::Pcg64;
 use crate::analysis::Crosstalk;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::measure::rig_check::{Finding, Grade};
 
 /// The options of an audit.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,9 +69,17 @@ pub struct Audit {
     pub additivity: Vec<f64>,
     /// Number of patterns photographed.
     pub photos: usize,
+    /// What the devices of a rig do without being asked: an iris, pulses, overscan and others. Empty where there are none. They explain a check
+    /// that fails, and do not fail the audit.
+    pub devices: Vec<Finding>,
 }
 
 impl Audit {
+    /// The faults of the devices that were found.
+    pub fn faults(&self) -> impl Iterator<Item = &Finding> {
+        self.devices.iter().filter(|finding| finding.grade != Grade::Ok)
+    }
+
     /// Whether no check fails.
     pub fn passed(&self) -> bool {
         self.checks.iter().all(|check| check.verdict != Verdict::Fails)
@@ -82,10 +93,18 @@ impl Audit {
             .filter(|check| check.verdict == Verdict::Fails)
             .map(|check| check.name)
             .collect();
+        let faults: Vec<&str> = self.faults().map(|finding| finding.name).collect();
+        let faults = match faults.as_slice() {
+            [] => String::new(),
+            names => format!(" Faults of the devices: {}.", names.join(", ")),
+        };
         if failed.is_empty() {
-            return "The source is a linear operator, as far as these photos tell.".into();
+            return format!("The source is a linear operator, as far as these photos tell.{faults}");
         }
-        format!("The source is not the linear operator that it should be: {} failed.", failed.join(", "))
+        format!(
+            "The source is not the linear operator that it should be: {} failed.{faults}",
+            failed.join(", ")
+        )
     }
 }
 
@@ -110,6 +129,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
         shadow: Vec::new(),
         additivity: Vec::new(),
         photos: 0,
+        devices: Vec::new(),
     };
     let white = match subject.photograph(&vec![1.0; resolution.pixels()]) {
         Ok(white) => white,

@@ -2,7 +2,7 @@
 
 use super::twin::{TwinOperator, range_of, shown};
 use super::{Cost, Planner};
-use crate::analysis::compensate::compensate;
+use crate::analysis::compensate::{MethodRun, Prior, compare_methods, compensate};
 use crate::analysis::{CompensateOptions, Target};
 use crate::error::Result;
 use crate::image::Image;
@@ -34,6 +34,45 @@ pub struct CompensationTrial {
     pub residual: f64,
     /// The residual over the optimum's, minus 1.
     pub excess: f64,
+}
+
+/// All methods on the twin, with the noise of one seed.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct MethodsTrial {
+    /// The cost of all of them together.
+    pub cost: Cost,
+    /// The frames at which all are compared: those of the method that took fewest.
+    pub frames: u64,
+    /// Each method.
+    pub methods: Vec<MethodTrial>,
+}
+
+/// One method of a [`MethodsTrial`]. Residuals are of the photos that the rig takes of its answers, clipped to the projector's range.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct MethodTrial {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// Its photos, and the frames that they took.
+    pub photos: usize,
+    /// Signs, bit planes, exposures, takes and sentinels are counted; black and white are common to all and not.
+    pub frames: u64,
+    /// The residual after all photos.
+    pub residual: f64,
+    /// The least residual after the photos that are within the common number of frames; infinite where there is none.
+    pub at_equal_frames: f64,
+}
+
+impl MethodTrial {
+    fn of(run: &MethodRun, budget: u64) -> Self {
+        let within = run.displayed.iter().zip(&run.frames).filter(|(_, frames)| **frames <= budget);
+        Self {
+            name: run.name,
+            photos: run.photos,
+            frames: run.frames.last().copied().unwrap_or(0),
+            residual: run.residual,
+            at_equal_frames: within.map(|(row, _)| row.residual).fold(f64::INFINITY, f64::min),
+        }
+    }
 }
 
 impl Planner<'_> {
@@ -90,6 +129,32 @@ impl Planner<'_> {
             cost: Cost::of(&measurement, found.photos),
             residual,
             excess: residual / ideal.optimum - 1.0,
+        })
+    }
+
+    /// Compensates on the twin by every method, each with the photos of `options`, with the noise of `seed`.
+    ///
+    /// # Errors
+    /// As [`compare_methods`], and any error of the rig.
+    pub fn methods(
+        &self,
+        ideal: &CompensationPlan,
+        options: &CompensateOptions,
+        seed: u64,
+    ) -> Result<MethodsTrial> {
+        let mut measurement = self.measure(seed)?.in_luma();
+        let ambient = measurement.ambient()?.to_image()?;
+        let target = Target::new(&ideal.target, &ambient)?;
+        let options = CompensateOptions { peak: None, ..*options };
+        let mut operator = measurement.operator(Part::Full, 0);
+        let mut channels = [Observed::new(&mut operator, self.observer)];
+        let runs = compare_methods(&mut channels, &target, &options, &Prior::default())?;
+        let frames = runs.iter().filter_map(|run| run.frames.last().copied()).min().unwrap_or(0);
+        let photos = runs.iter().map(|run| run.photos).sum();
+        Ok(MethodsTrial {
+            cost: Cost::of(&measurement, photos),
+            frames,
+            methods: runs.iter().map(|run| MethodTrial::of(run, frames)).collect(),
         })
     }
 

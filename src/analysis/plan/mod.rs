@@ -9,7 +9,7 @@ mod eigenvalues;
 mod segmentation;
 mod twin;
 
-pub use compensation::{CompensationPlan, CompensationTrial};
+pub use compensation::{CompensationPlan, CompensationTrial, MethodTrial, MethodsTrial};
 pub use eigenvalues::EigenvaluesTrial;
 pub use segmentation::SegmentationTrial;
 pub use twin::Twin;

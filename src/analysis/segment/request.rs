@@ -4,7 +4,7 @@ use super::{Capture, Evidence, FeatureView, SegmentOptions, Segmentation, eviden
 use crate::analysis::{Blurred, DirectMethod, Separation, WithoutDirect, measure_direct};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
-use crate::operator::Operator;
+use crate::operator::{Adjoint, Gram, Operator, Symmetry};
 use crate::transport::Part;
 
 /// The request for a segmentation and its optional parts.
@@ -48,6 +48,8 @@ pub struct Segmented {
     pub features: Option<FeatureView>,
     /// The standard deviation in pixels of the Gaussian that blurred patterns and photos; 0 for none.
     pub blur: f64,
+    /// Whether the graph is that of `A Aᵀ`, of a matrix that is not symmetric: every second photo is one of the transpose.
+    pub there_and_back: bool,
 }
 
 impl Segmented {
@@ -61,7 +63,8 @@ impl Segmented {
 
 impl From<Segmentation> for Segmented {
     fn from(segmentation: Segmentation) -> Self {
-        Self { segmentation, direct: None, evidence: Vec::new(), features: None, blur: 0.0 }
+        let (direct, evidence, features) = (None, Vec::new(), None);
+        Self { segmentation, direct, evidence, features, there_and_back: false, blur: 0.0 }
     }
 }
 
@@ -97,9 +100,13 @@ impl SegmentRequest {
         if self.direct == DirectLight::Source { Part::Global } else { Part::Full }
     }
 
-    /// Whether the eigenvectors found are those of the photos as they were taken: nothing was subtracted from these, and they were not blurred.
+    /// Whether the eigenvectors found are those of the photos as they were taken: nothing was subtracted from these, they were
+    /// not blurred, and there are none with the devices exchanged.
     pub fn is_of_photos_as_taken(&self, found: &Segmented) -> bool {
-        !matches!(self.direct, DirectLight::Measured(_)) && found.blur == 0.0 && self.options.mu == 0.0
+        !matches!(self.direct, DirectLight::Measured(_))
+            && found.blur == 0.0
+            && !found.there_and_back
+            && self.options.mu == 0.0
     }
 
     /// The most photos in total.
@@ -136,7 +143,55 @@ impl SegmentRequest {
             [] => None,
             chosen => Some(feature_view(&segmentation, resolution, chosen)?),
         };
-        Ok(Segmented { segmentation, direct, evidence, features, blur: self.blur.unwrap_or(0.0) })
+        let blur = self.blur.unwrap_or(0.0);
+        Ok(Segmented { segmentation, direct, evidence, features, there_and_back: false, blur })
+    }
+
+    /// As [`SegmentRequest::run`], of any matrix whose transpose is at hand. One that is not symmetric is that of a camera and a projector that
+    /// stand apart: the graph is then that of `A Aᵀ`, where two pixels of the camera are neighbours if the same light reaches both, and each of
+    /// its products is a photo with the devices exchanged and one as they stand. All photos count.
+    ///
+    /// # Errors
+    /// As [`SegmentRequest::run`]; [`Error::Option`] naming what such a matrix does not tell.
+    pub fn run_with_transpose(
+        &self,
+        operator: &mut dyn Adjoint,
+        resolution: Resolution,
+    ) -> Result<Segmented> {
+        let mut operator = operator;
+        if operator.symmetry() == Symmetry::Symmetric {
+            return self.run(&mut operator, resolution);
+        }
+        self.check_apart()?;
+        let photos = self.options.photos / 2;
+        let starts = self.options.starts.or(Some(SegmentOptions::automatic_starts(photos)));
+        let half =
+            Self { options: SegmentOptions { photos, starts, ..self.options.clone() }, ..self.clone() };
+        let mut found = half.run(&mut Gram::of_photos(operator), resolution)?;
+        found.there_and_back = true;
+        found.segmentation.photos *= 2;
+        found.segmentation.history.iter_mut().for_each(|row| row.products *= 2);
+        found.segmentation.status = format!(
+            "{} photos there and back, of A Aᵀ: {}",
+            found.segmentation.photos, found.segmentation.status
+        );
+        Ok(found)
+    }
+
+    /// Refuses what relies on a symmetric matrix.
+    fn check_apart(&self) -> Result<()> {
+        let refuse = |option: &str, fault: &str, help: &str| {
+            Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() })
+        };
+        if let DirectLight::Measured(_) = self.direct {
+            let fault = "direct light is no diagonal where camera and projector stand apart";
+            return refuse("--direct", fault, "give --direct keep: direct light connects no groups");
+        }
+        if self.evidence {
+            let fault = "a group of the camera's pixels cannot be lit alone by a projector that stands apart";
+            return refuse("--evidence", fault, "leave it out");
+        }
+        Ok(())
     }
 
     fn blurred(

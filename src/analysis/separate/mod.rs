@@ -35,6 +35,8 @@ pub struct Separation {
     pub global: Vec<f64>,
     /// Standard errors of `direct` (`n`), if the method gives them.
     pub standard_error: Option<Vec<f64>>,
+    /// Standard errors of `global` (`n`), if the method gives them.
+    pub global_error: Option<Vec<f64>>,
     /// Photos taken, the white one included.
     pub photos: usize,
 }

@@ -20,6 +20,8 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
     Ok(Separation {
         direct: estimate.values,
         global,
+        // The white photo has the noise of one photo, the direct light that of all patterns as far as they do not explain it.
+        global_error: Some(estimate.standard_errors.clone()),
         standard_error: Some(estimate.standard_errors),
         photos: estimate.products + 1,
     })
@@ -53,5 +55,5 @@ pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let direct: Vec<f64> =
         products.iter().zip(&squares).map(|(p, s)| if *s > 0.0 { p / s } else { 0.0 }).collect();
     let global = white.iter().zip(&direct).map(|(white, direct)| white - direct).collect();
-    Ok(Separation { direct, global, standard_error: None, photos: model.rank() + 1 })
+    Ok(Separation { direct, global, standard_error: None, global_error: None, photos: model.rank() + 1 })
 }

@@ -1,9 +1,10 @@
 //! Whether a source is the linear, symmetric operator that every method takes it for.
 
 use crate::analysis::audit::{Audit, AuditOptions, Exact, audit};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::lab::Lab;
-use crate::lab::source::not_for_runs;
+use crate::lab::source::{Source, not_for_runs};
+use crate::measure::rig_check::{self, Finding};
 use crate::transport::Part;
 
 impl Lab {
@@ -18,7 +19,22 @@ impl Lab {
         }
     }
 
-    /// Audits the source. An audit asks whether a photo taken twice is the same, so the laboratory must not keep photos in a journal.
+    /// What the devices of a rig do without being asked. They are opened for this alone, before they are opened as an operator; devices that a
+    /// program handed over once cannot be, and are not examined.
+    fn faults_of_devices(&mut self) -> Result<Vec<Finding>> {
+        self.transport = None;
+        let Source::Rig(rig) = &self.source else { return Ok(Vec::new()) };
+        let known = rig.is_calibrated.then_some(&rig.calibration);
+        let mut frames = match rig.opener()(None) {
+            Ok(frames) => frames,
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            // The audit opens the devices next, and reports why they cannot be.
+            Err(_) => return Ok(Vec::new()),
+        };
+        rig_check::faults(&rig.file, known, &mut *frames)
+    }
+
+    /// Audits the source. The faults of a rig's devices are named beside the checks. An audit asks whether a photo taken twice is the same, so the laboratory must not keep photos in a journal.
     ///
     /// # Errors
     /// [`crate::Error::Data`] for the folder of a run; as [`audit()`] and [`Lab::operator`].
@@ -26,12 +42,13 @@ impl Lab {
         self.check_for_audit()?;
         self.without_journal();
         self.audits = true;
+        let devices = self.faults_of_devices()?;
         let measured = self.photos_with(
             |found: &Option<Audit>| found.as_ref().is_some_and(|found| !found.white.is_empty()),
             |lab| lab.with_measurement(|measurement| audit(measurement, options)),
         )?;
         if let Some(found) = measured {
-            return Ok(found);
+            return Ok(Audit { devices, ..found });
         }
         let resolution = self.resolution();
         self.photos(|lab| {

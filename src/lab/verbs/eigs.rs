@@ -1,7 +1,7 @@
 //! Eigenvalues and eigenvectors.
 
 use crate::error::Result;
-use crate::krylov::{Eigs, EigsOptions, eigs};
+use crate::krylov::{Eigs, EigsOptions, Singular, SingularOptions, eigs, singular};
 use crate::lab::Lab;
 use crate::lab::lock::lock;
 use crate::transport::Part;
@@ -21,5 +21,16 @@ impl Lab {
             found.standard_errors.clone_from(&found.bounds);
         }
         Ok(found)
+    }
+
+    /// Singular values of one part of the light transport matrix, with the patterns and their photos. Every second photo is one of the transpose.
+    ///
+    /// # Errors
+    /// As [`singular()`] and [`Lab::operator`]; a rig that is not coaxial takes no photos of its transpose ([`crate::operator::Exchanged`]).
+    pub fn singular(&mut self, part: Part, options: &SingularOptions) -> Result<Singular> {
+        self.allow_photos(options.products);
+        let mut operator = self.operator(part)?;
+        self.expect(options.products);
+        self.photos(|_| singular(&mut operator, options))
     }
 }

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use serde_json::{Value, json};
 
 use super::super::{Lab, SharedObserver};
-use crate::analysis::plan::{Cost, Planner};
+use crate::analysis::plan::{Cost, MethodTrial, Planner};
 use crate::analysis::{CompensateOptions, SegmentOptions};
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -21,6 +21,8 @@ pub enum PlanRequest {
     Segment(Part, SegmentOptions),
     /// A compensation for this gray target of the camera's pixels, in \[0, 1\].
     Compensate(Image, CompensateOptions),
+    /// The same by every method, at equal photos and at equal frames.
+    CompareMethods(Image, CompensateOptions),
     /// Eigenpairs of this part of the light.
     Eigs(Part, EigsOptions),
 }
@@ -43,7 +45,7 @@ impl PlanRequest {
     pub fn verb(&self) -> &'static str {
         match self {
             Self::Segment(..) => "segment",
-            Self::Compensate(..) => "compensate",
+            Self::Compensate(..) | Self::CompareMethods(..) => "compensate",
             Self::Eigs(..) => "eigs",
         }
     }
@@ -64,7 +66,7 @@ impl Lab {
                 help: "ask for at least 1, better 3".into(),
             });
         }
-        if let PlanRequest::Compensate(_, options) = request {
+        if let PlanRequest::Compensate(_, options) | PlanRequest::CompareMethods(_, options) = request {
             options.check()?;
         }
         let (devices, twin) = (rig.devices()?, rig.twin()?);
@@ -86,6 +88,9 @@ impl Lab {
             }
             PlanRequest::Compensate(target, options) => {
                 of_compensate(&planner, &progress, target, options, &seeds)
+            }
+            PlanRequest::CompareMethods(target, options) => {
+                of_methods(&planner, &progress, target, options, &seeds)
             }
             PlanRequest::Eigs(part, options) => of_eigs(&planner, &progress, (*part, options), &seeds),
         }
@@ -172,6 +177,34 @@ fn of_compensate(
             trials.iter().map(|trial| trial.excess).collect(),
         ),
     ];
+    let costs = trials.iter().map(|trial| trial.cost).collect();
+    let ideal =
+        json!({ "relative_residual": ideal.optimum, "relative_residual_uncompensated": ideal.uncompensated });
+    Ok(Plan { costs, figures, ideal, trials: json!(trials) })
+}
+
+fn of_methods(
+    planner: &Planner<'_>,
+    progress: &Trials<'_>,
+    target: &Image,
+    options: &CompensateOptions,
+    seeds: &[u64],
+) -> Result<Plan> {
+    let ideal = planner.ideal_compensation(target, options)?;
+    let trials = progress.each(seeds, |seed| planner.methods(&ideal, options, seed))?;
+    let mut figures: Vec<(String, Vec<f64>)> = vec![(
+        "frames at which methods are compared".into(),
+        trials.iter().map(|of| of.frames as f64).collect(),
+    )];
+    let names = trials.first().map_or(&[][..], |trial| &trial.methods).iter().map(|method| method.name);
+    for (index, name) in names.enumerate() {
+        let of = |figure: fn(&MethodTrial) -> f64| -> Vec<f64> {
+            trials.iter().filter_map(|trial| trial.methods.get(index)).map(figure).collect()
+        };
+        figures.push((format!("{name}: residual after all photos"), of(|method| method.residual)));
+        figures.push((format!("{name}: frames of all photos"), of(|method| method.frames as f64)));
+        figures.push((format!("{name}: residual at equal frames"), of(|method| method.at_equal_frames)));
+    }
     let costs = trials.iter().map(|trial| trial.cost).collect();
     let ideal =
         json!({ "relative_residual": ideal.optimum, "relative_residual_uncompensated": ideal.uncompensated });

@@ -3,10 +3,10 @@
 use crate::analysis::segment::{SegmentRequest, Segmented};
 use crate::error::Result;
 use crate::lab::{Lab, Log};
-use crate::operator::Operator;
 
 impl Lab {
-    /// Segments the scene: groups of pixels that exchange light. The journal of the run keeps the true labels of the scene, where it has any.
+    /// Segments the scene: groups of pixels that exchange light, or, where camera and projector stand apart, on which the same light falls
+    /// ([`SegmentRequest::run_with_transpose`]). The journal of the run keeps the true labels of the scene, where it has any.
     ///
     /// # Errors
     /// As [`SegmentRequest::run`] and [`Lab::operator`].
@@ -19,7 +19,7 @@ impl Lab {
         self.expect(request.photos());
         let resolution = self.resolution();
         let request = &SegmentRequest { blur: Some(self.blur(request)), ..request.clone() };
-        self.photos(|_| request.run(&mut operator as &mut dyn Operator, resolution))
+        self.photos(|_| request.run_with_transpose(&mut operator, resolution))
     }
     /// The blur of patterns and photos: what is asked for, or what the rig needs.
     fn blur(&self, request: &SegmentRequest) -> f64 {

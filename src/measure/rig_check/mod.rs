@@ -48,7 +48,7 @@ use std::path::Path;
 
 pub use finding::{Finding, Findings, Grade};
 
-use super::{FrameSource, RigFile};
+use super::{Calibration, FrameSource, RigFile};
 use crate::error::{Error, Result};
 use crate::rig::Helper;
 use photos::{Seen, Setup};
@@ -118,6 +118,39 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
     // The devices are free again before anything else is reported.
     drop(frames);
     examined.or_else(|error| recorder.failure("frames", error))
+}
+
+/// What the devices of an open rig do without being asked, and what lies in the way of their light: an automatic iris, stray light, limited-range
+/// video, pulses of a lamp or colour wheel, a rolling shutter, overscan, blur, and ghosts. These are the last findings of [`check`]; an audit names
+/// them, too. There are none where white cannot be seen; an error of the devices is a finding.
+///
+/// # Errors
+/// [`Error::Interrupted`] when the devices say so.
+pub fn faults(
+    file: &RigFile,
+    known: Option<&Calibration>,
+    frames: &mut dyn FrameSource,
+) -> Result<Vec<Finding>> {
+    let mut go_on = |_: &Finding| ControlFlow::Continue(());
+    let mut recorder = Recorder::new(&mut go_on);
+    let setup = Setup { settle: file.settle(known), exposure: file.longest_exposure(), known };
+    frames.set_settle(setup.settle);
+    let seen = match photos::photos(&setup, frames, &mut recorder) {
+        Ok(seen) => seen,
+        Err(error) => {
+            recorder.findings.all.clear();
+            recorder.failure("frames", error)?;
+            return Ok(recorder.findings.all);
+        }
+    };
+    // What photos of black and white show by themselves is judged by the caller's own photos.
+    recorder.findings.all.clear();
+    if let Some(seen) = seen
+        && let Err(error) = imperfections(&setup, &seen, frames, &mut recorder)
+    {
+        recorder.failure("frames", error)?;
+    }
+    Ok(recorder.findings.all)
 }
 
 /// Looks for what benches have and menus hide: an automatic iris, stray light, limited-range video, pulses of light, a rolling shutter,

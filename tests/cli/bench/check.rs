@@ -127,6 +127,26 @@ fn an_iris_fails_where_the_cameras_response_is_known_and_other_imperfections_war
 }
 
 #[test]
+fn an_audit_names_the_faults_of_the_devices_too() {
+    let folder = folder();
+    calibrated(&folder);
+    for (line, expected) in
+        [("", None), ("overscan = 0.08", Some("border")), ("limited_range = true", Some("levels"))]
+    {
+        let rig = rig(&folder, [0, 0], &[("", "calibration = \"known\""), ("projector", line)]);
+        let (said, _) = summary(&["audit", &rig, "--overwrite", "-o", &inside(&folder, "audit")]);
+        let devices = said["devices"].as_array().expect("a list");
+        let wrong: Vec<&str> = devices
+            .iter()
+            .filter(|finding| finding["grade"] != "ok")
+            .filter_map(|finding| finding["name"].as_str())
+            .collect();
+        assert_eq!(wrong, expected.into_iter().collect::<Vec<_>>(), "{line}: {devices:?}");
+        assert!(devices.iter().any(|finding| finding["name"] == "iris"), "{devices:?}");
+    }
+}
+
+#[test]
 fn each_fault_of_light_and_time_is_named_with_advice() {
     let folder = folder();
     let uncalibrated = ("calibration", "warning");

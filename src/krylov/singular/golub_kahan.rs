@@ -1,0 +1,230 @@
+//! The bidiagonalization: two bases, and the coefficients of the products on them.
+
+use faer::Mat;
+
+use super::super::basis::{Basis, norm};
+use super::super::factor::{PairStatus, point_upwards, temple_kato};
+use super::super::orthogonalize::orthogonalize;
+use super::super::stats::Status;
+use super::SingularOptions;
+use crate::error::{Error, Result};
+use crate::operator::Adjoint;
+
+/// One approximate triplet in the coordinates of the two bases.
+pub(super) struct Triplet {
+    pub(super) value: f64,
+    /// Of `u` on the left basis.
+    p: Vec<f64>,
+    /// Of `v` on the right basis.
+    q: Vec<f64>,
+    pub(super) residual: f64,
+    /// The distance to the nearest other value, less its residual.
+    gap: f64,
+    /// The errors of the products as they are in the residual, and in the value.
+    noise: f64,
+    pub(super) standard_error: f64,
+}
+
+impl Triplet {
+    pub(super) fn status(&self, wanted: f64) -> PairStatus {
+        if self.residual <= wanted && self.noise <= wanted {
+            PairStatus::Converged
+        } else if self.residual <= self.noise {
+            PairStatus::LimitedByNoise
+        } else {
+            PairStatus::NotResolved
+        }
+    }
+}
+
+/// The bidiagonalization so far.
+pub(super) struct GolubKahan {
+    left: Basis,
+    right: Basis,
+    /// The next right vector, times its norm.
+    next: Vec<f64>,
+    /// Its norm: what the last product with `Aᵀ` had outside of the right basis.
+    beta: f64,
+    /// Column `j` of `R`: the coefficients of `A v_j` on the left basis; row `i` of `L`: those of `Aᵀ u_i` on the right one.
+    forth: Vec<Vec<f64>>,
+    back: Vec<Vec<f64>>,
+    /// The stated errors of these products.
+    forth_errors: Vec<f64>,
+    back_errors: Vec<f64>,
+    pub(super) products: usize,
+}
+
+impl GolubKahan {
+    pub(super) fn new(rows: usize, cols: usize, options: &SingularOptions) -> Result<Self> {
+        let next = options.start.vector(cols);
+        Error::check_size("entries of the first vector", cols, next.len())?;
+        let beta = norm(&next);
+        if !(beta > 0.0 && beta.is_finite()) {
+            return Err(Error::Numerical("the first vector is zero, or holds a NaN or an infinity".into()));
+        }
+        let (forth, back) = (Vec::new(), Vec::new());
+        let (forth_errors, back_errors) = (Vec::new(), Vec::new());
+        let (left, right) = (Basis::new(rows), Basis::new(cols));
+        Ok(Self { left, right, next, beta, forth, back, forth_errors, back_errors, products: 0 })
+    }
+
+    /// Takes a product with `A` and one with `Aᵀ`. Returns whether the bases hold all that the products reach.
+    pub(super) fn step(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
+        self.right.push_scaled(&self.next, self.beta);
+        let mut photo = vec![0.0; self.left.rows()];
+        operator.apply(&self.right.columns()[self.right.len() - 1], &mut photo)?;
+        self.forth_errors.push(operator.standard_error());
+        self.products += 1;
+        let length = finite(&photo)?;
+        let mut removed = orthogonalize(&self.left, &mut photo);
+        let is_new = is_left(removed.norm, length, photo.len());
+        if is_new {
+            self.left.push_scaled(&photo, removed.norm);
+            removed.coefficients.push(removed.norm);
+        }
+        self.forth.push(removed.coefficients);
+        if !is_new {
+            self.beta = 0.0;
+            return Ok(true);
+        }
+        operator.apply_adjoint(&self.left.columns()[self.left.len() - 1], &mut self.next)?;
+        self.back_errors.push(operator.standard_error());
+        self.products += 1;
+        let length = finite(&self.next)?;
+        let mut removed = orthogonalize(&self.right, &mut self.next);
+        let is_new = is_left(removed.norm, length, self.next.len());
+        self.beta = if is_new { removed.norm } else { 0.0 };
+        removed.coefficients.push(self.beta);
+        self.back.push(removed.coefficients);
+        Ok(!is_new)
+    }
+
+    /// `R` and `L`, of as many rows and columns as the two bases have vectors.
+    fn both(&self) -> [Mat<f64>; 2] {
+        let (rows, cols) = (self.left.len(), self.right.len());
+        let entry = |list: &[Vec<f64>], at: usize, of: usize| {
+            list.get(at).and_then(|list| list.get(of)).copied().unwrap_or(0.0)
+        };
+        [
+            Mat::from_fn(rows, cols, |i, j| entry(&self.forth, j, i)),
+            Mat::from_fn(rows, cols, |i, j| entry(&self.back, i, j)),
+        ]
+    }
+
+    /// The wanted triplets, the largest first.
+    pub(super) fn triplets(&self, options: &SingularOptions) -> Result<Vec<Triplet>> {
+        let [forth, back] = self.both();
+        let (rows, cols) = (self.left.len(), self.right.len());
+        let mean = Mat::from_fn(rows, cols, |i, j| 0.5 * (forth[(i, j)] + back[(i, j)]));
+        let svd = mean.thin_svd().map_err(|_| {
+            Error::Numerical(format!(
+                "the dense singular value decomposition of a {rows}x{cols} matrix failed"
+            ))
+        })?;
+        let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+        // The last product with the transpose left a vector that is not in the right basis yet.
+        let waiting = if rows == cols { self.beta } else { 0.0 };
+        let mut found = Vec::new();
+        for (k, &value) in values.iter().enumerate() {
+            let p: Vec<f64> = svd.U().col(k).iter().copied().collect();
+            let q: Vec<f64> = svd.V().col(k).iter().copied().collect();
+            let off_forth =
+                (0..rows).map(|i| (0..cols).map(|j| forth[(i, j)] * q[j]).sum::<f64>() - value * p[i]);
+            let off_back =
+                (0..cols).map(|j| (0..rows).map(|i| back[(i, j)] * p[i]).sum::<f64>() - value * q[j]);
+            let squares: f64 = off_forth.chain(off_back).map(|off| off * off).sum();
+            let outside = waiting * p.last().copied().unwrap_or(0.0);
+            let [there, here] =
+                [self.error(&self.forth_errors, &q, options), self.error(&self.back_errors, &p, options)];
+            let along = [(there, self.left.rows()), (here, self.right.rows())];
+            let along = along.map(|(error, n)| error / (n as f64).sqrt());
+            found.push(Triplet {
+                value,
+                residual: ((squares + outside * outside) / 2.0).sqrt(),
+                gap: f64::INFINITY,
+                noise: there.hypot(here) / std::f64::consts::SQRT_2,
+                standard_error: 0.5 * along[0].hypot(along[1]),
+                p,
+                q,
+            });
+        }
+        let known: Vec<(f64, f64)> = found.iter().map(|triplet| (triplet.value, triplet.residual)).collect();
+        for (k, triplet) in found.iter_mut().enumerate() {
+            let others = known.iter().enumerate().filter(|(at, _)| *at != k);
+            let gaps = others.map(|(_, (value, residual))| (value - known[k].0).abs() - residual);
+            triplet.gap = gaps.fold(f64::INFINITY, f64::min);
+        }
+        found.truncate(options.count);
+        Ok(found)
+    }
+
+    /// `‖E s‖` for a combination of products of these stated errors, or of the options' noise where that is larger.
+    fn error(&self, stated: &[f64], s: &[f64], options: &SingularOptions) -> f64 {
+        let squares = stated.iter().zip(s).map(|(error, s)| (error.max(options.noise) * s).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// Why these triplets need no further product, if they need none.
+    pub(super) fn good_enough(&self, triplets: &[Triplet], options: &SingularOptions) -> Option<Status> {
+        if triplets.len() < options.count || options.tolerance <= 0.0 {
+            return None;
+        }
+        let wanted = options.tolerance * triplets[0].value;
+        if triplets.iter().all(|triplet| triplet.status(wanted) == PairStatus::Converged) {
+            return Some(Status::ReachedTolerance);
+        }
+        let is_settled = |triplet: &Triplet| {
+            triplet.residual <= triplet.noise
+                && temple_kato(triplet.residual, triplet.gap) <= triplet.standard_error
+        };
+        triplets.iter().all(is_settled).then_some(Status::NoiseFloor)
+    }
+
+    /// The status of triplets for which no product is left.
+    pub(super) fn spent(&self, triplets: &[Triplet], options: &SingularOptions) -> Status {
+        let wanted = options.tolerance * triplets.first().map_or(0.0, |triplet| triplet.value);
+        let limited = |triplet: &Triplet| triplet.status(wanted) != PairStatus::NotResolved;
+        if triplets.len() >= options.count && triplets.iter().all(limited) {
+            Status::NoiseFloor
+        } else {
+            Status::BudgetSpent
+        }
+    }
+
+    /// The vectors of a triplet, with the positive entry of largest magnitude on the right: the photo and the pattern.
+    pub(super) fn vectors(&self, triplet: &Triplet) -> [Vec<f64>; 2] {
+        let combine = |basis: &Basis, s: &[f64]| {
+            let mut sum = vec![0.0; basis.rows()];
+            basis.accumulate(0, s, 1.0, &mut sum);
+            sum
+        };
+        let (mut photo, before) = (combine(&self.left, &triplet.p), combine(&self.right, &triplet.q));
+        let mut pattern = before.clone();
+        point_upwards(&mut pattern);
+        if pattern != before {
+            photo.iter_mut().for_each(|value| *value = -*value);
+        }
+        [photo, pattern]
+    }
+
+    /// `‖R − L‖_F / ‖R‖_F`
+    pub(super) fn disagreement(&self) -> f64 {
+        let [forth, back] = self.both();
+        let norm = forth.norm_l2();
+        if norm > 0.0 { (&forth - &back).norm_l2() / norm } else { 0.0 }
+    }
+}
+
+/// The norm of a product, which must be finite.
+fn finite(product: &[f64]) -> Result<f64> {
+    let length = norm(product);
+    if length.is_finite() {
+        return Ok(length);
+    }
+    Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
+}
+
+/// Whether what is left of a product of this norm is more than the rounding errors of sums of `n` terms.
+fn is_left(rest: f64, length: f64, n: usize) -> bool {
+    rest > length * f64::EPSILON * (10.0 + (n as f64).sqrt())
+}

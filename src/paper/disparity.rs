@@ -1,0 +1,282 @@
+//! What a rig does that is not quite coaxial: the disparity that is left, and what it does to methods for symmetric matrices.
+//!
+//! The devices are calibrated while they share one viewpoint. Then the projector is moved to the right and turned, so that it still looks at the
+//! point of the corner's edge that the camera looks at. Surfaces in front of that point are displaced in its view against the camera's. For a corner
+//! whose walls are at the depth `z = d/(1 + |x|/z)` the displacement follows from geometry alone; a camera finds it by structured light, and a
+//! matrix by the direct light in it.
+//!
+//! Nothing is corrected for the disparity. MINRES and Lanczos are told that the matrix is symmetric, as on a coaxial rig, and are compared with
+//! GMRES, which does not rely on it, and with what they do without disparity. MINRES ends as soon as its products are less symmetric than their
+//! stated errors allow: by an ideal rig, whose products have none, that is at once.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+
+use super::bench::Bench;
+use super::check::Check;
+use super::compensated::percent;
+use super::contest::{Entry, TargetLight, enter};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
+use super::rig::Rig;
+use super::stage::{EDGE, Set, Stage};
+use super::target::picture;
+use crate::error::{Error, Result};
+use crate::krylov::{EigsOptions, Method, Start, eigs};
+use crate::lab::LabOperator;
+use crate::measure::calibrate::StructuredLight;
+use crate::operator::{Adjoint, Operator, Symmetry, delegate};
+use crate::report::plot::{LinePlot, Series};
+use crate::transport::Part;
+
+const SIDE: usize = 100;
+/// How far the projector stands to the right of the camera, in tenths of a millimetre.
+const BESIDE: [u32; 6] = [0, 10, 50, 100, 200, 500];
+/// Photos of a compensation besides the white one, and of eigenvalues.
+const PHOTOS: usize = 10;
+const OF_EIGENVALUES: usize = 20;
+/// Pixels within which the measured disparity must agree with geometry: what calibration promises for a map.
+const AGREE: f64 = 0.1;
+/// A method is as good as without disparity where its residual is at most so many times as large, or below a tenth of a per cent.
+const AS_GOOD: f64 = 1.5;
+const SMALL: f64 = 1e-3;
+/// Side of the cells of the projector's pixels over which codes are averaged, since those of single camera pixels are rounded, and the least number of
+/// codes in one.
+const CELL: f64 = 4.0;
+const CODES: usize = 12;
+
+/// What was measured with the projector so far aside.
+struct Row {
+    millimetres: f64,
+    /// The median displacement over the picture, and the 95th percentile, by geometry and as measured, in pixels.
+    derived: [f64; 2],
+    measured: [f64; 2],
+    /// `‖H − Hᵀ‖/‖H‖` as Lanczos sees it.
+    asymmetry: f64,
+    /// The residual of the compensated light, by MINRES and by GMRES.
+    minres: Entry,
+    gmres: Entry,
+}
+
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let mut rows = Vec::new();
+    for tenths in BESIDE {
+        let stage = bench.stage(Set::Beside(tenths), side)?;
+        rows.push(row(bench, &stage, tenths)?);
+    }
+    let stage = bench.stage(Set::Beside(BESIDE[BESIDE.len() - 1]), side)?;
+    Ok(Reproduced {
+        setting: format!(
+            "corner, {}, the projector moved by up to {:.0} mm after calibration and turned to the edge at {EDGE} m, {PHOTOS} photos of each \
+             compensation and {OF_EIGENVALUES} of eigenvalues",
+            stage.resolution,
+            rows[rows.len() - 1].millimetres,
+        ),
+        checks: checks(&rows),
+        panels: vec![map(&stage)],
+        plots: plots(&rows),
+        photos: BESIDE.len() * (1 + 2 * PHOTOS + OF_EIGENVALUES),
+        ..Reproduced::of(Figure::Disparity, bench.rig())
+    })
+}
+
+fn row(bench: &mut Bench, stage: &Stage, tenths: u32) -> Result<Row> {
+    let millimetres = 0.1 * f64::from(tenths);
+    let measured = match bench.rig() {
+        Rig::Ideal => of_matrix(bench, stage)?,
+        Rig::Virtual => of_codes(bench, stage)?,
+    };
+    let mut rig = AsIfCoaxial(bench.photos(stage, Part::Full)?);
+    let options = EigsOptions {
+        count: 1,
+        products: OF_EIGENVALUES,
+        tolerance: 0.0,
+        start: Start::default(),
+        ..EigsOptions::default()
+    };
+    let asymmetry = eigs(&mut rig, &options)?.asymmetry;
+    let target = TargetLight::new(stage, &mut rig, &picture(stage.resolution.width))?;
+    let minres = enter(stage, &mut rig, &target, (Method::Minres, true), PHOTOS)?;
+    let gmres = enter(stage, &mut rig.0, &target, (Method::Gmres, true), PHOTOS)?;
+    let derived = spread(derived(stage, 1e-3 * millimetres).into_iter().map(|[x, y]| x.hypot(y)));
+    Ok(Row { millimetres, derived, measured: spread(measured), asymmetry, minres, gmres })
+}
+
+fn checks(rows: &[Row]) -> Vec<Check> {
+    let off = |row: &Row| (0..2).map(|k| (row.measured[k] - row.derived[k]).abs()).fold(0.0, f64::max);
+    let best = |entry: &Entry| entry.answered.iter().copied().fold(f64::INFINITY, f64::min);
+    let mut checks = vec![Check::at_most(
+        "disparity measured less that by geometry, median and 95 % of the pixels, the worst, in pixels",
+        rows.iter().map(off).fold(0.0, f64::max),
+        AGREE,
+    )];
+    let mut still = [0.0_f64; 2];
+    let methods: [fn(&Row) -> &Entry; 2] = [|row| &row.minres, |row| &row.gmres];
+    for (which, of) in methods.iter().enumerate() {
+        for row in rows {
+            if best(of(row)) > (AS_GOOD * best(of(&rows[0]))).max(SMALL) {
+                break;
+            }
+            still[which] = row.derived[1];
+        }
+    }
+    checks.extend([
+        Check::stated(format!("largest disparity, 95 % of the pixels, at which {PHOTOS} photos of MINRES are within {AS_GOOD} times the residual without, in pixels"), still[0]),
+        Check::stated("the same of GMRES, which does not rely on symmetry", still[1]),
+    ]);
+    for row in rows {
+        let beside = format!("{:.0} mm aside", row.millimetres);
+        checks.extend([
+            Check::stated(
+                format!("{beside}: disparity measured, 95 % of the pixels within, in pixels"),
+                row.measured[1],
+            ),
+            Check::stated(format!("{beside}: asymmetry that Lanczos reports, %"), percent(row.asymmetry)),
+            Check::stated(
+                format!("{beside}: least residual within {PHOTOS} photos of MINRES, %"),
+                percent(best(&row.minres)),
+            ),
+            Check::stated(format!("{beside}: the same of GMRES, %"), percent(best(&row.gmres))),
+            Check::stated(
+                format!("{beside}: photos until MINRES ends, of {PHOTOS}"),
+                row.minres.answered.len() as f64,
+            ),
+        ]);
+    }
+    checks
+}
+
+/// An operator that is taken for symmetric, as the rig would be if it were coaxial.
+struct AsIfCoaxial(LabOperator);
+
+impl Operator for AsIfCoaxial {
+    delegate!(0: rows, cols, apply, block_size, observer, standard_errors, frames);
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Symmetric
+    }
+}
+
+impl Adjoint for AsIfCoaxial {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.apply(y, x)
+    }
+}
+
+/// The displacement at each pixel of the camera: where the projector's raster, moved and turned, has the point that the pixel sees, less the pixel's
+/// own place.
+fn derived(stage: &Stage, beside: f64) -> Vec<[f64; 2]> {
+    let side = stage.resolution.width as f64;
+    let scene = Set::Corner.scene();
+    let tan_half = f64::from(scene.camera.tan_half_fov);
+    let moved = stage.set.scene().projector.unwrap_or(scene.camera);
+    debug_assert!((f64::from(moved.position.x) - beside).abs() < 1e-6);
+    let along = |axis: Vec3, at: [f64; 3]| -> f64 {
+        axis.to_array()
+            .iter()
+            .zip(at)
+            .zip(moved.position.to_array())
+            .map(|((a, x), o)| f64::from(*a) * (x - f64::from(o)))
+            .sum()
+    };
+    let pixels =
+        (0..stage.pixels()).map(|pixel| (pixel % stage.resolution.width, pixel / stage.resolution.width));
+    pixels
+        .map(|(column, row)| {
+            let [u, v] = [column, row].map(|at| at as f64 + 0.5);
+            let [x, y] = [(2.0 * u / side - 1.0) * tan_half, (1.0 - 2.0 * v / side) * tan_half];
+            // The wall that a ray (x, y, −1) meets is at |X| = d − Z.
+            let depth = f64::from(EDGE) / (1.0 + x.abs());
+            let at = [x * depth, y * depth, -depth];
+            let [right, up, ahead] = [moved.right, moved.up, moved.forward].map(|axis| along(axis, at));
+            let seen = [right / ahead / tan_half, -up / ahead / tan_half].map(|t| 0.5 * side * (1.0 + t));
+            [seen[0] - u, seen[1] - v]
+        })
+        .collect()
+}
+
+/// The lengths of the displacements that the direct light of the matrix has: the centroid of the projector's pixels whose light a pixel sees.
+fn of_matrix(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
+    let matrix = bench.lab(stage)?.matrix(Part::Direct, 0)?;
+    let width = stage.resolution.width;
+    let mut sums = vec![[0.0; 3]; stage.pixels()];
+    matrix.entries().for_each(|(row, column, weight)| {
+        let [x, y] = [column % width, column / width].map(|at| at as f64);
+        let own = [row % width, row / width].map(|at| at as f64);
+        let sum = &mut sums[row];
+        *sum = [sum[0] + weight, sum[1] + weight * (x - own[0]), sum[2] + weight * (y - own[1])];
+    });
+    Ok(sums.iter().filter(|sum| sum[0] > 0.0).map(|sum| (sum[1] / sum[0]).hypot(sum[2] / sum[0])).collect())
+}
+
+/// The lengths of the displacements from the calibrated map that structured light has.
+fn of_codes(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
+    let lab = bench.devices(stage)?;
+    let missing = || Error::Numerical("the virtual devices have no calibrated map of the lens".into());
+    let rig = lab.rig().ok_or_else(missing)?;
+    let map = rig.calibration.registration.lens.clone().ok_or_else(missing)?;
+    let mut frames = rig.opener()(None)?;
+    let decoded = StructuredLight::new(&mut *frames, Some(&rig.calibration.camera), None)?.codes()?;
+    let border = decoded.step as f64;
+    let side = stage.resolution.width as f64;
+    let far = |seen: &[f64; 2]| seen.iter().all(|&at| at > border && at < side - border);
+    // The mean displacement of each cell. A pixel that looks across the field's border is lit only in part, which shifts its centroid.
+    let mut cells: BTreeMap<[u64; 2], (usize, [f64; 2])> = BTreeMap::new();
+    for seen in decoded.all().filter(|seen| far(&seen.at)) {
+        let at = [seen.pixel % map.camera.width, seen.pixel / map.camera.width].map(|at| at as f64 + 0.5);
+        let expected = map.to_projector(at);
+        let (count, sum) = cells.entry(expected.map(|at| (at / CELL) as u64)).or_default();
+        *count += 1;
+        *sum = [0, 1].map(|axis| sum[axis] + seen.fine[axis] - expected[axis]);
+    }
+    let whole = cells.into_values().filter(|(count, _)| *count >= CODES);
+    Ok(whole.map(|(count, sum)| sum[0].hypot(sum[1]) / count as f64).collect())
+}
+
+/// The median and the 95th percentile; NaN of nothing.
+fn spread(lengths: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let mut sorted: Vec<f64> = lengths.into_iter().collect();
+    sorted.sort_by(f64::total_cmp);
+    [0.5, 0.95].map(|rank| {
+        let at = (sorted.len().saturating_sub(1) as f64 * rank).round() as usize;
+        sorted.get(at).copied().unwrap_or(f64::NAN)
+    })
+}
+
+/// The derived displacement of the last row, as a picture.
+fn map(stage: &Stage) -> Panel {
+    let beside = stage.set.scene().projector.map_or(0.0, |projector| f64::from(projector.position.x));
+    let lengths = derived(stage, beside).into_iter().map(|[x, y]| x.hypot(y)).collect();
+    let caption = format!("Disparity by geometry, the projector {:.0} mm aside, pixels", 1e3 * beside);
+    stage.panel("disparity", caption, Content::Amounts(lengths))
+}
+
+fn plots(rows: &[Row]) -> Vec<Plot> {
+    let line = |name: &str, of: &dyn Fn(&Row) -> f64| Series {
+        name: name.into(),
+        points: rows.iter().map(|row| (row.derived[1], of(row))).collect(),
+    };
+    let best = |entry: &Entry| entry.answered.iter().copied().fold(f64::INFINITY, f64::min);
+    let axis = "disparity of 95 % of the pixels, at most";
+    let residuals = vec![line("MINRES", &|row| best(&row.minres)), line("GMRES", &|row| best(&row.gmres))];
+    let measured = vec![line("measured", &|row| row.measured[1]), line("by geometry", &|row| row.derived[1])];
+    vec![
+        Plot::logarithmic(
+            format!(
+                "The least residual within {PHOTOS} photos, not clamped: MINRES takes the matrix for symmetric."
+            ),
+            [axis, "relative residual"],
+            residuals,
+        ),
+        Plot {
+            caption: "The disparity as measured, against that by geometry; pixels.".into(),
+            lines: LinePlot {
+                x_label: axis.into(),
+                y_label: "measured".into(),
+                series: measured,
+                ..LinePlot::default()
+            },
+        },
+    ]
+}
