@@ -32,9 +32,14 @@ pub(super) fn join() -> Result<Role> {
 
 #[cfg(feature = "mpi")]
 fn joined() -> Result<Role> {
-    use crate::team::{Comm, World, require_same_program, serve, share_cores};
+    use crate::team::{Comm, World, keep_cores, require_same_program, serve, share_cores};
     use crate::transport::SceneWorker;
 
+    if is_only_one() {
+        // Without MPI, which takes longer to start than what one process could ask of it.
+        keep_cores();
+        return Ok(Role::Leader(None));
+    }
     let Some(world) = World::join()? else { return Ok(Role::Leader(None)) };
     let world: Arc<dyn Comm> = Arc::new(world);
     let placements = share_cores(&*world);
@@ -53,6 +58,12 @@ fn joined() -> Result<Role> {
     serve(&*world, &mut worker);
     world.close();
     Ok(Role::Ended(ExitCode::SUCCESS))
+}
+
+/// Whether Open MPI started one process alone.
+#[cfg(feature = "mpi")]
+fn is_only_one() -> bool {
+    std::env::var("OMPI_COMM_WORLD_SIZE").is_ok_and(|size| size == "1")
 }
 
 /// The version of this program, with a digest of its file where that can be read.

@@ -31,15 +31,20 @@ fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
 ///
 /// Open MPI binds each process to one core where it is not told otherwise. This default is lifted first; a binding that the user asked for stays.
 pub fn share_cores(comm: &dyn Comm) -> Vec<Placement> {
-    if is_bound_by_default() {
-        system::unbind();
-    }
+    keep_cores();
     let (host, cores) = (system::host(), system::cores());
     let all = exchange_text(comm, &text(&host, &cores));
     let equal = |to: usize| all[..to].iter().filter(|other| **other == all[comm.rank()]).count();
     let own = share(&cores, equal(comm.rank()), equal(comm.size()));
     let own = if own.len() < cores.len() && system::bind(&own) { own } else { cores };
     placements(&exchange_text(comm, &text(&host, &own)))
+}
+
+/// Lifts the binding of this process to one core that Open MPI makes where it is not told otherwise. It is called before any thread is started.
+pub fn keep_cores() {
+    if is_bound_by_default() {
+        system::unbind();
+    }
 }
 
 /// Sends a text to every process of the team, and returns theirs, by rank.

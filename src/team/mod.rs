@@ -16,7 +16,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-pub use cores::{Placement, share_cores};
+pub use cores::{Placement, keep_cores, share_cores};
 pub use serve::{Worker, serve};
 pub use threads::{Threads, threads};
 #[cfg(feature = "mpi")]

@@ -6,6 +6,8 @@ use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
 use super::row_sums::RowSums;
 use super::share::Share;
+use super::squares::EntrySquares;
+use super::tiles::Tiles;
 use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance, spread};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -64,7 +66,7 @@ fn run<const C: usize>(
         return spread::assemble(tracer, settings, channels, split, project);
     }
     let all = tracer.start_pixels(settings);
-    let share = Share::trace(tracer, settings, &all, split, &project)?;
+    let share = Share::trace(tracer, settings, &all, (split, None), &project)?;
     whole(share, shape(tracer, settings), channels, split)
 }
 
@@ -75,14 +77,15 @@ pub(super) fn whole<const C: usize>(
     channels: Channels,
     split: bool,
 ) -> Result<Assembled> {
-    let Share { chunks, direct, ambient, has_halves, summary } = share;
+    let Share { found, direct, ambient, has_halves, summary } = share;
     let rows = 0..rig.camera.pixels();
-    let combined = combine(chunks, rig, rows.clone(), classes(split).len(), &direct);
-    let (mut layers, sums) = of_classes(combined, split);
+    let combined = combine(found, rig, rows.clone(), classes(split).len(), &direct);
+    let Combined { layers, rows: sums, squares } = combined;
+    let mut layers = of_classes(layers, split);
     // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
     let matrix = TransportMatrix { rig, channels, direct: planes(&direct), layers, rows, spread: None };
-    finish(matrix, &ambient, has_halves.then_some(&sums), summary)
+    finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
 }
 
 /// The shape of the matrix of these settings.
@@ -99,13 +102,10 @@ pub(super) fn classes(split: bool) -> &'static [Bounces] {
     if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
 }
 
-/// Combined rows as layers by number of bounces, with the sums over each row.
-pub(super) fn of_classes<const C: usize>(
-    combined: Combined<C>,
-    split: bool,
-) -> (Vec<Layer>, Vec<RowSums<C>>) {
+/// The tiles of each class as layers by number of bounces.
+pub(super) fn of_classes(tiles: Vec<Tiles>, split: bool) -> Vec<Layer> {
     let layer = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
-    (classes(split).iter().zip(combined.layers).map(layer).collect(), combined.rows)
+    classes(split).iter().zip(tiles).map(layer).collect()
 }
 
 /// The diagonal, `[channel][pixel]`.
@@ -114,28 +114,29 @@ pub(super) fn planes<const C: usize>(direct: &[[[f64; 2]; C]]) -> Vec<Vec<f32>> 
     (0..C).map(plane).collect()
 }
 
-/// The traced scene of a matrix, the ambient light of each camera pixel, and the sums over all rows if the noise is known.
+/// The traced scene of a matrix, the ambient light of each camera pixel, and the sums over all rows and entries if the noise is known.
 pub(super) fn finish<const C: usize>(
     matrix: TransportMatrix,
     ambient: &[[[f64; 2]; C]],
-    sums: Option<&Vec<RowSums<C>>>,
+    sums: Option<(&Vec<RowSums<C>>, &EntrySquares)>,
     summary: TraceSummary,
 ) -> Result<Assembled> {
     let camera = matrix.rig.camera;
     let ambient = image::<C>(camera, |pixel, channel| ambient[pixel][channel][0])?;
-    let noise = sums.map(|sums| noise(camera, sums)).transpose()?;
+    let noise = sums.map(|(rows, squares)| noise(camera, rows, squares)).transpose()?;
     Ok(Assembled { matrix, ambient, noise, summary, gpu_matrix: None })
 }
 
-/// The noise of the matrix, from the sums over its rows.
-fn noise<const C: usize>(camera: Resolution, rows: &[RowSums<C>]) -> Result<Noise> {
+/// The noise of the matrix, from the sums over its rows and entries.
+fn noise<const C: usize>(camera: Resolution, rows: &[RowSums<C>], squares: &EntrySquares) -> Result<Noise> {
     let sum = |of: &dyn Fn(&RowSums<C>) -> f64| rows.iter().map(of).sum::<f64>();
-    let squares = |values: &[f64; C]| values.iter().map(|value| value * value).sum::<f64>();
+    let of_row = |values: &[f64; C]| values.iter().map(|value| value * value).sum::<f64>();
+    let of_entries = |[mean, error]: [f64; 2]| relative(error, mean);
     Ok(Noise {
         white: image::<C>(camera, |pixel, channel| rows[pixel].error[channel].abs())?,
-        white_relative: relative(sum(&|row| squares(&row.error)), sum(&|row| squares(&row.mean))),
-        operator: relative(sum(&|row| row.error_squares), sum(&|row| row.mean_squares)),
-        global: relative(sum(&|row| row.global[1]), sum(&|row| row.global[0])),
+        white_relative: relative(sum(&|row| of_row(&row.error)), sum(&|row| of_row(&row.mean))),
+        operator: of_entries(squares.whole()),
+        global: of_entries(squares.global()),
     })
 }
 

@@ -1,10 +1,10 @@
 //! Contributions to the matrix, row by row.
 
-use std::ops::Range;
+use std::ops::{Deref, Range};
 
 use rayon::prelude::*;
 
-use super::tiles::take;
+use super::tiles::{Pages, take};
 
 /// Classes of bounces: one, two, and more; or one, and more.
 pub(super) const CLASSES: usize = 3;
@@ -68,11 +68,58 @@ pub(super) struct Row {
 #[derive(Clone, Debug)]
 pub(super) struct Chunk<const C: usize> {
     pub(super) rows: Vec<Row>,
-    pub(super) terms: Vec<Term<C>>,
+    pub(super) terms: Terms<C>,
+}
+
+/// The terms of a chunk.
+#[derive(Clone, Debug)]
+pub(super) enum Terms<const C: usize> {
+    /// Of a chunk that gets more rows, or of a short one.
+    Short(Vec<Term<C>>),
+    /// On memory pages of their own, which the system gets back with the chunk.
+    Long(Pages<Term<C>>),
+}
+
+impl<const C: usize> Terms<C> {
+    /// Adds a term to those of a chunk that gets more rows.
+    pub(super) fn push(&mut self, term: Term<C>) {
+        if let Self::Short(terms) = self {
+            terms.push(term);
+        }
+    }
+
+    /// These terms and those that come after the first `count` of them.
+    fn split(self, count: usize) -> [Self; 2] {
+        if count == self.len() {
+            return [self, Self::default()];
+        }
+        if count == 0 {
+            return [Self::default(), self];
+        }
+        [&self[..count], &self[count..]].map(|terms| Self::Short(terms.to_vec()))
+    }
+}
+
+impl<const C: usize> Default for Terms<C> {
+    fn default() -> Self {
+        Self::Short(Vec::new())
+    }
+}
+
+impl<const C: usize> Deref for Terms<C> {
+    type Target = [Term<C>];
+
+    fn deref(&self) -> &[Term<C>] {
+        match self {
+            Self::Short(terms) => terms,
+            Self::Long(terms) => terms,
+        }
+    }
 }
 
 /// The sum of the contributions to one position of a row.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub(super) struct Term<const C: usize> {
     pub(super) key: Key,
     /// Mean over the samples.
@@ -80,6 +127,16 @@ pub(super) struct Term<const C: usize> {
     /// Its error (`e` of [`super::Noise`]).
     pub(super) error: [f32; C],
 }
+
+// SAFETY: a term is an array of numbers of four bytes, so that it has no padding, and all bits are a value. Zeros are one.
+#[allow(unsafe_code, reason = "bytemuck does not derive it for a number of channels")]
+unsafe impl<const C: usize> bytemuck::Zeroable for Term<C> {}
+
+// SAFETY: as above.
+#[allow(unsafe_code, reason = "bytemuck does not derive it for a number of channels")]
+unsafe impl<const C: usize> bytemuck::Pod for Term<C> {}
+
+const _: () = assert!(size_of::<Term<1>>() == 12 && size_of::<Term<3>>() == 28);
 
 impl<const C: usize> Term<C> {
     /// An entry of no light.
@@ -99,8 +156,8 @@ pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -
     place(pixels.start)..place(pixels.end)
 }
 
-/// Bytes of terms from which on an array gets memory of its own from the system, and gives it back when it is dropped.
-const LONG: usize = 32 << 20;
+/// Bytes of terms that become a long chunk.
+const LONG: usize = 4 << 20;
 
 /// Chunks in order, the short ones of which are joined to long ones, so that the system gets their memory back one by one.
 #[derive(Debug)]
@@ -121,14 +178,21 @@ impl<const C: usize> Chunks<C> {
         self.bytes += size_of_val(&chunk.terms[..]);
         self.short.push(chunk);
         if self.bytes >= LONG {
-            self.long.push(Chunk::joined(std::mem::take(&mut self.short)));
-            self.bytes = 0;
+            self.join();
         }
+    }
+
+    /// Joins the short chunks to a long one.
+    fn join(&mut self) {
+        self.long.push(Chunk::joined(std::mem::take(&mut self.short)));
+        self.bytes = 0;
     }
 
     /// All chunks.
     pub(super) fn into_chunks(mut self) -> Vec<Chunk<C>> {
-        self.long.append(&mut self.short);
+        if !self.short.is_empty() {
+            self.join();
+        }
         self.long
     }
 }
@@ -136,43 +200,34 @@ impl<const C: usize> Chunks<C> {
 impl<const C: usize> Chunk<C> {
     /// No rows.
     pub(super) fn new() -> Self {
-        Self { rows: Vec::new(), terms: Vec::new() }
+        Self { rows: Vec::new(), terms: Terms::default() }
     }
 
     /// The rows of all these chunks.
     fn joined(chunks: Vec<Self>) -> Self {
-        let mut terms = vec![Term::none(Key::END); chunks.iter().map(|chunk| chunk.terms.len()).sum()];
+        let mut terms = Pages::zeros(chunks.iter().map(|chunk| chunk.terms.len()).sum());
         let (mut rows, mut before) = (Vec::new(), 0);
-        let (mut left, mut to) = (terms.as_mut_slice(), Vec::new());
+        let (mut left, mut to) = (&mut terms[..], Vec::new());
         for chunk in &chunks {
             rows.extend(chunk.rows.iter().map(|row| Row { end: before + row.end, ..*row }));
             before += chunk.terms.len();
             to.push(take(&mut left, chunk.terms.len()));
         }
         chunks.into_par_iter().zip(to).for_each(|(chunk, to)| to.copy_from_slice(&chunk.terms));
-        Self { rows, terms }
+        Self { rows, terms: Terms::Long(terms) }
     }
 
     /// Gives back the memory that the chunk will not need, since it gets no more rows.
-    pub(super) fn closed(mut self) -> Self {
+    pub(super) fn close(&mut self) {
         self.rows.shrink_to_fit();
-        self.terms.shrink_to_fit();
-        self
+        if let Terms::Short(terms) = &mut self.terms {
+            terms.shrink_to_fit();
+        }
     }
 
-    /// Keeps the terms of each row at the places that `wanted` names, in ascending order, and gives back the memory of the others.
-    pub(super) fn retain(&mut self, wanted: impl Fn(&Row, &[Term<C>]) -> Vec<Range<usize>>) {
-        let (mut start, mut kept) = (0, 0);
-        for row in &mut self.rows {
-            for places in wanted(row, &self.terms[start..row.end]) {
-                let count = places.len();
-                self.terms.copy_within(start + places.start..start + places.end, kept);
-                kept += count;
-            }
-            (start, row.end) = (row.end, kept);
-        }
-        self.terms.truncate(kept);
-        self.terms.shrink_to_fit();
+    /// The index of the first term of a row, which is given by its index.
+    pub(super) fn start(&self, row: usize) -> usize {
+        row.checked_sub(1).map_or(0, |before| self.rows[before].end)
     }
 
     /// Each row with its entries.
@@ -187,8 +242,8 @@ impl<const C: usize> Chunk<C> {
         let entry = if row == 0 { 0 } else { self.rows[row - 1].end };
         let mut rows = self.rows.split_off(row);
         rows.iter_mut().for_each(|row| row.end -= entry);
-        let terms = self.terms.split_off(entry);
-        [self, Self { rows, terms }]
+        let [before, after] = self.terms.split(entry);
+        [Self { rows: self.rows, terms: before }, Self { rows, terms: after }]
     }
 
     /// Whether its rows are some of these `pixels`, in ascending order, with their entries in ascending order, each of `classes` classes and at one of

@@ -6,10 +6,14 @@
 use std::ops::Range;
 
 use super::RigShape;
-use super::chunk::{CLASSES, Chunk};
-use super::merging::Merging;
-use super::row_sums::RowSums;
+use super::chunk::CLASSES;
+use super::fixed::Scale;
+use super::found::Found;
+use super::merging::{Merging, Pairs};
+use super::row_sums::{Outline, RowSums, outline};
+use super::squares::EntrySquares;
 use super::tiles::{Builder, Pieces, Tiles};
+use super::transpose::Sources;
 
 /// The sparse part of the matrix, with the sums from which its noise follows.
 pub(super) struct Combined<const C: usize> {
@@ -17,12 +21,14 @@ pub(super) struct Combined<const C: usize> {
     pub(super) layers: Vec<Tiles>,
     /// Sums for each of the rows.
     pub(super) rows: Vec<RowSums<C>>,
+    /// Squares of all entries; of a symmetric matrix, those on and above the diagonal of the rows, where what is above it counts twice.
+    pub(super) squares: EntrySquares,
 }
 
-/// Merges the chunks into these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each of the rows and
-/// channel, or empty. The chunks have all contributions to these rows, those of the camera's paths first, by ascending start pixel.
+/// Merges what was found into these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each of the rows and
+/// channel, or empty. There are all contributions to these rows, those of the camera's paths first, by ascending start pixel.
 pub(super) fn combine<const C: usize>(
-    chunks: Vec<Chunk<C>>,
+    found: Found<C>,
     rig: RigShape,
     rows: Range<usize>,
     classes: usize,
@@ -30,7 +36,13 @@ pub(super) fn combine<const C: usize>(
 ) -> Combined<C> {
     let pixels = rig.camera.pixels();
     let triangle = rig.symmetric && rows == (0..pixels);
-    let (mut merging, of_class) = Merging::new(chunks, rig, &rows, triangle, direct);
+    let scale = Scale::new(found.about.largest);
+    let chunks = found.into_chunks();
+    let Outline { mut sums, terms, of_class } = outline(&chunks, rig, &rows, triangle, scale);
+    sums.iter_mut().zip(direct).for_each(|(sums, direct)| sums.add_direct(direct));
+    let sources = Sources::new(chunks, rig, &rows, triangle);
+    let pairs = if rig.symmetric { Pairs::Triangle } else { Pairs::Apart };
+    let mut merging = Merging::new(sources, pairs, rows.start, terms, direct);
     let mut layers = builders::<C>(of_class, rig, rows.len(), classes, triangle);
     // All layers take the same rows.
     while let Some(group) = layers.iter().find_map(Builder::next_rows) {
@@ -39,10 +51,11 @@ pub(super) fn combine<const C: usize>(
             merging.sources.release_before(group.end);
         }
         for (layer, pieces) in layers.iter_mut().zip(pieces) {
-            layer.push(&Pieces::new(group.start, pieces));
+            layer.push(Pieces::new(group.start, pieces));
         }
     }
-    Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows: merging.sums }
+    let layers = layers.into_iter().map(Builder::finish).collect();
+    Combined { layers, rows: sums, squares: merging.squares }
 }
 
 /// Tiles of each layer, without rows yet. `of_class` counts the contributions of each class to what is merged.

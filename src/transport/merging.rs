@@ -10,9 +10,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::RigShape;
-use super::chunk::{CLASSES, Chunk, Key, Term};
-use super::row_sums::{Outline, RowSums, outline};
+use super::chunk::{Key, Term};
+use super::squares::EntrySquares;
+use super::steps::Steps;
 use super::tiles::{CompressedRows, take};
 use super::transpose::Sources;
 
@@ -28,34 +28,55 @@ const ROWS_PER_TASK: usize = 64;
 /// The rows of a matrix while they are merged. Rows are counted from the first one that is made.
 pub(super) struct Merging<'a, const C: usize> {
     pub(super) sources: Sources<C>,
-    /// Whether the whole matrix is symmetric.
-    symmetric: bool,
+    pairs: Pairs<'a>,
     /// The pixel of the first row.
     first: usize,
     /// The number of contributions to each row, and the diagonal of [`combine`](super::combine::combine).
     terms: Vec<u32>,
     direct: &'a [[[f64; 2]; C]],
-    pub(super) sums: Vec<RowSums<C>>,
+    /// Of the entries that were merged.
+    pub(super) squares: EntrySquares,
     /// The approximate number of contributions in one block.
     most: usize,
 }
 
+/// How often the square of an entry is counted, so that each entry of the whole matrix and its mirror image are counted once.
+#[derive(Clone, Copy)]
+pub(super) enum Pairs<'a> {
+    /// The matrix is not symmetric.
+    Apart,
+    /// What is above the diagonal is counted twice, for what is below.
+    Triangle,
+    /// The rows of this step of several processes are merged from the columns of this step and of later ones. Those of later ones are counted twice:
+    /// their rows are not merged with these columns.
+    Step(&'a Steps, usize),
+}
+
+impl Pairs<'_> {
+    #[inline]
+    fn times(self, row: u32, column: u32) -> f64 {
+        let is_counted_twice = match (self, column.cmp(&row)) {
+            (Self::Apart, _) | (_, Ordering::Equal) => return 1.0,
+            (_, Ordering::Greater) => true,
+            (Self::Triangle, Ordering::Less) => false,
+            (Self::Step(steps, now), Ordering::Less) => steps.of_pixel(column as usize) > now,
+        };
+        if is_counted_twice { 2.0 } else { 0.0 }
+    }
+}
+
 impl<'a, const C: usize> Merging<'a, C> {
-    /// These `rows`, and the number of contributions of each class to what is merged of them.
+    /// Rows from the pixel `first` on, with the number of contributions to each.
     pub(super) fn new(
-        chunks: Vec<Chunk<C>>,
-        rig: RigShape,
-        rows: &Range<usize>,
-        triangle: bool,
+        sources: Sources<C>,
+        pairs: Pairs<'a>,
+        first: usize,
+        terms: Vec<u32>,
         direct: &'a [[[f64; 2]; C]],
-    ) -> (Self, [usize; CLASSES]) {
-        let Outline { mut sums, terms, of_class } = outline(&chunks, rig, rows, triangle);
-        sums.iter_mut().zip(direct).for_each(|(sums, direct)| sums.add_direct(direct));
-        let most = BLOCK.max(of_class.iter().sum::<usize>() / MOST_BLOCKS);
-        let sources = Sources::new(chunks, rig, rows, triangle);
-        let merging =
-            Self { sources, symmetric: rig.symmetric, first: rows.start, terms, direct, sums, most };
-        (merging, of_class)
+    ) -> Self {
+        let all: usize = terms.iter().map(|&terms| terms as usize).sum();
+        let most = BLOCK.max(all / MOST_BLOCKS);
+        Self { sources, pairs, first, terms, direct, squares: EntrySquares::default(), most }
     }
 
     /// Merges these rows block by block: the pieces of each layer.
@@ -88,27 +109,26 @@ impl<'a, const C: usize> Merging<'a, C> {
     fn merge(&mut self, rows: Range<usize>, classes: usize) -> Vec<CompressedRows> {
         let transposed = self.sources.transposed(&(self.first + rows.start..self.first + rows.end));
         let tasks: Vec<usize> = rows.clone().step_by(ROWS_PER_TASK).collect();
-        let sums = self.sums[rows.clone()].par_chunks_mut(ROWS_PER_TASK);
         let (sources, terms) = (&self.sources, &self.terms);
-        let merged: Vec<Vec<CompressedRows>> = tasks
+        let merged: Vec<Merged<'_>> = tasks
             .into_par_iter()
-            .zip(sums)
-            .map(|(first, sums)| {
-                let of_task = first..first + sums.len();
+            .map(|first| {
+                let of_task = first..rows.end.min(first + ROWS_PER_TASK);
                 let count = terms[of_task.clone()].iter().sum::<u32>() as usize;
-                let mut merged = Merged::new::<C>(classes, count, self.symmetric);
+                let mut merged = Merged::new::<C>(classes, count, self.pairs);
                 let mut mirrored = Vec::new();
-                for (row, sums) in of_task.zip(sums) {
+                for row in of_task {
                     mirrored.clear();
                     transposed.iter().for_each(|part| mirrored.extend_from_slice(part.row(row - rows.start)));
                     let pixel = (self.first + row) as u32;
-                    merged.row(pixel, sources.own(row), &mirrored, self.direct.get(row), sums);
+                    merged.row(pixel, sources.own(row), &mirrored, self.direct.get(row));
                 }
-                merged.layers
+                merged
             })
             .collect();
         let mut parts: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
-        for layers in merged {
+        for Merged { layers, squares, .. } in merged {
+            self.squares.add_all(&squares);
             parts.iter_mut().zip(layers).for_each(|(parts, part)| parts.push(part));
         }
         parts.into_iter().map(joined::<C>).collect()
@@ -138,18 +158,34 @@ fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
 }
 
 /// The merged rows of one task.
-struct Merged {
+struct Merged<'a> {
     layers: Vec<CompressedRows>,
-    /// Whether the whole matrix is symmetric.
-    symmetric: bool,
+    pairs: Pairs<'a>,
+    squares: EntrySquares,
 }
 
-impl Merged {
+/// The entry of a row in one column, while the light of its classes is added.
+struct Entry<const C: usize> {
+    column: u32,
+    /// Means and errors: of all its light, and of two or more bounces.
+    whole: [[f64; 2]; C],
+    global: [[f64; 2]; C],
+    has_direct: bool,
+}
+
+impl<const C: usize> Entry<C> {
+    fn new(column: u32, direct: Option<&[[f64; 2]; C]>) -> Self {
+        let none = [[0.0; 2]; C];
+        Self { column, whole: *direct.unwrap_or(&none), global: none, has_direct: direct.is_some() }
+    }
+}
+
+impl<'a> Merged<'a> {
     /// No rows yet, of so many layers. Nearly all of the `count` entries will be the last layer's.
-    fn new<const C: usize>(layers: usize, count: usize, symmetric: bool) -> Self {
+    fn new<const C: usize>(layers: usize, count: usize, pairs: Pairs<'a>) -> Self {
         let room = |layer: usize| if layer + 1 == layers { count } else { 0 };
         let layers = (0..layers).map(|layer| CompressedRows::with_room(C, ROWS_PER_TASK, room(layer)));
-        Self { layers: layers.collect(), symmetric }
+        Self { layers: layers.collect(), pairs, squares: EntrySquares::default() }
     }
 
     /// Merges one row: terms of equal column and class are summed in `f64`.
@@ -159,39 +195,49 @@ impl Merged {
         own: &[Term<C>],
         mirrored: &[Term<C>],
         mut direct: Option<&[[f64; 2]; C]>,
-        sums: &mut RowSums<C>,
     ) {
-        let none = [[0.0; 2]; C];
-        let mut column = u32::MAX;
-        let (mut whole, mut global) = (none, none);
-        let symmetric = self.symmetric;
-        let times = |column: u32| match column.cmp(&row) {
-            Ordering::Less if symmetric => 0.0,
-            Ordering::Greater if symmetric => 2.0,
-            _ => 1.0,
-        };
+        let mut entry = Entry::<C>::new(u32::MAX, None);
         each_key(own, mirrored, |key, sum| {
-            if key.other() != column {
-                sums.add_squares(times(column), &whole, &global);
-                column = key.other();
-                whole = if column == row { *direct.take().unwrap_or(&none) } else { none };
-                global = none;
+            let column = key.other();
+            if column != entry.column {
+                self.count(row, &entry);
+                let direct = if column == row { direct.take() } else { None };
+                entry = Entry::new(column, direct);
             }
             let class = key.class();
-            add(&mut whole, &sum);
+            add(&mut entry.whole, &sum);
             if class > 0 {
-                add(&mut global, &sum);
+                add(&mut entry.global, &sum);
+            } else {
+                entry.has_direct = true;
             }
             let layer = &mut self.layers[class];
             layer.columns.push(column);
             layer.weights.iter_mut().zip(sum).for_each(|(plane, [mean, _])| plane.push(mean as f32));
         });
-        sums.add_squares(times(column), &whole, &global);
+        self.count(row, &entry);
         // The diagonal entry of this row has direct light only.
-        if let Some(direct) = direct {
-            sums.add_squares(1.0, direct, &none);
+        if direct.is_some() {
+            self.count(row, &Entry::new(row, direct));
         }
         self.layers.iter_mut().for_each(CompressedRows::end_row);
+    }
+
+    /// Adds the squares of an entry of a row.
+    #[inline]
+    fn count<const C: usize>(&mut self, row: u32, entry: &Entry<C>) {
+        if entry.column == u32::MAX {
+            return;
+        }
+        let times = self.pairs.times(row, entry.column);
+        if times == 0.0 {
+            return;
+        }
+        if entry.has_direct {
+            self.squares.add_direct(times, &entry.whole, &entry.global);
+        } else {
+            self.squares.add_indirect(times, &entry.global);
+        }
     }
 }
 

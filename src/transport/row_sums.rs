@@ -1,4 +1,4 @@
-//! Sums over the rows of the matrix, from which its noise follows.
+//! Sums over the rows of the matrix and over its entries, from which its noise follows.
 
 use std::ops::Range;
 
@@ -6,52 +6,23 @@ use rayon::prelude::*;
 
 use super::RigShape;
 use super::chunk::{CLASSES, Chunk, Row, Term, at};
+use super::fixed::{FixedSums, Scale};
 
-/// Sums over one row of the whole matrix, including the diagonal: values, errors, and their squares.
+/// Sums over one row of the whole matrix, including the diagonal: values and errors.
 ///
-/// Values and errors are those of all paths from the pixel of the row, followed by those of the paths that end there. In a symmetric
-/// matrix, squares are those on and above the diagonal, where what is above it counts twice.
-#[derive(Clone, Copy, Debug)]
+/// They are those of all paths from the pixel of the row and of the paths that end there.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RowSums<const C: usize> {
     pub(super) mean: [f64; C],
     pub(super) error: [f64; C],
-    pub(super) mean_squares: f64,
-    pub(super) error_squares: f64,
-    /// Squares of values and errors for light of two or more bounces.
-    pub(super) global: [f64; 2],
-}
-
-impl<const C: usize> Default for RowSums<C> {
-    fn default() -> Self {
-        Self { mean: [0.0; C], error: [0.0; C], mean_squares: 0.0, error_squares: 0.0, global: [0.0; 2] }
-    }
 }
 
 impl<const C: usize> RowSums<C> {
-    /// Adds a contribution to the sums of values and errors.
-    fn add(&mut self, term: &Term<C>) {
-        for channel in 0..C {
-            self.mean[channel] += f64::from(term.mean[channel]);
-            self.error[channel] += f64::from(term.error[channel]);
-        }
-    }
-
     /// Adds the diagonal's direct light to the sums of values and errors.
     pub(super) fn add_direct(&mut self, direct: &[[f64; 2]; C]) {
         for (channel, [mean, error]) in direct.iter().enumerate() {
             self.mean[channel] += mean;
             self.error[channel] += error;
-        }
-    }
-
-    /// Adds the squares of one entry, as often as `times`: all its light, and its light of two or more bounces.
-    pub(super) fn add_squares(&mut self, times: f64, whole: &[[f64; 2]; C], global: &[[f64; 2]; C]) {
-        for channel in 0..C {
-            let [mean, error] = whole[channel];
-            self.mean_squares += times * mean * mean;
-            self.error_squares += times * error * error;
-            self.global[0] += times * global[channel][0].powi(2);
-            self.global[1] += times * global[channel][1].powi(2);
         }
     }
 }
@@ -73,18 +44,19 @@ pub(super) fn outline<const C: usize>(
     rig: RigShape,
     rows: &Range<usize>,
     triangle: bool,
+    scale: Scale,
 ) -> Outline<C> {
-    let mut sums = vec![RowSums::default(); rows.len()];
+    let mut sums = vec![[[0; C]; 2]; rows.len()];
     let mut terms = vec![0; rows.len()];
     let mut of_class = [0; CLASSES];
-    let of_chunk = |chunk: &Chunk<C>| own(chunk, rig, rows, triangle);
+    let of_chunk = |chunk: &Chunk<C>| own(chunk, rig, rows, (triangle, scale));
     for (row, of_row, count) in chunks.par_iter().flat_map_iter(of_chunk).collect::<Vec<_>>() {
         sums[row] = of_row;
         terms[row] = count.iter().sum::<usize>() as u32;
         of_class.iter_mut().zip(count).for_each(|(all, count)| *all += count);
     }
     let stripe = rows.len().div_ceil(rayon::current_num_threads()).max(1);
-    let tasks: Vec<(usize, &mut [RowSums<C>], &mut [u32])> = sums
+    let tasks: Vec<(usize, &mut [FixedSums<C>], &mut [u32])> = sums
         .chunks_mut(stripe)
         .zip(terms.chunks_mut(stripe))
         .enumerate()
@@ -92,12 +64,12 @@ pub(super) fn outline<const C: usize>(
         .collect();
     let mirrored: Vec<[usize; CLASSES]> = tasks
         .into_par_iter()
-        .map(|(first, sums, terms)| add_mirrored(chunks, rig, first, triangle, sums, terms))
+        .map(|(first, sums, terms)| add_mirrored(chunks, rig, first, (triangle, scale), sums, terms))
         .collect();
     for count in mirrored {
         of_class.iter_mut().zip(count).for_each(|(all, count)| *all += count);
     }
-    Outline { sums, terms, of_class }
+    Outline { sums: sums.iter().map(|sums| scale.sums(sums)).collect(), terms, of_class }
 }
 
 /// The sums over the paths from each pixel that has one of the `rows`, counted from the first of them, and the number of
@@ -106,13 +78,13 @@ fn own<const C: usize>(
     chunk: &Chunk<C>,
     rig: RigShape,
     rows: &Range<usize>,
-    triangle: bool,
-) -> Vec<(usize, RowSums<C>, [usize; CLASSES])> {
+    (triangle, scale): (bool, Scale),
+) -> Vec<(usize, FixedSums<C>, [usize; CLASSES])> {
     let counts = |row: &Row| (rig.symmetric || row.from_camera) && rows.contains(&(row.pixel as usize));
     let of_row = |(row, terms): (Row, &[Term<C>])| {
-        let (mut sums, mut count) = (RowSums::default(), [0; CLASSES]);
+        let (mut sums, mut count) = ([[0; C]; 2], [0; CLASSES]);
         for term in terms {
-            sums.add(term);
+            scale.add(&mut sums, term);
             count[term.key.class()] += usize::from(!triangle || term.key.other() >= row.pixel);
         }
         (row.pixel as usize - rows.start, sums, count)
@@ -126,26 +98,19 @@ fn add_mirrored<const C: usize>(
     chunks: &[Chunk<C>],
     rig: RigShape,
     first: usize,
-    triangle: bool,
-    sums: &mut [RowSums<C>],
+    (triangle, scale): (bool, Scale),
+    sums: &mut [FixedSums<C>],
     terms: &mut [u32],
 ) -> [usize; CLASSES] {
     let mut count = [0; CLASSES];
-    let mut mirrored = vec![RowSums::<C>::default(); sums.len()];
     let rows = chunks.iter().flat_map(Chunk::rows).filter(|(row, _)| rig.symmetric || !row.from_camera);
     for (row, of_row) in rows {
         for term in at(of_row, &(first..first + sums.len())) {
             let to = term.key.other() as usize - first;
-            mirrored[to].add(term);
+            scale.add(&mut sums[to], term);
             let is_merged = !triangle || term.key.other() <= row.pixel;
             terms[to] += u32::from(is_merged);
             count[term.key.class()] += usize::from(is_merged);
-        }
-    }
-    for (sums, mirrored) in sums.iter_mut().zip(&mirrored) {
-        for channel in 0..C {
-            sums.mean[channel] += mirrored.mean[channel];
-            sums.error[channel] += mirrored.error[channel];
         }
     }
     count

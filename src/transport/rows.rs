@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 
 use super::chunk::{Chunk, Chunks, Key, Row, Term};
+use super::found::{About, Found};
 use super::noise::Halves;
+use super::steps::Steps;
 use crate::error::{Error, Result};
 use crate::render::{Batch, Connection, Run};
 
@@ -23,13 +25,23 @@ pub(super) fn class(bounces: u32, split: bool) -> u32 {
 
 /// The sums of all paths so far, as chunks in the order of the paths.
 #[derive(Debug)]
-pub(super) struct Rows<const C: usize> {
+pub(super) struct Rows<'a, const C: usize> {
     /// Divisor of all sums.
     samples: u32,
     split: bool,
-    chunks: Chunks<C>,
+    /// The steps in which several processes merge the contributions.
+    steps: Option<&'a Steps>,
+    /// For each step.
+    chunks: Vec<Chunks<C>>,
+    about: About,
     /// The last pixel, whose paths may not be complete yet.
     open: Option<Open<C>>,
+}
+
+/// Finished pixels: a chunk for each step.
+struct Finished<const C: usize> {
+    chunks: Vec<Chunk<C>>,
+    about: About,
 }
 
 /// A pixel whose contributions are not summed yet.
@@ -52,9 +64,15 @@ struct Entry<const C: usize> {
     value: [f32; C],
 }
 
-impl<const C: usize> Rows<C> {
-    pub(super) fn new(samples: u32, split: bool) -> Self {
-        Self { samples, split, chunks: Chunks::new(), open: None }
+impl<'a, const C: usize> Rows<'a, C> {
+    pub(super) fn new(samples: u32, split: bool, steps: Option<&'a Steps>) -> Self {
+        let chunks = (0..steps.map_or(1, Steps::count)).map(|_| Chunks::new()).collect();
+        Self { samples, split, steps, chunks, about: About::default(), open: None }
+    }
+
+    /// No pixels yet.
+    fn nothing(&self) -> Finished<C> {
+        Finished { chunks: vec![Chunk::new(); self.chunks.len()], about: About::default() }
     }
 
     /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
@@ -112,39 +130,52 @@ impl<const C: usize> Rows<C> {
             }
             Ok(())
         };
-        let chunk = |pixels: &[&[Run]]| -> Result<Chunk<C>> {
-            let (mut chunk, mut entries) = (Chunk::new(), Vec::new());
+        let finish = |pixels: &[&[Run]]| -> Result<Finished<C>> {
+            let (mut finished, mut entries) = (self.nothing(), Vec::new());
             for runs in pixels {
                 entries.clear();
                 collect(runs, &mut entries)?;
-                self.finish((runs[0].pixel, samples, from_camera), &mut entries, &mut chunk)?;
+                self.finish((runs[0].pixel, samples, from_camera), &mut entries, &mut finished)?;
             }
-            Ok(chunk.closed())
+            finished.chunks.iter_mut().for_each(Chunk::close);
+            Ok(finished)
         };
-        let done: Vec<Result<Chunk<C>>> = whole.par_chunks(PIXELS_PER_TASK).map(chunk).collect();
+        let done: Vec<Result<Finished<C>>> = whole.par_chunks(PIXELS_PER_TASK).map(finish).collect();
         let mut entries = Vec::new();
         collect(last, &mut entries)?;
         let last = Open { pixel: last[0].pixel, paths: samples, from_camera, entries };
         closed.into_iter().try_for_each(|open| self.push(open))?;
-        for chunk in done {
-            self.chunks.push(chunk?);
+        for finished in done {
+            self.append(finished?);
         }
         self.open = Some(last);
         Ok(())
     }
 
     /// Finishes the last pixel, after the last batch. Returns the sums of all paths.
-    pub(super) fn close(mut self) -> Result<Vec<Chunk<C>>> {
+    pub(super) fn close(mut self) -> Result<Found<C>> {
         self.open.take().into_iter().try_for_each(|open| self.push(open))?;
-        Ok(self.chunks.into_chunks())
+        let steps = self.chunks.into_iter().map(Chunks::into_chunks).collect();
+        Ok(Found { steps, about: self.about })
     }
 
-    /// Adds a chunk of one complete pixel.
+    /// Adds one complete pixel.
     fn push(&mut self, Open { pixel, paths, from_camera, mut entries }: Open<C>) -> Result<()> {
-        let mut chunk = Chunk::new();
-        self.finish((pixel, paths, from_camera), &mut entries, &mut chunk)?;
-        self.chunks.push(chunk.closed());
+        let mut finished = self.nothing();
+        self.finish((pixel, paths, from_camera), &mut entries, &mut finished)?;
+        finished.chunks.iter_mut().for_each(Chunk::close);
+        self.append(finished);
         Ok(())
+    }
+
+    fn append(&mut self, finished: Finished<C>) {
+        for (chunks, chunk) in self.chunks.iter_mut().zip(finished.chunks) {
+            // A pixel has contributions in some of the steps.
+            if !chunk.rows.is_empty() {
+                chunks.push(chunk);
+            }
+        }
+        self.about = self.about.and(finished.about);
     }
 
     /// The entry of a connection of a path from `pixel`.
@@ -160,13 +191,13 @@ impl<const C: usize> Rows<C> {
         Ok(Entry { key, from_camera, value })
     }
 
-    /// Sums the contributions of a complete pixel, from which so many paths start, and adds them to `chunk` as a row. It is a pixel of the
+    /// Sums the contributions of a complete pixel, from which so many paths start, and adds them to the chunk of each step as a row. It is a pixel of the
     /// camera or of the projector, where that is known. A row without entries is left out.
     fn finish(
         &self,
         (pixel, paths, from_camera): (u32, u32, Option<bool>),
         entries: &mut [Entry<C>],
-        chunk: &mut Chunk<C>,
+        Finished { chunks, about }: &mut Finished<C>,
     ) -> Result<()> {
         if entries.is_empty() {
             return Ok(());
@@ -187,13 +218,21 @@ impl<const C: usize> Rows<C> {
                     halves.add(estimate, entry.key.half(), f64::from(value));
                 }
             }
-            chunk.terms.push(Term {
+            let term = Term {
                 key: position(&run[0]),
                 mean: estimates.map(|[mean, _]| mean as f32),
                 error: estimates.map(|[_, error]| error as f32),
-            });
+            };
+            let step = self.steps.map_or(0, |steps| steps.of(pixel, from_camera, term.key.other()));
+            chunks[step].terms.push(term);
+            about.add(&term);
         }
-        chunk.rows.push(Row { pixel, from_camera, end: chunk.terms.len() });
+        for chunk in chunks {
+            let end = chunk.terms.len();
+            if end > chunk.rows.last().map_or(0, |row| row.end) {
+                chunk.rows.push(Row { pixel, from_camera, end });
+            }
+        }
         Ok(())
     }
 }

@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use super::assemble::{shape, whole};
 use super::share::Share;
-use super::spread::PORTIONS;
 use super::{Channels, Part, TransportMatrix, luminance, pilot};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -20,11 +19,11 @@ const LONG: usize = 1 << 21;
 
 /// Bytes of a process without a matrix: the program, software Vulkan and its kernels. Measured on Debian 12.
 const BASE: f64 = 130e6;
-/// The share of the rows that become tiles at the same time.
+/// The share of the rows that are merged and become tiles at the same time.
 const GROUP: f64 = 1.0 / 16.0;
 /// The peak of memory over the arrays that are in use at the time, since allocators keep what was freed. Measured with
-/// 512x512 pixels and 256 samples: 1.3 in one process, 1.1 to 1.3 in each of four.
-const SLACK: f64 = 1.3;
+/// 512x512 pixels and 256 samples: 1.0 in one process, 0.9 to 1.1 in each of four.
+const SLACK: f64 = 1.1;
 
 /// The measured constants of a scene on this machine. Times are those of all cores that this process has.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
@@ -122,9 +121,9 @@ impl Probe {
         let pilot = TraceSettings { samples: settings.samples.min(SAMPLES), ..pilot };
         let all = tracer.start_pixels(&pilot);
         let start = Instant::now();
-        let share = Share::trace(tracer, &pilot, &all, false, &|rgb| [luminance(rgb)])?;
+        let share = Share::trace(tracer, &pilot, &all, (false, None), &|rgb| [luminance(rgb)])?;
         let summary = share.summary;
-        let found: usize = share.chunks.iter().map(|chunk| chunk.terms.len()).sum();
+        let found: usize = share.found.steps.iter().flatten().map(|chunk| chunk.terms.len()).sum();
         let matrix = whole(share, shape(tracer, &pilot), Channels::Luma, false)?.matrix;
         let rest = start.elapsed().saturating_sub(summary.tracing).as_secs_f64();
         let entries = matrix.nonzeros().max(1) as f64;
@@ -167,15 +166,13 @@ impl Probe {
         // In tiles, columns take half as much; a twentieth is padding. On the way there, some rows are in memory twice more.
         let tiled = entries / count * (1.05 * (entry - 2.0));
         let group = GROUP * entries / count * 2.0 * entry;
-        let memory = if processes == 1 && symmetric {
-            // The contributions to a triangle are given back while the tiles grow.
-            group + tiled.max(found * contribution)
+        let own = found / count * contribution;
+        let memory = if processes == 1 && !symmetric {
+            group + tiled + own
         } else {
-            // After a share `x` of the rows is merged, own contributions take 1 - x² of their memory, and tiles `x` of theirs. A portion is there three
-            // times more: as it is sent, as it arrives, and as it is merged.
-            let own = found / count * contribution;
-            let most = (tiled / (2.0 * own)).min(1.0);
-            own * (1.0 - most * most) + tiled * most + group + 3.0 * own * away / PORTIONS as f64
+            // Contributions are given back while the tiles grow. Those of a step are there three times more: as they are sent, as they arrive, and as
+            // they are merged.
+            group + tiled.max(own) + 3.0 * own * away * GROUP
         };
         let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
         let is_team = if processes > 1 { 1.0 } else { 0.0 };

@@ -7,6 +7,7 @@ use std::io::{self, Read, Write};
 
 use super::assemble::{shape, whole};
 use super::chunk::Chunk;
+use super::found::Found;
 use super::share::Share;
 use super::wire::{self, Garbled};
 use super::{Assembled, Channels, RigShape, luminance};
@@ -227,9 +228,13 @@ impl<const C: usize> OfPixels<C> {
         record: &mut ShardRecord,
         project: impl Fn([f32; 3]) -> [f32; C] + Sync,
     ) -> Result<Self> {
-        let share = Share::trace(tracer, settings, &record.pixels, record.split, &project)?;
+        let share = Share::trace(tracer, settings, &record.pixels, (record.split, None), &project)?;
         (record.has_halves, record.summary) = (share.has_halves, share.summary);
-        Ok(Self { chunks: Chunk::by_endpoint(share.chunks), direct: share.direct, ambient: share.ambient })
+        Ok(Self {
+            chunks: Chunk::by_endpoint(share.found.into_chunks()),
+            direct: share.direct,
+            ambient: share.ambient,
+        })
     }
 
     /// The contributions of all pixels, from parts in their order.
@@ -241,7 +246,8 @@ impl<const C: usize> OfPixels<C> {
             ambient.extend(part.ambient);
             chunks.iter_mut().zip(part.chunks).for_each(|(all, more)| all.extend(more));
         }
-        Share { chunks: chunks.into_iter().flatten().collect(), direct, ambient, has_halves, summary }
+        let found = Found::of_chunks(chunks.into_iter().flatten().collect());
+        Share { found, direct, ambient, has_halves, summary }
     }
 
     fn write(&self, record: &ShardRecord, to: &mut impl Write) -> io::Result<()> {

@@ -1,15 +1,16 @@
 //! What the light paths from some pixels contribute to the matrix: the part of a process that traces only these, or everything.
 
-use super::chunk::Chunk;
+use super::found::Found;
 use super::pixel_sums::PixelSums;
 use super::rows::Rows;
+use super::steps::Steps;
 use crate::error::Result;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 
 /// The contributions of the paths from some pixels, summed pixel by pixel.
 pub(super) struct Share<const C: usize> {
     /// Contributions to the matrix, in the order of the paths: those of the camera's pixels come first.
-    pub(super) chunks: Vec<Chunk<C>>,
+    pub(super) found: Found<C>,
     /// Direct light of each of the camera's pixels, which returns to its own pixel, with its error; empty where the rig is not coaxial.
     pub(super) direct: Vec<[[f64; 2]; C]>,
     /// Light that the scene emits towards each of the camera's pixels, with its error.
@@ -22,7 +23,7 @@ pub(super) struct Share<const C: usize> {
 
 impl<const C: usize> Share<C> {
     /// Traces the paths from `pixels`. `project` computes the channels from RGB. If `split` is set, the second bounce and all later ones stay
-    /// apart.
+    /// apart. `steps` are those in which several processes merge the contributions.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -30,10 +31,10 @@ impl<const C: usize> Share<C> {
         tracer: &mut Tracer,
         settings: &TraceSettings,
         pixels: &StartPixels,
-        split: bool,
+        (split, steps): (bool, Option<&Steps>),
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) -> Result<Self> {
-        let mut rows = Rows::<C>::new(settings.samples, split);
+        let mut rows = Rows::<C>::new(settings.samples, split, steps);
         let mut direct = PixelSums::<C>::new(&pixels.camera, settings.samples);
         let mut ambient = PixelSums::<C>::new(&pixels.camera, settings.samples);
         let mut has_halves = true;
@@ -52,11 +53,11 @@ impl<const C: usize> Share<C> {
             rayon::join(|| rows.add(batch, project), of_pixels).0?;
             Ok(())
         })?;
-        let chunks = rows.close()?;
+        let found = rows.close()?;
         // Combining needs the most memory of all steps.
         tracer.release_buffers();
         let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };
         let ambient = ambient.estimates;
-        Ok(Self { chunks, direct, ambient, has_halves, summary })
+        Ok(Self { found, direct, ambient, has_halves, summary })
     }
 }

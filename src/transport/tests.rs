@@ -3,9 +3,10 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::chunk::Chunk;
 use super::combine::{Combined, combine};
+use super::found::Found;
 use super::rows::Rows;
+use super::squares::EntrySquares;
 use super::*;
 use crate::operator::{Adjoint, Operator};
 use crate::render::Connection;
@@ -43,8 +44,8 @@ fn from_projector(random: &mut Pcg64, camera: usize, projector: usize, most: u32
     paths
 }
 
-fn chunks(paths: &[Paths], split: bool) -> Vec<Chunk<1>> {
-    let mut rows = Rows::new(SAMPLES, split);
+fn found(paths: &[Paths], split: bool) -> Found<1> {
+    let mut rows = Rows::new(SAMPLES, split, None);
     for paths in paths {
         // Cut anywhere, also within a pixel.
         for batch in paths.chunks(7) {
@@ -58,7 +59,7 @@ fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
     let Combined { layers, .. } =
-        combine(chunks(paths, split), rig, 0..rig.camera.pixels(), bounces.len(), &[]);
+        combine(found(paths, split), rig, 0..rig.camera.pixels(), bounces.len(), &[]);
     let tiled = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
     let layers = bounces.iter().zip(layers).map(tiled).collect();
     TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers)
@@ -156,14 +157,14 @@ fn the_transpose_is_the_dual_rig() {
 fn where_batches_are_cut_makes_no_difference() {
     let (rig, paths) = separated();
     let whole = matrix(rig, &paths, false);
-    let mut rows = Rows::<1>::new(SAMPLES, false);
+    let mut rows = Rows::<1>::new(SAMPLES, false, None);
     for paths in &paths {
         for path in paths.chunks(1) {
             rows.add_paths(path, &|rgb| [rgb[0]]).unwrap_or_else(|error| unreachable!("{error}"));
         }
     }
-    let chunks = rows.close().unwrap_or_else(|error| unreachable!("{error}"));
-    let Combined { layers, .. } = combine(chunks, rig, 0..rig.camera.pixels(), 2, &[]);
+    let found = rows.close().unwrap_or_else(|error| unreachable!("{error}"));
+    let Combined { layers, .. } = combine(found, rig, 0..rig.camera.pixels(), 2, &[]);
     let tiled = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
     let layers: Vec<_> = [Bounces::One, Bounces::Global].iter().zip(layers).map(tiled).collect();
     assert_eq!(whole.layers, layers);
@@ -176,13 +177,9 @@ fn the_number_of_threads_makes_no_difference() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
             pool.install(|| {
-                let Combined { layers, rows } =
-                    combine(chunks(&paths, true), rig, 0..rig.camera.pixels(), 3, &[]);
-                let sums: Vec<_> = rows
-                    .iter()
-                    .map(|row| [row.error_squares, row.mean_squares, row.mean[0], row.error[0]])
-                    .collect();
-                (layers, sums)
+                let Combined { layers, rows, squares } =
+                    combine(found(&paths, true), rig, 0..rig.camera.pixels(), 3, &[]);
+                (layers, rows, squares)
             })
         };
         let one = of(1);
@@ -194,38 +191,37 @@ fn the_number_of_threads_makes_no_difference() {
 #[test]
 fn some_rows_alone_are_those_of_the_whole() {
     for (rig, paths) in [separated(), with_lens(), of_many_pixels()] {
-        let chunks = chunks(&paths, true);
+        let found = found(&paths, true);
         let of = |rows: std::ops::Range<usize>| {
             let count = rows.len();
-            let Combined { layers, rows: sums } = combine(chunks.clone(), rig, rows, 3, &[]);
+            let Combined { layers, rows: sums, squares } = combine(found.clone(), rig, rows, 3, &[]);
             let layers: Vec<_> = layers.iter().map(|tiles| tiles.to_rows()).collect();
             assert!(
                 layers.iter().all(|layer| layer.row_start.len() == count + 1 && layer.weights.len() == 1)
             );
-            let sums: Vec<_> = sums
-                .iter()
-                .map(|row| [row.error_squares, row.mean_squares, row.mean[0], row.error[0]])
-                .collect();
-            (layers, sums)
+            (layers, sums, squares)
         };
         let pixels = rig.camera.pixels();
-        let (whole, of_whole) = of(0..pixels);
+        let (whole, of_whole, squares_of_whole) = of(0..pixels);
+        let mut squares = EntrySquares::default();
         for rows in [0..4, 4..9, 9..9, 9..pixels] {
-            let (part, of_part) = of(rows.clone());
+            let (part, of_part, squares_of_part) = of(rows.clone());
             assert_eq!(of_part, of_whole[rows.clone()]);
+            squares.add_all(&squares_of_part);
             for (part, whole) in part.iter().zip(&whole) {
                 let entries = whole.row_start[rows.start]..whole.row_start[rows.end];
                 assert_eq!(part.columns, whole.columns[entries.clone()]);
                 assert_eq!(part.weights[0], whole.weights[0][entries]);
             }
         }
+        assert_eq!(squares, squares_of_whole);
     }
 }
 
 #[test]
 fn a_connection_of_two_other_pixels_is_refused() {
     let stray = Connection { camera: 1, projector: 2, bounces: 2, value: [1.0; 3] };
-    let mut rows = Rows::<1>::new(SAMPLES, false);
+    let mut rows = Rows::<1>::new(SAMPLES, false, None);
     assert!(rows.add_paths(&[(0, 0, vec![stray])], &|rgb| [rgb[0]]).is_err());
 }
 

@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::chunk::{Chunk, Key, Term, places};
+use super::chunk::{Chunk, Key, Term, Terms, places};
 
 /// Tasks for each thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries first.
 const TASKS_A_THREAD: usize = 8;
@@ -60,29 +60,60 @@ impl<const C: usize> Sources<C> {
     /// Shares out the rows of all chunks, which have all contributions to these `rows` of the matrix, and may have others.
     /// With `triangle`, rows and transpose have only what is on and above the diagonal of the matrix.
     pub(super) fn new(chunks: Vec<Chunk<C>>, rig: RigShape, rows: &Range<usize>, triangle: bool) -> Self {
+        let columns = rig.projector.pixels();
+        let of_row = |number: usize, chunk: &Chunk<C>, at: usize| {
+            let row = chunk.rows[at];
+            let (first, pixel) = (chunk.start(at), row.pixel as usize);
+            let source = |wanted: Range<usize>| {
+                let all = wanted.start == 0 && wanted.end >= columns;
+                let terms = &chunk.terms[first..row.end];
+                let found = if all { 0..terms.len() } else { places(terms, &wanted) };
+                let entries = first + found.start..first + found.end;
+                Source { pixel: row.pixel, chunk: number as u32, entries }
+            };
+            let is_own = (rig.symmetric || row.from_camera) && rows.contains(&pixel);
+            let own = is_own.then(|| source(if triangle { pixel } else { 0 }..columns));
+            let is_mirrored = rig.symmetric || !row.from_camera;
+            let to = if triangle { pixel + 1 } else { rows.end };
+            let mirrored = is_mirrored.then(|| source(rows.start..to));
+            [own, mirrored]
+        };
+        let found: Vec<[Option<Source>; 2]> = chunks
+            .par_iter()
+            .enumerate()
+            .flat_map(|(number, chunk)| {
+                (0..chunk.rows.len()).into_par_iter().map(move |at| of_row(number, chunk, at))
+            })
+            .collect();
         let mut own = vec![Source::default(); rows.len()];
         let mut mirrored = Vec::new();
-        for (number, chunk) in chunks.iter().enumerate() {
-            let mut start = 0;
-            for row in &chunk.rows {
-                let (first, pixel) = (start, row.pixel as usize);
-                start = row.end;
-                let source = |wanted: &Range<usize>| {
-                    let found = places(&chunk.terms[first..row.end], wanted);
-                    let entries = first + found.start..first + found.end;
-                    Source { pixel: row.pixel, chunk: number as u32, entries }
-                };
-                if (rig.symmetric || row.from_camera) && rows.contains(&pixel) {
-                    let from = if triangle { pixel } else { 0 };
-                    own[pixel - rows.start] = source(&(from..rig.projector.pixels()));
-                }
-                if rig.symmetric || !row.from_camera {
-                    let to = if triangle { pixel + 1 } else { rows.end };
-                    mirrored.push(source(&(rows.start..to)));
-                }
+        for [of_own, of_mirrored] in found {
+            if let Some(source) = of_own {
+                let row = source.pixel as usize - rows.start;
+                own[row] = source;
             }
+            mirrored.extend(of_mirrored.filter(|source| !source.entries.is_empty()));
         }
         Self { chunks, own, tasks: Task::share_out(mirrored) }
+    }
+
+    /// The number of contributions to each row, of which the first is that of the pixel `first`, before any is taken.
+    pub(super) fn counts(&self, first: usize) -> Vec<u32> {
+        let rows = self.own.len();
+        let none = || vec![0_u32; rows];
+        let of_task = |mut counts: Vec<u32>, task: &Task| {
+            for term in task.left.iter().flat_map(|source| source.terms(&self.chunks)) {
+                counts[term.key.other() as usize - first] += 1;
+            }
+            counts
+        };
+        let add = |mut all: Vec<u32>, more: Vec<u32>| {
+            all.iter_mut().zip(more).for_each(|(all, more)| *all += more);
+            all
+        };
+        let mirrored = self.tasks.par_iter().fold(none, of_task).reduce(none, add);
+        let own = self.own.iter().map(|source| source.entries.len() as u32);
+        own.zip(mirrored).map(|(own, mirrored)| own + mirrored).collect()
     }
 
     /// The entries of the paths from the pixel of a row, counted from the first of the rows, by ascending keys.
@@ -96,22 +127,16 @@ impl<const C: usize> Sources<C> {
         tasks.par_iter_mut().filter_map(|task| task.transpose(chunks, block)).collect()
     }
 
-    /// The chunks, once no more rows are asked for.
-    pub(super) fn into_chunks(self) -> Vec<Chunk<C>> {
-        self.chunks
-    }
-
     /// Gives back the memory of the chunks whose pixels are all before `pixel`, which must not be asked for any more.
     pub(super) fn release_before(&mut self, pixel: usize) {
         let done = |chunk: &&mut Chunk<C>| chunk.rows.iter().all(|row| (row.pixel as usize) < pixel);
-        self.chunks.iter_mut().take_while(done).for_each(|chunk| chunk.terms = Vec::new());
+        self.chunks.iter_mut().take_while(done).for_each(|chunk| chunk.terms = Terms::default());
     }
 }
 
 impl Task {
-    /// Tasks with about equally many entries of these rows.
+    /// Tasks with about equally many entries of these rows, which have some.
     fn share_out(rows: Vec<Source>) -> Vec<Self> {
-        let rows: Vec<Source> = rows.into_iter().filter(|source| !source.entries.is_empty()).collect();
         let entries: usize = rows.iter().map(|source| source.entries.len()).sum();
         let each = entries.div_ceil(TASKS_A_THREAD * rayon::current_num_threads()).max(1);
         let mut tasks: Vec<Self> = Vec::new();

@@ -6,9 +6,9 @@ use std::ops::Range;
 
 use bytemuck::Pod;
 
-use super::chunk::{Chunk, Key, Row, Term, at};
+use super::chunk::{Chunk, Key, Row, Term, Terms, at};
 use super::row_sums::RowSums;
-use super::tiles::CompressedRows;
+use super::tiles::{CompressedRows, Fragment, Pages};
 
 /// What is wrong with bytes that should be arrays.
 #[derive(Debug)]
@@ -164,7 +164,49 @@ pub(super) fn take_chunk<const C: usize>(
     }
     terms.iter_mut().zip(errors).for_each(|(term, error)| term.error = error);
     let rows = pixels.into_iter().zip(ends).map(|(pixel, end)| Row { pixel, from_camera, end: end as usize });
-    Ok(Chunk { rows: rows.collect(), terms })
+    Ok(Chunk { rows: rows.collect(), terms: Terms::Short(terms) })
+}
+
+/// The contributions of some chunks to these `rows`, of the pixels of one endpoint, for another process of this program.
+pub(super) fn terms_to_bytes<const C: usize>(chunks: &[Chunk<C>], rows: &Range<usize>) -> Vec<u8> {
+    let wanted = || {
+        let of_row = |(row, terms)| (row, at(terms, rows));
+        chunks
+            .iter()
+            .flat_map(Chunk::rows)
+            .map(of_row)
+            .filter(|(_, terms): &(Row, &[Term<C>])| !terms.is_empty())
+    };
+    let mut end = 0_u64;
+    let heads: Vec<[u64; 2]> = wanted()
+        .map(|(row, terms)| {
+            end += terms.len() as u64;
+            [u64::from(row.pixel), end]
+        })
+        .collect();
+    let mut bytes = Vec::with_capacity(16 + size_of_val(&heads[..]) + end as usize * size_of::<Term<C>>());
+    bytes.extend((2 * heads.len() as u64).to_le_bytes());
+    bytes.extend_from_slice(bytemuck::cast_slice(&heads));
+    bytes.extend(end.to_le_bytes());
+    wanted().for_each(|(_, terms)| bytes.extend_from_slice(bytemuck::cast_slice(terms)));
+    bytes
+}
+
+/// The chunk that [`terms_to_bytes`] wrote.
+pub(super) fn take_terms<const C: usize>(
+    from: &mut Reader<impl Read>,
+    from_camera: bool,
+) -> Result<Chunk<C>> {
+    let heads = from.take::<u64>()?;
+    let count = from.length(size_of::<Term<C>>())?;
+    let mut terms = Pages::<Term<C>>::zeros(count);
+    from.fill(bytemuck::cast_slice_mut(&mut terms))?;
+    let row = |&[pixel, end]: &[u64; 2]| Row { pixel: pixel as u32, from_camera, end: end as usize };
+    let rows: Vec<Row> = heads.as_chunks::<2>().0.iter().map(row).collect();
+    if rows.last().map_or(0, |row| row.end) != count || !rows.is_sorted_by_key(|row| row.end) {
+        return Err(other_lengths());
+    }
+    Ok(Chunk { rows, terms: Terms::Long(terms) })
 }
 
 /// Writes the means and errors of pixels.
@@ -182,23 +224,55 @@ pub(super) fn take_estimates<const C: usize>(from: &mut Reader<impl Read>) -> Re
 
 /// Writes the sums over rows.
 pub(super) fn put_sums<const C: usize>(to: &mut impl Write, sums: &[RowSums<C>]) -> io::Result<()> {
-    let of_row = |row: &RowSums<C>| {
-        [&row.mean[..], &row.error, &[row.mean_squares, row.error_squares], &row.global].concat()
-    };
-    put(to, &sums.iter().flat_map(of_row).collect::<Vec<f64>>())
+    put(to, &sums.iter().flat_map(|row| [row.mean, row.error]).flatten().collect::<Vec<f64>>())
 }
 
 /// The sums that [`put_sums`] wrote.
 pub(super) fn take_sums<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<RowSums<C>>> {
     let values = from.take::<f64>()?;
-    let row = |row: &[f64]| RowSums {
-        mean: std::array::from_fn(|channel| row[channel]),
-        error: std::array::from_fn(|channel| row[C + channel]),
-        mean_squares: row[2 * C],
-        error_squares: row[2 * C + 1],
-        global: [row[2 * C + 2], row[2 * C + 3]],
+    let row = |row: &[[f64; C]; 2]| RowSums { mean: row[0], error: row[1] };
+    Ok(values.as_chunks::<C>().0.as_chunks::<2>().0.iter().map(row).collect())
+}
+
+/// Writes fragments of rows.
+pub(super) fn put_fragments(to: &mut Vec<u8>, fragments: &[Fragment]) -> io::Result<()> {
+    let size = |fragment: &Fragment| {
+        let columns = fragment.columns.len();
+        64 + 4 * fragment.row_start.len() + 2 * columns + fragment.weights.len() * (8 + 4 * columns)
     };
-    Ok(values.chunks_exact(2 * C + 4).map(row).collect())
+    to.reserve(16 + fragments.iter().map(size).sum::<usize>());
+    put(to, &[fragments.len() as u64])?;
+    for fragment in fragments {
+        put(to, &[fragment.first as u64, u64::from(fragment.base)])?;
+        put(to, &fragment.row_start)?;
+        put(to, &fragment.columns)?;
+        fragment.weights.iter().try_for_each(|plane| put(to, plane))?;
+    }
+    Ok(())
+}
+
+/// The fragments that [`put_fragments`] wrote, with so many channels. Their rows are counted from `first_row` on.
+pub(super) fn take_fragments(
+    from: &mut Reader<impl Read>,
+    channels: usize,
+    first_row: usize,
+) -> Result<Vec<Fragment>> {
+    let count = from.take::<u64>()?.first().copied().unwrap_or_default();
+    let fragment = |_| {
+        let head = from.take::<u64>()?;
+        let [first, base] = head[..] else { return Err(other_lengths()) };
+        let first = (first as usize).checked_sub(first_row).ok_or_else(other_lengths)?;
+        let (row_start, columns) = (from.take::<u32>()?, from.take::<u16>()?);
+        let weights = (0..channels).map(|_| from.take::<f32>()).collect::<Result<Vec<_>>>()?;
+        let is_whole = row_start.is_sorted()
+            && row_start.last().is_some_and(|&end| end as usize == columns.len())
+            && weights.iter().all(|plane| plane.len() == columns.len());
+        if !is_whole {
+            return Err(other_lengths());
+        }
+        Ok(Fragment { first, base: base as u32, row_start, columns, weights })
+    };
+    (0..count).map(fragment).collect()
 }
 
 /// Rows of a layer as bytes.

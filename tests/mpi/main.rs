@@ -151,6 +151,14 @@ fn the_matrix_has_the_same_bytes() {
         assert_equal_files(&case, &["matrix"]);
     }
     assert_equal_files(&cases()[0], &["matrix", "--split-bounces", "--channels", "rgb"]);
+    // So many rows that each process merges them in several steps.
+    for options in [
+        &["--size", "80x64", "--spp", "4"][..],
+        &["--size", "80x64", "--projector-size", "64x80", "--spp", "4"],
+    ] {
+        let [coaxial, ..] = cases();
+        assert_equal_files(&Case { options, ..coaxial }, &["matrix", "--channels", "rgb"]);
+    }
 }
 
 #[test]

@@ -10,9 +10,12 @@ use crate::error::Result;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::team::{Comm, Turn};
 use crate::transport::assemble::{classes, finish, of_classes, planes, shape};
+use crate::transport::combine::Combined;
 use crate::transport::layer::{Bounces, Layer};
 use crate::transport::row_sums::RowSums;
 use crate::transport::share::Share;
+use crate::transport::squares::EntrySquares;
+use crate::transport::steps::Steps;
 use crate::transport::{Assembled, Channels, TransportMatrix, wire};
 
 /// What the leader says after the trace: the processes go on, or they drop what they have.
@@ -27,6 +30,8 @@ pub(super) struct Own<const C: usize> {
     ambient: Vec<[[f64; 2]; C]>,
     /// Of its rows.
     sums: Vec<RowSums<C>>,
+    /// Of the entries that it merged.
+    squares: EntrySquares,
     has_halves: bool,
     summary: TraceSummary,
 }
@@ -52,9 +57,10 @@ pub(in crate::transport) fn assemble<const C: usize>(
     let command = Command::Assemble { scene, settings: *settings, channels, split, pixels: pixels.clone() }
         .to_bytes()?;
     let turn = remote.command(&command);
-    let share = Share::trace(tracer, settings, &pixels[0], split, &project);
+    let steps = exchange::steps(turn.comm(), shape(tracer, settings), &pixels)?;
+    let share = Share::trace(tracer, settings, &pixels[0], (split, Some(&steps)), &project);
     let share = agree(&turn, share)?;
-    let mut own = merge(turn.comm(), tracer, settings, (channels, split), &pixels, share)?;
+    let mut own = merge(turn.comm(), tracer, settings, (channels, split), &steps, share)?;
     let parts = turn.receive_all();
     let (mut nonzeros, mut bytes) = (vec![0_u64; own.matrix.layers.len()], 0);
     for part in &parts {
@@ -70,12 +76,12 @@ pub(in crate::transport) fn assemble<const C: usize>(
     turn.send_all(&keep);
     drop(turn);
     retain(&mut own.matrix.layers, &keep);
-    let Own { mut matrix, direct, ambient, sums, has_halves, summary } = own;
+    let Own { mut matrix, direct, ambient, sums, squares, has_halves, summary } = own;
     matrix.direct = planes(&direct);
     // Entries of layers that were dropped are none.
     let elsewhere = nonzeros.iter().sum::<u64>() as usize;
     matrix.spread = Some(Spread::new(remote, pixels, elsewhere, bytes as usize));
-    finish(matrix, &ambient, has_halves.then_some(&sums), summary)
+    finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
 }
 
 /// As [`assemble`], in a process that does not lead. `None` where another process failed, or the leader was stopped.
@@ -87,13 +93,15 @@ pub(super) fn assemble_part<const C: usize>(
     pixels: &[StartPixels],
     project: impl Fn([f32; 3]) -> [f32; C] + Sync,
 ) -> Option<TransportMatrix> {
-    let share = Share::trace(tracer, settings, &pixels[comm.rank()], of.1, &project);
+    // The leader and the others wait for this process: a message that it cannot read ends the team.
+    let steps =
+        exchange::steps(comm, shape(tracer, settings), pixels).expect("all processes run the same program");
+    let share = Share::trace(tracer, settings, &pixels[comm.rank()], (of.1, Some(&steps)), &project);
     // The leader hears how it went, and says how it goes on.
     answer(comm, share.as_ref().map(|share| share.summary));
     let goes_on = comm.receive(0) == [GO_ON];
     let share = share.ok().filter(|_| goes_on)?;
-    // The leader and the others wait for this process: a message that it cannot read ends the team.
-    let own = merge(comm, tracer, settings, of, pixels, share).expect("all processes run the same program");
+    let own = merge(comm, tracer, settings, of, &steps, share).expect("all processes run the same program");
     comm.send(0, &own.to_bytes());
     let Own { mut matrix, direct, .. } = own;
     retain(&mut matrix.layers, &comm.receive(0));
@@ -129,17 +137,18 @@ fn merge<const C: usize>(
     tracer: &Tracer,
     settings: &TraceSettings,
     (channels, split): (Channels, bool),
-    pixels: &[StartPixels],
+    steps: &Steps,
     share: Share<C>,
 ) -> Result<Own<C>> {
     let rig = shape(tracer, settings);
-    let Share { chunks, direct, ambient, has_halves, summary } = share;
-    let merged = exchange::merge(comm, rig, pixels, chunks, classes(split).len(), &direct)?;
-    let (layers, sums) = of_classes(merged, split);
+    let Share { found, direct, ambient, has_halves, summary } = share;
+    let Combined { layers, rows: sums, squares } =
+        exchange::merge(comm, rig, steps, found, classes(split).len(), &direct)?;
+    let layers = of_classes(layers, split);
     let planes = vec![Vec::new(); C];
-    let rows = pixels[comm.rank()].camera.clone();
+    let rows = steps.rows().nth(comm.rank()).unwrap_or_default();
     let matrix = TransportMatrix { rig, channels, direct: planes, layers, rows, spread: None };
-    Ok(Own { matrix, direct, ambient, sums, has_halves, summary })
+    Ok(Own { matrix, direct, ambient, sums, squares, has_halves, summary })
 }
 
 /// Keeps the layers that the leader keeps.
@@ -165,7 +174,8 @@ impl<const C: usize> Own<C> {
             wire::put(to, &head)?;
             wire::put_estimates(to, &self.direct)?;
             wire::put_estimates(to, &self.ambient)?;
-            wire::put_sums(to, &self.sums)
+            wire::put_sums(to, &self.sums)?;
+            wire::put(to, &self.squares.to_words())
         })
     }
 
@@ -178,6 +188,8 @@ impl<const C: usize> Own<C> {
         self.direct.extend(wire::take_estimates::<C>(&mut from).map_err(unread)?);
         self.ambient.extend(wire::take_estimates::<C>(&mut from).map_err(unread)?);
         self.sums.extend(wire::take_sums::<C>(&mut from).map_err(unread)?);
+        let squares = EntrySquares::from_words(&from.take::<u64>().map_err(unread)?);
+        self.squares.add_all(&squares.ok_or_else(|| garbled("its sums of squares have another length"))?);
         Ok((nonzeros, size))
     }
 }

@@ -3,7 +3,9 @@
 //! Every sum is taken in the order in which one process alone would take it, so that the bits do not depend on the number of processes:
 //!
 //! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end there. Each process sends the
-//!   latter to the process that has the row (`exchange`), which merges them by ascending start pixel.
+//!   latter to the process that has the row (`exchange`), which merges them by ascending start pixel. Of an entry of a symmetric matrix and its
+//!   mirror image, one process merges one, and the other is a copy.
+//! * Sums over rows and over all entries, from which the noise follows, are exact, so that they do not depend on the order (`sums`).
 //! * A product of a row is the sum over its entries from left to right. The process that has the row takes it, and the leader puts the rows
 //!   together (`product`). The transpose of a rig that is not coaxial is spread by the pixels of the projector, after its first use.
 //! * A photo that is traced anew adds up contributions to every pixel in the order of the paths. The processes trace, the leader adds up
@@ -18,13 +20,13 @@ mod exchange;
 mod product;
 mod retrace;
 mod scene;
+mod sums;
 #[cfg(test)]
 mod tests;
 mod transpose;
 mod worker;
 
 pub(super) use assembly::assemble;
-pub(super) use exchange::PORTIONS;
 pub(super) use retrace::trace;
 pub use scene::share_scene;
 pub use worker::SceneWorker;

@@ -11,6 +11,7 @@ use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
 use crate::sparse::Csr;
 use crate::team::{Comm, Team, serve, threads};
+use crate::transport::tiles::groups;
 use crate::transport::{
     Assembled, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, Transport, assemble_layers,
 };
@@ -21,6 +22,12 @@ struct Crew {
     others: Vec<JoinHandle<()>>,
 }
 
+/// Lets a member of a team compute in one thread, so that it has several steps for a small matrix on every machine.
+fn with_one_thread<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.unwrap_or_else(|error| unreachable!("{error}")).install(compute)
+}
+
 impl Crew {
     fn of(size: usize) -> Self {
         let mut comms = threads(size).into_iter().map(|comm| Arc::new(comm) as Arc<dyn Comm>);
@@ -28,7 +35,9 @@ impl Crew {
         let serving = |comm: Arc<dyn Comm>| {
             std::thread::spawn(move || {
                 let turn = comm.rank();
-                serve(&*comm, &mut SceneWorker::new(Arc::clone(&comm), "here".into(), turn));
+                with_one_thread(|| {
+                    serve(&*comm, &mut SceneWorker::new(Arc::clone(&comm), "here".into(), turn));
+                });
             })
         };
         Self { others: comms.map(serving).collect(), team: Team::lead(leader, Vec::new()) }
@@ -73,6 +82,19 @@ fn cases() -> Vec<Case> {
             settings: TraceSettings { projector: Some(Resolution::new(9, 14)), ..settings },
             channels: Channels::Luma,
         },
+    ]
+}
+
+/// Pictures whose rows are merged in several steps: coaxial, and with a projector beside the camera, of another size.
+fn cases_of_several_steps() -> Vec<Case> {
+    let mut cases = cases();
+    let apart = cases.swap_remove(2);
+    let coaxial = cases.swap_remove(0);
+    let settings = TraceSettings::new(Resolution::new(60, 50), 3);
+    let projector = Some(Resolution::new(40, 70));
+    vec![
+        Case { settings, channels: Channels::Luma, ..coaxial },
+        Case { settings: TraceSettings { projector, ..settings }, ..apart },
     ]
 }
 
@@ -131,6 +153,25 @@ fn a_spread_matrix_has_the_bits_of_one_process() -> Result<()> {
                 }
                 crew.end();
             }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn a_matrix_that_is_merged_in_several_steps_has_the_bits_of_one_process() -> Result<()> {
+    for Case { scene, settings, channels } in cases_of_several_steps() {
+        let expected = told(&assemble_layers(&mut tracer(&scene, None)?, &settings, channels, false)?)?;
+        for size in [2, 3] {
+            let steps = with_one_thread(|| groups(settings.resolution.pixels() / size).len());
+            assert!(steps > 1, "{size} processes have {steps} steps");
+            let crew = Crew::of(size);
+            {
+                let mut tracer = tracer(&scene, Some(&crew))?;
+                let traced = with_one_thread(|| assemble_layers(&mut tracer, &settings, channels, false))?;
+                assert!(told(&traced)? == expected, "{size} processes");
+            }
+            crew.end();
         }
     }
     Ok(())

@@ -1,12 +1,13 @@
 //! From rows to tiles.
 
+use std::borrow::Borrow;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::Tiles;
 use super::band::Band;
-use super::mirror::{Fragment, below};
+use super::mirror::{Fragment, below, of_bands};
 use super::rows::{CompressedRows, Pieces};
 use super::shape::Shape;
 use super::window::{WINDOW, Window};
@@ -40,8 +41,7 @@ impl Builder {
 
     pub(super) fn of_shape(shape: Shape, [rows, cols]: [usize; 2], channels: usize, symmetric: bool) -> Self {
         let tiles = Tiles { rows, cols, channels, entries: 0, shape, bands: Vec::new() };
-        let group = rows.div_ceil(GROUPS).max(WINDOW * rayon::current_num_threads());
-        Self { tiles, symmetric, group: group.next_multiple_of(shape.rows), next: 0 }
+        Self { tiles, symmetric, group: group_of(rows, shape), next: 0 }
     }
 
     /// The rows that are to be given next; `None` once all are in tiles.
@@ -50,14 +50,23 @@ impl Builder {
     }
 
     /// Adds the rows of [`Builder::next_rows`], which the pieces have.
-    pub(in crate::transport) fn push(&mut self, pieces: &Pieces) {
+    pub(in crate::transport) fn push(&mut self, pieces: impl Borrow<Pieces>) {
         let Some(rows) = self.next_rows() else { return };
         let Tiles { shape, channels, cols, .. } = self.tiles;
-        let below = if self.symmetric {
-            below(&self.tiles.bands, pieces, &rows, (shape, channels))
+        let fragments = if self.symmetric {
+            below(&self.tiles.bands, pieces.borrow(), &rows, (shape, channels))
         } else {
             Vec::new()
         };
+        self.push_joined(pieces, vec![Before { fragments, columns_before: cols }]);
+    }
+
+    /// As [`Builder::push`], where the pieces do not have all entries: the others are in fragments, and the two take turns in each row. What is given
+    /// away is dropped before the tiles take memory.
+    pub(in crate::transport) fn push_joined(&mut self, pieces: impl Borrow<Pieces>, parts: Vec<Before>) {
+        let Some(rows) = self.next_rows() else { return };
+        let Tiles { shape, channels, cols, .. } = self.tiles;
+        let of_pieces: &Pieces = pieces.borrow();
         let bands: Vec<Range<usize>> =
             rows.clone().step_by(shape.rows).map(|first| first..rows.end.min(first + shape.rows)).collect();
         let windows: Vec<Vec<Window>> = bands
@@ -65,19 +74,31 @@ impl Builder {
             .map(|band| {
                 let windows: Vec<usize> = band.clone().step_by(WINDOW).collect();
                 let window = |&first: &usize| {
-                    let rows = whole_rows(&below, pieces, first..band.end.min(first + WINDOW), channels);
+                    let rows = whole_rows(&parts, of_pieces, first..band.end.min(first + WINDOW), channels);
                     Window::new(first - band.start, rows, shape, cols)
                 };
                 windows.par_iter().map(window).collect()
             })
             .collect();
-        drop(below);
+        // The entries are in the windows now.
+        drop((pieces, parts));
         self.tiles.entries += windows.iter().flatten().map(Window::entries).sum::<usize>();
         let band = |(rows, windows): (Range<usize>, Vec<Window>)| {
             Band::new(rows.len(), &windows, channels, shape, cols)
         };
         self.tiles.bands.par_extend(bands.into_par_iter().zip(windows).map(band));
         self.next = rows.end;
+    }
+
+    /// The transpose of these columns of all rows so far, as fragments by ascending columns. The first row has number `first_row` there.
+    pub(in crate::transport) fn transposed(&self, columns: &Range<usize>, first_row: usize) -> Vec<Fragment> {
+        let Tiles { shape, channels, .. } = self.tiles;
+        of_bands(&self.tiles.bands, columns, first_row, (shape, channels))
+    }
+
+    /// The number of weights of an entry.
+    pub(in crate::transport) fn channels(&self) -> usize {
+        self.tiles.channels
     }
 
     /// The tiles of all rows.
@@ -87,17 +108,51 @@ impl Builder {
     }
 }
 
-/// These rows, each as its fragments below the diagonal, and what the pieces have of it.
-fn whole_rows(below: &[Fragment], pieces: &Pieces, rows: Range<usize>, channels: usize) -> CompressedRows {
-    let below: Vec<&Fragment> = below.iter().filter(|fragment| fragment.overlaps(&rows)).collect();
-    let entries = |row: usize| {
-        below.iter().map(|fragment| fragment.entries_of(row)).sum::<usize>() + pieces.row(row).1.len()
+/// Rows of a group: whole bands.
+fn group_of(rows: usize, shape: Shape) -> usize {
+    let enough = (WINDOW * rayon::current_num_threads()).div_ceil(shape.rows);
+    (rows.div_ceil(GROUPS) / shape.rows).max(enough) * shape.rows
+}
+
+/// The groups in which so many rows become tiles in this process.
+pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
+    // The number of rows of a band depends on nothing else.
+    let shape = Shape::new(rows, 1, 1, rayon::current_num_threads());
+    let group = group_of(rows, shape);
+    (0..rows).step_by(group).map(|first| first..rows.min(first + group)).collect()
+}
+
+/// Entries of some rows that come before those of the pieces, up to a column.
+pub(in crate::transport) struct Before {
+    pub(in crate::transport) fragments: Vec<Fragment>,
+    /// The entries of the pieces that come next are in the columns before this one.
+    pub(in crate::transport) columns_before: usize,
+}
+
+/// These rows: the fragments of each part in turn with what the pieces have.
+fn whole_rows(parts: &[Before], pieces: &Pieces, rows: Range<usize>, channels: usize) -> CompressedRows {
+    let parts: Vec<(Vec<&Fragment>, usize)> = parts
+        .iter()
+        .map(|part| {
+            let found = part.fragments.iter().filter(|fragment| fragment.overlaps(&rows));
+            (found.collect(), part.columns_before)
+        })
+        .collect();
+    let before = |row: usize| -> usize {
+        parts.iter().flat_map(|part| &part.0).map(|fragment| fragment.entries_of(row)).sum()
     };
-    let mut whole = CompressedRows::with_room(channels, rows.len(), rows.clone().map(entries).sum());
+    let entries = rows.clone().map(|row| before(row) + pieces.row(row).1.len()).sum();
+    let mut whole = CompressedRows::with_room(channels, rows.len(), entries);
     for row in rows {
-        below.iter().for_each(|fragment| fragment.append(row, &mut whole));
         let (piece, entries) = pieces.row(row);
-        whole.extend(piece, entries);
+        let mut next = entries.start;
+        for (fragments, columns_before) in &parts {
+            fragments.iter().for_each(|fragment| fragment.append(row, &mut whole));
+            let left = &piece.columns[next..entries.end];
+            let end = next + left.partition_point(|&column| (column as usize) < *columns_before);
+            whole.extend(piece, next..end);
+            next = end;
+        }
         whole.end_row();
     }
     whole

@@ -28,7 +28,9 @@ mod window;
 use rayon::prelude::*;
 
 use band::Band;
-pub(super) use build::{Builder, take};
+pub(super) use build::{Before, Builder, groups, take};
+pub(super) use mirror::Fragment;
+pub(super) use pages::Pages;
 pub(crate) use read::Entries;
 pub(crate) use rows::CompressedRows;
 pub(super) use rows::Pieces;

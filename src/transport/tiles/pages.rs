@@ -12,7 +12,7 @@ use memmap2::MmapMut;
 const LONG: usize = 4 << 20;
 
 /// An array that is zero at first.
-pub(super) struct Pages<T> {
+pub(in crate::transport) struct Pages<T> {
     memory: Memory,
     length: usize,
     of: PhantomData<T>,
@@ -25,7 +25,7 @@ enum Memory {
 }
 
 impl<T: Pod> Pages<T> {
-    pub(super) fn zeros(length: usize) -> Self {
+    pub(in crate::transport) fn zeros(length: usize) -> Self {
         let bytes = length * size_of::<T>();
         let long = (bytes >= LONG).then(|| MmapMut::map_anon(bytes).ok()).flatten();
         let memory = long.map_or_else(|| Memory::Short(vec![0; bytes.div_ceil(8)]), Memory::Long);

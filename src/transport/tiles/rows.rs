@@ -67,14 +67,6 @@ impl Pieces {
         Self { first: std::iter::once(first).chain(ends).collect(), pieces }
     }
 
-    /// Adds pieces after all others.
-    pub(in crate::transport) fn append(&mut self, pieces: Vec<CompressedRows>) {
-        for piece in pieces {
-            self.first.push(self.end() + piece.rows());
-            self.pieces.push(piece);
-        }
-    }
-
     /// The row after the last one.
     pub(in crate::transport) fn end(&self) -> usize {
         self.first[self.first.len() - 1]

@@ -31,7 +31,8 @@ impl Shape {
     /// threads. No sum depends on it.
     pub(super) fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
         let bands = (BANDS_A_THREAD * threads.max(1)).max(BANDS.min(rows / ROWS_OF_MANY_BANDS));
-        let of_band = rows.div_ceil(bands).next_power_of_two().clamp(LEAST_ROWS, MOST_ROWS);
+        // A power of two that leaves at least so many bands.
+        let of_band = (1 << rows.div_ceil(bands).max(1).ilog2()).clamp(LEAST_ROWS, MOST_ROWS);
         // The narrowest tile with enough entries of a row.
         let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
         Self { rows: of_band, columns: least.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
