@@ -171,6 +171,13 @@ fn product(lab: &mut Lab, part: Part, x: &[f64]) -> Outcome<Vec<f64>> {
     Ok(y)
 }
 
+/// The values of all pixels but the two outermost on each side.
+fn inside(values: &[f64]) -> Vec<f64> {
+    let is_inside = |at: usize| (2..SIDE - 2).contains(&at);
+    let kept = (0..values.len()).filter(|&pixel| is_inside(pixel % SIDE) && is_inside(pixel / SIDE));
+    kept.map(|pixel| values[pixel]).collect()
+}
+
 /// The true answers, in the order of [`answers`].
 fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
     let white = vec![1.0; SIDE * SIDE];
@@ -182,6 +189,7 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
     Ok(vec![
         named("pixels of white photos", photo),
         named("pixels of photos of a checkerboard", checked.clone()),
+        named("the same without the two outermost pixels", inside(&checked)),
         named("the largest eigenvalues of all light", of_all.values),
         named("the largest eigenvalues of global light", of_global.values),
         named("relit checkerboard, all pixels as one", checked),
@@ -209,6 +217,8 @@ fn answers(rig: &mut Lab, exact: &mut Lab) -> Outcome<Vec<Stated>> {
         let errors = photo.standard_error.ok_or("a rig states errors")?.plane(0);
         found.push(Stated { name, values: scaled(photo.photo.plane(0)), errors: scaled(errors) });
     }
+    let checked = &found[1];
+    found.push(Stated { name: "inside", values: inside(&checked.values), errors: inside(&checked.errors) });
     for part in [Part::Full, Part::Global] {
         let eigenvalues = pairs(rig, part, PHOTOS)?;
         found.push(Stated {

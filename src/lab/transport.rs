@@ -198,18 +198,6 @@ impl LightTransport {
         self.image_taken(&name, |engine| engine.photograph(pattern))
     }
 
-    /// As [`LightTransport::photograph_with_error`], with errors that are no noise, too, as far as they are known of a rig: how far the photo is from
-    /// the light, and not from another photo of the same rig.
-    pub(super) fn photograph_with_whole_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
-        self.or_by_model(|transport| match &mut transport.engine {
-            Engine::Measured(rig) => {
-                let photo = rig.measurement.photograph(pattern)?;
-                Ok((photo.to_image()?, Some(rig.measurement.errors_of(&photo)?)))
-            }
-            _ => transport.photograph_with_error_taken(pattern),
-        })
-    }
-
     /// As [`Self::photograph`], with the standard error of each sample where it is known.
     pub(super) fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         self.or_by_model(|transport| transport.photograph_with_error_taken(pattern))

@@ -8,7 +8,6 @@ use super::photo::{Photo, Plane};
 use super::product::Term;
 use super::registration::combine;
 use super::rows::merged;
-use super::spread::Spread;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::transport::Part;
@@ -164,26 +163,6 @@ impl Measurement {
         self.capture(1.0, &target, Part::Full, &mut terms)?;
         let planes = self.sums(&terms, 0.0)?;
         Ok(self.photo(&planes))
-    }
-
-    /// The standard error of each pixel of a photo of this rig: its noise, and what its camera's pixels mix of neighbouring ones of the projector.
-    ///
-    /// The value of a pixel is a sum over camera pixels, which see beyond its border: `S y` for the light `y` of the projector's pixels
-    /// ([`super::spread`]). That is no noise, since it is the same in every photo of the pattern, and the difference to the light is near `S ŷ − ŷ` for the photo
-    /// `ŷ`. It is the size of an error that is not corrected. Where no map of the lens is known, the noise alone is stated.
-    ///
-    /// # Errors
-    /// Those of [`Photo::to_image`].
-    pub fn errors_of(&self, photo: &Photo) -> Result<Image> {
-        let Some(lens) = &self.registration.lens else { return photo.errors_to_image() };
-        let spread = Spread::new(&self.registration, lens);
-        let with_mixed = |plane: &Plane| {
-            let mixed = spread.apply(&plane.values);
-            let mixed = mixed.iter().zip(&plane.values).map(|(mixed, value)| (mixed - value).powi(2));
-            let variance = plane.variance.iter().zip(mixed).map(|(noise, mixed)| noise + mixed).collect();
-            Plane { values: plane.values.clone(), variance }
-        };
-        Photo { planes: photo.planes.iter().map(with_mixed).collect(), ..*photo }.errors_to_image()
     }
 
     /// The photo of the brightest frame, for each of the camera's channels.

@@ -496,8 +496,8 @@ fn a_rig_apart_is_segmented_there_and_back_and_has_singular_values() {
     assert!(found["there_and_back"] == true && photos <= 50 && photos.is_multiple_of(2), "{found}");
     // The sheets exchange no light. A pixel in a hundred, at their border, sees both of them.
     assert!(number(&found["adjusted_rand_index"]["2"]) > 0.9, "{found}");
-    let elsewhere = bench.name("x");
     for what in [&["--evidence"][..], &["--direct", "patterns"]] {
+        let elsewhere = bench.name(what[0]);
         let asked = [&["segment"], &source[..], what, &["--groups", "2", "-o", &elsewhere]].concat();
         bench.assert_error(&asked, &[what[0], "stand"]);
     }
@@ -548,7 +548,9 @@ fn planned_methods_are_compared_at_equal_frames() {
     assert!(methods.len() > 5 && methods.iter().all(|method| number(&method["frames"]) >= frames), "{found}");
     // The method that sets the common number of frames is compared by all of its photos.
     let least = methods.iter().find(|method| number(&method["frames"]) == frames).expect("one has fewest");
-    assert!(number(&least["at_equal_frames"]) <= number(&least["residual"]) * (1.0 + 1e-9), "{least}");
+    let [seen, last] = ["at_equal_frames", "residual"].map(|name| number(&least[name]));
+    // Two photos of one pattern: they differ by rounding to levels and counts.
+    assert!((seen - last).abs() < 0.05 * last, "{least}");
     assert!(found["figures"]["krylov-box: residual at equal frames"].is_object(), "{found}");
     bench.assert_error(
         &["plan", &rig, "--size", "16", "--compare-methods", "segment"],

@@ -53,7 +53,7 @@ impl Lab {
             return Err(scenes_only("--operator"));
         }
         let white: Option<Noise> = self.noise()?;
-        let (photo, standard_error) = lock(self.transport()?).photograph_with_whole_error(pattern)?;
+        let (photo, standard_error) = lock(self.transport()?).photograph_with_error(pattern)?;
         let of_photo = standard_error.as_ref().map(|error| norm(error) / norm(&photo));
         let of_photo = of_photo.filter(|noise| noise.is_finite());
         let rig = match self.kind() {
