@@ -235,7 +235,6 @@ fn solved(
     });
     let last = solve(method, &mut Observed::new(&mut metered, &observer), b, &options)?.x;
     let frames = metered.frames;
-    drop(observer);
     Ok(Solved { answers, frames, last })
 }
 

@@ -8,7 +8,7 @@ use std::process::Output;
 use serde_json::Value;
 use tempfile::TempDir;
 
-const FIGURES: [&str; 13] = [
+const FIGURES: [&str; 15] = [
     "fig2",
     "fig4",
     "fig5",
@@ -22,6 +22,8 @@ const FIGURES: [&str; 13] = [
     "random",
     "conditioning",
     "polynomials",
+    "apart",
+    "disparity",
 ];
 
 /// In an empty folder, so that nothing of the repository lies beside it.
