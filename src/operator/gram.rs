@@ -133,12 +133,12 @@ mod tests {
     use super::*;
     use crate::operator::{Closure, Exchanged};
 
-    type Small = Closure<Box<dyn FnMut(&[f64], &mut [f64]) -> Result<()>>>;
+    type Product = dyn FnMut(&[f64], &mut [f64]) -> Result<()>;
 
     /// A matrix that is given by its rows.
-    fn dense(rows: Vec<Vec<f64>>) -> Small {
+    fn dense(rows: Vec<Vec<f64>>) -> Closure<Box<Product>> {
         let (height, width) = (rows.len(), rows[0].len());
-        let product: Box<dyn FnMut(&[f64], &mut [f64]) -> Result<()>> = Box::new(move |x, y| {
+        let product: Box<Product> = Box::new(move |x, y| {
             for (y, row) in y.iter_mut().zip(&rows) {
                 *y = row.iter().zip(x).map(|(a, x)| a * x).sum();
             }

@@ -124,7 +124,7 @@ fn the_roots_of_the_eigenvalues_there_and_back_are_the_same() {
 #[test]
 fn stated_errors_are_those_of_the_values() {
     let truth = decaying(3);
-    let mut squares = vec![0.0; 3];
+    let mut squares = [0.0; 3];
     let (mut stated, runs) = (vec![0.0; 3], 200);
     let mut matrix = Known { noise: 1e-3, ..Known::new(decaying(12), 60, 60) };
     for seed in 0..runs {
