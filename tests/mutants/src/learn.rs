@@ -120,8 +120,11 @@ pub fn learn(
         for worker in 0..jobs {
             let (queue, learnt, paths, file) = (&queue, &learnt, &paths, &file);
             scope.spawn(move || {
-                let bench =
-                    Bench { tree, programs: paths, temporary: folder.join(format!("learn-{worker}")) };
+                let bench = Bench {
+                    tree,
+                    programs: paths,
+                    temporary: folder.join(format!("learn-{}-{worker}", std::process::id())),
+                };
                 while let Some((target, test)) = queue.lock().ok().and_then(|mut queue| queue.next()) {
                     match one(&bench, folder, worker, target, test, longest) {
                         Ok(one) => {
@@ -154,7 +157,7 @@ fn one(
     test: String,
     longest: f64,
 ) -> Fallible<Learnt> {
-    let reached = folder.join(format!("reached-{worker}"));
+    let reached = folder.join(format!("reached-{}-{worker}", std::process::id()));
     let _ = fs::remove_file(&reached);
     let name = reached.to_str().ok_or("the folder's name is not text")?;
     let start = Instant::now();
@@ -162,6 +165,7 @@ fn one(
     let seconds = start.elapsed().as_secs_f64();
     bench.clear();
     let bytes = fs::read(&reached).unwrap_or_default();
+    let _ = fs::remove_file(&reached);
     let sites: BTreeSet<u32> = bytes.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
     Ok(Learnt { target, test, seconds, passed: end == End::Passed, sites: sites.into_iter().collect() })
 }

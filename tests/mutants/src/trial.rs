@@ -118,7 +118,7 @@ pub fn run(
         for worker in 0..settings.jobs {
             let (queue, paths, tests, file) = (&queue, &paths, &tests, &file);
             scope.spawn(move || {
-                let temporary = settings.folder.join(format!("worker-{worker}"));
+                let temporary = settings.folder.join(format!("worker-{}-{worker}", std::process::id()));
                 let bench = Bench { tree: settings.tree, programs: paths, temporary };
                 while let Some((index, mutant)) = queue.lock().ok().and_then(|mut queue| queue.next()) {
                     let trial = trial(&bench, tests, mutant, settings.budget);
@@ -155,7 +155,7 @@ fn trial<'a>(bench: &Bench<'_>, tests: &Tests<'a>, mutant: &Mutant, budget: f64)
     for test in reaching {
         if start.elapsed().as_secs_f64() + test.seconds > budget {
             outcome = Outcome::SurvivedSoFar;
-            break;
+            continue;
         }
         // Others use the processor, too: five times as long as when it was learnt is no accident any more.
         let limit = 10.0 + 5.0 * test.seconds;
@@ -186,7 +186,11 @@ pub fn unreliable(
     trials: &BTreeMap<String, Trial>,
 ) -> Fallible<Vec<String>> {
     let paths = by_target(programs);
-    let bench = Bench { tree: settings.tree, programs: &paths, temporary: settings.folder.join("worker-0") };
+    let bench = Bench {
+        tree: settings.tree,
+        programs: &paths,
+        temporary: settings.folder.join(format!("worker-{}", std::process::id())),
+    };
     let mut failed = Vec::new();
     for test in learnt {
         let name = format!("{} {}", test.target, test.test);
