@@ -19,3 +19,4 @@ mod linear;
 mod orthogonal;
 mod save;
 mod scipy;
+mod trajectories;
