@@ -61,8 +61,8 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The place of a mutant in its file, and whether it changes a guard.
-fn find<'a>(places: &'a Places, genre: Genre, start: usize) -> Option<&'a Found> {
+/// The place of a mutant in its file.
+fn find(places: &Places, genre: Genre, start: usize) -> Option<&Found> {
     match genre {
         Genre::FnValue => places.body(start),
         Genre::BinaryOperator | Genre::UnaryOperator => places.operators.get(&start),

@@ -134,7 +134,7 @@ pub fn run(
 }
 
 fn say(trial: &Trial, index: usize, all: usize) {
-    if !matches!(trial.outcome, Outcome::Caught | Outcome::TimedOut) || index % 50 == 0 {
+    if !matches!(trial.outcome, Outcome::Caught | Outcome::TimedOut) || index.is_multiple_of(50) {
         println!(
             "{}/{all} {:?}, {} tests, {:.1} s: {}",
             index + 1,
