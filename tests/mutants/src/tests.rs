@@ -106,8 +106,8 @@ fn printed(folder: &Path, mutant: Option<u32>) -> String {
 
 fn reached(folder: &Path) -> Vec<u32> {
     let file = folder.join("reached");
-    let program = Command::new(folder.join("program")).env("KRYLUX_REACHED", &file).status();
-    assert!(program.unwrap().success());
+    let program = Command::new(folder.join("program")).env("KRYLUX_REACHED", &file).output();
+    assert!(program.unwrap().status.success());
     let bytes = std::fs::read(file).unwrap();
     bytes.chunks_exact(4).map(|bytes| u32::from_le_bytes(bytes.try_into().unwrap())).collect()
 }
