@@ -72,6 +72,13 @@ fn a_flipped_bit_anywhere_costs_no_more_than_its_own_record_and_is_named() {
             .chain(journal.torn().map(|torn| torn.offset..torn.offset + torn.bytes))
             .collect();
         assert!(named.len() == 1 && named[0].contains(&(at as u64)), "byte {at}: {named:?}");
+        if let Some((range, _)) = hit {
+            assert_eq!(
+                named[0],
+                range.start as u64..range.end as u64,
+                "byte {at}: the whole record, and no other"
+            );
+        }
         let record = journal.damages().first().map_or("", |damage| &damage.record);
         match hit {
             None => assert!(at < *header && record == "one copy of the header"),
