@@ -52,6 +52,10 @@ mod tests {
         assert!(writer.write_all(b"abc").is_ok() && writer.seek(SeekFrom::Start(1)).is_ok());
         assert_eq!(writer.inner.get_ref(), b"abc");
         let mut writer = FirstError::new(Refusing);
+        assert!(
+            FirstError::new(Refusing).flush().is_err()
+                && FirstError::new(Refusing).seek(SeekFrom::End(0)).is_err()
+        );
         assert!(writer.write(b"a").is_err());
         assert!(writer.write_all(b"b").is_ok() && writer.flush().is_ok());
         assert_eq!(writer.seek(SeekFrom::Start(7)).ok(), Some(0));

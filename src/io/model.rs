@@ -297,6 +297,33 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_model_whose_ambient_light_has_other_channels_is_refused() -> Result<()> {
+        let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+        let resolution = Resolution::new(2, 1);
+        let channel = ChannelArrays {
+            patterns: vec![vec![1.0, 2.0]],
+            photos: vec![vec![3.0, 4.0]],
+            direct: DirectArrays::None,
+        };
+        let mut model = ModelArrays {
+            channels: vec![channel],
+            ambient: Image::filled(resolution, 3, 0.25),
+            resolution,
+            projector: resolution,
+            unit: "DN/s".into(),
+            source: "test".into(),
+            symmetric: true,
+        };
+        model.write(folder.path())?;
+        let error = ModelArrays::read(folder.path()).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(error.contains("it has 1 channels, but ambient.npy 3"), "{error}");
+        model.ambient = Image::filled(resolution, 1, 0.25);
+        model.write(folder.path())?;
+        assert_eq!(format!("{:?}", ModelArrays::read(folder.path())?), format!("{model:?}"));
+        Ok(())
+    }
+
+    #[test]
     fn every_flipped_bit_of_a_model_is_noticed() -> Result<()> {
         let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
         let resolution = Resolution::new(2, 2);

@@ -110,6 +110,18 @@ mod tests {
     }
 
     #[test]
+    fn the_longest_identity_fits_and_is_found_in_its_second_copy() {
+        let of = |length: usize| Identity::new().with("rig file", "a".repeat(length));
+        let room = MAX_IDENTITY_BYTES - of(0).encode().len();
+        assert!(fits(&of(room)) && !fits(&of(room + 1)));
+        let mut bytes = encode(&of(room));
+        assert_eq!(bytes.len(), MAX_BYTES);
+        bytes[20] ^= 1;
+        let records_at = bytes.len() as u64;
+        assert_eq!(read(&bytes), Header::Known { identity: of(room), records_at, whole: false });
+    }
+
+    #[test]
     fn a_later_version_is_not_mistaken_for_damage() {
         let later = encode_once(VERSION + 1, b"whatever it holds then");
         assert_eq!(read(&later), Header::Later(VERSION + 1));

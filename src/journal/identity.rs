@@ -75,6 +75,13 @@ mod tests {
             ["rig file (then 000000000000…, now ffffffffffff…)", "calibration (then none, now `ideal`)"]
         );
         assert!(then.differences(&then).is_empty());
+        // Abbreviated are hashes alone: 64 digits, neither other words of that length nor other lengths.
+        let [word, short] = ["z".repeat(64), "0".repeat(63)];
+        let now = then.clone().with("word", word.clone()).with("short", short.clone());
+        assert_eq!(
+            then.differences(&now),
+            [format!("word (then none, now `{word}`)"), format!("short (then none, now `{short}`)")]
+        );
         let swapped = Identity::new().with("size", "8x8").with("rig file", "0".repeat(64));
         assert_eq!(then.differences(&swapped), ["the order of its parts"]);
     }

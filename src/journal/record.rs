@@ -147,3 +147,40 @@ fn head_checksum(identity_hash: &[u8; 32], fields: &[u8], metadata: &[u8]) -> [u
     hasher.update(identity_hash).update(fields).update(metadata);
     *hasher.finalize().as_bytes()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The head of a photo whose payload is said to have so many bytes, with the checksum that belongs to it.
+    fn head_of(payload: u64, metadata: &[u8]) -> ([u8; HEAD_BYTES], Vec<u8>) {
+        let (bytes, _) = encode(&[7; 32], Kind::Photo, Key::of(&[b"key"]), metadata, b"", 0);
+        let mut head: [u8; HEAD_BYTES] = bytes[..HEAD_BYTES].try_into().expect("a head is that long");
+        head[16..24].copy_from_slice(&payload.to_le_bytes());
+        let sum = head_checksum(&[7; 32], &head[..HEAD_BYTES - 32], metadata);
+        head[HEAD_BYTES - 32..].copy_from_slice(&sum);
+        (head, metadata.to_vec())
+    }
+
+    #[test]
+    fn an_end_beyond_all_files_is_damage_even_if_the_checksum_is_right() {
+        for metadata in [&b""[..], b"metadata"] {
+            let most = u64::MAX - 1000 - (HEAD_BYTES + metadata.len()) as u64;
+            for (payload, fits) in [(most, true), (most + 1, false), (u64::MAX, false)] {
+                let (head, metadata) = head_of(payload, metadata);
+                let parsed = Head::parse(&head).expect("it has the marker");
+                let entry = parsed.entry(&head, metadata, &[7; 32], 1000);
+                assert_eq!(entry.map(|entry| entry.end()), fits.then_some(u64::MAX), "{payload}");
+            }
+        }
+    }
+
+    #[test]
+    fn metadata_up_to_the_limit_are_read_and_longer_ones_are_damage() {
+        let (mut head, _) = head_of(0, b"");
+        for (length, fits) in [(MAX_METADATA_BYTES, true), (MAX_METADATA_BYTES + 1, false)] {
+            head[12..16].copy_from_slice(&length.to_le_bytes());
+            assert_eq!(Head::parse(&head).is_some(), fits, "{length}");
+        }
+    }
+}

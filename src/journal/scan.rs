@@ -175,6 +175,7 @@ pub(super) fn read_at(mut file: &File, at: u64, bytes: &mut [u8]) -> io::Result<
 }
 
 #[cfg(test)]
+#[allow(clippy::panic, reason = "in a test a panic is the report")]
 mod tests {
     use std::io::Write;
 
@@ -187,18 +188,73 @@ mod tests {
     /// A record is found wherever its marker lies in relation to the chunks of 64 KiB in which the file is searched.
     #[test]
     fn a_record_behind_damage_is_found_when_its_marker_lies_across_two_chunks() {
-        for before_boundary in 0..=MARKER.len() {
+        // The search begins one byte after the damage does.
+        let starts =
+            [0, 1000].into_iter().flat_map(|start| (0..=MARKER.len()).map(move |before| (start, before)));
+        for (start, before_boundary) in starts {
             // Zeros, as a disk leaves them that lost its writes, from the beginning of the search on.
-            let mut bytes = vec![0; 1 + (1 << 16) - before_boundary];
+            let mut bytes = vec![0; start + 1 + (1 << 16) - before_boundary];
             let place = bytes.len() as u64;
             let (head, entry) = encode(&IDENTITY, Kind::Photo, Key::of(&[b"photo"]), b"m", b"light", place);
             bytes.extend(head);
             bytes.extend(b"light");
             let mut file = tempfile::tempfile().expect("a temporary file can be made");
             file.write_all(&bytes).expect("there is room");
-            let found = scan(&file, &IDENTITY, 0, bytes.len() as u64).expect("it can be read");
+            let found = scan(&file, &IDENTITY, start as u64, bytes.len() as u64).expect("it can be read");
             assert_eq!(found.entries, [entry], "{before_boundary} bytes of the marker before the boundary");
-            assert_eq!((found.damages.len(), found.damages[0].bytes), (1, place));
+            assert_eq!((found.damages.len(), found.damages[0].bytes), (1, place - start as u64));
         }
+    }
+
+    /// Four photos, and the bytes between them.
+    fn four() -> (Vec<u8>, Vec<Entry>) {
+        let (mut bytes, mut entries) = (vec![0; 50], Vec::new());
+        for index in 0..4_u8 {
+            let key = Key::of(&[&[index]]);
+            let (head, entry) = encode(&IDENTITY, Kind::Photo, key, b"m", &[index; 40], bytes.len() as u64);
+            bytes.extend(head);
+            bytes.extend([index; 40]);
+            entries.push(entry);
+        }
+        (bytes, entries)
+    }
+
+    fn scanned(bytes: &[u8]) -> Scan {
+        let mut file = tempfile::tempfile().expect("a temporary file can be made");
+        file.write_all(bytes).expect("there is room");
+        scan(&file, &IDENTITY, 50, bytes.len() as u64).expect("it can be read")
+    }
+
+    #[test]
+    fn a_damaged_head_costs_its_record_from_its_first_byte_to_its_last() {
+        let (bytes, entries) = four();
+        for (index, said) in [(0, "a record before the first photo"), (2, "the record after photo 2")] {
+            let mut damaged = bytes.clone();
+            damaged[entries[index].offset as usize + 9] ^= 1;
+            let found = scanned(&damaged);
+            let kept: Vec<Entry> =
+                entries.iter().filter(|entry| **entry != entries[index]).cloned().collect();
+            assert_eq!(found.entries, kept);
+            let [damage] = &found.damages[..] else { panic!("one damage, not {:?}", found.damages) };
+            let extent = (damage.offset, damage.bytes, damage.record.as_str());
+            assert_eq!(extent, (entries[index].offset, entries[index].end() - entries[index].offset, said));
+            assert!(damage.entry.is_none() && found.torn.is_none());
+        }
+    }
+
+    #[test]
+    fn a_record_that_lost_bytes_is_named_and_the_next_ones_are_found_where_they_are_now() {
+        let (bytes, entries) = four();
+        let lost = 5;
+        let mut damaged = bytes;
+        damaged.drain(entries[1].end() as usize - 20..entries[1].end() as usize - 20 + lost);
+        let found = scanned(&damaged);
+        let offsets: Vec<u64> = found.entries.iter().map(|entry| entry.offset).collect();
+        let moved = |index: usize| entries[index].offset - lost as u64;
+        assert_eq!(offsets, [entries[0].offset, moved(2), moved(3)]);
+        let [damage] = &found.damages[..] else { panic!("one damage, not {:?}", found.damages) };
+        let extent = (damage.offset, damage.bytes, damage.record.as_str());
+        assert_eq!(extent, (entries[1].offset, moved(2) - entries[1].offset, "photo 2"));
+        assert_eq!(damage.entry.as_ref(), Some(&entries[1]));
     }
 }

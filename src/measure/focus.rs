@@ -97,6 +97,30 @@ mod tests {
         assert!((dim / scores[2] - 1.0).abs() < 1e-2, "{dim} {}", scores[2]);
     }
 
+    /// Two slopes in three channels: gradients of (20, 6) and (40, −10), summed over channels, and a product of 740 everywhere.
+    #[test]
+    fn the_score_of_slopes_is_the_product_of_their_gradients_over_that_of_their_light() {
+        let slope = |right: i32, down: i32, channels: usize| {
+            let value = |sample: usize| {
+                let (pixel, channel) = (sample / channels, sample % channels);
+                let (x, y) = ((pixel % SIZE.width) as i32, (pixel / SIZE.width) as i32);
+                // Channels share the slope; the third has none.
+                let share = if channel < 2 { 1 } else { 0 };
+                (5000 + share * (right * x + down * y)) as u16
+            };
+            let counts = (0..SIZE.pixels() * channels).map(value).collect();
+            RawFrame { resolution: SIZE, channels, counts, exposure: 0.1, id: 0, started: 0.0 }
+        };
+        let (first, second) = (slope(10, 3, 3), slope(20, -5, 3));
+        let found = focus(&first, &second, 1000.0, 65_535.0).expect("there is light");
+        // The light of all pixels but the border's, on average that of the middle; black is subtracted from each channel.
+        let light = |right: f64, down: f64| 3.0 * 4000.0 + 2.0 * (31.5 * right + 23.5 * down);
+        let expected = (20.0 * 40.0 - 6.0 * 10.0) / (light(10.0, 3.0) * light(20.0, -5.0));
+        // All numbers are whole until the last division.
+        assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+        assert_eq!(focus(&first, &slope(20, -5, 1), 1000.0, 65_535.0), None, "frames of different cameras");
+    }
+
     #[test]
     fn noise_does_not_raise_the_score() {
         let even = vec![10_000.0; SIZE.pixels()];

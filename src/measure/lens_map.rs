@@ -123,6 +123,52 @@ pub(in crate::measure) fn evaluate(
 mod tests {
     use super::*;
 
+    const P: [f64; PARAMETERS] = [1.1, 0.2, 0.05, -0.15, 0.9, -0.1, 0.3, -0.25, -0.2, 0.1];
+
+    /// The distortion at (0.6, −0.8), where r = 1, is 0.9: (0.54, −0.72), at a depth of 1.342.
+    #[test]
+    fn a_point_is_distorted_then_mapped_and_both_as_written_above() {
+        let (at, _) = evaluate(&P, [0.6, -0.8]);
+        let expected = [(0.594 - 0.144 + 0.05) / 1.342, (-0.081 - 0.648 - 0.1) / 1.342];
+        assert!((at[0] - expected[0]).abs() < 1e-15 && (at[1] - expected[1]).abs() < 1e-15, "{at:?}");
+        // At r² = ¼ it is 1 − 0.05 + 0.1 / 16.
+        let (at, _) = evaluate(&P, [0.5, 0.0]);
+        let u = 0.5 * (1.0 - 0.05 + 0.006_25);
+        assert!((at[0] - (1.1 * u + 0.05) / (0.3 * u + 1.0)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn slopes_are_those_of_small_changes_of_each_parameter() {
+        for point in [[0.6, -0.8], [-0.3, 0.4], [0.2, 0.7]] {
+            let (_, slopes) = evaluate(&P, point);
+            for parameter in 0..PARAMETERS {
+                let moved = |by: f64| {
+                    let mut moved = P;
+                    moved[parameter] += by;
+                    evaluate(&moved, point).0
+                };
+                let (more, less) = (moved(1e-5), moved(-1e-5));
+                for axis in 0..2 {
+                    let slope = (more[axis] - less[axis]) / 2e-5;
+                    // A central difference: the square of the step, and rounding over it.
+                    assert!((slopes[axis][parameter] - slope).abs() < 1e-8, "{parameter} {axis}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_unit_of_normalized_coordinates_is_half_of_the_diagonal() {
+        let raster = Resolution::new(8, 6);
+        assert_eq!((half_diagonal(raster), centre(11, raster)), (5.0, [3.5, 1.5]));
+        assert_eq!(normalized([8.0, 0.0], raster), [0.8, -0.6]);
+        assert_eq!(denormalized([0.8, -0.6], raster), [8.0, 0.0]);
+        let (camera, homography) = (raster, [1.0, 0.0, 0.1, 0.0, 1.0, -0.2, 0.0, 0.0]);
+        let map = LensMap { camera, projector: Resolution::new(16, 12), homography, distortion: [0.0; 2] };
+        // Twice as large, a tenth of ten pixels to the right and two to the top.
+        assert_eq!(map.to_projector([4.0, 3.0]), [9.0, 4.0]);
+    }
+
     #[test]
     fn the_inverse_undoes_the_map() {
         let map = LensMap {

@@ -57,3 +57,25 @@ impl TransportMatrix {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// More entries than two tasks take, and three vectors for four places.
+    #[test]
+    fn vectors_of_several_tasks_are_interleaved_in_their_order() {
+        let length = 2 * TASK + 7;
+        let vectors: Vec<Vec<f64>> =
+            (0..3).map(|place| (0..length).map(|entry| (10 * entry + place) as f64).collect()).collect();
+        let values = interleave(&vectors.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        assert_eq!(values.len(), length);
+        for (entry, value) in values.iter().enumerate() {
+            let first = (10 * entry) as f64;
+            assert_eq!(value.0, [first, first + 1.0, first + 2.0, 0.0]);
+        }
+        let mut back = vec![vec![f64::NAN; length]; 3];
+        deinterleave(&values, &mut back.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
+        assert!(back == vectors);
+    }
+}

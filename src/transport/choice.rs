@@ -85,4 +85,28 @@ mod tests {
         assert_eq!(bytes(512, 64), 4.0 * bytes(256, 64));
         assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 2.0), "no more than every pair of pixels");
     }
+
+    /// Three connections a path, two samples, 8×4 by 16×4 pixels in color: 192 connections from each end, in 2048 pairs of pixels.
+    #[test]
+    fn a_rig_apart_holds_contributions_of_both_ends_and_the_tiles() {
+        let projector = Some(Resolution::new(16, 4));
+        let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(8, 4), 2) };
+        let apart = prediction(3.0, &settings, Channels::Rgb, false);
+        let (found, tiles, group) = (384.0 * 28.0, 384.0 * 17.0, 384.0 * 2.0 * 16.0 / 8.0);
+        assert_eq!(apart, Prediction { connections: 384.0, bytes: group + found + tiles });
+        // In a coaxial rig every connection has a mirror image, and tiles take the place of contributions.
+        let coaxial = prediction(3.0, &TraceSettings { projector: None, ..settings }, Channels::Rgb, true);
+        assert_eq!(coaxial, Prediction { connections: 192.0, bytes: group + tiles });
+    }
+
+    #[test]
+    fn a_photo_takes_its_pixels_and_what_is_always_there() {
+        let camera = TraceSettings::new(Resolution::new(512, 256), 4);
+        let with = |projector| TraceSettings { projector, ..camera };
+        let always = 134_217_728;
+        assert_eq!(photo_bytes(&camera, Channels::Luma), always + 100 * 131_072);
+        assert_eq!(photo_bytes(&with(Some(Resolution::new(8, 8))), Channels::Rgb), always + 160 * 131_072);
+        let larger = with(Some(Resolution::new(1024, 256)));
+        assert_eq!(photo_bytes(&larger, Channels::Rgb), always + 160 * 262_144);
+    }
 }

@@ -270,6 +270,62 @@ mod tests {
         assert!((more / few - 2.0).abs() < 1e-3);
     }
 
+    /// A rig apart of 10×10 by 20×10 pixels in color, four samples, six photos, four processes: every part worked out by hand.
+    #[test]
+    fn every_part_is_what_its_counts_make() {
+        let probe = Probe {
+            path: 2.0,
+            connections: 3.0,
+            reached: 0.25,
+            merge: 5.0,
+            multiply: 7.0,
+            orthogonalize: 11.0,
+        };
+        let network = Network { bandwidth: 1000.0, latency: 0.5 };
+        let projector = Some(Resolution::new(20, 10));
+        let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(10, 10), 4) };
+        let scaled = probe.scaled(&settings, Channels::Rgb, false, 6, (4, network));
+        // A row reaches 50 of 200 pixels; 12 connections of its own and 12 of the projector's paths hit them.
+        let entries = 100.0 * 50.0 * (1.0 - (-24.0_f64 / 50.0).exp());
+        let found = 2.0 * 100.0 * 50.0 * (1.0 - (-12.0_f64 / 50.0).exp());
+        // A contribution has 4 bytes of place and 24 of light, an entry of the matrix 4 and 12; a tile halves its place.
+        let (own, tiled) = (28.0 * found / 4.0, 1.05 * 14.0 * entries / 4.0);
+        let most = (tiled / (2.0 * own)).min(1.0);
+        assert!(most < 1.0, "the larger of the two is not at an end of the merging");
+        let portions = 3.0 * own * 0.75 / PORTIONS as f64;
+        let memory = own * (1.0 - most * most) + tiled * most + 2.0 * 16.0 * entries / 4.0 / 16.0 + portions;
+        let expected = [
+            (scaled.entries, entries),
+            (scaled.memory, BASE + 1.3 * memory),
+            (scaled.vectors_memory, 8.0 * 6.0 * 100.0 * 3.0),
+            (scaled.tracing, 800.0 * 2.0 / 4.0),
+            (scaled.merging, 5.0 * entries / 4.0),
+            (scaled.exchange, 28.0 * found / 4.0 * 0.75 / 1000.0),
+            (scaled.products, 18.0 * entries * 7.0 / 4.0),
+            // Two steps bring the pattern to four processes, one brings three quarters of the photo back.
+            (scaled.messages, 18.0 * (2.0 * (1.6 + 0.5) + (0.6 + 0.5))),
+            (scaled.vectors, 3.0 * 36.0 * 100.0 * 11.0),
+        ];
+        for (place, (is, wanted)) in expected.into_iter().enumerate() {
+            // Only the order of additions and products differs.
+            assert!((is - wanted).abs() <= 1e-12 * wanted, "part {place}: {is}, by hand {wanted}");
+        }
+        let seconds: f64 = expected[3..].iter().map(|part| part.1).sum();
+        assert!((scaled.seconds() - seconds).abs() <= 1e-12 * seconds);
+    }
+
+    /// One process of a coaxial rig keeps the contributions to a triangle until they are tiles: 12 bytes each against 6 bytes of an entry.
+    #[test]
+    fn one_process_holds_contributions_or_tiles_whichever_are_more() {
+        let (side, samples, of_row) = (512.0_f64 * 512.0, 256.0, 0.5 * 512.0 * 512.0);
+        let one = scaled(512, 256, 1);
+        let entries = side * of_row * (1.0 - (-2.0 * 2.5 * samples / of_row).exp());
+        let found = side * of_row * (1.0 - (-2.5 * samples / of_row).exp());
+        let tiles = 1.05 * 6.0 * entries;
+        let memory = 2.0 * 8.0 * entries / 16.0 + tiles.max(12.0 * found);
+        assert!((one.memory - BASE - 1.3 * memory).abs() <= 1e-9 * memory, "{} of {memory}", one.memory);
+    }
+
     #[test]
     fn the_reached_share_explains_the_entries_that_were_found() {
         // 300 connections that hit 200 different pixels of 1000.

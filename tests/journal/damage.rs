@@ -72,6 +72,13 @@ fn a_flipped_bit_anywhere_costs_no_more_than_its_own_record_and_is_named() {
             .chain(journal.torn().map(|torn| torn.offset..torn.offset + torn.bytes))
             .collect();
         assert!(named.len() == 1 && named[0].contains(&(at as u64)), "byte {at}: {named:?}");
+        if let Some((range, _)) = hit {
+            assert_eq!(
+                named[0],
+                range.start as u64..range.end as u64,
+                "byte {at}: the whole record, and no other"
+            );
+        }
         let record = journal.damages().first().map_or("", |damage| &damage.record);
         match hit {
             None => assert!(at < *header && record == "one copy of the header"),
@@ -140,6 +147,47 @@ fn a_file_cut_anywhere_keeps_all_records_before_the_cut() {
         assert!(journal.torn().is_none() && journal.damages().is_empty(), "{length} bytes");
         assert_eq!(journal.get(key).expect("it can be read").expect("it is there").payload, b"1");
     }
+}
+
+#[test]
+fn a_damaged_copy_of_the_header_is_repaired_when_the_run_goes_on_and_not_when_it_is_read() {
+    let Whole { bytes, header, .. } = whole();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for at in [20, header / 2 + 20] {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 1;
+        fs::write(file(folder.path()), &damaged).expect("there is room");
+        let named = |journal: &Journal| {
+            let damages: Vec<(u64, u64)> =
+                journal.damages().iter().map(|one| (one.offset, one.bytes)).collect();
+            assert_eq!(damages, [(0, *header as u64)]);
+        };
+        named(&Journal::read_only(folder.path()).expect("one copy is whole"));
+        assert!(fs::read(file(folder.path())).expect("it is there") == damaged, "byte {at}");
+        named(&Journal::resume(folder.path(), &identity()).expect("one copy is whole"));
+        assert!(fs::read(file(folder.path())).expect("it is there") == *bytes, "byte {at}");
+    }
+}
+
+/// The checksum of a head is of the run, too: bytes that come from the journal of another rig are damage.
+#[test]
+fn photos_of_another_run_are_none_of_this_one() {
+    let Whole { bytes, header, ranges, .. } = whole();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let other = krylux::journal::Identity::new().with("rig file", "0123abcd").with("size", "9x9");
+    let mut journal = Journal::create(folder.path(), &other).expect("there is room");
+    let key = journal.key(&[b"its own"]);
+    journal.append(Kind::Photo, key, b"", b"light").expect("there is room");
+    drop(journal);
+    let mut mixed = fs::read(file(folder.path())).expect("it is there");
+    let own = mixed.len() as u64;
+    mixed.extend(&bytes[*header..]);
+    fs::write(file(folder.path()), &mixed).expect("there is room");
+    let mut journal = Journal::read_only(folder.path()).expect("its header is whole");
+    assert_eq!(journal.photos(), 1, "of {} records none is taken for its own", ranges.len());
+    assert!(journal.get(key).expect("it can be read").is_some());
+    let damages: Vec<(u64, u64)> = journal.damages().iter().map(|one| (one.offset, one.bytes)).collect();
+    assert_eq!(damages, [(own, (bytes.len() - header) as u64)]);
 }
 
 proptest! {

@@ -138,7 +138,19 @@ fn a_journal_opened_to_read_is_not_changed() {
     assert!(journal.torn().is_some() && journal.photos() == 3);
     let key = journal.key(&[b"more"]);
     let refused = journal.append(Kind::Photo, key, b"", b"");
-    assert!(matches!(refused, Err(Error::Journal { .. })));
+    assert!(matches!(&refused, Err(Error::Journal { fault, .. }) if fault.contains("for reading only")));
+    assert!(!journal.is_writable());
     drop(journal);
     assert_eq!(fs::read(file(folder.path())).expect("it is there"), bytes);
+}
+
+#[test]
+fn an_identity_longer_than_a_header_holds_is_refused_and_leaves_no_journal() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let long = Identity::new().with("rig file", "a".repeat(1 << 16));
+    let error = Journal::create(folder.path(), &long).expect_err("it does not fit").to_string();
+    assert!(error.contains("64 KiB"), "{error}");
+    assert!(!file(folder.path()).exists());
+    let journal = Journal::create(folder.path(), &identity()).expect("the folder is as good as fresh");
+    assert!(journal.is_writable());
 }

@@ -83,6 +83,8 @@ fn a_pattern_is_kept_once() {
     let journal = Journal::read_only(folder.path()).expect("it is whole");
     let count = |kind| journal.entries().iter().filter(|entry| entry.kind == kind).count();
     assert_eq!((count(Kind::Pattern), count(Kind::Photo)), (2, 4));
+    let key = journal.entries()[0].key;
+    assert_eq!((format!("{key:?}"), key.to_string().len()), (key.to_string(), 64));
 }
 
 #[test]

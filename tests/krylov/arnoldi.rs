@@ -130,6 +130,18 @@ fn basis_is_orthonormal_and_carries_the_relation() {
                 assert!(i <= j + 1 || state.entry(i, j) == 0.0, "H is Hessenberg");
             }
         }
+        // Norms do not depend on the basis of the whole space: the departure from symmetry is that of the matrix.
+        let (mut difference, mut total) = (0.0, 0.0);
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            difference += (matrix.entries[i * n + j] - matrix.entries[j * n + i]).powi(2);
+            total += matrix.entries[i * n + j].powi(2);
+        }
+        let truth = if total > 0.0 { f64::sqrt(difference / total) } else { 0.0 };
+        assert!(
+            (state.asymmetry() - truth).abs() < 1e-12 * n as f64,
+            "{name}: {} {truth}",
+            state.asymmetry()
+        );
     }
 }
 

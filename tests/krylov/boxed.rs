@@ -28,7 +28,7 @@ fn wanted(scale: f64) -> Vec<f64> {
 }
 
 /// In focus with much indirect light; nearly all of it indirect; and out of focus.
-fn scenes() -> [(&'static str, Dense, Vec<f64>); 3] {
+pub fn scenes() -> [(&'static str, Dense, Vec<f64>); 3] {
     [
         ("direct", light_like(SIDE, 0.4), wanted(0.15)),
         ("indirect", light_like(SIDE, 4.0), wanted(0.4)),

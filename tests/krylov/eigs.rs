@@ -338,6 +338,14 @@ fn options_that_cannot_be_used_are_refused_by_name_and_without_a_product() {
         }
     }
     assert_eq!(matrix.products, 0);
+    // Four pairs and two blocks of three and one more are eleven vectors.
+    let blocks = |most: usize| EigsOptions {
+        count: 4,
+        method: EigsMethod::BlockLanczos { block: 3 },
+        max_basis: Some(most),
+        ..base()
+    };
+    assert!(eigs(&mut matrix, &blocks(10)).is_err() && eigs(&mut matrix, &blocks(11)).is_ok());
     let options = EigsOptions { which: Which::LargestImaginary, ..base() };
     assert!(matches!(eigs(&mut matrix, &options), Err(Error::Option { option, .. }) if option == "--which"));
 }

@@ -672,6 +672,9 @@ fn impossible_requests_are_refused_without_a_product() {
     assert!(Diagonal::new(vec![1.0, -1.0]).is_err() && Diagonal::new(vec![0.0; 4]).is_err());
     assert!(Multiscale::new(4, 4, vec![1.0, 0.0]).is_err() && Multiscale::new(0, 4, vec![1.0]).is_err());
     assert!(UserPreconditioner::operator(true, named_rectangle()).is_err());
+    // An operator knows its size before it is asked for a product; a closure does not.
+    let of_six = UserPreconditioner::operator(true, diagonal(&[1.0; 6])).unwrap();
+    assert_eq!((of_six.size(), UserPreconditioner::closure(true, |_, _| Ok(())).size()), (Some(6), None));
     assert!(diagonal(&[1.0]).symmetry() == Symmetry::Symmetric);
 }
 

@@ -20,3 +20,4 @@ mod orthogonal;
 mod save;
 mod scipy;
 mod singular;
+mod trajectories;

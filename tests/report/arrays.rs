@@ -84,6 +84,12 @@ fn exr_layers_are_found_by_name() -> Outcome {
     ));
     assert!(exr::write_exr(&path, &[("grün", &degree)]).is_err());
     assert!(exr::write_exr(&path, &[]).is_err());
+    let none = Image::filled(Resolution::new(0, 5), 1, 0.0);
+    let error = exr::write_exr(&path, &[("", &none)]).err().ok_or("it has no pixel")?.to_string();
+    assert!(error.contains("one or more with pixels"), "{error}");
+    // The only layer needs no name.
+    exr::write_exr(&path, &[("degree", &degree)])?;
+    assert_eq!(bits(&exr::read_exr(&path, None)?), bits(&degree));
     Ok(())
 }
 
@@ -154,6 +160,9 @@ fn errors_name_the_file_and_what_is_wrong() -> Outcome {
             "structured",
         ),
         (npy_bytes(&deep, &[]), "structured"),
+        // Eleven bytes are none of a header, twelve are its beginning.
+        (b"\x93NUMPY\x01\x00\x09\x00{".to_vec(), "does not start"),
+        (b"\x93NUMPY\x01\x00\x09\x00{'".to_vec(), "cut off within its header"),
         (npy_bytes("{'descr': '<f4'}", &[]), "malformed"),
     ];
     for (bytes, fault) in cases {

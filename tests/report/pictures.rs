@@ -88,6 +88,8 @@ fn enlarging_repeats_pixels() -> Outcome {
 #[test]
 fn a_picture_is_pasted_as_far_as_it_is_inside() {
     let small = Raster::from_pixels(Resolution::new(2, 2), [[1; 3], [2; 3], [3; 3], [4; 3]]);
+    // Beside a row is not in the next one.
+    assert_eq!([small.pixel(1, 0), small.pixel(2, 0), small.pixel(0, 2)], [[2; 3], [0; 3], [0; 3]]);
     for (x, y, expected) in [
         (0, 1, [[0, 0, 0], [1, 2, 0], [3, 4, 0]]),
         (2, 2, [[0, 0, 0], [0, 0, 0], [0, 0, 1]]),

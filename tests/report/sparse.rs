@@ -154,8 +154,11 @@ fn damaged_matrices_are_errors_and_never_panics() -> Outcome {
     Ok(())
 }
 
+const BYTES: &[u8] = b"\x93NUMPY\x01\x00csr";
+
 /// The message about an `.npz` archive whose arrays are these and, by [`fill`], `data`.
 fn refused_npz(
+    format: &[u8],
     indptr: &[f64],
     fill: impl Fn(&mut dyn Write) -> io::Result<()>,
 ) -> Result<String, Box<dyn StdError>> {
@@ -164,7 +167,7 @@ fn refused_npz(
     let mut archive = zip::ZipWriter::new(File::create(&path)?);
     let packed = zip::write::SimpleFileOptions::default();
     archive.start_file("format.npy", packed)?;
-    archive.write_all(b"\x93NUMPY\x01\x00csr")?;
+    archive.write_all(format)?;
     for (name, values) in [("indptr", indptr), ("indices", &[0.0, 1.0]), ("shape", &[2.0, 2.0])] {
         npy::write_npy(&array, &[values.len()], values)?;
         archive.start_file(format!("{name}.npy"), packed)?;
@@ -184,9 +187,14 @@ fn row_starts_begin_at_zero() -> Outcome {
         npy::write_npy(&path, &[2], &[3.0, 4.0]).map_err(io::Error::other)?;
         file.write_all(&std::fs::read(&path)?)
     };
-    assert!(refused_npz(&[0.0, 1.0, 2.0], values)?.contains("weights: [3.0, 4.0]"));
+    assert!(refused_npz(BYTES, &[0.0, 1.0, 2.0], values)?.contains("weights: [3.0, 4.0]"));
+    // The name of the format as text of four bytes a letter, and another format.
+    let text = b"\x93NUMPY\x01\x00c\0\0\0s\0\0\0r\0\0\0";
+    assert!(refused_npz(text, &[0.0, 1.0, 2.0], values)?.contains("weights: [3.0, 4.0]"));
+    let other = refused_npz(b"\x93NUMPY\x01\x00csc", &[0.0, 1.0, 2.0], values)?;
+    assert!(other.contains("not in SciPy's CSR format"), "{other}");
     for starts in [[1.0, 1.0, 2.0], [1.0, 2.0, 2.0]] {
-        let message = refused_npz(&starts, values)?;
+        let message = refused_npz(BYTES, &starts, values)?;
         assert!(message.contains("do not fit together"), "{message}");
     }
     Ok(())
@@ -195,7 +203,24 @@ fn row_starts_begin_at_zero() -> Outcome {
 #[test]
 fn an_archive_that_grows_a_thousandfold_is_refused() -> Outcome {
     let zeros = |mut file: &mut dyn Write| io::copy(&mut io::repeat(0).take(300 << 20), &mut file).map(drop);
-    let message = refused_npz(&[0.0, 1.0, 2.0], zeros)?;
+    let message = refused_npz(BYTES, &[0.0, 1.0, 2.0], zeros)?;
     assert!(message.contains("claims to be one of 314572800"), "{message}");
+    Ok(())
+}
+
+/// A few bytes of text state any number of rows: what is read ends with the pixels of a photo of 8192×8192.
+#[test]
+fn sides_beyond_any_photo_are_refused_before_memory_is_taken() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("wide.mtx");
+    for (rows, cols, fits) in [(2, 67_108_864_u64, true), (2, 67_108_865, false), (67_108_865, 2, false)] {
+        let text = format!("%%MatrixMarket matrix coordinate real general\n{rows} {cols} 1\n1 1 1.5\n");
+        std::fs::write(&path, text)?;
+        let read = sparse::read(&path);
+        assert_eq!(read.is_ok(), fits, "{rows} rows and {cols} columns");
+        if let Err(error) = read {
+            assert!(error.to_string().contains("at most 67108864 are read"), "{error}");
+        }
+    }
     Ok(())
 }

@@ -84,6 +84,10 @@ mod tests {
             format!("photo.npy.{}-{}-a7Xk2Q.tmp", u32::MAX, *SYSTEM),
             format!(".photo.npy.{}-{}-a7.Xk2Q.tmp", u32::MAX, *SYSTEM),
             ".photo.npy.a7Xk2Q.tmp".into(),
+            format!(".photo.npy.{}-1234567-a7Xk2Q.tmp", u32::MAX),
+            format!(".photo.npy.{}-12345678-a7_k2Q.tmp", u32::MAX),
+            format!(".photo.npy.{}-1234567g-a7Xk2Q.tmp", u32::MAX),
+            format!(".photo.npy.{}-12345678-a7Xk2Q-1.tmp", u32::MAX),
             ".thesis.tmp".into(),
         ];
         for name in kept.iter().chain([&dead]) {
@@ -92,6 +96,13 @@ mod tests {
         remove_in(folder.path());
         let is_there = |name: &String| folder.path().join(name).exists();
         assert!(!is_there(&dead), "{dead}");
+        kept.iter().for_each(|name| assert!(is_there(name), "{name}"));
+        // Names of others stay also where they are old.
+        for name in &kept[2..] {
+            let old = fs::File::options().append(true).open(folder.path().join(name)).expect("it is there");
+            old.set_modified(std::time::SystemTime::now() - 2 * FOREIGN_AGE).expect("files have times");
+        }
+        remove_in(folder.path());
         kept.iter().for_each(|name| assert!(is_there(name), "{name}"));
         let old = fs::File::options().append(true).open(folder.path().join(&foreign)).expect("it is there");
         old.set_modified(std::time::SystemTime::now() - 2 * FOREIGN_AGE).expect("files have times");

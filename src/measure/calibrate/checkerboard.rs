@@ -94,3 +94,64 @@ fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: 
     }
     ((at[0] - near[0]).hypot(at[1] - near[1]) < reach).then_some(at)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    const SIZE: Resolution = Resolution { width: 40, height: 30 };
+
+    /// A saddle that is turned and not as steep along both axes, at a place between pixels.
+    fn board(place: [f64; 2]) -> Vec<f64> {
+        let of = |pixel: usize| {
+            let [x, y] = [(pixel % 40) as f64 + 0.5 - place[0], (pixel / 40) as f64 + 0.5 - place[1]];
+            0.05 * x * y + 0.01 * x * x - 0.015 * y * y + 0.1
+        };
+        (0..SIZE.pixels()).map(of).collect()
+    }
+
+    fn found(contrast: &[f64], lit: &[bool], near: [f64; 2]) -> Option<[f64; 2]> {
+        let homography = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+        let map = LensMap { camera: SIZE, projector: SIZE, homography, distortion: [0.0; 2] };
+        saddle(contrast, lit, &map, near, 4.0)
+    }
+
+    #[test]
+    fn a_saddle_is_found_to_rounding_and_only_one_that_is_near() {
+        let lit = vec![true; SIZE.pixels()];
+        for (place, near) in
+            [([20.3, 14.6], [19.0, 16.0]), ([4.6, 4.9], [5.5, 4.7]), ([35.4, 25.3], [35.0, 25.0])]
+        {
+            let at = found(&board(place), &lit, near).expect("it is there");
+            // The contrast is the polynomial that is fitted.
+            assert!((at[0] - place[0]).hypot(at[1] - place[1]) < 1e-9, "{at:?} for {place:?}");
+        }
+        let centre = board([20.3, 14.6]);
+        assert_eq!(found(&centre, &lit, [24.0, 17.0]), None, "farther than four pixels");
+        assert_eq!(found(&centre, &lit, [3.4, 14.0]), None, "its window leaves the picture on the left");
+        assert_eq!(found(&centre, &lit, [20.0, 27.0]), None, "and at the bottom");
+        let hill: Vec<f64> = centre
+            .iter()
+            .enumerate()
+            .map(|(pixel, value)| {
+                let [x, y] = [(pixel % 40) as f64 - 19.8, (pixel / 40) as f64 - 14.1];
+                value + 0.1 * (x * x + y * y)
+            })
+            .collect();
+        assert_eq!(found(&hill, &lit, [20.0, 14.0]), None, "a bowl is no saddle");
+        let flat: Vec<f64> = centre.iter().map(|value| 0.05 * value).collect();
+        assert_eq!(found(&flat, &lit, [20.0, 14.0]), None, "the contrast over the window is below a tenth");
+    }
+
+    #[test]
+    fn a_fifth_of_the_window_may_be_dark() {
+        let contrast = board([20.0, 15.0]);
+        let lit_from =
+            |column: usize| -> Vec<bool> { (0..SIZE.pixels()).map(|pixel| pixel % 40 >= column).collect() };
+        // Fifty-two pixels are nearer than four; columns 16 and 17 have four and six of them, column 18 eight.
+        let at = found(&contrast, &lit_from(18), [20.0, 15.0]).expect("ten of 52 are dark");
+        assert!((at[0] - 20.0).hypot(at[1] - 15.0) < 1e-9, "{at:?}");
+        assert_eq!(found(&contrast, &lit_from(19), [20.0, 15.0]), None, "eighteen of them");
+    }
+}

@@ -98,6 +98,33 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_pixel_has_the_value_of_its_square_and_squares_differ() {
+        for (size, side) in [(Resolution::new(61, 47), 4), (Resolution::new(40, 31), 2)] {
+            let squares = squares(size, 3);
+            let at = |x: usize, y: usize| squares[y * size.width + x];
+            let (mut across, mut down, mut all) = (0, 0, 0);
+            for (y, x) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (y, x))) {
+                let (left, top) = (x / side * side, y / side * side);
+                assert_eq!(at(x, y), at(left, top), "{x} {y}");
+                if (x, y) == (left, top) && x + side < size.width && y + side < size.height {
+                    across += usize::from(at(x, y) != at(x + side, y));
+                    down += usize::from(at(x, y) != at(x, y + side));
+                    all += 1;
+                }
+            }
+            // Neighbours differ by the toss of a coin: at least 150 tosses, and four standard deviations of √(n/4).
+            let bound = 4.0 * (all as f64 / 4.0).sqrt();
+            for changes in [across, down] {
+                assert!((changes as f64 - 0.5 * all as f64).abs() < bound, "{changes} of {all}");
+            }
+            // The toss of one row says nothing of that of the next.
+            let rows_alike = (0..size.height / side - 1)
+                .filter(|row| (0..size.width).all(|x| at(x, row * side) == at(x, (row + 1) * side)));
+            assert_eq!(rows_alike.count(), 0);
+        }
+    }
+
+    #[test]
     fn squares_have_the_stated_side_and_half_of_them_are_bright() {
         let size = Resolution::new(61, 47);
         let squares = squares(size, 1);

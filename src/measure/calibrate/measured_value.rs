@@ -43,5 +43,8 @@ mod tests {
         assert_eq!(MeasuredValue::new(2.201_34, 0.001_21).to_string(), "2.2013 ± 0.0012");
         assert_eq!(MeasuredValue::new(64.03, 1.5).to_string(), "64.0 ± 1.5");
         assert_eq!(MeasuredValue::new(0.0, 0.0).to_string(), "0 ± 0");
+        // Without an error, to a ten-thousandth of the value.
+        assert_eq!(MeasuredValue::new(-2.5, 0.0).to_string(), "-2.50000 ± 0.00000");
+        assert_eq!(MeasuredValue::new(2.0, 0.5).scaled(-3.0), MeasuredValue::new(-6.0, 1.5));
     }
 }

@@ -140,3 +140,44 @@ fn masked(registration: &Registration) -> f64 {
     let empty = registration.starts.windows(2).filter(|ends| ends[0] == ends[1]).count();
     empty as f64 / registration.projector.pixels() as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::gray_code::DecodedPixel;
+    use super::*;
+
+    #[test]
+    fn the_finest_stripes_are_as_wide_as_the_camera_needs() {
+        let projector = Resolution::new(100, 100);
+        // Stripes of two pixels are 3, 2, 1.4 and 0.7 camera pixels wide along the narrower axis.
+        for (camera, bits) in [((150, 200), 0), ((200, 100), 0), ((70, 300), 1), ((300, 35), 2)] {
+            assert_eq!(coarse(Resolution::new(camera.0, camera.1), projector), bits, "{camera:?}");
+        }
+        assert_eq!(scale(Resolution::new(50, 300), Resolution::new(100, 200)), 0.5);
+        assert_eq!(scale(Resolution::new(300, 50), Resolution::new(100, 200)), 0.25);
+    }
+
+    #[test]
+    fn decoded_pixels_share_the_projector_pixel_that_they_see() {
+        let (camera, projector) = (Resolution::new(4, 2), Resolution::new(3, 2));
+        let seen = [(1, [2.5, 1.5]), (6, [2.9, 1.0]), (3, [0.5, 1.2]), (4, [1.0, 0.0])];
+        let seen = seen.map(|(pixel, at)| DecodedPixel { pixel, at, fine: at }).to_vec();
+        let decoded = Decoded {
+            seen,
+            between: Vec::new(),
+            lit: vec![true; 8],
+            unreliable: 0.0,
+            step: 1,
+            white: vec![1.0; 8],
+            black: vec![0.0; 8],
+            direct: vec![1.0; 8],
+            noise: vec![0.0; 8],
+            saturated: vec![false; 8],
+        };
+        let map = by_decoding(&decoded, camera, projector);
+        let rows: Vec<Vec<(usize, f64)>> = (0..6).map(|pixel| map.row(pixel).collect()).collect();
+        let expected = [vec![], vec![(4, 1.0)], vec![], vec![(3, 1.0)], vec![], vec![(1, 0.5), (6, 0.5)]];
+        assert_eq!(rows, expected);
+        assert_eq!(masked(&map), 0.5, "three of six are seen by nobody");
+    }
+}

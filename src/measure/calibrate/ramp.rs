@@ -242,7 +242,90 @@ fn at(points: &[(f64, f64)], x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::linear::Linear;
     use super::*;
+
+    const LINEAR: Linear = Linear { black: 10.0, curve: None };
+    const MODEL: CameraModel<'static> =
+        CameraModel { linear: &LINEAR, gain: 4.0, read_noise: 0.5, limit: 1000.0, exposure: 0.1, takes: 1 };
+
+    fn mean(counts: [f64; 3], exposure: f64, takes: u32) -> Mean {
+        let peaks = counts.map(|count| count as u16).to_vec();
+        Mean { counts: counts.to_vec(), peaks, exposure, time: 0.0, takes }
+    }
+
+    #[test]
+    fn light_is_compared_per_second_where_nothing_is_saturated() {
+        let (white, base) = (mean([810.0, 1000.0, 410.0], 0.1, 8), mean([30.0, 30.0, 10.0], 0.1, 8));
+        let (lit, dark) = (mean([410.0, 900.0, 210.0], 0.4, 2), mean([90.0, 90.0, 10.0], 0.4, 8));
+        // Without the second sample: 520 of 0.4 s against 1180 of 0.1 s.
+        let (light, error) = relative(&MODEL, &lit, &dark, &white, &base).expect("white is brighter");
+        assert!((light - 520.0 / 0.4 / 11_800.0).abs() < 1e-15, "{light}");
+        let noise = (400.0 / 4.0 + 0.25 + 200.0 / 4.0 + 0.25) / 2.0 + (80.0 / 4.0 + 0.25 + 0.25) / 8.0;
+        assert!((error - f64::sqrt(noise) / 0.4 / 11_800.0).abs() < 1e-15, "{error}");
+        assert!(relative(&MODEL, &lit, &dark, &base, &base).is_err(), "white as dark as black");
+    }
+
+    #[test]
+    fn the_share_of_black_has_the_noise_of_its_light() {
+        let (white, base) = (mean([810.0, 610.0, 410.0], 0.1, 8), mean([30.0, 20.0, 10.0], 0.1, 4));
+        let share = black_share(&MODEL, &white, &base);
+        assert_eq!(share.value, 30.0 / 1770.0);
+        let noise = (30.0 / 4.0 + 3.0 * 0.25) / 4.0;
+        assert!((share.error - f64::sqrt(noise) / 1770.0).abs() < 1e-15, "{share}");
+    }
+
+    #[test]
+    fn the_exponent_that_fits_is_found_with_its_error() {
+        let points = |power: f64, off: f64| -> Vec<(f64, f64, f64)> {
+            let of = |index: i32| {
+                let x = f64::from(index) / 8.0;
+                (x, x.powf(power) + if index % 2 == 0 { off } else { -off }, 1e-3)
+            };
+            (1..=8).map(of).collect()
+        };
+        for power in [0.5, 1.0, 2.2, 6.0] {
+            let found = gamma(&points(power, 0.0)).expect("it fits");
+            let squares: f64 = points(power, 0.0).iter().map(|(x, r, e)| (r * x.ln() / e).powi(2)).sum();
+            assert!((found.value - power).abs() < 1e-9, "{power}: {found}");
+            assert!((found.error * squares.sqrt() - 1.0).abs() < 1e-6, "{power}: {found}");
+        }
+        // Residuals of ten errors make the error about ten times as large: eight points, seven degrees of freedom.
+        let [exact, off] = [0.0, 1e-2].map(|off| gamma(&points(2.2, off)).expect("it fits").error);
+        assert!((off / exact / (800.0_f64 / 7.0).sqrt() - 1.0).abs() < 0.1, "{off} {exact}");
+        assert_eq!(gamma(&[(1.0, 1.0, 1e-3)]).expect("every exponent fits"), MeasuredValue::new(1.0, 0.0));
+    }
+
+    #[test]
+    fn between_points_values_are_on_the_line_and_beyond_them_constant() {
+        let points = [(1.0, 2.0), (3.0, 6.0), (3.0, 8.0), (4.0, 0.0)];
+        let found = [0.0, 1.0, 1.5, 3.0, 3.25, 4.0, 9.0].map(|x| at(&points, x));
+        assert_eq!(found, [2.0, 2.0, 3.0, 6.0, 6.0, 0.0, 0.0]);
+        assert_eq!(at(&[], 1.0), 1.0);
+    }
+
+    /// Four levels of a lamp that fades by a tenth, the brightest first, as they are shown.
+    #[test]
+    fn the_drift_of_white_is_divided_out_and_the_brightest_level_is_one() {
+        let whites = vec![(0.0, 1.0), (4.0, 0.9)];
+        let light = |level: u16, time: f64| (f64::from(level) / 4.0).powi(2) * (1.0 - 0.025 * time) * 1.02;
+        let points: Vec<(u16, f64, f64, f64)> =
+            (0..4).map(|step| (4 - step, light(4 - step, f64::from(step)), 1e-3, f64::from(step))).collect();
+        let black = MeasuredValue::new(0.01, 1e-4);
+        let ramp = finish(4, &points, whites.clone(), 2e-4, black).expect("it has an exponent");
+        for (found, expected) in ramp.curve.iter().zip([0.0, 0.0625, 0.25, 0.5625, 1.0]) {
+            assert!((found - expected).abs() < 1e-12, "{:?}", ramp.curve);
+        }
+        assert!((ramp.gamma.value - 2.0).abs() < 1e-9 && ramp.gamma_residual < 1e-9);
+        assert_eq!((ramp.error, ramp.black, ramp.whites, ramp.white_error), (1e-3, black, whites, 2e-4));
+        // Levels that no exponent describes: the root mean square of what is left.
+        let bent = [(4, 1.0, 1e-3, 0.0), (2, 0.5, 2e-3, 0.0)];
+        let ramp = finish(4, &bent, vec![(0.0, 1.0)], 0.0, black).expect("it has an exponent");
+        assert!(
+            ramp.error == 2e-3 && ramp.curve[4] == 1.0 && (ramp.curve[2] - 0.5).abs() < 1e-12,
+            "{ramp:?}"
+        );
+    }
 
     #[test]
     fn a_still_camera_is_shown_33_levels_and_those_between_follow_the_exponent() {

@@ -218,3 +218,64 @@ fn polynomials(pixel: usize, size: Resolution) -> [f64; TERMS] {
     let square = 0.5 * (x * x + y * y);
     [x, y, x * y, 0.5 * (x * x - y * y), square, square * square]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_and_polynomials_are_those_of_the_place_of_a_pixel() {
+        let size = Resolution::new(4, 2);
+        assert_eq!([0, 3, 6].map(|pixel| centred(pixel, size)), [[-0.75, -0.5], [0.75, -0.5], [0.25, 0.5]]);
+        let expected = [-0.75, -0.5, 0.375, 0.5 * (0.5625 - 0.25), 0.40625, 0.40625 * 0.40625];
+        assert_eq!(polynomials(0, size), expected);
+        // Half periods from the left and from the top: at the edge all, in the middle of one half of it.
+        let near =
+            |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        near(smooth([0.3, -0.2], [0, 0]), 1.0);
+        near(smooth([-1.0, -1.0], [3, 2]), 1.0);
+        near(smooth([0.0, 0.7], [1, 0]), 0.5);
+        near(smooth([0.0, 0.7], [2, 0]), 0.0);
+        near(smooth([-1.0, -1.0 / 3.0], [0, 1]), 0.75);
+        near(smooth([1.0, 1.0], [1, 1]), 1.0);
+    }
+
+    #[test]
+    fn a_slope_is_the_length_of_the_steps_to_the_right_and_down() {
+        let found = slope(&[0.0, 3.0, 3.0, 4.0, 7.0, 19.0], Resolution::new(3, 2));
+        assert_eq!(found, [5.0, 4.0, 16.0, 3.0, 12.0, 0.0]);
+        assert_eq!(unspread(&[1.0, 2.0], None), [1.0, 2.0]);
+    }
+
+    /// One equation against the expectation that all terms are small: the terms follow its row, by how certain it is.
+    #[test]
+    fn an_equation_is_weighed_by_noise_response_and_map() {
+        let photos = Photos {
+            before: vec![vec![1.0, 0.5], vec![0.25, 2.0]],
+            slopes: vec![vec![0.1, 0.2], vec![0.3, 0.4]],
+            map_error: 0.05,
+            photos: vec![vec![3.0, -1.0], vec![2.0, 4.0]],
+            variance: vec![vec![0.01, 0.02], vec![0.03, 0.04]],
+        };
+        let terms = [[1.0, 0.0, 2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 1.0, 0.0, 0.0, 0.0]];
+        let mut normal = Normal::new(TERMS);
+        for term in 0..TERMS {
+            normal.add(&[(term, 1.0)], 0.0, 4.0);
+        }
+        photos.add(0, 1, &terms, &mut normal);
+        // x_j y_k − x_k y_j at the two pixels.
+        let [first, second] = [1.0 * 2.0 - 0.25 * 3.0, 0.5 * 4.0 + 2.0 * 1.0];
+        let row = [first, 3.0 * second, 2.0 * first + second, 0.0, 0.0, 0.0];
+        let noise = 1.0 * 0.03 + 0.0625 * 0.01 + 0.25 * 0.04 + 4.0 * 0.02;
+        let response = 5e-4 * (1.0 * 2.0 + 0.5 * 4.0);
+        let shifted = 0.05 * (0.1 * 2.0 + 0.3 * 3.0 + 0.2 * 4.0 + 0.4 * 1.0);
+        let weight = 1.0 / (noise + response * response + shifted * shifted);
+        let square: f64 = row.iter().map(|entry| entry * entry).sum();
+        let along = -weight * (first + second) / (4.0 + weight * square);
+        let found = normal.solve().expect("the expectation determines every term").values;
+        for (found, entry) in found.iter().zip(row) {
+            // A Cholesky factorization of six unknowns.
+            assert!((found - along * entry).abs() < 1e-12, "{found} {}", along * entry);
+        }
+    }
+}

@@ -189,3 +189,131 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
     let black = if first > 0.2 { knots[0] - values[0] / first } else { dark };
     Ok((black, (0..=full as usize).map(|count| light(count as f64)).collect()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    const SAMPLES: usize = 480;
+    const FULL: f64 = 65_535.0;
+
+    fn frame(exposure: f64, count: impl Fn(usize) -> f64) -> RawFrame {
+        let counts = (0..SAMPLES).map(|sample| count(sample).round() as u16).collect();
+        let resolution = Resolution::new(SAMPLES, 1);
+        RawFrame { resolution, channels: 1, counts, exposure, id: 0, started: 0.0 }
+    }
+
+    /// The light of a sample: not in the order of the samples, and 24 different values.
+    fn light(sample: usize) -> f64 {
+        0.1 + 0.9 * ((sample * 7) % 24) as f64 / 23.0
+    }
+
+    /// Twelve exposures of white and of black with a camera of this response, and what follows from them.
+    fn measured(count: impl Fn(f64) -> f64) -> Response {
+        let exposures: Vec<f64> = (0..12).map(|k| 2.0_f64.powf(-0.5 * f64::from(k))).collect();
+        let white = |exposure: f64| frame(exposure, |sample| count(light(sample) * exposure));
+        let whites: Vec<RawFrame> = exposures.iter().map(|&exposure| white(exposure)).collect();
+        let blacks: Vec<RawFrame> =
+            exposures.iter().map(|&exposure| frame(exposure, |_| count(0.0))).collect();
+        response(&whites, &blacks, &white(0.9), 1000.0, 64_000.0, FULL).expect("it is determined")
+    }
+
+    #[test]
+    fn a_line_is_found_with_its_black_level() {
+        let found = measured(|light| 1000.0 + 60_000.0 * light);
+        // Counts are rounded to whole ones, some twelve thousand of them.
+        assert!((found.black - 1000.0).abs() < 0.2 && found.black_error < 1.0, "{found:?}");
+        assert!(found.curve.is_none() && found.departure < 1e-5, "{found:?}");
+    }
+
+    #[test]
+    fn a_compressive_curve_is_inverted_between_black_and_the_limit() {
+        let found = measured(|light| 1000.0 + 60_000.0 * light.powf(0.6));
+        assert!(found.departure > 10.0 * LINEAR_WITHIN);
+        let curve = found.curve.expect("it is no line");
+        assert_eq!(curve.len(), 65_536);
+        // The largest count keeps its value, 61000 − 1000.
+        assert!((curve[61_000] - 60_000.0).abs() < 1.0, "{}", curve[61_000]);
+        for share in [0.02, 0.05, 0.1, 0.2, 0.4, 0.7] {
+            let count = 1000.0 + 60_000.0 * f64::powf(share, 0.6);
+            let off = curve[count.round() as usize] / (60_000.0 * share) - 1.0;
+            // Straight pieces between 33 knots; a knot and its neighbours are off together.
+            assert!(off.abs() < 0.01, "{share}: {off}");
+        }
+        // Its inverse begins flat, and is not extrapolated: black is the count of the darkest frames.
+        assert_eq!(found.black, 1000.0);
+    }
+
+    #[test]
+    fn a_curve_that_begins_steep_is_extrapolated_to_black() {
+        let found = measured(|light| 1000.0 + 60_000.0 * light.powf(2.5));
+        let curve = found.curve.expect("it is no line");
+        // The first straight pieces are off by a fifth of the light, and black by a thousandth of the range.
+        for share in [0.5, 0.7] {
+            let count = 1000.0 + 60_000.0 * f64::powf(share, 2.5);
+            let off = curve[count.round() as usize] / (60_000.0 * share) - 1.0;
+            assert!(off.abs() < 0.01, "{share}: {off}");
+        }
+        assert!(curve.is_sorted() && (found.black - 1000.0).abs() < 60.0, "{}", found.black);
+    }
+
+    /// Noise-free points of groups whose light is `1 + group`, with a power law of their count.
+    fn law(power: f64, groups: std::ops::Range<usize>) -> Vec<Point> {
+        let exposures = [0.25, 0.5, 1.0, 2.0];
+        let of_group = |group: usize| {
+            exposures.map(|exposure| {
+                let count = 100.0 + 10.0 * ((1 + group) as f64 * exposure).powf(power);
+                Point { group, exposure, count, error: 0.5 }
+            })
+        };
+        groups.flat_map(of_group).collect()
+    }
+
+    #[test]
+    fn the_exponent_of_a_power_law_is_found_and_bounded() {
+        for (power, expected) in [(0.45, 0.45), (1.0, 1.0), (2.2, 2.2), (0.1, 0.2), (7.0, 5.0)] {
+            // Counts of a hundredth of the range and less are left out.
+            let mut points = law(power, 3..9);
+            points.push(Point { group: 3, exposure: 100.0, count: 100.05, error: 0.5 });
+            let found = exponent(&points, 100.0, 10.0);
+            assert!((found - expected).abs() < 1e-9, "{power}: {found}");
+        }
+        let one = [Point { group: 0, exposure: 1.0, count: 200.0, error: 0.5 }];
+        assert_eq!(exponent(&one, 100.0, 10.0), 1.0, "one exposure says nothing");
+    }
+
+    #[test]
+    fn a_departure_from_the_lines_is_counted_beyond_three_standard_errors() {
+        let mut points = law(1.0, 0..6);
+        let (black, error, departure) = line(&points, 1000.0).expect("it is determined");
+        assert!((black - 100.0).abs() < 1e-9 && departure == 0.0, "{black} {departure}");
+        assert!(error > 0.0 && error < 0.5, "{error}");
+        // A group with a single point takes no part.
+        points.push(Point { group: 9, exposure: 1.0, count: 5000.0, error: 0.5 });
+        assert!((line(&points, 1000.0).expect("it is determined").0 - 100.0).abs() < 1e-9);
+        // One point off its line, with a weight that does not move the lines.
+        points[5].count += 40.0;
+        points[5].error = 10.0;
+        points.iter_mut().filter(|point| point.error < 1.0).for_each(|point| point.error = 1e-3);
+        let (_, _, departure) = line(&points, 1000.0).expect("it is determined");
+        assert!((departure - (40.0 - 30.0) / 1000.0).abs() < 1e-6, "{departure}");
+    }
+
+    #[test]
+    fn samples_are_grouped_by_their_light_and_a_saturated_group_is_left_out() {
+        let white = frame(0.5, |sample| 100.0 + (sample % 240) as f64);
+        let black = frame(0.25, |_| 50.0);
+        let points = points(std::slice::from_ref(&white), std::slice::from_ref(&black), &white, 330.0);
+        // Of 24 groups of 20 samples the last one has counts of 330 to 339.
+        assert_eq!(points.len(), 23 + 1);
+        for (group, point) in points[..23].iter().enumerate() {
+            let count = 100.0 + 10.0 * group as f64 + 4.5;
+            let error = ((1.0 + count) / 20.0).sqrt();
+            assert_eq!((point.group, point.exposure, point.count), (group, 0.5, count));
+            assert!((point.error - error).abs() < 1e-12, "{point:?}");
+        }
+        let last = Point { group: 24, exposure: 0.25, count: 50.0, error: (51.0 / 480.0_f64).sqrt() };
+        assert_eq!(points[23], last);
+    }
+}

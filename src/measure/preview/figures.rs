@@ -120,4 +120,25 @@ mod tests {
         assert!(short.chars().count() <= 80, "{short}");
         assert!(figures.line(&range).contains("123.4 a second of 0.0333 s"));
     }
+
+    /// Ten counts of two pixels of five channels: one black, three at the limit of 200 or above.
+    #[test]
+    fn figures_are_those_of_the_counts_and_lines_say_them() {
+        let counts = vec![0, 10, 200, 255, 199, 201, 20, 30, 40, 45];
+        let resolution = crate::image::Resolution::new(2, 1);
+        let raw = RawFrame { resolution, channels: 5, counts, exposure: 0.02, id: 7, started: 0.0 };
+        let range = CountRange { black: 50.0, limit: 200.0, full: 250.0 };
+        let figures = FrameFigures::of(&raw, &range, (12, 20.0), [None, Some(0.5)]);
+        let (shares, mean) = ((figures.saturated, figures.black), figures.mean);
+        assert_eq!((figures.frame, figures.brightest, shares, mean), (12, 255, (0.3, 0.1), 0.25));
+        assert_eq!(
+            figures.line(&range),
+            "frame     12: focus –, best 5.00e-1; saturated 30.0 %, black 10.0 %, brightest 255 of 250, mean 25.0 %; 20.0 a second of 0.0200 s"
+        );
+        assert_eq!(
+            figures.short_line(&range),
+            "focus –, best 5.00e-1, saturated 30.0 %, black 10.0 %, peak 102 %, 20.0/s"
+        );
+        assert_eq!([0.0, 5e-4, 1e-3, 1.0].map(percent), ["0.0 %", "<0.1 %", "0.1 %", "100.0 %"]);
+    }
 }

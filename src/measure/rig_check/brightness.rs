@@ -185,5 +185,13 @@ mod tests {
         let [value, error] = slope(&points).expect("the points are apart");
         assert!((value - 0.3).abs() < 3.0 * error && error < 2e-3, "{value} ± {error}");
         assert_eq!(slope(&[[1.0, 2.0]; 20]), None);
+        // By hand: the ordinates of nine points rise by 2, and the first and the last are 3 and −3 off, whose line falls by 0.4.
+        let mut points: Vec<[f64; 2]> = (0..9).map(|at| [f64::from(at), 2.0 * f64::from(at)]).collect();
+        points[0][1] += 3.0;
+        points[8][1] -= 3.0;
+        let [value, error] = slope(&points).expect("the points are apart");
+        // The residuals' squares are 18 less 24²/60, of seven degrees of freedom.
+        assert!((value - 1.6).abs() < 1e-12 && (error - (8.4_f64 / 7.0 / 60.0).sqrt()).abs() < 1e-12);
+        assert_eq!(slope(&points[1..]), None, "eight are too few");
     }
 }

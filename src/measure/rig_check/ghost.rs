@@ -136,6 +136,23 @@ mod tests {
         (light.collect(), size)
     }
 
+    /// Sums of squares of whole numbers, and every lag there is, also beyond the picture.
+    #[test]
+    fn a_correlation_is_the_sum_over_all_pairs_of_pixels_that_far_apart() {
+        let size = Resolution::new(5, 4);
+        let light: Vec<f64> = (0..20).map(|pixel| f64::from(pixel * pixel % 13)).collect();
+        for (right, down) in (-6..=6).flat_map(|right| (-5..=5).map(move |down| (right, down))) {
+            let mut sum = 0.0;
+            for (y, x) in (0..4_i64).flat_map(|y| (0..5_i64).map(move |x| (y, x))) {
+                let (u, v) = (x + right, y + down);
+                if (0..5).contains(&u) && (0..4).contains(&v) {
+                    sum += light[(y * 5 + x) as usize] * light[(v * 5 + u) as usize];
+                }
+            }
+            assert_eq!(correlation(&light, size, [right, down]), sum, "{right} {down}");
+        }
+    }
+
     #[test]
     fn a_second_image_is_found_with_its_share_and_place_and_its_absence_too() {
         let (light, size) = dots(0.03);

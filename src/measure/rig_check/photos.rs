@@ -147,3 +147,82 @@ fn average(values: &[f64]) -> (f64, f64) {
     let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
     (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sequence::percentile;
+    use super::*;
+    use crate::image::Resolution;
+    use crate::rig::RawFrame;
+
+    #[test]
+    fn refused_frames_are_counted_by_their_reason() {
+        let whole = Effort { taken: 40, ..Effort::default() };
+        let found = sequence(&whole);
+        assert_eq!(
+            (found.grade, found.found.as_str()),
+            (Grade::Ok, "40 came in order, each exposed after its pattern")
+        );
+        let refused = Effort { dropped: 1, repeated: 2, late: 4, restarts: 8, resent: 16, ..whole };
+        let found = sequence(&refused);
+        assert_eq!(found.grade, Grade::Warning);
+        assert_eq!(
+            found.found,
+            "of 47 frames 1 did not arrive, 2 arrived twice, 4 were exposed too early; 8 restarts of the camera; 16 packets were lost and sent again"
+        );
+    }
+
+    #[test]
+    fn a_frame_that_has_not_settled_fails_beyond_its_error() {
+        // Two rounds: 1 % and 2 % less light, 1.5 ± 0.5 %; and the same without scatter.
+        let found = settling(&[[99.0, 100.0], [98.0, 100.0]], 0.25);
+        assert_eq!(found.grade, Grade::Ok, "three errors are as much as is missing");
+        assert!(
+            found.found.contains("0.2500 s") && found.found.contains("1.50 ± 0.50 % less"),
+            "{}",
+            found.found
+        );
+        assert_eq!(settling(&[[98.5, 100.0], [98.5, 100.0]], 0.25).grade, Grade::Fails);
+        assert_eq!(settling(&[[101.5, 100.0], [101.5, 100.0]], 0.25).grade, Grade::Fails, "or too much");
+        assert_eq!(settling(&[[99.9, 100.0], [99.9, 100.0]], 0.25).grade, Grade::Ok);
+    }
+
+    #[test]
+    fn the_largest_change_of_white_is_compared_with_its_mean() {
+        let found = repeatability(&[[0.0, 99.5], [0.0, 100.0], [0.0, 100.5]]);
+        assert!(found.grade == Grade::Ok && found.found.contains("changes by 0.500 %"), "{}", found.found);
+        let found = repeatability(&[[0.0, 96.0], [0.0, 100.0], [0.0, 101.0]]);
+        assert!(
+            found.grade == Grade::Warning && found.found.contains("changes by 3.030 %"),
+            "{}",
+            found.found
+        );
+    }
+
+    #[test]
+    fn noise_is_off_where_three_errors_do_not_reach_the_bounds() {
+        for (ratio, error, grade) in [
+            (1.0, 0.0, Grade::Ok),
+            (1.3, 0.01, Grade::Warning),
+            (1.3, 0.02, Grade::Ok),
+            (0.7, 0.02, Grade::Warning),
+            (0.7, 0.04, Grade::Ok),
+        ] {
+            let found = noise(ratio, error);
+            assert_eq!(found.grade, grade, "{ratio} ± {error}");
+            assert!(found.found.contains(&format!("{ratio:.3} ± {error:.3} times")), "{}", found.found);
+        }
+    }
+
+    #[test]
+    fn means_errors_and_percentiles_are_those_of_the_counts() {
+        let counts = vec![9, 1, 7, 3, 5];
+        let resolution = Resolution::new(5, 1);
+        let frame = RawFrame { resolution, channels: 1, counts, exposure: 0.1, id: 0, started: 0.0 };
+        assert_eq!(mean(&frame), 5.0);
+        assert_eq!([0.0, 0.3, 0.5, 0.98].map(|at| percentile(&frame, at)), [1.0, 3.0, 5.0, 9.0]);
+        // Deviations of −3, 0 and 3: a variance of 9, and a third of it for the mean.
+        assert_eq!(average(&[1.0, 4.0, 7.0]), (4.0, 3.0_f64.sqrt()));
+        assert_eq!(average(&[4.0]), (4.0, 0.0));
+    }
+}

@@ -164,3 +164,25 @@ pub(super) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>,
     };
     ((0..small.pixels()).map(value).collect(), small)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_are_averaged_and_what_is_left_over_is_dropped() {
+        let light: Vec<f64> = (0..35).map(f64::from).collect();
+        // Seven by five pixels in squares of two: the last column and row are left over.
+        let (small, size) = binned(&light, Resolution::new(7, 5), 2);
+        assert_eq!(size, Resolution::new(3, 2));
+        assert_eq!(small, [4.0, 6.0, 8.0, 18.0, 20.0, 22.0]);
+        assert_eq!(binned(&light, Resolution::new(7, 5), 3).0, [8.0, 11.0]);
+    }
+
+    #[test]
+    fn averages_and_quantiles_are_those_of_the_sorted_values() {
+        assert_eq!((average(&[1.0, 2.0, 6.0]), average(&[])), (3.0, 0.0));
+        let values = [5.0, 1.0, 4.0, 2.0, 3.0];
+        assert_eq!([0.0, 0.25, 0.5, 0.7, 1.0].map(|at| quantile(&values, at)), [1.0, 2.0, 3.0, 4.0, 5.0]);
+    }
+}

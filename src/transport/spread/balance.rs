@@ -74,6 +74,9 @@ mod tests {
             assert_eq!(found.len(), processes);
             assert_eq!(found.iter().flat_map(Clone::clone).collect::<Vec<_>>(), (0..80).collect::<Vec<_>>());
         }
+        // Of 800 in all each of four gets 200: rows of pixels with 100, 100, 300 and 300, of 20 pixels each.
+        let found = divide(&(0..80), size, &[99, 99, 299, 299], 4);
+        assert_eq!(found, [0..40, 40..53, 53..66, 66..80], "cut after 2, 2⅔ and 3⅓ rows");
         assert_eq!(divide(&(0..0), size, &[1, 1], 3), [0..0, 0..0, 0..0]);
     }
 }
