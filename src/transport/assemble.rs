@@ -2,9 +2,9 @@
 //! into rows.
 
 use super::combine::{Combined, combine};
+use super::fixed::RowSums;
 use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
-use super::row_sums::RowSums;
 use super::share::Share;
 use super::squares::EntrySquares;
 use super::tiles::Tiles;

@@ -197,6 +197,9 @@ impl<const C: usize> Chunks<C> {
     }
 }
 
+/// The contributions of the paths from the pixels of the camera, and from those of the projector.
+pub(super) type ByEndpoint<const C: usize> = [Vec<Chunk<C>>; 2];
+
 impl<const C: usize> Chunk<C> {
     /// No rows.
     pub(super) fn new() -> Self {

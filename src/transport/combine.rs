@@ -7,10 +7,10 @@ use std::ops::Range;
 
 use super::RigShape;
 use super::chunk::CLASSES;
-use super::fixed::Scale;
+use super::fixed::{RowSums, Scale};
 use super::found::Found;
 use super::merging::{Merging, Pairs};
-use super::row_sums::{Outline, RowSums, outline};
+use super::row_sums::{Outline, outline};
 use super::squares::EntrySquares;
 use super::tiles::{Builder, Pieces, Tiles};
 use super::transpose::Sources;

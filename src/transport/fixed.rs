@@ -1,7 +1,6 @@
 //! Sums over rows that do not depend on the order of their terms.
 
 use super::chunk::Term;
-use super::row_sums::RowSums;
 
 /// How many powers of two there are from the smallest to the largest exponent whose values are summed to the last bit. What is left of a smaller value
 /// is below the last bit of a larger one, of which there is one at least.
@@ -18,6 +17,25 @@ pub(super) struct Scale {
 
 /// The sums of the means and errors of contributions, as multiples of the unit. A term is less than 2⁹⁴ units, so that there may be 2³² terms.
 pub(super) type FixedSums<const C: usize> = [[i128; C]; 2];
+
+/// Sums over one row of the whole matrix, including the diagonal: values and errors.
+///
+/// They are those of all paths from the pixel of the row and of the paths that end there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct RowSums<const C: usize> {
+    pub(super) mean: [f64; C],
+    pub(super) error: [f64; C],
+}
+
+impl<const C: usize> RowSums<C> {
+    /// Adds the diagonal's direct light to the sums of values and errors.
+    pub(super) fn add_direct(&mut self, direct: &[[f64; 2]; C]) {
+        for (channel, [mean, error]) in direct.iter().enumerate() {
+            self.mean[channel] += mean;
+            self.error[channel] += error;
+        }
+    }
+}
 
 /// The bits of the exponent of a value: a larger value never has fewer.
 pub(super) fn exponent(value: f32) -> u32 {

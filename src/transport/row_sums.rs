@@ -1,4 +1,4 @@
-//! Sums over the rows of the matrix and over its entries, from which its noise follows.
+//! Sums over the rows of the matrix, from which its noise follows, and how much is merged of each row.
 
 use std::ops::Range;
 
@@ -6,26 +6,7 @@ use rayon::prelude::*;
 
 use super::RigShape;
 use super::chunk::{CLASSES, Chunk, Row, Term, at};
-use super::fixed::{FixedSums, Scale};
-
-/// Sums over one row of the whole matrix, including the diagonal: values and errors.
-///
-/// They are those of all paths from the pixel of the row and of the paths that end there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct RowSums<const C: usize> {
-    pub(super) mean: [f64; C],
-    pub(super) error: [f64; C],
-}
-
-impl<const C: usize> RowSums<C> {
-    /// Adds the diagonal's direct light to the sums of values and errors.
-    pub(super) fn add_direct(&mut self, direct: &[[f64; 2]; C]) {
-        for (channel, [mean, error]) in direct.iter().enumerate() {
-            self.mean[channel] += mean;
-            self.error[channel] += error;
-        }
-    }
-}
+use super::fixed::{FixedSums, RowSums, Scale};
 
 /// What is known of the rows before they are merged.
 pub(super) struct Outline<const C: usize> {

@@ -7,7 +7,7 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use super::chunk::{Chunk, Key, Row, Term, Terms, at};
-use super::row_sums::RowSums;
+use super::fixed::RowSums;
 use super::tiles::{CompressedRows, Fragment, Pages};
 
 /// What is wrong with bytes that should be arrays.

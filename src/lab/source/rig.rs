@@ -98,7 +98,7 @@ impl RigSource {
     /// The virtual devices of `file` in front of an open scene, in place of the one that the file names.
     ///
     /// # Errors
-    /// [`Error::Data`] where the devices are real; [`Error::Option`] where the scene's projector has other pixels than its camera; those of
+    /// [`crate::Error::Data`] where the devices are real; [`crate::Error::Option`] where the scene's projector has other pixels than its camera; those of
     /// loading the calibration.
     pub(in crate::lab) fn in_front_of(
         scene: &SceneSource,
@@ -136,7 +136,7 @@ impl RigSource {
     /// Replaces what is known of the devices.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the calibration is that of other devices.
+    /// [`crate::Error::Rig`] when the calibration is that of other devices.
     pub(in crate::lab) fn calibrated_by(&mut self, calibration: Calibration) -> Result<()> {
         calibration.check(&self.devices.projector_info(), &self.devices.camera_info())?;
         self.calibration = calibration;

@@ -11,7 +11,7 @@ use super::sums::row_sums;
 use crate::error::Result;
 use crate::render::StartPixels;
 use crate::team::Comm;
-use crate::transport::chunk::Chunk;
+use crate::transport::chunk::{ByEndpoint, Chunk};
 use crate::transport::combine::{Combined, builders};
 use crate::transport::found::Found;
 use crate::transport::merging::{Merging, Pairs};
@@ -20,9 +20,6 @@ use crate::transport::steps::Steps;
 use crate::transport::tiles::{self, Before, Builder, Pieces};
 use crate::transport::transpose::Sources;
 use crate::transport::{RigShape, wire};
-
-/// The contributions of the paths from the pixels of the camera, and from those of the projector.
-pub(super) type ByEndpoint<const C: usize> = [Vec<Chunk<C>>; 2];
 
 /// The steps in which the processes merge the rows of their pixels. Every process of the team must call it.
 pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> Result<Steps> {

@@ -5,12 +5,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::command::{from_bytes, to_bytes, unread};
-use super::exchange::ByEndpoint;
 use crate::error::Result;
 use crate::team::Comm;
-use crate::transport::chunk::{Chunk, Row, Term, at};
-use crate::transport::fixed::{FixedSums, Scale, add_sums};
-use crate::transport::row_sums::RowSums;
+use crate::transport::chunk::{ByEndpoint, Chunk, Row, Term, at};
+use crate::transport::fixed::{FixedSums, RowSums, Scale, add_sums};
 use crate::transport::steps::Steps;
 use crate::transport::{RigShape, wire};
 
