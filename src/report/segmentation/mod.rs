@@ -198,6 +198,9 @@ impl Scored<'_> {
                 .as_ref()
                 .map(|direct| ("Photos of direct light", direct.photos.to_string())),
         );
+        if self.segmented.blur > 0.0 {
+            more.push(("Blur", format!("{} px, of patterns and photos", self.segmented.blur)));
+        }
         let lit: usize = self.segmented.evidence.iter().map(|of| of.photos.len()).sum();
         more.extend((lit > 0).then(|| ("Photos of groups lit alone", lit.to_string())));
         Ok(run.page((true, self.sentence()), found.photos, more, sections))
