@@ -2,8 +2,10 @@
 
 mod blur;
 pub(crate) mod codec;
+mod percentile;
 
 pub use blur::Blur;
+pub(crate) use percentile::percentile;
 
 use crate::error::{Error, Result};
 

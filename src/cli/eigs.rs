@@ -34,8 +34,8 @@ pub(super) struct Args {
     operator: OperatorArgs,
     #[command(flatten)]
     question: Question,
-    /// Singular values, with patterns and their photos, in place of eigenvalues: for any matrix, each step a photo and one of the transpose,
-    /// with camera and projector exchanged
+    /// Compute singular values and vectors in place of eigenvalues: they exist for any matrix. Each step takes one photo, and one of the
+    /// transpose, with camera and projector exchanged
     #[arg(long, conflicts_with_all = ["method", "block", "which"])]
     singular: bool,
     #[command(flatten)]

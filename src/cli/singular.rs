@@ -16,7 +16,7 @@ use crate::transport::Part;
 /// What is asked.
 pub(super) struct Asked {
     pub(super) part: Part,
-    /// Whether a tolerance was given, which can be missed.
+    /// Whether the user gave a tolerance, so that missing it is exit status 1.
     pub(super) is_strict: bool,
     pub(super) options: SingularOptions,
 }
@@ -50,7 +50,7 @@ fn say(triplets: &SingularTriplets<'_>, console: &Console) -> Result<()> {
     console.say(format_args!("photos    {}: {}", found.stats.products, found.stats.status))?;
     if found.disagreement > 1e-12 {
         console.say(format_args!(
-            "exchanged {} % off the transpose of the others, as measured",
+            "transpose the photos of the transpose differ from the other photos transposed by {} %",
             percent(found.disagreement)
         ))?;
     }

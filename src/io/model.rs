@@ -296,6 +296,19 @@ fn unusable(path: &Path, fault: String) -> Error {
 mod tests {
     use super::*;
 
+    /// A model whose ambient light has three channels.
+    fn of_channels(channels: Vec<ChannelArrays>, resolution: Resolution) -> ModelArrays {
+        ModelArrays {
+            channels,
+            ambient: Image::filled(resolution, 3, 0.25),
+            resolution,
+            projector: resolution,
+            unit: "DN/s".into(),
+            source: "test".into(),
+            symmetric: true,
+        }
+    }
+
     #[test]
     fn a_model_whose_ambient_light_has_other_channels_is_refused() -> Result<()> {
         let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
@@ -305,15 +318,7 @@ mod tests {
             photos: vec![vec![3.0, 4.0]],
             direct: DirectArrays::None,
         };
-        let mut model = ModelArrays {
-            channels: vec![channel],
-            ambient: Image::filled(resolution, 3, 0.25),
-            resolution,
-            projector: resolution,
-            unit: "DN/s".into(),
-            source: "test".into(),
-            symmetric: true,
-        };
+        let mut model = of_channels(vec![channel], resolution);
         model.write(folder.path())?;
         let error = ModelArrays::read(folder.path()).err().map(|error| error.to_string()).unwrap_or_default();
         assert!(error.contains("it has 1 channels, but ambient.npy 3"), "{error}");
@@ -333,15 +338,7 @@ mod tests {
             [DirectArrays::Matrix(matrix), DirectArrays::Image(values(0.1).concat()), DirectArrays::None];
         let channels =
             direct.map(|direct| ChannelArrays { patterns: values(0.2), photos: values(0.3), direct });
-        let model = ModelArrays {
-            channels: channels.into(),
-            ambient: Image::filled(resolution, 3, 0.25),
-            resolution,
-            projector: resolution,
-            unit: "DN/s".into(),
-            source: "test".into(),
-            symmetric: true,
-        };
+        let model = of_channels(channels.into(), resolution);
         let names = model.write(folder.path())?;
         let whole = format!("{:?}", ModelArrays::read(folder.path())?);
         for name in names {

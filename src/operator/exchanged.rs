@@ -7,7 +7,7 @@ use crate::observer::Observer;
 /// An operator `A` whose transpose is that of another source: the same scene, with camera and projector exchanged. By Helmholtz reciprocity the
 /// light that goes from a projector's pixel to a camera's goes as well the other way, so that the second arrangement photographs `Aᵀ`.
 ///
-/// The two arrangements measure light in units of their own. `unit` is the number of the first's units that one of the second's is worth.
+/// The two arrangements measure light in units of their own. `unit` is the factor that converts light of the second into the unit of the first.
 pub struct Exchanged<F, B> {
     forth: F,
     back: B,
@@ -51,7 +51,7 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
         Self::new(forth, back, unit)
     }
 
-    /// What one unit of the second arrangement is worth in units of the first.
+    /// The factor that converts light of the second arrangement into the unit of the first.
     pub fn unit(&self) -> f64 {
         self.unit
     }

@@ -77,7 +77,12 @@ impl Entry {
         at(&self.displayed, photos)
     }
 
-    /// The same for the answer that is not clamped.
+    /// The least residual of the answers, not clamped, after any number of photos; infinite where there is none.
+    pub(super) fn least_answered(&self) -> f64 {
+        self.answered.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The residual of the answer that is not clamped, as [`Entry::displayed_at`].
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
     }

@@ -22,6 +22,7 @@ use super::rig::Rig;
 use super::stage::{EDGE, Set, Stage};
 use super::target::picture;
 use crate::error::{Error, Result};
+use crate::image::percentile;
 use crate::krylov::{EigsOptions, Method, Start, eigs};
 use crate::lab::LabOperator;
 use crate::measure::calibrate::StructuredLight;
@@ -105,7 +106,6 @@ fn row(bench: &mut Bench, stage: &Stage, tenths: u32) -> Result<Row> {
 
 fn checks(rows: &[Row]) -> Vec<Check> {
     let off = |row: &Row| (0..2).map(|k| (row.measured[k] - row.derived[k]).abs()).fold(0.0, f64::max);
-    let best = |entry: &Entry| entry.answered.iter().copied().fold(f64::INFINITY, f64::min);
     let mut checks = vec![Check::at_most(
         "disparity measured less that by geometry, median and 95 % of the pixels, the worst, in pixels",
         rows.iter().map(off).fold(0.0, f64::max),
@@ -115,7 +115,7 @@ fn checks(rows: &[Row]) -> Vec<Check> {
     let methods: [fn(&Row) -> &Entry; 2] = [|row| &row.minres, |row| &row.gmres];
     for (which, of) in methods.iter().enumerate() {
         for row in rows {
-            if best(of(row)) > (AS_GOOD * best(of(&rows[0]))).max(SMALL) {
+            if of(row).least_answered() > (AS_GOOD * of(&rows[0]).least_answered()).max(SMALL) {
                 break;
             }
             still[which] = row.derived[1];
@@ -135,9 +135,9 @@ fn checks(rows: &[Row]) -> Vec<Check> {
             Check::stated(format!("{beside}: asymmetry that Lanczos reports, %"), percent(row.asymmetry)),
             Check::stated(
                 format!("{beside}: least residual within {PHOTOS} photos of MINRES, %"),
-                percent(best(&row.minres)),
+                percent(row.minres.least_answered()),
             ),
-            Check::stated(format!("{beside}: the same of GMRES, %"), percent(best(&row.gmres))),
+            Check::stated(format!("{beside}: the same of GMRES, %"), percent(row.gmres.least_answered())),
             Check::stated(
                 format!("{beside}: photos until MINRES ends, of {PHOTOS}"),
                 row.minres.answered.len() as f64,
@@ -236,12 +236,10 @@ fn of_codes(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
 
 /// The median and the 95th percentile; NaN of nothing.
 fn spread(lengths: impl IntoIterator<Item = f64>) -> [f64; 2] {
-    let mut sorted: Vec<f64> = lengths.into_iter().collect();
-    sorted.sort_by(f64::total_cmp);
-    [0.5, 0.95].map(|rank| {
-        let at = (sorted.len().saturating_sub(1) as f64 * rank).round() as usize;
-        sorted.get(at).copied().unwrap_or(f64::NAN)
-    })
+    let lengths: Vec<f64> = lengths.into_iter().collect();
+    let at =
+        |rank: f64| if lengths.is_empty() { f64::NAN } else { percentile(lengths.iter().copied(), rank) };
+    [0.5, 0.95].map(at)
 }
 
 /// The derived displacement of the last row, as a picture.
@@ -257,9 +255,11 @@ fn plots(rows: &[Row]) -> Vec<Plot> {
         name: name.into(),
         points: rows.iter().map(|row| (row.derived[1], of(row))).collect(),
     };
-    let best = |entry: &Entry| entry.answered.iter().copied().fold(f64::INFINITY, f64::min);
     let axis = "disparity of 95 % of the pixels, at most";
-    let residuals = vec![line("MINRES", &|row| best(&row.minres)), line("GMRES", &|row| best(&row.gmres))];
+    let residuals = vec![
+        line("MINRES", &|row| row.minres.least_answered()),
+        line("GMRES", &|row| row.gmres.least_answered()),
+    ];
     let measured = vec![line("measured", &|row| row.measured[1]), line("by geometry", &|row| row.derived[1])];
     vec![
         Plot::logarithmic(

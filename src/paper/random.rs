@@ -111,16 +111,15 @@ fn compensated(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>,
     let smooth = smooth_starts(stage.resolution, PHOTOS, SEED);
     let smooth = fitted(&stage, &mut photos, &target_light, &smooth)?;
     let points = |entry: &Entry| -> Vec<(f64, f64)> { line("", &entry.answered).points };
-    let best = |entry: &Entry| entry.answered.iter().copied().fold(f64::INFINITY, f64::min);
     let checks = vec![
         Check::at_most(
             format!("photos of MINRES to compensate as {PHOTOS} of random signs do, over {PHOTOS}"),
-            photos_to(&points(&minres), best(&signs)) / PHOTOS as f64,
+            photos_to(&points(&minres), signs.least_answered()) / PHOTOS as f64,
             SHARE,
         ),
         Check::at_most(
             format!("the same for random smooth patterns, over {PHOTOS}"),
-            photos_to(&points(&minres), best(&smooth)) / PHOTOS as f64,
+            photos_to(&points(&minres), smooth.least_answered()) / PHOTOS as f64,
             SHARE,
         ),
         Check::stated(

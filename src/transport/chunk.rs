@@ -81,10 +81,11 @@ pub(super) enum Terms<const C: usize> {
 }
 
 impl<const C: usize> Terms<C> {
-    /// Adds a term to those of a chunk that gets more rows.
+    /// Adds a term.
     pub(super) fn push(&mut self, term: Term<C>) {
-        if let Self::Short(terms) = self {
-            terms.push(term);
+        match self {
+            Self::Short(terms) => terms.push(term),
+            Self::Long(terms) => *self = Self::Short(terms.iter().copied().chain([term]).collect()),
         }
     }
 

@@ -1,5 +1,6 @@
 //! Disparity: the distance between the projector position that a camera pixel sees and the one that a common map predicts.
 
+use crate::image::percentile;
 use crate::measure::calibrate::{Decoded, Fit, LensMap, Match};
 
 /// Side of a cell in projector pixels: small enough to have one depth, large enough to average out the rounding of the codes.
@@ -136,16 +137,6 @@ fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     let scale = determinant.abs().sqrt().max(f64::MIN_POSITIVE);
     let by = scale / determinant;
     ([[d * by, -b * by], [-c * by, a * by]], scale)
-}
-
-/// The value below which the share `rank` of the values lies; 0 if there are none.
-pub(super) fn percentile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    let index = ((values.len() - 1) as f64 * rank).round() as usize;
-    *values.select_nth_unstable_by(index, f64::total_cmp).1
 }
 
 #[cfg(test)]

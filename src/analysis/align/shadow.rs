@@ -1,6 +1,6 @@
 //! The shadow image: what the camera sees but the projector does not light.
 
-use super::disparity::percentile;
+use crate::image::percentile;
 use crate::measure::calibrate::{Decoded, LensMap};
 
 /// A pixel with less than this share of the median direct light is not lit, …

@@ -116,12 +116,13 @@ pub trait Factorization {
     }
 }
 
-/// Makes the entry of largest magnitude positive.
-pub(in super::super) fn point_upwards(vector: &mut [f64]) {
+/// Makes the entry of largest magnitude positive. Returns whether that changed the signs.
+pub(in super::super) fn point_upwards(vector: &mut [f64]) -> bool {
     let largest = vector.iter().fold(0.0_f64, |a, &b| if b.abs() > a.abs() { b } else { a });
     if largest < 0.0 {
         for value in vector {
             *value = -*value;
         }
     }
+    largest < 0.0
 }

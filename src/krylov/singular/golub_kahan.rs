@@ -198,10 +198,8 @@ impl GolubKahan {
             basis.accumulate(0, s, 1.0, &mut sum);
             sum
         };
-        let (mut photo, before) = (combine(&self.left, &triplet.p), combine(&self.right, &triplet.q));
-        let mut pattern = before.clone();
-        point_upwards(&mut pattern);
-        if pattern != before {
+        let (mut photo, mut pattern) = (combine(&self.left, &triplet.p), combine(&self.right, &triplet.q));
+        if point_upwards(&mut pattern) {
             photo.iter_mut().for_each(|value| *value = -*value);
         }
         [photo, pattern]

@@ -17,7 +17,7 @@ use crate::lab::layout::{journal_folder, short_name};
 use crate::lab::notes::{Kind, SourceNote};
 use crate::lab::settings::{ChannelChoice, Settings};
 use crate::lab::{SharedObserver, Truth};
-use crate::measure::{Registration, RunManifest};
+use crate::measure::RunManifest;
 use crate::transport::Channels;
 pub(in crate::lab) use matrix::{ExplicitParts, MatrixSource};
 pub(in crate::lab) use model::{ModelParts, ModelSource};
@@ -151,13 +151,14 @@ impl Source {
         }
     }
 
-    /// Which camera pixels see which projector pixel, where that was measured.
-    pub(in crate::lab) fn registration(&self) -> Option<Registration> {
+    /// The blur, in pixels, that patterns and photos need ([`Registration::blur`](crate::measure::Registration::blur)); 0 where no rig was
+    /// calibrated.
+    pub(in crate::lab) fn blur(&self) -> f64 {
         match self {
-            Self::Rig(rig) => rig.is_calibrated.then(|| rig.calibration.registration.clone()),
+            Self::Rig(rig) if rig.is_calibrated => rig.calibration.registration.blur(),
             // What cannot be read is an error as soon as photos are asked for.
-            Self::Run(run) if run.note.kind == Kind::Rig => run.registration().ok(),
-            Self::Run(_) | Self::Scene(_) | Self::Model(_) | Self::Matrix(_) => None,
+            Self::Run(run) if run.note.kind == Kind::Rig => run.blur().unwrap_or(0.0),
+            Self::Rig(_) | Self::Run(_) | Self::Scene(_) | Self::Model(_) | Self::Matrix(_) => 0.0,
         }
     }
 

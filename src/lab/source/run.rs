@@ -13,7 +13,7 @@ use crate::lab::measured::{MeasuredRig, measured};
 use crate::lab::notes::product_name;
 use crate::lab::notes::{self, Kind, SourceNote};
 use crate::lab::{SharedObserver, Truth, journal};
-use crate::measure::{Calibration, JournaledFrames, Registration, RigFile, RunManifest};
+use crate::measure::{Calibration, JournaledFrames, RigFile, RunManifest};
 use crate::operator::Product;
 use crate::rig::Frame;
 use crate::transport::{Channels, JournaledOperator, Part};
@@ -67,9 +67,9 @@ impl RunSource {
         Ok(journal)
     }
 
-    /// Which camera pixels see which projector pixel, for the photos of a rig.
-    pub(in crate::lab) fn registration(&self) -> Result<Registration> {
-        Ok(Calibration::load(&calibration_folder(&self.folder))?.registration)
+    /// The blur, in pixels, that the patterns and photos of a rig need.
+    pub(in crate::lab) fn blur(&self) -> Result<f64> {
+        Ok(Calibration::load(&calibration_folder(&self.folder))?.registration.blur())
     }
 
     /// The rig of the run, whose photos come from the journal.

@@ -34,7 +34,8 @@ impl Lab {
         rig_check::faults(&rig.file, known, &mut *frames)
     }
 
-    /// Audits the source. The faults of a rig's devices are named beside the checks. An audit asks whether a photo taken twice is the same, so the laboratory must not keep photos in a journal.
+    /// Audits the source, and names the faults of a rig's devices beside the checks. An audit asks whether a photo taken twice is the same, so the
+    /// laboratory must not keep photos in a journal.
     ///
     /// # Errors
     /// [`crate::Error::Data`] for the folder of a run; as [`audit()`] and [`Lab::operator`].

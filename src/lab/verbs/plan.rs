@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use serde_json::{Value, json};
 
 use super::super::{Lab, SharedObserver};
-use crate::analysis::plan::{Cost, MethodTrial, Planner};
+use crate::analysis::plan::{CompensationPlan, Cost, MethodTrial, Planner};
 use crate::analysis::{CompensateOptions, SegmentOptions};
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -178,9 +178,12 @@ fn of_compensate(
         ),
     ];
     let costs = trials.iter().map(|trial| trial.cost).collect();
-    let ideal =
-        json!({ "relative_residual": ideal.optimum, "relative_residual_uncompensated": ideal.uncompensated });
-    Ok(Plan { costs, figures, ideal, trials: json!(trials) })
+    Ok(Plan { costs, figures, ideal: of_ideal(&ideal), trials: json!(trials) })
+}
+
+/// What ideal devices reach, and what the target itself as a pattern does.
+fn of_ideal(ideal: &CompensationPlan) -> Value {
+    json!({ "relative_residual": ideal.optimum, "relative_residual_uncompensated": ideal.uncompensated })
 }
 
 fn of_methods(
@@ -206,9 +209,7 @@ fn of_methods(
         figures.push((format!("{name}: residual at equal frames"), of(|method| method.at_equal_frames)));
     }
     let costs = trials.iter().map(|trial| trial.cost).collect();
-    let ideal =
-        json!({ "relative_residual": ideal.optimum, "relative_residual_uncompensated": ideal.uncompensated });
-    Ok(Plan { costs, figures, ideal, trials: json!(trials) })
+    Ok(Plan { costs, figures, ideal: of_ideal(&ideal), trials: json!(trials) })
 }
 
 fn of_eigs(

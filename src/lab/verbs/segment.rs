@@ -21,12 +21,13 @@ impl Lab {
         let request = &SegmentRequest { blur: Some(self.blur(request)), ..request.clone() };
         self.photos(|_| request.run_with_transpose(&mut operator, resolution))
     }
+
     /// The blur of patterns and photos: what is asked for, or what the rig needs.
     fn blur(&self, request: &SegmentRequest) -> f64 {
         if let Some(blur) = request.blur {
             return blur;
         }
-        let blur = self.source.registration().map_or(0.0, |registration| registration.blur());
+        let blur = self.source.blur();
         if blur > 0.0 {
             self.observer.note(format_args!(
                 "note: the camera has fewer than two pixels along a side for each of the projector's, so patterns and photos are blurred by \

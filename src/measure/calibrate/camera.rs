@@ -8,9 +8,10 @@ use super::measured_value::MeasuredValue;
 use super::report::CameraFigures;
 use super::response::response;
 use super::saturation::{limit, plateau};
-use super::session::{CalibrationSession, percentile};
+use super::session::CalibrationSession;
 use super::transfer::transfer;
 use crate::error::{Error, Result};
+use crate::image::percentile;
 use crate::rig::{Frame, RawFrame};
 
 /// The number of exposures in the series. They descend from that of white by factors of √2.

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::session::{CalibrationSession, percentile};
+use super::session::CalibrationSession;
 use crate::error::{Error, Result};
+use crate::image::percentile;
 use crate::rig::Frame;
 
 /// The share of the range that the bright pixels should reach.

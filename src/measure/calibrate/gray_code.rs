@@ -9,7 +9,7 @@
 use super::camera_model::CameraModel;
 use super::session::{CalibrationSession, Mean};
 use crate::error::Result;
-use crate::image::Resolution;
+use crate::image::{Resolution, percentile};
 
 /// A bit is decided when the difference of pattern and inverse is at least this share of the direct light ...
 const DECIDED: f64 = 0.25;
@@ -190,7 +190,7 @@ fn lit(difference: &[f64], noise: impl Fn(usize) -> f64) -> Vec<bool> {
         .filter(|&pixel| difference[pixel] > SIGMAS * noise(pixel))
         .map(|pixel| difference[pixel])
         .collect();
-    let median = super::session::percentile(above, 0.5);
+    let median = percentile(above, 0.5);
     (0..difference.len()).map(|pixel| difference[pixel] > (SIGMAS * noise(pixel)).max(LIT * median)).collect()
 }
 

@@ -9,9 +9,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::displacement::{Displacement, displacement};
-use super::session::{CalibrationSession, percentile};
+use super::session::CalibrationSession;
 use crate::error::Result;
-use crate::image::Resolution;
+use crate::image::{Resolution, percentile};
 use crate::measure::{Calibration, FrameSource};
 use crate::rig::Frame;
 

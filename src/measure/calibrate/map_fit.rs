@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
-use crate::image::Resolution;
+use crate::image::{Resolution, percentile};
 use crate::measure::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};
 
 /// The number of quadruples that RANSAC tries.
@@ -61,7 +61,7 @@ pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
         parameters = refine(&points, parameters, 3.0 * scale)?;
         let inside = distances(&points, &parameters).into_iter().filter(|&distance| distance < 4.0 * scale);
         // The median of the distances of a two-dimensional Gaussian is 1.18 σ.
-        let median = super::session::percentile(inside, 0.5) / 1.18;
+        let median = percentile(inside, 0.5) / 1.18;
         scale = median.max(1e-9 / unit);
     }
     let limit = 4.0 * scale;

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::session::{CalibrationSession, percentile};
+use super::session::CalibrationSession;
 use crate::error::Result;
+use crate::image::percentile;
 use crate::rig::Frame;
 
 /// The count that overexposed samples reach.

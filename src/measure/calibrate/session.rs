@@ -146,13 +146,3 @@ impl<'a> CalibrationSession<'a> {
         wanted.clamp(shortest, longest)
     }
 }
-
-/// The value at this quantile of `values`, from 0 to 1; 0 when there are none.
-pub(super) fn percentile(values: impl IntoIterator<Item = f64>, quantile: f64) -> f64 {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    let index = ((values.len() - 1) as f64 * quantile).round() as usize;
-    *values.select_nth_unstable_by(index, f64::total_cmp).1
-}

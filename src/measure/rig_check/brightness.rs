@@ -1,10 +1,11 @@
 //! The check of the projector's brightness: whether it follows the frame (automatic iris), whether all levels are shown (limited-range
 //! video), and whether light reaches the camera without the scene (stray light).
 
-use super::probe::{Probe, average, binned, quantile};
+use super::probe::{Probe, average, binned};
 use super::thresholds::{CLIPPED, IRIS, IRIS_UNCALIBRATED, STRAY};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
+use crate::image::percentile;
 
 /// Levels by which limited-range video is recognized, as shares of the highest.
 const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
@@ -102,8 +103,8 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     let least =
         |block: usize| quadrants.iter().map(|light| 4.0 * light[block] / unit).fold(f64::MAX, f64::min);
     let floor: Vec<f64> = (0..white.len()).map(least).collect();
-    let share = quantile(&floor, 0.02).max(0.0);
-    let limit = quantile(&floor, 0.25);
+    let share = percentile(floor.iter().copied(), 0.02).max(0.0);
+    let limit = percentile(floor.iter().copied(), 0.25);
     let points: Vec<[f64; 2]> = white
         .iter()
         .zip(&floor)

@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::probe::{Probe, binned, quantile};
+use super::probe::{Probe, binned};
 use super::thresholds::GHOST;
 use super::{Finding, Grade};
 use crate::error::Result;
-use crate::image::Resolution;
+use crate::image::{Resolution, percentile};
 
 /// The distance of the dots in projector pixels, and their side. All dots have the same second image beside them, while light of the
 /// scene differs from dot to dot.
@@ -55,7 +55,7 @@ pub(super) fn ghost(probe: &mut Probe<'_>) -> Result<Finding> {
 /// The strongest second image of a photo of dots: its share, and its displacement in projector pixels, of which the sign is not known.
 /// `ratio` is the number of the photo's pixels for each of the projector's.
 fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
-    let background = quantile(light, 0.5);
+    let background = percentile(light.iter().copied(), 0.5);
     let light: Vec<f64> = light.iter().map(|value| value - background).collect();
     let reach = (DOTS[0] as f64 / 2.0 * ratio).ceil() as i64;
     let side = 2 * reach + 1;
@@ -85,7 +85,7 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
             let value = at(lag);
             value <= LARGEST && ring(lag, 0.0, 1.5).iter().all(|&other| other <= value)
         })
-        .map(|lag| (at(lag) - quantile(&ring(lag, 2.0, 3.5), 0.5), lag))
+        .map(|lag| (at(lag) - percentile(ring(lag, 2.0, 3.5), 0.5), lag))
         .collect();
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let &(share, [x, y]) = peaks.first()?;

@@ -146,13 +146,6 @@ pub(super) fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The value at this quantile, from 0 to 1, of values that are not empty.
-pub(super) fn quantile(values: &[f64], quantile: f64) -> f64 {
-    let mut values = values.to_vec();
-    let index = ((values.len() - 1) as f64 * quantile).round() as usize;
-    *values.select_nth_unstable_by(index, f64::total_cmp).1
-}
-
 /// A picture whose pixels are the means over squares of `side` pixels, and its resolution. What is left over at the right and at the
 /// bottom is dropped.
 pub(super) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>, Resolution) {
@@ -168,6 +161,7 @@ pub(super) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::percentile;
 
     #[test]
     fn squares_are_averaged_and_what_is_left_over_is_dropped() {
@@ -183,6 +177,6 @@ mod tests {
     fn averages_and_quantiles_are_those_of_the_sorted_values() {
         assert_eq!((average(&[1.0, 2.0, 6.0]), average(&[])), (3.0, 0.0));
         let values = [5.0, 1.0, 4.0, 2.0, 3.0];
-        assert_eq!([0.0, 0.25, 0.5, 0.7, 1.0].map(|at| quantile(&values, at)), [1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!([0.0, 0.25, 0.5, 0.7, 1.0].map(|at| percentile(values, at)), [1.0, 2.0, 3.0, 4.0, 5.0]);
     }
 }

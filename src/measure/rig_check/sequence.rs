@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
+use crate::image;
 use crate::measure::{CaptureRequest, Effort, FrameSource};
 use crate::rig::{Frame, RawFrame};
 
@@ -64,7 +65,5 @@ pub(super) fn mean(frame: &RawFrame) -> f64 {
 
 /// The count at this quantile of a frame, from 0 to 1.
 pub(super) fn percentile(frame: &RawFrame, quantile: f64) -> f64 {
-    let mut counts = frame.counts.clone();
-    let index = ((counts.len() - 1) as f64 * quantile).round() as usize;
-    f64::from(*counts.select_nth_unstable(index).1)
+    image::percentile(frame.counts.iter().map(|&count| f64::from(count)), quantile)
 }

@@ -122,10 +122,11 @@ pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
     (0..rows).step_by(group).map(|first| first..rows.min(first + group)).collect()
 }
 
-/// Entries of some rows that come before those of the pieces, up to a column.
+/// What one process contributes to some rows: entries that are copied from its finished rows. In each row they come first, and then the entries of
+/// the pieces in the columns of this process.
 pub(in crate::transport) struct Before {
     pub(in crate::transport) fragments: Vec<Fragment>,
-    /// The entries of the pieces that come next are in the columns before this one.
+    /// The column after the last one of this process.
     pub(in crate::transport) columns_before: usize,
 }
 
