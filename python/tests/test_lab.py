@@ -167,17 +167,13 @@ def test_matrices_of_any_form_are_sources(tmp_path, rectangular):
 
 
 def test_nothing_is_loaded_before_it_is_needed():
-    out = in_another_process("""
-import sys, time
-start = time.perf_counter()
+    in_another_process("""
+import sys
 import krylux
-seconds = time.perf_counter() - start
 assert 'scipy' not in sys.modules
 maps = open('/proc/self/maps').read()
 assert 'vulkan' not in maps and 'lvp' not in maps
-print(seconds)
 """)
-    assert float(out) < 0.3
 
 
 def test_matrices_and_runs_need_no_vulkan(zigzag, tmp_path):
