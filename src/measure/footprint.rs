@@ -36,10 +36,7 @@ fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
     let mut rows: Vec<Vec<Entry>> = vec![Vec::new(); map.projector.pixels()];
     let mut areas = vec![0.0; map.camera.pixels()];
     for (pixel, _) in lit.iter().enumerate().filter(|(_, lit)| **lit) {
-        let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
-        let corners: Vec<[f64; 2]> = [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]]
-            .map(|corner| map.to_projector(corner))
-            .to_vec();
+        let corners = corners(map, pixel);
         areas[pixel] = area(&corners);
         let span = |axis: usize, size: usize| {
             let along = corners.iter().map(|corner| corner[axis]);
@@ -59,6 +56,12 @@ fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
     (areas, rows)
 }
 
+/// The corners of a camera pixel in the projector's raster, in order around it.
+pub(super) fn corners(map: &LensMap, pixel: usize) -> [[f64; 2]; 4] {
+    let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
+    [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]].map(|corner| map.to_projector(corner))
+}
+
 impl Registration {
     /// The pixel map with these rows: camera pixels and their weights.
     pub(super) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<Entry>>) -> Self {
@@ -74,7 +77,7 @@ impl Registration {
 
 /// The area of the intersection of a convex polygon with the unit square whose top left corner is `at`
 /// (Sutherland and Hodgman).
-fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
+pub(super) fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
     let mut points = polygon.to_vec();
     for (axis, bound, sign) in
         [(0, at[0], 1.0), (0, at[0] + 1.0, -1.0), (1, at[1], 1.0), (1, at[1] + 1.0, -1.0)]
@@ -97,7 +100,7 @@ fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
 }
 
 /// The area of a polygon.
-fn area(points: &[[f64; 2]]) -> f64 {
+pub(super) fn area(points: &[[f64; 2]]) -> f64 {
     let twice: f64 = (0..points.len())
         .map(|index| {
             let (a, b) = (points[index], points[(index + 1) % points.len()]);

@@ -63,11 +63,20 @@ impl LensMap {
         None
     }
 
-    fn parameters(&self) -> [f64; PARAMETERS] {
+    /// The homography and the distortion, as [`evaluate`] takes them.
+    pub(in crate::measure) fn parameters(&self) -> [f64; PARAMETERS] {
         let mut parameters = [0.0; PARAMETERS];
         parameters[..8].copy_from_slice(&self.homography);
         parameters[8..].copy_from_slice(&self.distortion);
         parameters
+    }
+
+    /// The map whose parameters are larger by `step`.
+    pub(in crate::measure) fn moved(&self, step: &[f64]) -> Self {
+        let mut moved = self.clone();
+        let parameters = moved.homography.iter_mut().chain(&mut moved.distortion);
+        parameters.zip(step).for_each(|(parameter, step)| *parameter += step);
+        moved
     }
 }
 

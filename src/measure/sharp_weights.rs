@@ -15,9 +15,9 @@
 use super::rows::{Entry, Rows};
 use crate::image::Resolution;
 
-/// `λ`, the weight of noise. More of it makes use of more camera pixels, and lets more of the neighbours' light in. At this value the
-/// realistic rig's photo is hardly noisier than at ten times as much, and its direct light of the corner is a third nearer to the truth.
-const NOISE: f64 = 0.002;
+/// `λ`, the weight of noise. More of it makes use of more camera pixels, and lets more of the neighbours' light in. Through the realistic rig
+/// photos of a checkerboard are 0.42 % off at 0.002, 0.26 % at this value, and 0.23 % at 0.00002; their noise is 0.43, 0.46 and 0.48 %.
+const NOISE: f64 = 0.0002;
 
 /// So many camera pixels that overlap a projector pixel are enough: some lie inside it.
 const ENOUGH: usize = 9;

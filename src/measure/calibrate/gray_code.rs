@@ -15,7 +15,7 @@ use crate::image::{Resolution, percentile};
 const DECIDED: f64 = 0.25;
 
 /// ... and at least this many standard deviations of its noise.
-const SIGMAS: f64 = 5.0;
+pub(super) const SIGMAS: f64 = 5.0;
 
 /// A camera pixel is lit when it has at least this share of the median light of all pixels that stand out
 /// from the noise.
@@ -58,6 +58,19 @@ pub struct Decoded {
     pub noise: Vec<f64>,
     /// Which camera pixels are saturated under white.
     pub saturated: Vec<bool>,
+    /// The photos of the two finest kinds of stripes along each axis.
+    pub stripes: Vec<Stripes>,
+}
+
+/// The photo of stripes, less that of the inverse stripes.
+#[derive(Clone, Debug)]
+pub struct Stripes {
+    /// The axis along which the stripes alternate: 0 for columns, 1 for rows.
+    pub axis: usize,
+    /// The bit of the Gray code that they show.
+    pub bit: u32,
+    /// The difference of the two photos, one value per camera pixel.
+    pub difference: Vec<f64>,
 }
 
 /// Bit `shift` of the Gray code of `index`.
@@ -155,7 +168,12 @@ pub(super) fn gray_code(
     }
     let count = lit.iter().filter(|&&lit| lit).count();
     let unreliable = if count == 0 { 1.0 } else { 1.0 - seen.len() as f64 / count as f64 };
-    Ok(Decoded { seen, between, lit, unreliable, step, white: difference, black, direct, noise, saturated })
+    let finest = |(axis, planes): (usize, Vec<(u32, Vec<f64>)>)| {
+        planes.into_iter().take(2).map(move |(bit, difference)| Stripes { axis, bit, difference })
+    };
+    let stripes = axes.into_iter().enumerate().flat_map(finest).collect();
+    let white = difference;
+    Ok(Decoded { seen, between, lit, unreliable, step, white, black, direct, noise, saturated, stripes })
 }
 
 /// The photo of a pattern: linear DN of each camera pixel, summed over its channels.

@@ -126,7 +126,7 @@ fn first(points: &[Point], within: f64) -> Option<[f64; PARAMETERS]> {
 }
 
 /// Tukey's biweight.
-fn weight(distance: f64, limit: f64) -> f64 {
+pub(super) fn weight(distance: f64, limit: f64) -> f64 {
     (1.0 - (distance / limit).powi(2)).max(0.0).powi(2)
 }
 
@@ -192,7 +192,7 @@ fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms
 }
 
 /// The product of a square matrix with a vector.
-fn times(matrix: &[f64], vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
+pub(super) fn times(matrix: &[f64], vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
     let mut product = [0.0; PARAMETERS];
     for (value, row) in product.iter_mut().zip(matrix.chunks_exact(PARAMETERS)) {
         *value = row.iter().zip(vector).map(|(a, x)| a * x).sum();
@@ -200,7 +200,7 @@ fn times(matrix: &[f64], vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
     product
 }
 
-fn dot(a: &[f64; PARAMETERS], b: &[f64; PARAMETERS]) -> f64 {
+pub(super) fn dot(a: &[f64; PARAMETERS], b: &[f64; PARAMETERS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 

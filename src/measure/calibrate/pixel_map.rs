@@ -6,6 +6,7 @@ use super::gray_code::{Decoded, gray_code};
 use super::map_fit::{self, Fit};
 use super::report::{MapBy, MapFigures};
 use super::session::CalibrationSession;
+use super::stripe_fit::refined;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::measure::Registration;
@@ -68,6 +69,7 @@ pub(super) fn pixel_map(
     let outliers = |fit: &Fit| fit.outliers;
     match fit {
         Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
+            let fit = refined(&fit, &decoded).unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);
             let lost = match by {
                 MapBy::GrayCode => decoded.unreliable + (1.0 - decoded.unreliable) * outliers(&fit),
@@ -173,6 +175,7 @@ mod tests {
             direct: vec![1.0; 8],
             noise: vec![0.0; 8],
             saturated: vec![false; 8],
+            stripes: Vec::new(),
         };
         let map = by_decoding(&decoded, camera, projector);
         let rows: Vec<Vec<(usize, f64)>> = (0..6).map(|pixel| map.row(pixel).collect()).collect();
