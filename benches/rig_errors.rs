@@ -61,9 +61,9 @@ fn main() -> Outcome<()> {
     let variant_names = VARIANTS.map(|variant| variant.0);
     println!("{SIDE}x{SIDE} pixels; relative errors, with the standard errors that are stated in brackets\n");
     println!(
-        "| scene | variant | seed | white | direct light | global light | global product | Rand index, regions | frames | residual 12 photos, optimum | MINRES, GMRES, 8 photos | at the frames of the 12 photos: MINRES, GMRES |"
+        "| scene | variant | seed | white | direct light | global light | global product | the same two from other pixels | Rand index, regions | frames | residual 12 photos, optimum | MINRES, GMRES, 8 photos | at the frames of the 12 photos: MINRES, GMRES |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (scene, built) in scenes {
         if !asked(&scene_names, scene) {
             continue;
@@ -105,6 +105,16 @@ impl Pair<'_> {
         Ok([misfit(&found, self.unit, &truth), stated / self.unit / norm(&truth)])
     }
 
+    /// The relative error of a global product against the light that reaches other pixels than it left. What returns to its pixel by way of
+    /// other surfaces is direct light to every pattern: both are on the diagonal, which is `own`.
+    fn to_others(&mut self, own: &[f64], x: &[f64]) -> Outcome<f64> {
+        let (found, _) = product(&mut self.rig, Part::Global, x)?;
+        let (all, _) = product(self.exact, Part::Full, x)?;
+        let truth: Vec<f64> =
+            all.iter().zip(own.iter().zip(x)).map(|(all, (own, x))| all - own * x).collect();
+        Ok(misfit(&found, self.unit, &truth))
+    }
+
     /// The relative residual of a pattern by the true matrix.
     fn residual(&mut self, pattern: &[f64], wanted: &[f64]) -> Outcome<f64> {
         Ok(misfit(&product(self.exact, Part::Full, pattern)?.0, 1.0, wanted))
@@ -114,6 +124,8 @@ impl Pair<'_> {
 /// The figures of one row.
 struct Row {
     products: [[f64; 2]; 4],
+    /// The errors of global white and of the global product against the light that reaches other pixels.
+    others: [f64; 2],
     rand_index: f64,
     regions: usize,
     frames: u64,
@@ -140,9 +152,11 @@ impl Row {
             pair.product(Part::Global, &white)?,
             pair.product(Part::Global, &wave)?,
         ];
+        let own = diagonal(pair.exact)?;
+        let others = [pair.to_others(&own, &white)?, pair.to_others(&own, &wave)?];
         let (rand_index, regions, frames) = segmented(&mut pair)?;
         let (boxed, solvers, at_frames) = compensated(&mut pair, &truth, &seen)?;
-        Ok(Self { products, rand_index, regions, frames, boxed, solvers, at_frames })
+        Ok(Self { products, others, rand_index, regions, frames, boxed, solvers, at_frames })
     }
 }
 
@@ -151,6 +165,7 @@ impl std::fmt::Display for Row {
         for [error, stated] in self.products {
             write!(formatter, "{error:.4} ({stated:.4}) | ")?;
         }
+        write!(formatter, "{:.4}, {:.4} | ", self.others[0], self.others[1])?;
         let [[reached, optimum], [minres, gmres]] = [self.boxed, self.solvers];
         let (budget, [few_minres, few_gmres]) = self.at_frames;
         write!(
@@ -159,6 +174,20 @@ impl std::fmt::Display for Row {
             self.rand_index, self.regions, self.frames
         )
     }
+}
+
+/// The diagonal of the true transport matrix.
+fn diagonal(exact: &mut Lab) -> Outcome<Vec<f64>> {
+    let mut full = exact.reference_operators(Part::Full)?.swap_remove(0);
+    let (mut x, mut y) = (vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
+    let mut found = Vec::new();
+    for pixel in 0..x.len() {
+        x[pixel] = 1.0;
+        full.apply(&x, &mut y)?;
+        found.push(y[pixel]);
+        x[pixel] = 0.0;
+    }
+    Ok(found)
 }
 
 /// The adjusted Rand index of the default segmentation by 40 photos, the number of regions, and the frames taken.

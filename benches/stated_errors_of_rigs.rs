@@ -9,7 +9,7 @@ use krylux::image::{Image, Resolution};
 use krylux::krylov::{EigsOptions, eigs};
 use krylux::lab::Lab;
 use krylux::measure::RigFile;
-use krylux::operator::Operator;
+use krylux::operator::{Closure, Operator, Symmetry};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::Part;
 
@@ -185,6 +185,10 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
     let checked = product(exact, Part::Full, &checkers()?.plane(0))?;
     let (direct, global) = (product(exact, Part::Direct, &white)?, product(exact, Part::Global, &white)?);
     let [of_all, of_global] = [pairs(exact, Part::Full, 200)?, pairs(exact, Part::Global, 200)?];
+    // No pattern tells direct light from light that returns to the pixel it left by way of other surfaces: both are the matrix's diagonal.
+    let own = diagonal(exact)?;
+    let other: Vec<f64> = photo.iter().zip(&own).map(|(photo, own)| photo - own).collect();
+    let of_others = eigenvalues_without(exact, &own)?;
     let named = |name, values| Stated { name, values, errors: Vec::new() };
     Ok(vec![
         named("pixels of white photos", photo),
@@ -192,10 +196,41 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
         named("the same without the two outermost pixels", inside(&checked)),
         named("the largest eigenvalues of all light", of_all.values),
         named("the largest eigenvalues of global light", of_global.values),
+        named("the same, to other pixels", of_others),
         named("relit checkerboard, all pixels as one", checked),
         named("direct light, pixels", direct),
         named("global light, pixels", global),
+        named("direct light, and what returns to its pixel", own),
+        named("global light from other pixels", other),
     ])
+}
+
+/// The diagonal of the transport matrix.
+fn diagonal(exact: &mut Lab) -> Outcome<Vec<f64>> {
+    let mut full = exact.reference_operators(Part::Full)?.swap_remove(0);
+    let (mut x, mut y) = (vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
+    let mut found = Vec::new();
+    for pixel in 0..x.len() {
+        x[pixel] = 1.0;
+        full.apply(&x, &mut y)?;
+        found.push(y[pixel]);
+        x[pixel] = 0.0;
+    }
+    Ok(found)
+}
+
+/// The largest eigenvalues of the transport matrix without its diagonal.
+fn eigenvalues_without(exact: &mut Lab, diagonal: &[f64]) -> Outcome<Vec<f64>> {
+    let n = diagonal.len();
+    let mut full = exact.reference_operators(Part::Full)?.swap_remove(0);
+    let mut rest = Closure::new(n, n, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
+        full.apply(x, y)?;
+        y.iter_mut().zip(diagonal.iter().zip(x)).for_each(|(y, (own, x))| *y -= own * x);
+        Ok(())
+    });
+    let options =
+        EigsOptions { count: EIGENVALUES, products: 200, tolerance: 1e-6, ..EigsOptions::default() };
+    Ok(eigs(&mut rest, &options)?.values)
 }
 
 fn pairs(lab: &mut Lab, part: Part, products: usize) -> Outcome<krylux::krylov::Eigs> {
@@ -227,6 +262,7 @@ fn answers(rig: &mut Lab, exact: &mut Lab) -> Outcome<Vec<Stated>> {
             errors: scaled(eigenvalues.standard_errors),
         });
     }
+    found.extend(found.last().cloned());
     let pattern = checkers()?.plane(0);
     let mut full = rig.reference_operators(Part::Full)?.swap_remove(0);
     let model = capture(&mut full, &[], &LowRankCapture { photos: PHOTOS, ..LowRankCapture::default() })?;
@@ -243,6 +279,6 @@ fn answers(rig: &mut Lab, exact: &mut Lab) -> Outcome<Vec<Stated>> {
         [(parts.direct, parts.standard_error), (parts.global, parts.global_error)].map(|(values, errors)| {
             Stated { name: "separated", values: scaled(values), errors: scaled(errors.unwrap_or_default()) }
         });
-    found.extend([direct, global]);
+    found.extend([direct.clone(), global.clone(), direct, global]);
     Ok(found)
 }

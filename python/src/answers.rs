@@ -96,10 +96,7 @@ impl Answer {
             // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
             Kept::Compensate(request, answer) if request.colors.is_none() => {
                 let found = lab.verify_compensation(&answer.found)?;
-                found.map(|(verification, residual)| Checked {
-                    residual: Some(residual),
-                    ..whole(verification)
-                })
+                found.map(|found| Checked { residual: Some(found.residual), ..whole(found.verification) })
             }
             Kept::Relight(found) => lab.verify_relighting(found)?.map(whole),
             Kept::Separate(found) => lab.verify_separation(found)?.map(whole),

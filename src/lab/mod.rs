@@ -76,7 +76,7 @@ pub use verbs::{
     BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
     PlanRequest, Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto, TracedShard, join_shards,
 };
-pub use verification::VerifiedEigenpairs;
+pub use verification::{VerifiedCompensation, VerifiedEigenpairs};
 
 pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};

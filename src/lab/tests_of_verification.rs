@@ -1,12 +1,12 @@
 //! Answers are checked with light that they were not computed from.
 
-use crate::analysis::SegmentOptions;
 use crate::analysis::segment::{Cut, SegmentRequest};
+use crate::analysis::{CompensateOptions, SegmentOptions};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::manifest::Independent;
 use crate::krylov::EigsOptions;
-use crate::lab::{Lab, Questions, RelightRequest, RunOptions, SeparateRequest};
+use crate::lab::{CompensateRequest, Lab, Questions, RelightRequest, RunOptions, SeparateRequest};
 use crate::measure::RigFile;
 use crate::scene::builtin;
 use crate::transport::Part;
@@ -118,5 +118,45 @@ fn a_separation_predicts_a_checkerboard_that_it_did_not_see() -> Result<()> {
     found.direct[0].iter_mut().for_each(|value| *value *= 1.3);
     let wrong = lab.verify_separation(&found)?.map_or(0.0, |wrong| wrong.error);
     assert!(wrong > 0.15, "{wrong}");
+    Ok(())
+}
+
+/// The deviations of a compensated photo from that of `exact`, in stated standard errors, root mean square.
+fn deviation(lab: &mut Lab, exact: &mut Lab) -> Result<f64> {
+    let white = Image::filled(lab.projector_resolution(), 1, 1.0);
+    let target = Image::filled(lab.resolution(), 1, 0.3);
+    let options = CompensateOptions { photos: 6, ..CompensateOptions::default() };
+    let request = CompensateRequest { target, options, colors: None, compare_methods: false };
+    let answer = lab.compensate(&request)?;
+    let Some(checked) = lab.verify_compensation(&answer.found)? else { unreachable!("there is other light") };
+    // The units of a rig and of the scene differ by a factor.
+    let [seen, known] =
+        [&mut *lab, &mut *exact].map(|lab| lab.single_photo(&white).map(|photo| photo.photo.plane(0)));
+    let unit = seen?.iter().sum::<f64>() / known?.iter().sum::<f64>();
+    let truth = exact.single_photo(&answer.found.pattern)?.photo.plane(0);
+    let (photo, errors) = (checked.photo.plane(0), checked.standard_error.plane(0));
+    let ambient = lab.ambient()?.plane(0);
+    let z = |at: usize| (photo[at] - ambient[at] - unit * truth[at]) / errors[at];
+    let squares: Vec<f64> = (0..photo.len()).filter(|&at| errors[at] > 0.0).map(|at| z(at).powi(2)).collect();
+    Ok((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
+#[test]
+fn a_compensated_photo_states_the_error_of_each_pixel() -> Result<()> {
+    let scene = || Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24);
+    let mut exact = scene().samples(4096).seed(11).open()?;
+    let of_scene = deviation(&mut zigzag()?, &mut exact)?;
+    // Errors of single pixels are pooled from one draw each, so that their mean square is off by some percent.
+    assert!((0.8..1.3).contains(&of_scene), "{of_scene}");
+    let mut behind = scene().samples(64).seed(7).open()?;
+    let text =
+        include_str!("../../assets/rigs/realistic.toml").replace("size = [160, 160]", "size = [60, 60]");
+    let file = RigFile::from_bytes("assets/rigs/realistic.toml".as_ref(), text.as_bytes())?;
+    let mut rig = behind.through_rig(file)?;
+    rig.calibrate(&Default::default())?;
+    rig.measure_flat_field()?;
+    let of_rig = deviation(&mut rig, &mut behind)?;
+    // Noise, and what the calibration leaves: over many repeats 1.1 to 1.2.
+    assert!((0.8..1.4).contains(&of_rig), "{of_rig}");
     Ok(())
 }

@@ -141,6 +141,7 @@ mod tests {
             condition: 1.0,
             rounding: 0.0,
             noise: 0.0,
+            asymmetric: 0.0,
             coefficients: Vec::new(),
             imaginary_coefficients: Vec::new(),
         }

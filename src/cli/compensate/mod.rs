@@ -166,14 +166,19 @@ fn conclude(args: &Args, answer: &Compensated<'_>, lab: &mut Lab, console: &Cons
     // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
     let is_checked = args.check.is_on() && args.colors.crosstalk.is_none();
     let verified = if is_checked { lab.verify_compensation(answer.found)? } else { None };
-    if let Some((_, residual)) = &verified {
-        console.say(format_args!("          {residual:.4} of the target by independent light"))?;
+    if let Some(verified) = &verified {
+        console.say(format_args!("          {:.4} of the target by independent light", verified.residual))?;
     }
+    let checked = verified.as_ref().map(|verified| (&verified.photo, &verified.standard_error));
+    let answer = &Compensated { checked, ..*answer };
     if let Some(run) = lab.run() {
         console.say(format_args!("project   {}", run.path.join("compensation.npy").display()))?;
     }
     let mut summary = summary(answer);
-    merge(&mut summary, json!({ "residual_by_independent_light": verified.map(|(_, residual)| residual) }));
+    merge(
+        &mut summary,
+        json!({ "residual_by_independent_light": verified.as_ref().map(|verified| verified.residual) }),
+    );
     let ending = Ending { run: &args.run, is_good: answer.found.good, summary, kept: Kept::default() };
     Ok(finish(lab, console, answer, ending)?.1)
 }

@@ -80,7 +80,8 @@ pub struct Eigs {
     pub imaginary_vectors: Vec<Vec<f64>>,
     /// `‖A y − θ y‖` of each pair, from the products taken.
     pub residuals: Vec<f64>,
-    /// The standard error of each value due to the noise of the products, that of the options or stated by the operator:
+    /// The standard error of each value due to the noise of the products, that of the options or stated by the operator, and due to
+    /// systematic errors as far as the products' departure from symmetry shows them:
     /// [`RitzPair::standard_error`](super::super::RitzPair::standard_error). 0 where none is known.
     pub standard_errors: Vec<f64>,
     /// A bound on the distance of each value to an eigenvalue:

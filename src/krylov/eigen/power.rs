@@ -89,6 +89,7 @@ fn pair([value, residual, noise]: [f64; 3], scale: f64, n: usize, symmetry: Symm
         condition: if symmetry == Symmetry::Symmetric { 1.0 } else { f64::INFINITY },
         rounding: f64::EPSILON * scale * (10.0 + (n as f64).sqrt()),
         noise,
+        asymmetric: 0.0,
         coefficients: vec![1.0],
         imaginary_coefficients: Vec::new(),
     }

@@ -47,6 +47,24 @@ impl Expansion {
     }
 }
 
+impl Expansion {
+    /// The part of `‖(H − T) s‖` that independent errors of the products do not explain; 0 where none are stated.
+    ///
+    /// Errors of norm `e_i` and `e_j`, which are spread evenly over `n` entries, make the difference of `H_ij` and `H_ji` have the variance
+    /// `(e_i² + e_j²)/n`, and each differs from their mean by half of it.
+    pub(super) fn beyond_errors(&self, asymmetric: f64, s: &[f64]) -> f64 {
+        let squares: Vec<f64> = self.errors.iter().map(|error| error * error).collect();
+        let all: f64 = squares.iter().sum();
+        if all == 0.0 {
+            return 0.0;
+        }
+        let (m, n) = (squares.len() as f64, self.n() as f64);
+        let of_column = |(square, s): (&f64, &f64)| s * s * (all + (m - 2.0) * square) / (4.0 * n);
+        let explained: f64 = squares.iter().zip(s).map(of_column).sum();
+        (asymmetric * asymmetric - explained).max(0.0).sqrt()
+    }
+}
+
 /// The components of `A V s − V T s`.
 pub(super) struct Outside {
     /// Along `Q`: zero to rounding where the known vectors are eigenvectors of a symmetric `A`.

@@ -28,12 +28,14 @@ pub struct Compensated<'a> {
     pub model: Option<(&'a str, &'a str)>,
     /// Whether photos were taken for it.
     pub has_photos: bool,
+    /// The photo of the compensation by independent light, and the standard errors of its samples.
+    pub checked: Option<(&'a Image, &'a Image)>,
 }
 
 impl<'a> Compensated<'a> {
     /// A compensation from photos of the laboratory's source.
     pub fn new(found: &'a Compensation, options: &'a CompensateOptions) -> Self {
-        Self { found, options, methods: &[], model: None, has_photos: true }
+        Self { found, options, methods: &[], model: None, has_photos: true, checked: None }
     }
 
     /// Writes arrays, pictures, `residuals.csv` and `report.html` into the run's folder and returns their names.
@@ -55,6 +57,10 @@ impl<'a> Compensated<'a> {
         images.extend(found.unclipped.as_ref().map(|image| ("unclipped", image)));
         for (name, image) in images {
             files.image(name, image)?;
+        }
+        if let Some((photo, errors)) = self.checked {
+            files.image("observed-by-independent-light", photo)?;
+            files.image("standard-error", errors)?;
         }
         let pictures = self.pictures(run.unit)?;
         for (name, figure) in &pictures {
@@ -154,6 +160,14 @@ impl<'a> Compensated<'a> {
         ];
         let lift = self.options.lift;
         more.extend((lift > 0.0).then(|| ("Target moved to", format!("[{lift}, 1]"))));
+        more.extend(self.checked.map(|(photo, errors)| {
+            let size =
+                |image: &Image| image.samples().iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+            (
+                "Standard error of the photo",
+                format!("{:.2} %", 100.0 * size(errors) / size(photo).max(f64::MIN_POSITIVE)),
+            )
+        }));
         let mut sections = vec![Section {
             title: "Seen and projected".into(),
             text: "Photos are developed alike. Errors are of all channels together.".into(),

@@ -59,6 +59,7 @@ pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> R
                 condition: if condition.is_finite() { condition.max(1.0) } else { f64::INFINITY },
                 rounding,
                 noise: state.noise(&coefficients, &imaginary_coefficients),
+                asymmetric: 0.0,
                 coefficients,
                 imaginary_coefficients,
             }

@@ -86,6 +86,9 @@ pub struct RitzPair {
     /// The standard error `‖E s‖` of `A y` from the stated errors of the products
     /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)): 0 where they are not stated.
     pub noise: f64,
+    /// `‖(H − T) s‖` for the symmetric part `T` of `H`, beyond what the stated errors of the products explain: the part of the operator's
+    /// systematic errors that symmetry shows. 0 for a general operator, and for one that states no errors.
+    pub asymmetric: f64,
     /// `s` (its real part), of length `m`; of norm 1 with the imaginary part.
     pub coefficients: Vec<f64>,
     /// The imaginary part of `s`; empty for a real pair.
@@ -119,11 +122,16 @@ impl RitzPair {
         }
     }
 
-    /// The standard error of `θ` when each product with a unit vector has an error of norm `noise`, or that which the
-    /// operator states, whichever is larger. `θ` changes by `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly
-    /// over the `n` entries has the component `‖E s‖/√n` along `y`.
+    /// The standard error of `θ`: that of noise, and of measured products also that of what repeats in all of them.
+    ///
+    /// Each product with a unit vector has an error of norm `noise`, or that which the operator states, whichever is larger. `θ` changes by
+    /// `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly over the `n` entries has the component `‖E s‖/√n` along `y`.
+    ///
+    /// What repeats in all products, such as a projector that is not quite as even as its calibration says, averages out nowhere. Its
+    /// symmetric part changes `θ`, and cannot be seen. Its other part can, as [`RitzPair::asymmetric`], and is of the same size where
+    /// projector and camera err alike: it stands for both.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
-        evenly(noise.max(self.noise), n)
+        evenly(noise.max(self.noise), n).hypot(self.asymmetric)
     }
 
     /// The part of the residual that the stated errors of the products do not explain, and the component of these errors along any one
