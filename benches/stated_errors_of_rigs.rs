@@ -188,6 +188,7 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
     // No pattern tells direct light from light that returns to the pixel it left by way of other surfaces: both are the matrix's diagonal.
     let own = diagonal(exact)?;
     let other: Vec<f64> = photo.iter().zip(&own).map(|(photo, own)| photo - own).collect();
+    let own_of_codes = own.clone();
     let of_others = eigenvalues_without(exact, &own)?;
     let named = |name, values| Stated { name, values, errors: Vec::new() };
     Ok(vec![
@@ -201,7 +202,9 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
         named("direct light, pixels", direct),
         named("global light, pixels", global),
         named("direct light, and what returns to its pixel", own),
-        named("global light from other pixels", other),
+        named("global light from other pixels", other.clone()),
+        named("direct light by codes, and what returns", own_of_codes),
+        named("global light by codes, from other pixels", other),
     ])
 }
 
@@ -274,11 +277,18 @@ fn answers(rig: &mut Lab, exact: &mut Lab) -> Outcome<Vec<Stated>> {
         errors: scaled(vec![each; n]),
     });
     let by = SeparateBy::Checkerboards { square: 2, shifts: 4 };
-    let parts = separate(&mut full, Resolution::new(SIDE, SIDE), by, 0)?;
-    let [direct, global] =
-        [(parts.direct, parts.standard_error), (parts.global, parts.global_error)].map(|(values, errors)| {
-            Stated { name: "separated", values: scaled(values), errors: scaled(errors.unwrap_or_default()) }
-        });
-    found.extend([direct.clone(), global.clone(), direct, global]);
+    let [squares, codes] = [by, SeparateBy::Codes { photos: 16 }]
+        .map(|by| separate(&mut full, Resolution::new(SIDE, SIDE), by, 0));
+    let stated = |(values, errors): (Vec<f64>, Option<Vec<f64>>)| Stated {
+        name: "separated",
+        values: scaled(values),
+        errors: scaled(errors.unwrap_or_default()),
+    };
+    let (squares, codes) = (squares?, codes?);
+    let of_squares =
+        [(squares.direct, squares.standard_error), (squares.global, squares.global_error)].map(stated);
+    found.extend(of_squares.clone());
+    found.extend(of_squares);
+    found.extend([(codes.direct, codes.standard_error), (codes.global, codes.global_error)].map(stated));
     Ok(found)
 }

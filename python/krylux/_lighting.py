@@ -67,8 +67,8 @@ class Lighting:
         Parameters
         ----------
         by : str
-            ``"exact"``, ``"checkerboards"``, ``"sinusoids"``, ``"random"`` or ``"capture"``. Default: exact on scenes,
-            checkerboards on rigs.
+            ``"exact"``, ``"checkerboards"``, ``"sinusoids"``, ``"codes"``, ``"random"`` or ``"capture"``. Default: exact
+            on scenes, checkerboards on rigs.
         square, shifts : int
             Pixels of a checkerboard's squares, and places that they are shifted to in each direction.
         period : float
@@ -76,7 +76,7 @@ class Lighting:
         phases : int
             Photos of a sinusoid in each of two directions.
         photos : int
-            Photos of random patterns or of the capture. Default 40.
+            Photos of random patterns or of the capture (default 40), or of codes (4, 8, 16 and so on; default 16).
         sigma : float
             How far light counts as near, in pixels. Default: a sixteenth of the width.
         probes : int
@@ -98,7 +98,7 @@ class Lighting:
             "shifts": _checks.count(shifts, "shifts"),
             "period": _checks.finite(period, "period"),
             "phases": _checks.count(phases, "phases"),
-            "photos": _checks.vectors(self._budget(photos, 40), "photos", self._pixels),
+            "photos": _checks.vectors(self._budget(photos, 16 if by == "codes" else 40), "photos", self._pixels),
             "sigma": _checks.maybe(_checks.finite, sigma, "sigma", 0.0),
             "probes": _checks.maybe(_checks.count, probes, "probes", 0),
             "bounces": bool(bounces),

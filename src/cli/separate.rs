@@ -16,6 +16,9 @@ use crate::error::Result;
 use crate::lab::{Lab, SeparateRequest, Separated, SourceKind, text::percent};
 use crate::paint::page::Kept;
 
+/// Photos of codes where no number is asked for: as many as those of checkerboards.
+const CODES: usize = 16;
+
 /// Separate direct and global light, and the global light by bounces and by how far it went
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  krylux separate scene.glb --by checkerboards --compare -o out/separated")]
@@ -43,7 +46,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = count::<usize>)]
     phases: usize,
     /// Photos of random patterns or of the capture, beside the white one [default: 40, or the budget of the run that is
-    /// SOURCE]
+    /// SOURCE]; of codes 4, 8, 16 and so on [default: 16]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// The second bounce, and three and more, as images (scenes only)
@@ -80,6 +83,8 @@ enum ByArg {
     Checkerboards,
     /// Shifted sinusoids
     Sinusoids,
+    /// Each pixel by a code that no pixel near it has: light from near by does not count as direct, and errors are stated rightly
+    Codes,
     /// The diagonal of the matrix from patterns of random signs
     Random,
     /// The same from the photos of a Krylov capture
@@ -101,6 +106,7 @@ impl Args {
                 Some(SeparateBy::Checkerboards { square: self.square, shifts: self.shifts })
             }
             ByArg::Sinusoids => Some(SeparateBy::Sinusoids { period: self.period, phases: self.phases }),
+            ByArg::Codes => Some(SeparateBy::Codes { photos: self.photos.unwrap_or(CODES) }),
             ByArg::Random => Some(SeparateBy::Random { photos }),
             ByArg::Capture => Some(SeparateBy::Capture { photos }),
         };

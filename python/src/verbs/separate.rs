@@ -37,6 +37,7 @@ impl SeparateQuestion {
             ("exact", None),
             ("checkerboards", Some(SeparateBy::Checkerboards { square: self.square, shifts: self.shifts })),
             ("sinusoids", Some(SeparateBy::Sinusoids { period: self.period, phases: self.phases })),
+            ("codes", Some(SeparateBy::Codes { photos: self.photos })),
             ("random", Some(SeparateBy::Random { photos: self.photos })),
             ("capture", Some(SeparateBy::Capture { photos: self.photos })),
         ];

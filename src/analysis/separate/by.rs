@@ -1,6 +1,6 @@
 //! Separation by any of the methods, selected by a value.
 
-use super::{Separation, checkerboards, from_capture, random_patterns, sinusoids};
+use super::{Separation, checkerboards, codes, from_capture, random_patterns, sinusoids};
 use crate::analysis::low_rank::{LowRankCapture, capture};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -24,6 +24,11 @@ pub enum SeparateBy {
         /// Photos in each direction.
         phases: usize,
     },
+    /// [`codes`].
+    Codes {
+        /// Photos: a power of two.
+        photos: usize,
+    },
     /// [`random_patterns`].
     Random {
         /// Photos besides the white one.
@@ -42,6 +47,7 @@ impl SeparateBy {
         match self {
             Self::Checkerboards { .. } => "checkerboards",
             Self::Sinusoids { .. } => "sinusoids",
+            Self::Codes { .. } => "codes",
             Self::Random { .. } => "random",
             Self::Capture { .. } => "capture",
         }
@@ -56,6 +62,7 @@ impl SeparateBy {
             Self::Sinusoids { period, phases } => {
                 format!("sinusoids of {period} px at 2×{phases} phases")
             }
+            Self::Codes { photos } => format!("{photos} patterns of codes"),
             Self::Random { photos } => format!("{photos} random patterns"),
             Self::Capture { photos } => format!("a capture of {photos} photos"),
         }
@@ -66,6 +73,7 @@ impl SeparateBy {
         match self {
             Self::Checkerboards { shifts, .. } => shifts * shifts,
             Self::Sinusoids { phases, .. } => 2 * phases,
+            Self::Codes { photos } => photos,
             Self::Random { photos } | Self::Capture { photos } => photos + 1,
         }
     }
@@ -94,6 +102,7 @@ pub fn separate(
     match by {
         SeparateBy::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
         SeparateBy::Sinusoids { period, phases } => sinusoids(operator, resolution, period, phases),
+        SeparateBy::Codes { photos } => codes(operator, resolution, photos),
         SeparateBy::Random { photos } => random_patterns(operator, photos, seed),
         SeparateBy::Capture { photos } => {
             let options = LowRankCapture {

@@ -39,6 +39,7 @@ pub fn compare_separations<O: Operator>(
     let boards =
         [(1, 2), (2, 4), (3, 6), (4, 8)].map(|(square, shifts)| SeparateBy::Checkerboards { square, shifts });
     let waves = [3, 6, 12].map(|phases| SeparateBy::Sinusoids { period, phases });
+    let codes = [4, 8, 16, 32, 64].map(|photos| SeparateBy::Codes { photos });
     let random = COUNTS.map(|photos| SeparateBy::Random { photos });
     let mut rows = Vec::new();
     let mut row = |by: SeparateBy, found: &[Separation]| {
@@ -53,7 +54,7 @@ pub fn compare_separations<O: Operator>(
             global_error: relative_error(&of(|found| &found.global), &exact[1]),
         });
     };
-    for by in boards.into_iter().chain(waves).chain(random) {
+    for by in boards.into_iter().chain(waves).chain(codes).chain(random) {
         let one = |operator: &mut O| separate(operator, resolution, by, seed);
         row(by, &full.iter_mut().map(one).collect::<Result<Vec<_>>>()?);
     }

@@ -87,7 +87,7 @@ fn pattern(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Vec<f
 }
 
 /// The least-squares line `y = D p + G/2` of each pixel through the photos so far.
-struct Fit {
+pub(super) struct Fit {
     photos: usize,
     sums: Vec<Sums>,
 }
@@ -125,7 +125,7 @@ impl Sums {
 }
 
 impl Fit {
-    fn new(operator: &dyn Operator, resolution: Resolution) -> Result<Self> {
+    pub(super) fn new(operator: &dyn Operator, resolution: Resolution) -> Result<Self> {
         let n = resolution.pixels();
         if operator.rows() != n || operator.cols() != n {
             return Err(Error::Dimension {
@@ -137,7 +137,11 @@ impl Fit {
         Ok(Self { photos: 0, sums: vec![Sums::default(); n] })
     }
 
-    fn take(&mut self, operator: &mut dyn Operator, patterns: impl Iterator<Item = Vec<f64>>) -> Result<()> {
+    pub(super) fn take(
+        &mut self,
+        operator: &mut dyn Operator,
+        patterns: impl Iterator<Item = Vec<f64>>,
+    ) -> Result<()> {
         each_product(operator, patterns, |pattern, photo| {
             self.photos += 1;
             for ((sums, p), y) in self.sums.iter_mut().zip(pattern).zip(photo) {
@@ -151,7 +155,7 @@ impl Fit {
         })
     }
 
-    fn separation(self) -> Separation {
+    pub(super) fn separation(self) -> Separation {
         let lines: Vec<[f64; 4]> = self.sums.iter().map(|sums| sums.line(self.photos as f64)).collect();
         let of = |which: usize| lines.iter().map(|line| line[which]).collect();
         Separation {

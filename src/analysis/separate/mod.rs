@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`checkerboards`] | `shifts²` | exact if global light does not resolve the squares |
 //! | [`sinusoids`] | 3 or more per direction | exact if global light does not resolve the waves |
+//! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; the rest is in the standard errors |
 //! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
 //! | [`from_capture`] | the white one | approximate, from the photos of a Krylov capture |
 //!
@@ -14,6 +15,7 @@
 
 mod bounces;
 mod by;
+mod codes;
 mod comparison;
 mod high_frequency;
 mod near_far;
@@ -21,6 +23,7 @@ mod statistical;
 
 pub use bounces::second_and_rest;
 pub use by::{SeparateBy, separate};
+pub use codes::codes;
 pub use comparison::{ComparisonRow, compare_separations};
 pub use high_frequency::{checkerboards, sinusoids};
 pub use near_far::{NearFar, NearFarOptions, near_far};
