@@ -35,7 +35,7 @@ pub use batch::{Batch, Run};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
 pub use records::Connection;
-pub(crate) use records::PIXEL_MASK;
+pub(crate) use records::{End, PIXEL_MASK};
 pub use sampler::Sampler;
 pub use settings::{MAX_BOUNCES, TraceSettings};
 pub use start_pixels::StartPixels;

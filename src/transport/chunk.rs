@@ -34,6 +34,11 @@ impl Key {
         Self(self.0 | (half as u32 * Self::HALF))
     }
 
+    /// The key as a number: a larger key is a larger number.
+    pub(super) fn number(self) -> u32 {
+        self.0
+    }
+
     /// The half of the samples that a single contribution is of, 0 or 1.
     pub(super) fn half(self) -> usize {
         usize::from(self.0 & Self::HALF != 0)
@@ -74,21 +79,13 @@ pub(super) struct Chunk<const C: usize> {
 /// The terms of a chunk.
 #[derive(Clone, Debug)]
 pub(super) enum Terms<const C: usize> {
-    /// Of a chunk that gets more rows, or of a short one.
+    /// Of a short chunk.
     Short(Vec<Term<C>>),
     /// On memory pages of their own, which the system gets back with the chunk.
     Long(Pages<Term<C>>),
 }
 
 impl<const C: usize> Terms<C> {
-    /// Adds a term.
-    pub(super) fn push(&mut self, term: Term<C>) {
-        match self {
-            Self::Short(terms) => terms.push(term),
-            Self::Long(terms) => *self = Self::Short(terms.iter().copied().chain([term]).collect()),
-        }
-    }
-
     /// These terms and those that come after the first `count` of them.
     fn split(self, count: usize) -> [Self; 2] {
         if count == self.len() {
@@ -202,11 +199,6 @@ impl<const C: usize> Chunks<C> {
 pub(super) type ByEndpoint<const C: usize> = [Vec<Chunk<C>>; 2];
 
 impl<const C: usize> Chunk<C> {
-    /// No rows.
-    pub(super) fn new() -> Self {
-        Self { rows: Vec::new(), terms: Terms::default() }
-    }
-
     /// The rows of all these chunks.
     fn joined(chunks: Vec<Self>) -> Self {
         let mut terms = Pages::zeros(chunks.iter().map(|chunk| chunk.terms.len()).sum());
@@ -221,17 +213,14 @@ impl<const C: usize> Chunk<C> {
         Self { rows, terms: Terms::Long(terms) }
     }
 
-    /// Gives back the memory that the chunk will not need, since it gets no more rows.
-    pub(super) fn close(&mut self) {
-        self.rows.shrink_to_fit();
-        if let Terms::Short(terms) = &mut self.terms {
-            terms.shrink_to_fit();
-        }
-    }
-
     /// The index of the first term of a row, which is given by its index.
     pub(super) fn start(&self, row: usize) -> usize {
         row.checked_sub(1).map_or(0, |before| self.rows[before].end)
+    }
+
+    /// The entries of a row, which is given by its index.
+    pub(super) fn row(&self, row: usize) -> &[Term<C>] {
+        &self.terms[self.start(row)..self.rows[row].end]
     }
 
     /// Each row with its entries.

@@ -56,9 +56,13 @@ impl Scale {
     /// Adds a contribution to the sums.
     #[inline]
     pub(super) fn add<const C: usize>(self, to: &mut FixedSums<C>, term: &Term<C>) {
-        for (to, values) in to.iter_mut().zip([&term.mean, &term.error]) {
-            to.iter_mut().zip(values).for_each(|(to, &value)| *to = to.wrapping_add(self.units(value)));
-        }
+        add_sums(to, &self.units_of(term));
+    }
+
+    /// A contribution as sums of itself alone.
+    #[inline]
+    pub(super) fn units_of<const C: usize>(self, term: &Term<C>) -> FixedSums<C> {
+        [&term.mean, &term.error].map(|values| values.map(|value| self.units(value)))
     }
 
     /// The sums as numbers.
@@ -76,7 +80,9 @@ impl Scale {
             Some(power) => i128::from(whole) << power.min(POWERS),
             None => i128::from(whole.checked_shr(self.lowest - exponent).unwrap_or(0)),
         };
-        if bits >> 31 == 0 { units } else { -units }
+        // All bits of the sign: without a branch, since errors have either sign as often.
+        let sign = -i128::from(bits >> 31);
+        (units ^ sign) - sign
     }
 
     fn value(self, sum: i128) -> f64 {
@@ -85,9 +91,10 @@ impl Scale {
 }
 
 /// Adds other sums of the same row.
+#[inline]
 pub(super) fn add_sums<const C: usize>(to: &mut FixedSums<C>, more: &FixedSums<C>) {
     for (to, more) in to.as_flattened_mut().iter_mut().zip(more.as_flattened()) {
-        *to += more;
+        *to = to.wrapping_add(*more);
     }
 }
 

@@ -23,6 +23,7 @@ mod choice;
 mod chunk;
 mod combine;
 mod contributions;
+mod digits;
 mod estimated;
 mod exact_sum;
 mod explicit;

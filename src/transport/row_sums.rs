@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::RigShape;
 use super::chunk::{CLASSES, Chunk, Row, Term, at};
-use super::fixed::{FixedSums, RowSums, Scale};
+use super::fixed::{FixedSums, RowSums, Scale, add_sums};
 
 /// What is known of the rows before they are merged.
 pub(super) struct Outline<const C: usize> {
@@ -18,6 +18,12 @@ pub(super) struct Outline<const C: usize> {
     pub(super) of_class: [usize; CLASSES],
 }
 
+/// The sums of all tasks take at most this part of the memory of the contributions.
+const PART: usize = 4;
+
+/// Pixels to whose sums contributions are added in one go: these sums stay in the second-level cache.
+const STRIPE: usize = 1 << 14;
+
 /// The outline of these `rows`. The chunks have all contributions to them. With `triangle`, only what is on and above the diagonal is
 /// merged.
 pub(super) fn outline<const C: usize>(
@@ -27,72 +33,92 @@ pub(super) fn outline<const C: usize>(
     triangle: bool,
     scale: Scale,
 ) -> Outline<C> {
-    let mut sums = vec![[[0; C]; 2]; rows.len()];
-    let mut terms = vec![0; rows.len()];
-    let mut of_class = [0; CLASSES];
-    let of_chunk = |chunk: &Chunk<C>| own(chunk, rig, rows, (triangle, scale));
-    for (row, of_row, count) in chunks.par_iter().flat_map_iter(of_chunk).collect::<Vec<_>>() {
-        sums[row] = of_row;
-        terms[row] = count.iter().sum::<usize>() as u32;
-        of_class.iter_mut().zip(count).for_each(|(all, count)| *all += count);
-    }
-    let stripe = rows.len().div_ceil(rayon::current_num_threads()).max(1);
-    let tasks: Vec<(usize, &mut [FixedSums<C>], &mut [u32])> = sums
-        .chunks_mut(stripe)
-        .zip(terms.chunks_mut(stripe))
-        .enumerate()
-        .map(|(number, (sums, terms))| (rows.start + number * stripe, sums, terms))
-        .collect();
-    let mirrored: Vec<[usize; CLASSES]> = tasks
-        .into_par_iter()
-        .map(|(first, sums, terms)| add_mirrored(chunks, rig, first, (triangle, scale), sums, terms))
-        .collect();
-    for count in mirrored {
-        of_class.iter_mut().zip(count).for_each(|(all, count)| *all += count);
-    }
-    Outline { sums: sums.iter().map(|sums| scale.sums(sums)).collect(), terms, of_class }
-}
-
-/// The sums over the paths from each pixel that has one of the `rows`, counted from the first of them, and the number of
-/// contributions of each class to what is merged.
-fn own<const C: usize>(
-    chunk: &Chunk<C>,
-    rig: RigShape,
-    rows: &Range<usize>,
-    (triangle, scale): (bool, Scale),
-) -> Vec<(usize, FixedSums<C>, [usize; CLASSES])> {
-    let counts = |row: &Row| (rig.symmetric || row.from_camera) && rows.contains(&(row.pixel as usize));
-    let of_row = |(row, terms): (Row, &[Term<C>])| {
-        let (mut sums, mut count) = ([[0; C]; 2], [0; CLASSES]);
-        for term in terms {
-            scale.add(&mut sums, term);
-            count[term.key.class()] += usize::from(!triangle || term.key.other() >= row.pixel);
+    let all: usize = chunks.iter().map(|chunk| chunk.terms.len()).sum();
+    // Each task has sums of all rows. They are exact, so that it does not matter how the contributions are shared out.
+    let of_task = rows.len().max(1) * (size_of::<FixedSums<C>>() + size_of::<u32>());
+    let room = all * size_of::<Term<C>>() / (PART * of_task);
+    let tasks = rayon::current_num_threads().min(room).max(1);
+    let part = |task: usize| {
+        let mut part = Part::new(rig, rows, triangle, scale);
+        let share = [all * task / tasks, all * (task + 1) / tasks];
+        let mut left: Vec<(Row, &[Term<C>])> = Vec::new();
+        let mut before = 0;
+        for chunk in chunks {
+            // A row belongs to the task in whose share it ends.
+            let [first, end] = share.map(|share| chunk.rows.partition_point(|row| before + row.end <= share));
+            left.extend((first..end).map(|row| (chunk.rows[row], chunk.row(row))));
+            before += chunk.terms.len();
         }
-        (row.pixel as usize - rows.start, sums, count)
+        part.add_all(left, rig.camera.pixels().max(rig.projector.pixels()));
+        part
     };
-    chunk.rows().filter(|(row, _)| counts(row)).map(of_row).collect()
+    let parts: Vec<Part<C>> = (0..tasks).into_par_iter().map(part).collect();
+    let of_row = |row: usize| {
+        let mut sums = [[0; C]; 2];
+        parts.iter().for_each(|part| add_sums(&mut sums, &part.sums[row]));
+        (scale.sums(&sums), parts.iter().map(|part| part.terms[row]).sum::<u32>())
+    };
+    let (sums, terms) = (0..rows.len()).into_par_iter().map(of_row).unzip();
+    let of_class = std::array::from_fn(|class| parts.iter().map(|part| part.of_class[class]).sum());
+    Outline { sums, terms, of_class }
 }
 
-/// Adds the sums over the paths that end at the pixels from `first` on, and the numbers of contributions to what is merged. Returns
-/// these numbers for each class.
-fn add_mirrored<const C: usize>(
-    chunks: &[Chunk<C>],
+/// What some of the contributions add to the outline.
+struct Part<const C: usize> {
     rig: RigShape,
-    first: usize,
-    (triangle, scale): (bool, Scale),
-    sums: &mut [FixedSums<C>],
-    terms: &mut [u32],
-) -> [usize; CLASSES] {
-    let mut count = [0; CLASSES];
-    let rows = chunks.iter().flat_map(Chunk::rows).filter(|(row, _)| rig.symmetric || !row.from_camera);
-    for (row, of_row) in rows {
-        for term in at(of_row, &(first..first + sums.len())) {
-            let to = term.key.other() as usize - first;
-            scale.add(&mut sums[to], term);
-            let is_merged = !triangle || term.key.other() <= row.pixel;
-            terms[to] += u32::from(is_merged);
-            count[term.key.class()] += usize::from(is_merged);
+    rows: Range<usize>,
+    triangle: bool,
+    scale: Scale,
+    sums: Vec<FixedSums<C>>,
+    terms: Vec<u32>,
+    of_class: [usize; CLASSES],
+}
+
+impl<const C: usize> Part<C> {
+    fn new(rig: RigShape, rows: &Range<usize>, triangle: bool, scale: Scale) -> Self {
+        let (sums, terms) = (vec![[[0; C]; 2]; rows.len()], vec![0; rows.len()]);
+        Self { rig, rows: rows.clone(), triangle, scale, sums, terms, of_class: [0; CLASSES] }
+    }
+
+    /// Adds these contributions of paths from and to so many pixels, stripe by stripe of the pixels at their other ends.
+    fn add_all(&mut self, mut left: Vec<(Row, &[Term<C>])>, pixels: usize) {
+        for stripe in (STRIPE..pixels).step_by(STRIPE) {
+            for (row, terms) in &mut left {
+                let is_now = |term: &&Term<C>| (term.key.other() as usize) < stripe;
+                let (now, later) = terms.split_at(terms.iter().take_while(is_now).count());
+                self.add(*row, now);
+                *terms = later;
+            }
+        }
+        left.into_iter().for_each(|(row, terms)| self.add(row, terms));
+    }
+
+    /// Adds the contributions of the paths from a pixel: to its own row, and to the rows of the pixels at which they end.
+    fn add(&mut self, row: Row, terms: &[Term<C>]) {
+        let pixel = row.pixel as usize;
+        let is_own = (self.rig.symmetric || row.from_camera) && self.rows.contains(&pixel);
+        let is_mirrored = self.rig.symmetric || !row.from_camera;
+        let first = self.rows.start;
+        let (mut own, mut count) = ([[0; C]; 2], 0);
+        for term in if is_own { terms } else { at(terms, &self.rows) } {
+            let units = self.scale.units_of(term);
+            let (other, class) = (term.key.other() as usize, term.key.class());
+            if is_own {
+                add_sums(&mut own, &units);
+                let is_merged = !self.triangle || other >= pixel;
+                count += u32::from(is_merged);
+                self.of_class[class] += usize::from(is_merged);
+            }
+            if is_mirrored && self.rows.contains(&other) {
+                add_sums(&mut self.sums[other - first], &units);
+                let is_merged = !self.triangle || other <= pixel;
+                self.terms[other - first] += u32::from(is_merged);
+                self.of_class[class] += usize::from(is_merged);
+            }
+        }
+        if is_own {
+            add_sums(&mut self.sums[pixel - first], &own);
+            self.terms[pixel - first] += count;
         }
     }
-    count
 }

@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, Chunks, Key, Row, Term};
+use super::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
+use super::digits::sort_by_number;
 use super::found::{About, Found};
 use super::noise::Halves;
 use super::steps::Steps;
-use crate::error::{Error, Result};
-use crate::render::{Batch, Connection, Run};
+use crate::render::{Batch, End, Run};
 
 /// Number of pixels whose contributions one task sums.
 const PIXELS_PER_TASK: usize = 16;
@@ -38,29 +38,44 @@ pub(super) struct Rows<'a, const C: usize> {
     open: Option<Open<C>>,
 }
 
-/// Finished pixels: a chunk for each step.
-struct Finished<const C: usize> {
-    chunks: Vec<Chunk<C>>,
+/// The pixels of one task.
+struct Task<const C: usize> {
+    /// The finished ones, for each step.
+    finished: Vec<Growing<C>>,
     about: About,
+    /// Memory for the connections of one pixel, and for their order.
+    entries: Vec<Entry<C>>,
+    spare: Vec<Entry<C>>,
+}
+
+/// A chunk that gets more rows.
+#[derive(Clone, Default)]
+struct Growing<const C: usize> {
+    rows: Vec<Row>,
+    terms: Vec<Term<C>>,
 }
 
 /// A pixel whose contributions are not summed yet.
 #[derive(Debug)]
 struct Open<const C: usize> {
-    pixel: u32,
-    /// Number of paths that start from it.
-    paths: u32,
-    /// Whether it is a pixel of the camera, where that is known before its entries.
-    from_camera: Option<bool>,
+    start: Start,
     entries: Vec<Entry<C>>,
 }
 
-/// One connection. `from_camera` says whether its path started from the camera or from the projector. It is
-/// `None` where both pixels have the same number, so that the entry does not show it.
+/// Where paths start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Start {
+    pixel: u32,
+    /// Whether it is a pixel of the camera; else it is one of a projector that stands apart.
+    from_camera: bool,
+    /// Number of paths that start from it.
+    paths: u32,
+}
+
+/// One connection: the other end of its path and the half of the samples, and its light.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
-    from_camera: Option<bool>,
     value: [f32; C],
 }
 
@@ -70,148 +85,122 @@ impl<'a, const C: usize> Rows<'a, C> {
         Self { samples, split, steps, chunks, about: About::default(), open: None }
     }
 
-    /// No pixels yet.
-    fn nothing(&self) -> Finished<C> {
-        Finished { chunks: vec![Chunk::new(); self.chunks.len()], about: About::default() }
-    }
-
     /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
     /// sizes of batches.
-    pub(super) fn add(
-        &mut self,
-        batch: &Batch<'_>,
-        project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
-    ) -> Result<()> {
-        let from_camera = Some(batch.from_camera());
-        self.add_by(&batch.runs().collect::<Vec<_>>(), (batch.samples(), from_camera), batch, project)
+    pub(super) fn add(&mut self, batch: &Batch<'_>, project: &(impl Fn([f32; 3]) -> [f32; C] + Sync)) {
+        self.add_by(
+            &batch.runs().collect::<Vec<_>>(),
+            (batch.samples(), batch.from_camera()),
+            batch,
+            project,
+        );
     }
 
-    /// As [`Rows::add`], for paths given as start pixel, half, and connections.
+    /// As [`Rows::add`], for paths given as start pixel, half, and the pixels at their other ends with bounces and light.
     #[cfg(test)]
     pub(super) fn add_paths(
         &mut self,
-        paths: &[(u32, usize, Vec<Connection>)],
+        paths: &[(u32, usize, Vec<crate::render::Connection>)],
+        from_camera: bool,
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
-    ) -> Result<()> {
+    ) {
         let run = |(path, &(pixel, half, _)): (usize, &_)| Run { pixel, half, paths: path..path + 1 };
         let runs: Vec<Run> = paths.iter().enumerate().map(run).collect();
-        self.add_by(&runs, (self.samples, None), paths, project)
+        self.add_by(&runs, (self.samples, from_camera), &Given { paths, from_camera }, project);
     }
 
     /// Adds the connections of `paths`. `runs` are all these paths in order; `samples` paths start from each
-    /// pixel, of the camera or of the projector where that is known.
+    /// pixel, of the camera or of the projector.
     fn add_by(
         &mut self,
         runs: &[Run],
-        (samples, from_camera): (u32, Option<bool>),
+        (samples, from_camera): (u32, bool),
         paths: &(impl Paths + ?Sized),
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
-    ) -> Result<()> {
+    ) {
         let pixels: Vec<&[Run]> = runs.chunk_by(|a, b| a.pixel == b.pixel).collect();
-        let Some((last, whole)) = pixels.split_last() else { return Ok(()) };
-        let goes_on = (runs[0].pixel, samples, from_camera);
+        let Some((last, whole)) = pixels.split_last() else { return };
+        let start = |runs: &[Run]| Start { pixel: runs[0].pixel, from_camera, paths: samples };
+        // The last pixel so far goes on with the first one here, or it is complete.
         let (open, closed) = match self.open.take() {
-            Some(open) if (open.pixel, open.paths, open.from_camera) == goes_on => (Some(open), None),
+            Some(open) if open.start == start(runs) => (Some(open), None),
             other => (None, other),
         };
-        let collect = |runs: &[Run], entries: &mut Vec<Entry<C>>| -> Result<()> {
-            let pixel = runs[0].pixel;
-            if let Some(open) = open.as_ref().filter(|open| open.pixel == pixel) {
-                entries.extend(&open.entries);
+        let collect = |runs: &[Run], entries: &mut Vec<Entry<C>>| -> usize {
+            let before = open.as_ref().filter(|open| open.start == start(runs));
+            let before = before.map_or(&[][..], |open| &open.entries);
+            let most =
+                before.len() + runs.iter().map(|run| run.paths.len()).sum::<usize>() * paths.most_ends();
+            if entries.len() < most {
+                entries.resize(most, Entry { key: Key::END, value: [0.0; C] });
             }
+            entries[..before.len()].copy_from_slice(before);
+            let mut count = before.len();
             for run in runs {
-                paths.connections(run, |connection| {
-                    let value = project(connection.value);
-                    if value.iter().any(|&value| value != 0.0) {
-                        entries.push(self.entry(pixel, run.half, &connection, value)?);
-                    }
-                    Ok(())
-                })?;
+                paths.ends_of(run, |end| {
+                    let value = project(end.value);
+                    let is_light = value.iter().fold(false, |any, &value| any | (value != 0.0));
+                    // A connection that does not count is written as well, and then overwritten. This avoids a branch, so that the processor
+                    // does not wait for one record before it loads the next.
+                    let key = Key::new(end.pixel, class(end.bounces, self.split)).of_half(run.half);
+                    entries[count] = Entry { key, value };
+                    count += usize::from(end.is_seen & is_light);
+                });
             }
-            Ok(())
+            count
         };
-        let finish = |pixels: &[&[Run]]| -> Result<Finished<C>> {
-            let (mut finished, mut entries) = (self.nothing(), Vec::new());
+        let finish = |pixels: &[&[Run]]| -> (Vec<Chunk<C>>, About) {
+            let mut task = Task::new(self.chunks.len());
             for runs in pixels {
-                entries.clear();
-                collect(runs, &mut entries)?;
-                self.finish((runs[0].pixel, samples, from_camera), &mut entries, &mut finished)?;
+                let count = collect(runs, &mut task.entries);
+                self.finish(start(runs), count, &mut task);
             }
-            finished.chunks.iter_mut().for_each(Chunk::close);
-            Ok(finished)
+            task.chunks()
         };
-        let done: Vec<Result<Finished<C>>> = whole.par_chunks(PIXELS_PER_TASK).map(finish).collect();
+        let done: Vec<_> = whole.par_chunks(PIXELS_PER_TASK).map(finish).collect();
         let mut entries = Vec::new();
-        collect(last, &mut entries)?;
-        let last = Open { pixel: last[0].pixel, paths: samples, from_camera, entries };
-        closed.into_iter().try_for_each(|open| self.push(open))?;
-        for finished in done {
-            self.append(finished?);
-        }
+        let count = collect(last, &mut entries);
+        entries.truncate(count);
+        let last = Open { start: start(last), entries };
+        closed.into_iter().for_each(|open| self.push(open));
+        done.into_iter().for_each(|done| self.append(done));
         self.open = Some(last);
-        Ok(())
     }
 
     /// Finishes the last pixel, after the last batch. Returns the sums of all paths.
-    pub(super) fn close(mut self) -> Result<Found<C>> {
-        self.open.take().into_iter().try_for_each(|open| self.push(open))?;
+    pub(super) fn close(mut self) -> Found<C> {
+        self.open.take().into_iter().for_each(|open| self.push(open));
         let steps = self.chunks.into_iter().map(Chunks::into_chunks).collect();
-        Ok(Found { steps, about: self.about })
+        Found { steps, about: self.about }
     }
 
     /// Adds one complete pixel.
-    fn push(&mut self, Open { pixel, paths, from_camera, mut entries }: Open<C>) -> Result<()> {
-        let mut finished = self.nothing();
-        self.finish((pixel, paths, from_camera), &mut entries, &mut finished)?;
-        finished.chunks.iter_mut().for_each(Chunk::close);
-        self.append(finished);
-        Ok(())
+    fn push(&mut self, Open { start, entries }: Open<C>) {
+        let count = entries.len();
+        let mut task = Task { entries, ..Task::new(self.chunks.len()) };
+        self.finish(start, count, &mut task);
+        self.append(task.chunks());
     }
 
-    fn append(&mut self, finished: Finished<C>) {
-        for (chunks, chunk) in self.chunks.iter_mut().zip(finished.chunks) {
+    fn append(&mut self, (chunks, about): (Vec<Chunk<C>>, About)) {
+        for (chunks, chunk) in self.chunks.iter_mut().zip(chunks) {
             // A pixel has contributions in some of the steps.
             if !chunk.rows.is_empty() {
                 chunks.push(chunk);
             }
         }
-        self.about = self.about.and(finished.about);
+        self.about = self.about.and(about);
     }
 
-    /// The entry of a connection of a path from `pixel`.
-    fn entry(&self, pixel: u32, half: usize, connection: &Connection, value: [f32; C]) -> Result<Entry<C>> {
-        let Connection { camera, projector, bounces, .. } = *connection;
-        let (other, from_camera) = match (camera == pixel, projector == pixel) {
-            (true, true) => (pixel, None),
-            (true, false) => (projector, Some(true)),
-            (false, true) => (camera, Some(false)),
-            (false, false) => return Err(stray(pixel)),
-        };
-        let key = Key::new(other, class(bounces, self.split)).of_half(half);
-        Ok(Entry { key, from_camera, value })
-    }
-
-    /// Sums the contributions of a complete pixel, from which so many paths start, and adds them to the chunk of each step as a row. It is a pixel of the
-    /// camera or of the projector, where that is known. A row without entries is left out.
-    fn finish(
-        &self,
-        (pixel, paths, from_camera): (u32, u32, Option<bool>),
-        entries: &mut [Entry<C>],
-        Finished { chunks, about }: &mut Finished<C>,
-    ) -> Result<()> {
-        if entries.is_empty() {
-            return Ok(());
-        }
-        let halves = Halves::new(self.samples, paths);
-        let from_camera =
-            from_camera.or_else(|| entries.iter().find_map(|entry| entry.from_camera)).unwrap_or(true);
-        if entries.iter().any(|entry| entry.from_camera.is_some_and(|camera| camera != from_camera)) {
-            return Err(stray(pixel));
-        }
+    /// Sums the contributions of a complete pixel, the first `count` entries of a task, and adds them to its chunk of each step as a row. A row without
+    /// entries is left out.
+    fn finish(&self, start: Start, count: usize, task: &mut Task<C>) {
+        let Task { finished, about, entries, spare } = task;
+        let halves = Halves::new(self.samples, start.paths);
         let position = |entry: &Entry<C>| entry.key.position();
         // The sort is stable: contributions to one position stay in path order.
-        entries.sort_by_key(position);
-        for run in entries.chunk_by(|a, b| position(a) == position(b)) {
+        sort_by_number(&mut entries[..count], spare, |entry| position(entry).number());
+        for run in entries[..count].chunk_by(|a, b| position(a) == position(b)) {
             let mut estimates = [[0.0_f64; 2]; C];
             for entry in run {
                 for (estimate, value) in estimates.iter_mut().zip(entry.value) {
@@ -223,42 +212,78 @@ impl<'a, const C: usize> Rows<'a, C> {
                 mean: estimates.map(|[mean, _]| mean as f32),
                 error: estimates.map(|[_, error]| error as f32),
             };
-            let step = self.steps.map_or(0, |steps| steps.of(pixel, from_camera, term.key.other()));
-            chunks[step].terms.push(term);
+            let step =
+                self.steps.map_or(0, |steps| steps.of(start.pixel, start.from_camera, term.key.other()));
+            finished[step].terms.push(term);
             about.add(&term);
         }
-        for chunk in chunks {
-            let end = chunk.terms.len();
-            if end > chunk.rows.last().map_or(0, |row| row.end) {
-                chunk.rows.push(Row { pixel, from_camera, end });
-            }
-        }
-        Ok(())
+        finished.iter_mut().for_each(|chunk| chunk.end_row(start));
     }
 }
 
-/// The error for a connection that does not belong to its path's pixel.
-fn stray(pixel: u32) -> Error {
-    Error::Numerical(format!(
-        "a light path from pixel {pixel} ends at neither pixel that it belongs to: this is a fault in krylux"
-    ))
+impl<const C: usize> Task<C> {
+    /// No pixels yet, in so many steps.
+    fn new(steps: usize) -> Self {
+        let finished = vec![Growing::default(); steps];
+        Self { finished, about: About::default(), entries: Vec::new(), spare: Vec::new() }
+    }
+
+    /// The finished pixels, and what is known of them.
+    fn chunks(self) -> (Vec<Chunk<C>>, About) {
+        let chunk = |Growing { rows, terms }| Chunk { rows, terms: Terms::Short(terms) };
+        (self.finished.into_iter().map(chunk).collect(), self.about)
+    }
+}
+
+impl<const C: usize> Growing<C> {
+    /// Ends the row of a pixel, if it has terms.
+    fn end_row(&mut self, Start { pixel, from_camera, .. }: Start) {
+        let end = self.terms.len();
+        if end > self.rows.last().map_or(0, |row| row.end) {
+            self.rows.push(Row { pixel, from_camera, end });
+        }
+    }
 }
 
 /// A source of paths' connections.
 trait Paths: Sync {
-    /// Calls `to` with each connection of a run's paths, path by path, until it fails.
-    fn connections(&self, run: &Run, to: impl FnMut(Connection) -> Result<()>) -> Result<()>;
+    /// The most connections of a path.
+    fn most_ends(&self) -> usize;
+
+    /// Calls `to` with the far end of each connection of a run's paths, path by path, including those outside of the field of view.
+    fn ends_of(&self, run: &Run, to: impl FnMut(End));
 }
 
 impl Paths for Batch<'_> {
-    fn connections(&self, run: &Run, mut to: impl FnMut(Connection) -> Result<()>) -> Result<()> {
-        run.paths.clone().try_for_each(|path| self.connections_from(run.pixel, path).try_for_each(&mut to))
+    fn most_ends(&self) -> usize {
+        self.stride()
+    }
+
+    fn ends_of(&self, run: &Run, mut to: impl FnMut(End)) {
+        run.paths.clone().for_each(|path| self.ends(path).for_each(&mut to));
     }
 }
 
+/// Paths from pixels of one endpoint, for tests.
 #[cfg(test)]
-impl Paths for [(u32, usize, Vec<Connection>)] {
-    fn connections(&self, run: &Run, mut to: impl FnMut(Connection) -> Result<()>) -> Result<()> {
-        self[run.paths.clone()].iter().flat_map(|path| &path.2).try_for_each(|connection| to(*connection))
+struct Given<'a> {
+    paths: &'a [(u32, usize, Vec<crate::render::Connection>)],
+    from_camera: bool,
+}
+
+#[cfg(test)]
+impl Paths for Given<'_> {
+    fn most_ends(&self) -> usize {
+        self.paths.iter().map(|path| path.2.len()).max().unwrap_or(0)
+    }
+
+    fn ends_of(&self, run: &Run, to: impl FnMut(End)) {
+        let end = |connection: &crate::render::Connection| {
+            let crate::render::Connection { camera, projector, bounces, value } = *connection;
+            let [pixel, other] = if self.from_camera { [camera, projector] } else { [projector, camera] };
+            assert_eq!(pixel, run.pixel, "the connection is one of this path");
+            End { is_seen: true, pixel: other, bounces, value }
+        };
+        self.paths[run.paths.clone()].iter().flat_map(|path| &path.2).map(end).for_each(to);
     }
 }

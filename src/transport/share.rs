@@ -50,10 +50,10 @@ impl<const C: usize> Share<C> {
                     ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], project));
                 }
             };
-            rayon::join(|| rows.add(batch, project), of_pixels).0?;
+            rayon::join(|| rows.add(batch, project), of_pixels);
             Ok(())
         })?;
-        let found = rows.close()?;
+        let found = rows.close();
         // Combining needs the most memory of all steps.
         tracer.release_buffers();
         let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };

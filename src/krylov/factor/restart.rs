@@ -9,7 +9,8 @@ impl Expansion {
     pub(super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
         self.settle();
         let (m, pending) = (self.steps(), self.pending());
-        let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s)).collect();
+        let asymmetric = self.asymmetric_part();
+        let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s, &asymmetric)).collect();
         // Each part includes what earlier restarts discarded; count it once.
         let lost: Vec<f64> = parts.iter().map(|part| part.asymmetric - self.leak).collect();
         self.leak += norm(&lost);
@@ -26,24 +27,33 @@ impl Expansion {
         }
     }
 
-    /// The components of `A V s − V T s` for `s` of norm 1, with `T` the symmetric part of `H`.
-    pub(super) fn outside(&self, s: &[f64]) -> Outside {
+    /// `H − T` with `T` the symmetric part of the upper `m × m` of `H`, column by column, for [`Expansion::outside`].
+    pub(super) fn asymmetric_part(&self) -> Vec<f64> {
         let m = self.steps();
-        let mut known = vec![0.0; self.known];
-        let mut inside = vec![0.0; m];
-        let mut waiting = vec![0.0; self.pending()];
-        for (j, column) in self.columns.iter().enumerate() {
-            for (sum, entry) in known.iter_mut().zip(column) {
-                *sum += entry * s[j];
-            }
-            for (i, sum) in inside.iter_mut().enumerate() {
-                *sum += (self.entry(i, j) - self.symmetric(i, j)) * s[j];
-            }
-            for (sum, entry) in waiting.iter_mut().zip(column.iter().skip(self.known + m)) {
-                *sum += entry * s[j];
-            }
+        (0..m * m).map(|at| (at % m, at / m)).map(|(i, j)| self.entry(i, j) - self.symmetric(i, j)).collect()
+    }
+
+    /// The components of `A V s − V T s` for `s` of norm 1, with `T` the symmetric part of `H`, and `asymmetric` the other part
+    /// ([`Expansion::asymmetric_part`]).
+    pub(super) fn outside(&self, s: &[f64], asymmetric: &[f64]) -> Outside {
+        let mut inside = vec![0.0; self.steps()];
+        for (apart, s) in asymmetric.chunks_exact(self.steps().max(1)).zip(s) {
+            inside.iter_mut().zip(apart).for_each(|(sum, apart)| *sum += apart * s);
         }
+        let [known, waiting] = self.beyond(s);
         Outside { known, waiting, asymmetric: norm(&inside) + self.leak }
+    }
+
+    /// The components of `A V s` along the known vectors, and along the waiting ones.
+    pub(super) fn beyond(&self, s: &[f64]) -> [Vec<f64>; 2] {
+        let mut known = vec![0.0; self.known];
+        let mut waiting = vec![0.0; self.pending()];
+        for (column, s) in self.columns.iter().zip(s) {
+            known.iter_mut().zip(column).for_each(|(sum, entry)| *sum += entry * s);
+            let below = column.iter().skip(self.known + self.steps());
+            waiting.iter_mut().zip(below).for_each(|(sum, entry)| *sum += entry * s);
+        }
+        [known, waiting]
     }
 }
 

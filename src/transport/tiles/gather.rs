@@ -1,5 +1,5 @@
-//! The inner loop of a product by vector instructions (AVX2): they look up four entries of one vector at
-//! once, or one entry of four vectors, and prefetch the next ones.
+//! The inner loop of a product by vector instructions (AVX2), which multiply and add several lanes at once: entries of one vector are
+//! looked up four by one instruction or one by one, those of four vectors together. All prefetch what comes next.
 
 #![allow(
     unsafe_code,
@@ -15,20 +15,31 @@ use super::value::Interleaved;
 /// prefetchers do not cross pages.
 const AHEAD: usize = 80;
 
-/// The kernel for one vector; `None` where the processor lacks the instructions.
-pub(super) fn of_one() -> Option<Kernel<f64>> {
-    // SAFETY: the processor has them.
-    is_x86_feature_detected!("avx2").then_some(|slices, columns, weights, from, to| unsafe {
+/// The kernels for one vector; none where the processor lacks the instructions.
+pub(super) fn of_one() -> Vec<Kernel<f64>> {
+    if !is_x86_feature_detected!("avx2") {
+        return Vec::new();
+    }
+    // SAFETY: the processor has the instructions.
+    let by_four: Kernel<f64> = |slices, columns, weights, from, to| unsafe {
         by_four(slices, columns, weights, from, to);
-    })
+    };
+    // SAFETY: as above.
+    let one_by_one: Kernel<f64> = |slices, columns, weights, from, to| unsafe {
+        one_by_one(slices, columns, weights, from, to);
+    };
+    vec![by_four, one_by_one]
 }
 
-/// The kernel for four interleaved vectors, whose four numbers fill one register; `None` as for [`of_one`].
-pub(super) fn of_four() -> Option<Kernel<Interleaved>> {
-    // SAFETY: the processor has them.
-    is_x86_feature_detected!("avx2").then_some(|slices, columns, weights, from, to| unsafe {
+/// The kernel for four interleaved vectors, whose four numbers fill one register; none as for [`of_one`].
+pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
+    if !is_x86_feature_detected!("avx2") {
+        return Vec::new();
+    }
+    // SAFETY: the processor has the instructions.
+    vec![|slices, columns, weights, from, to| unsafe {
         of_interleaved(slices, columns, weights, from, to);
-    })
+    }]
 }
 
 /// Sums of one vector. Panics where a step or a row does not exist. A column that does not exist (no tile has
@@ -73,6 +84,32 @@ fn by_four(
         unsafe {
             _mm256_storeu_pd(sums.as_mut_ptr(), low);
             _mm256_storeu_pd(sums.as_mut_ptr().add(4), high);
+        }
+        slice.rows.iter().zip(sums).for_each(|(&row, sum)| to[usize::from(row)] = sum);
+        first = end;
+    }
+}
+
+/// As [`by_four`], for processors that look up four entries faster one by one. Panics where a step, a row or a column does not exist.
+#[target_feature(enable = "avx2")]
+fn one_by_one(
+    slices: &[Slice],
+    columns: &[[u16; LANES]],
+    weights: &[[f32; LANES]],
+    from: &[f64],
+    to: &mut [f64],
+) {
+    let mut first = 0;
+    for slice in slices {
+        let end = first + slice.steps as usize;
+        let mut sums = slice.rows.map(|row| to[usize::from(row)]);
+        for (columns, weights) in columns[first..end].iter().zip(&weights[first..end]) {
+            prefetch(columns, weights);
+            let from = columns.map(|column| from[usize::from(column)]);
+            for ((sum, from), &weight) in sums.iter_mut().zip(from).zip(weights) {
+                // Rounded separately, as above.
+                *sum += f64::from(weight) * from;
+            }
         }
         slice.rows.iter().zip(sums).for_each(|(&row, sum)| to[usize::from(row)] = sum);
         first = end;

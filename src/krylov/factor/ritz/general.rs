@@ -69,8 +69,8 @@ pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> R
 
 /// `‖A V s − V H s‖`.
 fn outside(state: &Expansion, s: &[f64]) -> f64 {
-    let outside = state.outside(s);
-    norm(&outside.known).hypot(norm(&outside.waiting))
+    let [known, waiting] = state.beyond(s);
+    norm(&known).hypot(norm(&waiting))
 }
 
 fn length(column: &[c64]) -> f64 {

@@ -53,13 +53,13 @@ fn all(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
     })?;
     let values: Vec<(f64, f64)> =
         decomposition.S().column_vector().iter().map(|value| (*value, 0.0)).collect();
-    let rounding = rounding(state);
+    let (rounding, asymmetric) = (rounding(state), state.asymmetric_part());
     Ok(which
         .order(&values)
         .into_iter()
         .map(|k| {
             let coefficients: Vec<f64> = decomposition.U().col(k).iter().copied().collect();
-            let outside = state.outside(&coefficients);
+            let outside = state.outside(&coefficients, &asymmetric);
             let residual = norm(&outside.known).hypot(norm(&outside.waiting)).hypot(outside.asymmetric);
             RitzPair {
                 value: values[k].0,
