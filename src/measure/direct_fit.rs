@@ -204,9 +204,9 @@ mod tests {
         for (share, counts) in [(1.0 / 1.7, true), (1.0 / 1.5, false), (2.0, false), (0.0, true)] {
             let noise: Vec<f64> = (0..48).map(|pixel| share * from_residuals(pixel)).collect();
             let plane = fit().plane(noise.clone(), resolution);
-            for pixel in 0..48 {
-                let expected = if counts { from_residuals(pixel) } else { noise[pixel] };
-                assert!((plane.variance[pixel] / expected - 1.0).abs() < 1e-9, "{share} {pixel}");
+            for (pixel, (found, noise)) in plane.variance.iter().zip(&noise).enumerate() {
+                let expected = if counts { from_residuals(pixel) } else { *noise };
+                assert!((found / expected - 1.0).abs() < 1e-9, "{share} {pixel}");
             }
             let (found, expected) = (plane.values, uneven(48));
             assert!(found.iter().zip(&expected).all(|(f, e)| (f - e).abs() < 1e-12));

@@ -127,7 +127,9 @@ mod tests {
             let mut recorder = Recorder::new(&mut report);
             let seen = light(None, &photos, exposure, &mut recorder).expect("nobody stops it");
             assert_eq!(seen, (true, in_range), "{saturated}");
-            let [range, saturation, ambient] = &recorder.findings.all[..] else { panic!("three findings") };
+            let all = recorder.findings.all;
+            assert_eq!(all.len(), 3);
+            let (range, saturation, ambient) = (&all[0], &all[1], &all[2]);
             let share = if saturated > 2 { 100 } else { 60 };
             assert!(
                 range.found.contains(&format!("white reaches {share} % of the range in 0.5000 s")),

@@ -245,7 +245,9 @@ mod tests {
             let finding = found([projector, camera], optics, sharpness);
             let left = 1.0 - 2.0 * deviation * (2.0 / std::f64::consts::PI).sqrt() / 8.0;
             let expected = (deviation.powi(2) + 2.0 * left.ln() / std::f64::consts::FRAC_PI_2.powi(2)).sqrt();
-            let [period, blur, of_camera] = numbers(&finding)[..] else { panic!("three numbers: {finding}") };
+            let said = numbers(&finding);
+            assert_eq!(said.len(), 3, "{finding}");
+            let (period, blur, of_camera) = (said[0], said[1], said[2]);
             // The harmonics above the first, and the borders of the picture, which are not blurred alike.
             assert!((blur - expected).abs() < 0.02, "{finding}; expected {expected}");
             assert!(
