@@ -139,3 +139,123 @@ pub(super) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     }
     planes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::direct::patterns;
+    use super::super::footprint::by_overlap;
+    use super::super::lens_map::LensMap;
+    use super::*;
+
+    /// The photos of direct light, less their mean over the patterns.
+    fn photos(direct: &[f64], shown: &[Vec<f64>], spread: Option<&Spread>) -> Vec<Vec<f64>> {
+        let photo = |pattern: &Vec<f64>| -> Vec<f64> {
+            let light: Vec<f64> = direct.iter().zip(pattern).map(|(d, u)| d * u).collect();
+            spread.map_or(light.clone(), |spread| spread.apply(&light))
+        };
+        without_mean(shown.iter().map(photo).collect())
+    }
+
+    /// The direct light of pixels that all differ.
+    fn uneven(count: usize) -> Vec<f64> {
+        (0..count).map(|pixel| 1.0 + (pixel * 7 % 11) as f64 / 10.0).collect()
+    }
+
+    #[test]
+    fn without_a_spread_the_fit_is_exact_at_once() {
+        let resolution = Resolution::new(6, 5);
+        let mut shown = patterns(resolution, 2, &[true; 30]);
+        // A pixel that is never lit tells nothing of its light.
+        shown.iter_mut().for_each(|pattern| pattern[4] = 0.0);
+        let direct = uneven(30);
+        let photos = photos(&direct, &shown, None);
+        let mut fit = DirectFit::new(&shown, None, None, &photos);
+        fit.improve(5);
+        assert!(fit.residual() < 1e-25);
+        // The fit is linear in the photos, with these factors.
+        for pixel in 0..30 {
+            let sum: f64 =
+                photos.iter().enumerate().map(|(m, photo)| fit.slope(pixel, m) * photo[pixel]).sum();
+            let expected = if pixel == 4 { 0.0 } else { direct[pixel] };
+            assert!(
+                (sum - expected).abs() < 1e-12 && (fit.direct[pixel] - expected).abs() < 1e-12,
+                "{pixel}"
+            );
+        }
+    }
+
+    /// Patterns of ±1 and ±2, and residuals of ±e at right angles to them.
+    #[test]
+    fn the_variance_is_that_of_noise_or_of_the_residuals_where_they_are_clearly_larger() {
+        let resolution = Resolution::new(8, 6);
+        let signs = [1.0, -1.0, 1.0, -1.0];
+        let shown: Vec<Vec<f64>> = signs
+            .map(|sign| (0..48).map(|pixel| if pixel < 24 { 3.0 + sign } else { 3.0 + 2.0 * sign }).collect())
+            .to_vec();
+        let e = 0.1;
+        let mut photos = photos(&uneven(48), &shown, None);
+        for (photo, sign) in photos.iter_mut().zip([1.0, 1.0, -1.0, -1.0]) {
+            photo.iter_mut().for_each(|value| *value += sign * e);
+        }
+        let fit = || DirectFit::new(&shown, None, None, &photos);
+        assert!((fit().residual() - 4.0 * 48.0 * e * e).abs() < 1e-12);
+        // 4 e² are left with two degrees of freedom; patterns have squares of 4 and of 16.
+        let from_residuals = |pixel: usize| 2.0 * e * e / if pixel < 24 { 4.0 } else { 16.0 };
+        for (share, counts) in [(1.0 / 1.7, true), (1.0 / 1.5, false), (2.0, false), (0.0, true)] {
+            let noise: Vec<f64> = (0..48).map(|pixel| share * from_residuals(pixel)).collect();
+            let plane = fit().plane(noise.clone(), resolution);
+            for (pixel, (found, noise)) in plane.variance.iter().zip(&noise).enumerate() {
+                let expected = if counts { from_residuals(pixel) } else { *noise };
+                assert!((found / expected - 1.0).abs() < 1e-9, "{share} {pixel}");
+            }
+            let (found, expected) = (plane.values, uneven(48));
+            assert!(found.iter().zip(&expected).all(|(f, e)| (f - e).abs() < 1e-12));
+        }
+    }
+
+    /// A residual in one pixel counts for its neighbours, too.
+    #[test]
+    fn residuals_of_neighbours_are_averaged() {
+        let resolution = Resolution::new(9, 9);
+        let shown = [vec![1.0; 81], vec![0.0; 81], vec![1.0; 81], vec![0.0; 81], vec![0.5; 81]];
+        let mut photos = photos(&[1.0; 81], &shown, None);
+        photos[4][40] = 0.3;
+        let plane = DirectFit::new(&shown, None, None, &photos).plane(vec![1e-9; 81], resolution);
+        let blur = Blur::new(resolution, 1.0).expect("a blur of one pixel");
+        // Three degrees of freedom; the patterns' squares add up to one.
+        let one: Vec<f64> = (0..81).map(|pixel| if pixel == 40 { 0.09 / 3.0 } else { 0.0 }).collect();
+        for (found, expected) in plane.variance.iter().zip(blur.apply(&one)) {
+            let expected = if expected > 1.6e-9 { expected } else { 1e-9 };
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        }
+    }
+
+    /// A camera of as many pixels as the projector's that looks half a pixel past it.
+    #[test]
+    fn with_a_spread_conjugate_gradients_end_after_as_many_steps_as_there_are_pixels() {
+        let resolution = Resolution::new(4, 3);
+        let lens = LensMap {
+            camera: resolution,
+            projector: resolution,
+            homography: [1.0, 0.0, 0.5 / 2.5, 0.0, 1.0, 0.2 / 2.5, 0.0, 0.0],
+            distortion: [0.0; 2],
+        };
+        let spread = Spread::new(&by_overlap(&lens, &[true; 12]), &lens);
+        let shown = patterns(resolution, 2, &[true; 12]);
+        let direct = uneven(12);
+        let photos = photos(&direct, &shown, Some(&spread));
+        let after = |steps: usize| {
+            let mut fit = DirectFit::new(&shown, None, Some(&spread), &photos);
+            fit.improve(steps);
+            fit
+        };
+        let residuals: Vec<f64> = (0..12).map(|steps| after(steps).residual()).collect();
+        assert!(residuals.windows(2).all(|pair| pair[1] < pair[0]), "{residuals:?}");
+        assert!(residuals[0] > 1e-3, "there is something to improve");
+        for steps in [12, 60] {
+            let fit = after(steps);
+            assert!(fit.residual() < 1e-18 * residuals[0], "{} after {steps}", fit.residual());
+            assert!(fit.direct.iter().zip(&direct).all(|(f, d)| (f - d).abs() < 1e-8), "{:?}", fit.direct);
+        }
+    }
+}

@@ -178,3 +178,110 @@ impl Displayed {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn projector(width: usize, height: usize, channels: usize, bits: u32) -> ProjectorInfo {
+        let resolution = Resolution::new(width, height);
+        ProjectorInfo { name: "projector".into(), resolution, channels, bits, frame_time: 0.0 }
+    }
+
+    /// A gray display with these levels of light.
+    fn display(width: usize, height: usize, light: &[f64], dither: DitherBy) -> Display {
+        let info = projector(width, height, 1, light.len().ilog2());
+        Display::new(&info, &[light.to_vec()], true, dither, 7).expect("it ascends from 0 to 1")
+    }
+
+    fn levels(display: &Display, target: &[f64], part: Part) -> Vec<u16> {
+        display.show(&[target.to_vec()], part).expect("as many values as pixels").frame.levels().to_vec()
+    }
+
+    /// A pixel of light 0.4 is shown dark, and its error of 0.4 goes on. All others are far below 0, where a level is no error, but for one
+    /// that turns bright as soon as it gets the share that Floyd and Steinberg give it.
+    #[test]
+    fn diffusion_gives_sixteenths_of_an_error_to_four_neighbours_in_the_direction_of_the_row() {
+        let display = display(5, 3, &[0.0, 1.0], DitherBy::Diffusion);
+        let shown = |source: usize, neighbour: usize, light: f64| {
+            let mut target = vec![-10.0; 15];
+            (target[source], target[neighbour]) = (0.4, light);
+            levels(&display, &target, Part::Full)
+        };
+        for (y, ahead) in [(0, 1), (1, -1)] {
+            for (down, along, share) in [(0, 1, 7.0), (1, -1, 3.0), (1, 0, 5.0), (1, 1, 1.0)] {
+                let source: isize = 5 * y + 2;
+                let neighbour = (5 * (y + down) + 2 + ahead * along) as usize;
+                let needed = 0.5 - 0.4 * share / 16.0;
+                for (light, level) in [(needed - 1e-6, 0), (needed + 1e-6, 1)] {
+                    let shown = shown(source as usize, neighbour, light);
+                    assert_eq!(shown[neighbour], level, "row {y}, {along} along, {down} down, {light}");
+                    assert_eq!(shown.iter().sum::<u16>(), level, "no other pixel becomes bright");
+                }
+            }
+        }
+        // At the end of a row nothing goes around the edge, and below the last row there is nothing.
+        for (source, elsewhere) in [(4, 5), (4, 10), (5, 4), (5, 14), (12, 2)] {
+            assert_eq!(shown(source, elsewhere, 0.5 - 1e-6).iter().sum::<u16>(), 0, "{source} {elsewhere}");
+        }
+    }
+
+    #[test]
+    fn diffusion_of_too_bright_a_pixel_darkens_its_neighbours_and_of_one_beyond_white_does_not() {
+        let display = display(2, 1, &[0.0, 1.0], DitherBy::Diffusion);
+        // Shown as 1, and 0.4 too bright: 0.175 less for the next.
+        assert_eq!(levels(&display, &[0.6, 0.67], Part::Full), [1, 0]);
+        assert_eq!(levels(&display, &[0.6, 0.68], Part::Full), [1, 1]);
+        assert_eq!(levels(&display, &[7.0, 0.49], Part::Full), [1, 0]);
+    }
+
+    #[test]
+    fn random_dither_shows_the_target_on_average_by_the_levels_on_both_sides_of_it() {
+        let curve = [0.0, 0.2, 0.7, 1.0];
+        let display = display(64, 64, &curve, DitherBy::Random);
+        for (target, below, share) in [(0.3, 1, 0.2), (0.66, 1, 0.92), (0.9, 2, 2.0 / 3.0)] {
+            let shown = levels(&display, &vec![target; 4096], Part::Full);
+            assert!(shown.iter().all(|&level| level == below || level == below + 1), "{target}");
+            let above = shown.iter().filter(|&&level| level == below + 1).count() as f64 / 4096.0;
+            // Five standard deviations of a share of 4096 pixels.
+            let deviation = (share * (1.0 - share) / 4096.0_f64).sqrt();
+            assert!((above - share).abs() < 5.0 * deviation, "{target}: {above} against {share}");
+        }
+        assert_eq!(levels(&display, &vec![1.0; 4096], Part::Full), vec![3; 4096]);
+        assert_eq!(levels(&display, &vec![0.2; 4096], Part::Full), vec![1; 4096], "a level needs no dither");
+    }
+
+    #[test]
+    fn without_a_choice_the_error_is_diffused_for_global_light_alone() {
+        let target: Vec<f64> = (0..12).map(|pixel| f64::from(pixel) / 13.0).collect();
+        let shown = |dither, part| levels(&display(4, 3, &[0.0, 0.3, 0.6, 1.0], dither), &target, part);
+        let [nearest, diffused] =
+            [DitherBy::None, DitherBy::Diffusion].map(|dither| shown(dither, Part::Full));
+        assert_ne!(nearest, diffused);
+        assert_eq!(nearest, [0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 2, 3]);
+        let auto = [Part::Full, Part::Direct, Part::Global].map(|part| shown(DitherBy::Auto, part));
+        assert_eq!(auto, [nearest.clone(), nearest, diffused]);
+    }
+
+    #[test]
+    fn each_channel_has_its_curve_and_its_target_and_what_is_shown_is_known() {
+        let curves = [vec![0.0, 0.1, 0.4, 1.0], vec![0.0, 0.3, 0.6, 1.0], vec![0.0, 0.5, 0.9, 1.0]];
+        let display =
+            Display::new(&projector(2, 1, 3, 2), &curves, true, DitherBy::None, 0).expect("they ascend");
+        assert_eq!(display.widest_step(), 0.6);
+        let gray = display.show(&[vec![0.44, 0.95]], Part::Full).expect("one plane for all channels");
+        assert_eq!(gray.frame.levels(), [2, 1, 1, 3, 3, 2]);
+        assert_eq!(gray.light, [[0.4, 1.0], [0.3, 1.0], [0.5, 0.9]]);
+        let target = [vec![0.1, 0.0], vec![0.6, 0.0], vec![1.0, 0.5]];
+        let colored = display.show(&target, Part::Full).expect("a plane for each channel");
+        assert_eq!(colored.frame.levels(), [1, 2, 3, 0, 0, 1]);
+        assert_eq!(display.of_frame(&colored.frame).light, target);
+        let below = display.show_below(&[vec![0.99, 0.39]]).expect("one plane for all channels");
+        assert_eq!(below.frame.levels(), [2, 2, 2, 1, 1, 0]);
+        assert_eq!(colored.seen_by(1, 3), target[1]);
+        let mean = colored.seen_by(0, 1);
+        assert!((mean[0] - 1.7 / 3.0).abs() < 1e-15 && (mean[1] - 0.5 / 3.0).abs() < 1e-15, "{mean:?}");
+        let gray = Displayed { frame: colored.frame, light: vec![vec![0.25, 0.75]] };
+        assert_eq!(gray.seen_by(2, 3), [0.25, 0.75]);
+    }
+}

@@ -47,10 +47,11 @@ pub(super) fn choose(
     let [shortest, longest] = frames.camera().exposures;
     let channels = frames.camera().channels;
     let frame_time = frames.projector().frame_time;
+    // Whole refreshes of the projector; where one is too long, parts of one.
     let fit = |seconds: f64| {
         let seconds = seconds.clamp(shortest, longest);
         let whole = (seconds / frame_time).floor() * frame_time;
-        if frame_time > 0.0 && whole >= shortest { whole.max(frame_time) } else { seconds }
+        if frame_time > 0.0 && whole >= shortest { whole } else { seconds }
     };
     let range = curve.brightest() - curve.zero;
     let mut exposure = fit(if frame_time > 0.0 { frame_time } else { (shortest * longest).sqrt() });
@@ -69,8 +70,7 @@ pub(super) fn choose(
                 break;
             }
         };
-        // When one whole refresh of the projector is still too long, parts of a refresh follow.
-        exposure = if fit(next) == exposure { next.clamp(shortest, longest) } else { fit(next) };
+        exposure = fit(next);
     }
     let mut exposures = vec![chosen.unwrap_or(exposure)];
     while exposures.len() < brackets as usize {
@@ -109,5 +109,136 @@ fn too_bright(shortest: f64) -> Error {
         device: "camera".into(),
         fault: format!("a white frame saturates it even at its shortest exposure, {shortest} s"),
         help: "close the lens, or darken the projector or the room".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+    use crate::measure::CaptureRequest;
+    use crate::measure::calibration::CameraResponse;
+    use crate::measure::simulated::Simulated;
+
+    /// Samples of so much light, in counts per second, seen by a camera whose counts go from 10 in the dark to 1000 at saturation. The
+    /// largest exposure that is chosen for light `L` is 0.8 · 990 / L seconds.
+    struct Scene {
+        light: Vec<f64>,
+        channels: usize,
+        used: Vec<bool>,
+        exposures: [f64; 2],
+        frame_time: f64,
+    }
+
+    impl Scene {
+        fn of(light: &[f64]) -> Self {
+            let used = vec![true; light.len()];
+            Self { light: light.to_vec(), channels: 1, used, exposures: [1e-3, 100.0], frame_time: 0.0 }
+        }
+
+        /// What is chosen, and the exposures of all test photos. It is the same whether the black level is corrected or not.
+        fn choose(&self, brackets: u32) -> (Result<Vec<f64>>, Vec<f64>) {
+            let chosen = [true, false].map(|undo| {
+                let light = self.light.clone();
+                let photo = move |request: &CaptureRequest, _| {
+                    light.iter().map(|l| (10.0 + l * request.exposure).round().min(1023.0) as u16).collect()
+                };
+                let pixels = Resolution::new(self.light.len() / self.channels, 1);
+                let mut frames = Simulated::new(pixels, pixels, 10, photo);
+                frames.camera.channels = self.channels;
+                frames.camera.exposures = self.exposures;
+                frames.projector.frame_time = self.frame_time;
+                let response = CameraResponse {
+                    black: 10.0,
+                    saturation: 1000.0,
+                    gain: 1.0,
+                    read_noise: 1.0,
+                    curve: None,
+                };
+                let curve = CameraCurve::new(&response, 10, undo).expect("a linear camera");
+                let white = Arc::new(Frame::filled(pixels, 1, 255));
+                let exposures = choose(&mut frames, &curve, &white, &self.used, brackets);
+                (exposures, frames.asked.iter().map(|asked| asked.exposure).collect::<Vec<f64>>())
+            });
+            let [corrected, raw] = chosen;
+            assert_eq!(corrected.1, raw.1);
+            assert_eq!(corrected.0.as_ref().ok(), raw.0.as_ref().ok());
+            corrected
+        }
+    }
+
+    /// Equal up to the rounding of a test photo's brightest count: at least 32 of them are above black.
+    fn near(found: &[f64], expected: &[f64]) -> bool {
+        found.len() == expected.len() && found.iter().zip(expected).all(|(f, e)| (f / e - 1.0).abs() < 0.02)
+    }
+
+    #[test]
+    fn the_brightest_pixel_comes_to_four_fifths_of_saturation() {
+        // From the geometric mean of the range; a photo of 3 % of the range is too dark to go by, and the next one has 80 %.
+        let (chosen, asked) = Scene::of(&[100.0, 25.0]).choose(1);
+        assert!(
+            near(&chosen.expect("there is light"), &[7.92]) && near(&asked, &[0.1_f64.sqrt(), 7.92]),
+            "{asked:?}"
+        );
+        // A photo of 6 % suffices.
+        let (chosen, asked) = Scene::of(&[190.0]).choose(1);
+        assert!(
+            near(&chosen.expect("there is light"), &[4.17]) && near(&asked, &[0.1_f64.sqrt()]),
+            "{asked:?}"
+        );
+        // Pixels that are not used do not count.
+        let scene = Scene { used: vec![false, true], ..Scene::of(&[1e6, 190.0]) };
+        assert!(near(&scene.choose(1).0.expect("there is light"), &[4.17]));
+        // Two pixels of three channels, of which the second is not used.
+        let colored = Scene::of(&[10.0, 190.0, 20.0, 1e6, 0.0, 1e6]);
+        let colored = Scene { channels: 3, used: vec![true, false], ..colored };
+        assert!(near(&colored.choose(1).0.expect("there is light"), &[4.17]));
+    }
+
+    #[test]
+    fn too_much_light_shortens_the_exposure_by_eighths_and_too_little_lengthens_it_to_the_longest() {
+        let start = 0.1_f64.sqrt();
+        // 1581 counts at a 64th of the first exposure are too many; at the shortest exposure it has 320, a third of the range.
+        let (chosen, asked) = Scene::of(&[320e3]).choose(1);
+        assert!(near(&chosen.expect("it is not too bright"), &[792.0 / 320e3]), "{asked:?}");
+        assert!(near(&asked, &[start, start / 8.0, start / 64.0, 1e-3]), "{asked:?}");
+        let (chosen, asked) = Scene::of(&[0.0]).choose(1);
+        assert!(
+            near(&chosen.expect("dark is no error"), &[100.0]) && near(&asked, &[start, 64.0 * start, 100.0])
+        );
+        let (chosen, asked) = Scene::of(&[1e9]).choose(1);
+        assert!(matches!(chosen, Err(Error::Saturated { .. })), "{chosen:?}");
+        assert_eq!(asked.last(), Some(&1e-3));
+    }
+
+    #[test]
+    fn exposures_are_whole_refreshes_of_the_projector_or_else_parts_of_one() {
+        let refresh = 1.0 / 60.0;
+        let flickering = |light: f64| Scene { frame_time: refresh, ..Scene::of(&[light]) };
+        // 0.264 s are 15.8 refreshes; the first test photo is of one refresh.
+        let (chosen, asked) = flickering(3000.0).choose(1);
+        assert!((chosen.expect("there is light")[0] - 15.0 * refresh).abs() < 1e-12);
+        assert_eq!(asked, [refresh]);
+        // One refresh is too long: an eighth of one, then what 0.8 of the range takes.
+        let (chosen, asked) = flickering(3e5).choose(1);
+        assert!(near(&chosen.expect("it is not too bright"), &[792.0 / 3e5]));
+        assert!(near(&asked, &[refresh, refresh / 8.0]), "{asked:?}");
+    }
+
+    #[test]
+    fn longer_exposures_follow_by_factors_of_four_until_the_darkest_pixel_is_well_exposed() {
+        let brackets = |light: &[f64], most: u32| Scene::of(light).choose(most).0.expect("there is light");
+        // The darkest is never 20 standard deviations above black: up to the longest exposure, and no longer than allowed.
+        assert!(near(&brackets(&[100.0, 0.01], 5), &[7.92, 31.68, 100.0]));
+        assert!(near(&brackets(&[100.0, 0.01], 2), &[7.92, 31.68]));
+        assert!(near(&brackets(&[100.0, 0.01], 1), &[7.92]));
+        // x counts above black have the variance x + 1 + 1/12: 20 standard deviations from x = 401.1 on.
+        assert!(near(&brackets(&[100.0, 406.0 / 7.92], 5), &[7.92]));
+        assert!(near(&brackets(&[100.0, 395.0 / 7.92], 5), &[7.92, 31.68]));
+        // In the second exposure a pixel of 25 has 792, and the other one is saturated.
+        assert!(near(&brackets(&[100.0, 25.0], 5), &[7.92, 31.68]));
+        // A pixel that is not used may stay dark.
+        let scene = Scene { used: vec![true, true, false], ..Scene::of(&[100.0, 60.0, 0.01]) };
+        assert!(near(&scene.choose(5).0.expect("there is light"), &[7.92]));
     }
 }

@@ -67,6 +67,8 @@ mod rig_file;
 mod rows;
 mod sharp_weights;
 mod signed;
+#[cfg(test)]
+mod simulated;
 mod spread;
 mod times;
 

@@ -279,3 +279,15 @@ fn another_rig_is_refused() {
     let error = frames.capture(&request(2)).expect_err("another camera is attached").to_string();
     assert!(error.contains("another camera") && error.contains("test camera"), "{error}");
 }
+
+#[test]
+fn metadata_of_more_than_a_megabyte_are_refused_and_the_journal_goes_on() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut journal = Journal::create(&folder.path().join("run"), &identity()).expect("it can be written");
+    for (length, fits) in [((1 << 20) + 1, false), (1 << 20, true), (2 << 20, false)] {
+        let key = journal.key(&[&[u8::from(fits)]]);
+        let written = journal.append(Kind::Photo, key, &vec![7; length], b"counts");
+        assert_eq!(written.is_ok(), fits, "{length}");
+    }
+    assert_eq!(journal.photos(), 1);
+}

@@ -215,3 +215,22 @@ fn deflation_takes_an_invariant_subspace_out_of_the_spectrum() {
     let residual = matrix.residual((found.values[0], 0.0), &found.vectors[0], &[]);
     assert!(residual > 0.01 && (residual - found.residuals[0]).abs() < 1e-10, "{residual:e}");
 }
+
+/// `A e₁ = 2 e₁ + 3 e₂` and `A e₂ = e₁ + 5 e₃`: what is new has the lengths 3 and 5; nothing is new after three steps.
+#[test]
+fn the_residual_norm_is_the_length_of_what_the_last_product_has_outside_the_basis() {
+    let entries = [[2.0, 1.0, 0.0], [3.0, 0.0, 2.0], [0.0, 5.0, 1.0]];
+    let mut matrix = Dense::general(3, |i, j| entries[i][j]);
+    let mut arnoldi = Arnoldi::new(&[1.0, 0.0, 0.0], &[]).unwrap();
+    let mut norms = vec![arnoldi.residual_norm()];
+    for _ in 0..2 {
+        arnoldi.expand(&mut matrix).unwrap();
+        norms.push(arnoldi.residual_norm());
+    }
+    assert_eq!(norms, [0.0, 3.0, 5.0]);
+    let pair = &arnoldi.ritz(Which::LargestMagnitude, 1).unwrap()[0];
+    assert!(pair.is_resolved(0.75 * pair.residual, 2.0) && !pair.is_resolved(0.25 * pair.residual, 2.0));
+    // It cannot be restarted, unless there is nothing to leave out.
+    assert!(arnoldi.shrink(Which::LargestMagnitude, 1).is_err());
+    assert!(arnoldi.shrink(Which::LargestMagnitude, 2).is_ok());
+}

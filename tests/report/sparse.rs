@@ -200,6 +200,22 @@ fn row_starts_begin_at_zero() -> Outcome {
     Ok(())
 }
 
+/// A ZIP archive has a checksum of each member, which is compared at its end.
+#[test]
+fn a_changed_byte_in_an_array_of_an_npz_is_noticed() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("matrix.npz");
+    sparse::write(&path, &matrix()?)?;
+    let mut bytes = std::fs::read(&path)?;
+    // The last byte of the last array, which is followed by the list of members.
+    let end = bytes.windows(4).position(|four| four == b"PK\x01\x02").ok_or("an archive has a list")?;
+    bytes[end - 1] ^= 1;
+    std::fs::write(&path, &bytes)?;
+    let message = sparse::read(&path).map_or_else(|error| error.to_string(), |matrix| format!("{matrix:?}"));
+    assert!(message.contains("array `data`: Invalid checksum"), "{message}");
+    Ok(())
+}
+
 #[test]
 fn an_archive_that_grows_a_thousandfold_is_refused() -> Outcome {
     let zeros = |mut file: &mut dyn Write| io::copy(&mut io::repeat(0).take(300 << 20), &mut file).map(drop);

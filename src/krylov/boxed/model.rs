@@ -199,3 +199,45 @@ impl Model {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half of what is minimized is a quadratic, so that central differences are its slopes up to rounding.
+    #[test]
+    fn the_gradient_is_the_slope_of_what_is_minimized_with_and_without_doubt() {
+        let entry = |i: usize, j: usize| 0.1 * ((3 * i + 5 * j) % 7) as f64 + if i == j { 1.0 } else { 0.0 };
+        let b = [0.5, -0.25, 1.0, 0.75];
+        for (symmetric, doubt) in [(true, 0.0), (false, 0.0), (false, 0.3)] {
+            let mut model = Model::new(&[1.0, 0.5, 2.0, 0.8], symmetric, None, 4);
+            for x in [[1.0, 0.5, 0.2, 0.7], [0.1, 0.9, 0.4, 0.3]] {
+                let a = |i, j| if symmetric { entry(i, j) + entry(j, i) } else { entry(i, j) };
+                let y: Vec<f64> = (0..4).map(|i| (0..4).map(|j| a(i, j) * x[j]).sum()).collect();
+                assert!(model.learn(&x, &y));
+            }
+            model.doubt = doubt;
+            let half = |u: &[f64]| {
+                let mut image = vec![0.0; 4];
+                model.residual(u, Some(&b), &mut image);
+                let seen = model.patterns.dots(0, u);
+                0.5 * dot(&image, &image) + 0.5 * doubt * (dot(u, u) - dot(&seen, &seen))
+            };
+            let u = [0.3, -0.6, 0.2, 0.9];
+            let (mut image, mut gradient) = (vec![0.0; 4], vec![0.0; 4]);
+            model.gradient(&u, Some(&b), &mut image, &mut gradient);
+            for pixel in 0..4 {
+                let moved = |by: f64| {
+                    let mut moved = u;
+                    moved[pixel] += by;
+                    half(&moved)
+                };
+                let slope = moved(0.5) - moved(-0.5);
+                assert!(
+                    (gradient[pixel] - slope).abs() < 1e-12,
+                    "{symmetric} {doubt}: {gradient:?}, {slope}"
+                );
+            }
+        }
+    }
+}

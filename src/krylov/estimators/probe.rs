@@ -189,3 +189,15 @@ pub(super) fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
     basis.accumulate(0, s, 1.0, &mut sum);
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Estimate;
+
+    /// Deviations of −3, 0 and 3: a variance of 9 with two degrees of freedom, and a third of it for the mean.
+    #[test]
+    fn an_estimate_is_the_mean_with_its_standard_error() {
+        let found = Estimate::of(&[1.0, 4.0, 7.0], 5);
+        assert_eq!(found, Estimate { value: 4.0, standard_error: 3.0_f64.sqrt(), products: 5 });
+    }
+}

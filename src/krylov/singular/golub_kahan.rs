@@ -226,3 +226,21 @@ fn finite(product: &[f64]) -> Result<f64> {
 fn is_left(rest: f64, length: f64, n: usize) -> bool {
     rest > length * f64::EPSILON * (10.0 + (n as f64).sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_triplet_is_limited_by_noise_where_its_residual_is_no_larger_than_that() {
+        let status = |residual: f64, noise: f64| {
+            let (p, q) = (Vec::new(), Vec::new());
+            Triplet { value: 1.0, p, q, residual, gap: 1.0, noise, standard_error: 0.0 }.status(0.1)
+        };
+        assert!(matches!(status(0.1, 0.1), PairStatus::Converged));
+        assert!(matches!(status(0.05, 0.2), PairStatus::LimitedByNoise));
+        assert!(matches!(status(0.2, 0.2), PairStatus::LimitedByNoise));
+        assert!(matches!(status(0.3, 0.2), PairStatus::NotResolved));
+        assert!(matches!(status(0.3, 0.05), PairStatus::NotResolved));
+    }
+}

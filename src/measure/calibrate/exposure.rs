@@ -115,3 +115,83 @@ fn unseen(exposure: f64) -> Error {
             .into(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+    use crate::measure::CaptureRequest;
+    use crate::measure::simulated::Simulated;
+
+    /// What is found for a hundred pixels with so much light, in counts per second above 10, by a camera of 1023 counts, and all exposures that
+    /// were tried. The bright pixels shall have 10 + 0.7 · 1013 = 719 counts, within 101.
+    fn found(light: impl Fn(usize) -> f64 + Send) -> (f64, WhiteExposure, Vec<f64>) {
+        let photo = move |request: &CaptureRequest, _| {
+            let is_white = request.frame.levels()[0] > 0;
+            let count = |pixel| if is_white { 10.0 + light(pixel) * request.exposure } else { 10.0 };
+            (0..100).map(|pixel| count(pixel).round().min(1023.0) as u16).collect()
+        };
+        let size = Resolution::new(10, 10);
+        let mut frames = Simulated::new(size, size, 10, photo);
+        let mut session = CalibrationSession::new(&mut frames);
+        let white = session.filled(session.top());
+        let (exposure, outcome) = search(&mut session, &white).expect("it never fails");
+        let asked: Vec<f64> = frames.asked.iter().map(|asked| asked.exposure).collect();
+        assert_eq!(asked[0], 1e-3, "black, at the shortest exposure");
+        (exposure, outcome, asked[1..].to_vec())
+    }
+
+    /// Equal but for the rounding of some thirty counts.
+    fn near(found: &[f64], expected: &[f64]) -> bool {
+        found.len() == expected.len() && found.iter().zip(expected).all(|(f, e)| (f / e - 1.0).abs() < 0.02)
+    }
+
+    #[test]
+    fn the_exposure_goes_in_proportion_to_where_bright_pixels_have_seven_tenths_of_the_range() {
+        let start = 0.1_f64.sqrt();
+        for (light, expected) in [
+            // Near enough at once: 619 and 819 counts are.
+            (1950.0, &[start][..]),
+            (2530.0, &[start]),
+            // In proportion, up and down.
+            (1890.0, &[start, 709.0 / 1890.0]),
+            (2750.0, &[start, 709.0 / 2750.0]),
+            (100.0, &[start, 7.09]),
+            // More than nine tenths of the range, 922 counts, may be saturated: a fifth, and then in proportion.
+            (2950.0, &[start, start / 5.0, 709.0 / 2950.0]),
+            (7e4, &[start, start / 5.0, start / 25.0, 709.0 / 7e4]),
+        ] {
+            let (exposure, outcome, asked) = found(|_| light);
+            assert!(near(&asked, expected), "{light}: {asked:?}");
+            assert_eq!((outcome, exposure), (WhiteExposure::Filled, asked[asked.len() - 1]));
+        }
+    }
+
+    #[test]
+    fn highlights_of_two_percent_do_not_count_and_of_three_do() {
+        let highlights = |count: usize| found(move |pixel| if pixel < count { 1e5 } else { 100.0 });
+        assert!(near(&[highlights(2).0], &[7.09]) && near(&[highlights(3).0], &[709.0 / 1e5]));
+    }
+
+    #[test]
+    fn light_beyond_the_cameras_exposures_is_too_bright_or_too_dark() {
+        let (exposure, outcome, _) = found(|_| 1e8);
+        assert_eq!((exposure, outcome), (1e-3, WhiteExposure::TooBright));
+        // A hundredth of the range at the longest exposure is seen, if dimly.
+        for (light, expected) in
+            [(0.0, WhiteExposure::TooDark), (0.09, WhiteExposure::TooDark), (0.12, WhiteExposure::Filled)]
+        {
+            let (exposure, outcome, asked) = found(|_| light);
+            assert_eq!((exposure, outcome), (100.0, expected), "{light}");
+            assert!(near(&asked[1..], &[30.0 * asked[0], 100.0]), "{asked:?}");
+        }
+    }
+
+    #[test]
+    fn a_warning_says_the_exposure_and_what_to_do() {
+        assert_eq!(WhiteExposure::Filled.warning(1.0), None);
+        let warning = |outcome: WhiteExposure| outcome.warning(0.25).unwrap_or_default();
+        assert!(warning(WhiteExposure::TooBright).contains("saturates the camera even at 0.25 s"));
+        assert!(warning(WhiteExposure::TooDark).contains("hardly seen even at 0.25 s"));
+    }
+}

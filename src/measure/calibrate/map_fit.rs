@@ -261,4 +261,67 @@ mod tests {
         let few: Vec<Match> = matches(&truth, |at, _| at).into_iter().take(10).collect();
         assert!(fit(&few, truth.camera, truth.projector, 0.4).is_err());
     }
+
+    #[test]
+    fn exact_correspondences_give_the_map_itself() {
+        let truth = truth();
+        let found =
+            fit(&matches(&truth, |at, _| at), truth.camera, truth.projector, 0.4).expect("they agree");
+        assert!(off(&found.map, &truth) < 1e-7, "{:?}", found.map);
+        assert!(found.rms < 1e-7 && found.outliers == 0.0, "{found:?}");
+    }
+
+    /// From `n` points, each off by σ along both axes, and with weights of mean `w̄`, the ten parameters are known so well that the map is
+    /// off by `σ √(10 / (n w̄))`, root mean square over the field.
+    #[test]
+    fn independent_errors_of_points_make_the_error_of_the_map_that_least_squares_say() {
+        use rand_distr::{Distribution, StandardNormal};
+        let truth = truth();
+        let mut random = Pcg64::seed_from_u64(5);
+        let sigma = 0.3;
+        let mut normal = || sigma * Distribution::<f64>::sample(&StandardNormal, &mut random);
+        let noise: Vec<[f64; 2]> = (0..truth.camera.pixels()).map(|_| [normal(), normal()]).collect();
+        let points = matches(&truth, |at, pixel| [at[0] + noise[pixel][0], at[1] + noise[pixel][1]]);
+        let found = fit(&points, truth.camera, truth.projector, sigma).expect("they agree");
+        // Distances of up to 4 σ count, nearly all of them.
+        assert!((found.rms / (sigma * 2.0_f64.sqrt()) - 1.0).abs() < 0.02, "{}", found.rms);
+        assert!(found.outliers < 0.002, "{}", found.outliers);
+        // Tukey's weights at 3 σ have the mean 1 − 4/9 + 8/81 − … = 0.63 for distances with the density d exp(−d²/2).
+        let mean: f64 = (0..3000)
+            .map(|at| 0.001 * (f64::from(at) + 0.5))
+            .map(|d| 0.001 * d * (-0.5 * d * d).exp() * weight(d, 3.0))
+            .sum();
+        let expected = sigma * (10.0 / truth.camera.pixels() as f64 / mean).sqrt();
+        // The scatter that is put in is known to one in √10800, and the scale of the weights as well as the median: two percent.
+        assert!((found.error / expected - 1.0).abs() < 0.05, "{} against {expected}", found.error);
+        // Ten parameters of one draw: their chi-square scatters by √(2/10).
+        assert!((0.4..1.6).contains(&(off(&found.map, &truth) / expected)));
+    }
+
+    /// Twenty-four points are enough for a map, and one less is not; nor are points of which only some agree.
+    #[test]
+    fn a_map_takes_twenty_four_points_that_agree() {
+        let truth = truth();
+        let all = matches(&truth, |at, _| at);
+        let some = |count: usize| -> Vec<Match> { (0..count).map(|at| all[at * 443 % all.len()]).collect() };
+        assert!(fit(&some(24), truth.camera, truth.projector, 0.4).is_ok());
+        let error = fit(&some(23), truth.camera, truth.projector, 0.4).map_err(|error| error.to_string());
+        assert!(error.as_ref().is_err_and(|text| text.contains("only 23 points")), "{error:?}");
+        // Among 40 points, 17 are wrong, each in its own way: 23 agree.
+        let mixed = |wrong: usize| {
+            let mut points = some(40);
+            for (at, point) in points.iter_mut().take(wrong).enumerate() {
+                point.projector = [(at * 7919 % 640) as f64 / 10.0, (at * 4729 % 480) as f64 / 10.0];
+            }
+            fit(&points, truth.camera, truth.projector, 0.4)
+        };
+        let found = mixed(16).expect("24 agree");
+        assert!((found.outliers - 16.0 / 40.0).abs() < 1e-12 && off(&found.map, &truth) < 1e-6, "{found:?}");
+        assert!(mixed(17).is_err());
+    }
+
+    #[test]
+    fn weights_fall_from_one_to_nothing_at_the_limit() {
+        assert_eq!([0.0, 1.0, 2.0, 3.0].map(|distance| weight(distance, 2.0)), [1.0, 0.5625, 0.0, 0.0]);
+    }
 }

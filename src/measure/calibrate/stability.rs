@@ -36,4 +36,23 @@ mod tests {
         let drift = super::drift_per_hour(&whites, 1e-4).expect("ten times");
         assert!((drift.value + 0.03).abs() < 1e-9 && drift.error > 0.0, "{drift}");
     }
+
+    /// The residuals `e, −3e, 3e, −e` at four times are at right angles to every line.
+    #[test]
+    fn the_error_is_that_of_a_line_and_grows_with_residuals_that_are_larger_than_stated() {
+        let drift = |e: f64| {
+            let whites = [(0.0, 1.0), (1.0, -3.0), (2.0, 3.0), (3.0, -1.0)]
+                .map(|(hours, sign)| (500.0 + 3600.0 * hours, 10.0 + 0.25 * hours + sign * e));
+            super::drift_per_hour(&whites, 0.1).expect("four times")
+        };
+        // Hours less their mean have squares that add up to 5; the mean at the beginning is 10.
+        let expected = 0.1 / 5.0_f64.sqrt() / 10.0;
+        for (e, scale) in [(0.0, 1.0), (0.01, 1.0), (0.2, (20.0 * 4.0 / 2.0_f64).sqrt())] {
+            let drift = drift(e);
+            assert!((drift.value - 0.025).abs() < 1e-12, "{drift}");
+            assert!((drift.error / (expected * scale) - 1.0).abs() < 1e-9, "{} with {e}", drift.error);
+        }
+        let at_once = [(5.0, 1.0), (5.0, 1.1)];
+        assert!(super::drift_per_hour(&at_once, 0.1).is_err(), "no time passes");
+    }
 }

@@ -108,3 +108,87 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    /// A pair of frames of 768 samples around `signal` that differ by `±2 d`, and by `drift` on average. Both are sorted into twelve bins of
+    /// 64 samples, whose variance is `2 d² · 64 / 63`.
+    fn pair(signal: u16, d: u16, drift: u16) -> [RawFrame; 2] {
+        let frame = |sign: bool| RawFrame {
+            resolution: Resolution::new(32, 24),
+            channels: 1,
+            counts: (0..768).map(|at| if (at % 2 == 0) == sign { signal + d } else { signal - d }).collect(),
+            exposure: 1.0,
+            id: 0,
+            started: 0.0,
+        };
+        let mut second = frame(false);
+        second.counts.iter_mut().for_each(|count| *count += 2 * drift);
+        [frame(true), second]
+    }
+
+    /// Signals of `10 (2 d² − 4)` have variances on a line with a slope of 1/10 that crosses zero light at 4, and all of that times 64/63.
+    #[test]
+    fn gain_and_read_noise_are_the_slope_of_the_line_and_what_it_has_without_light() {
+        let linear = Linear { black: 100.0, curve: None };
+        let pairs = [2, 3, 4, 5].map(|d: u16| pair(100 + 10 * (2 * d * d - 4), d, 0));
+        let found = transfer(&pairs, &linear, 4095.0).expect("four brightnesses");
+        assert!((found.gain.value / (10.0 * 63.0 / 64.0) - 1.0).abs() < 1e-9, "{:?}", found.gain);
+        // Rounding to counts is not read noise.
+        let read = (4.0 * 64.0 / 63.0 - 1.0 / 12.0_f64).sqrt();
+        assert!((found.read_noise.value / read - 1.0).abs() < 1e-9, "{:?}", found.read_noise);
+        // Light that changes between the frames by two counts is no noise: it only moves the signal by one.
+        let drifted = [2, 3, 4, 5].map(|d: u16| pair(99 + 10 * (2 * d * d - 4), d, 1));
+        let found = transfer(&drifted, &linear, 4095.0).expect("four brightnesses");
+        assert!((found.gain.value / (10.0 * 63.0 / 64.0) - 1.0).abs() < 1e-9, "{:?}", found.gain);
+        // Samples from the limit on are left out: the brightest pair, at 460 and more.
+        let mut saturated = pairs.clone();
+        saturated[3] = pair(100 + 460, 20, 0);
+        let found = transfer(&saturated, &linear, 540.0).expect("three brightnesses");
+        assert!((found.gain.value / (10.0 * 63.0 / 64.0) - 1.0).abs() < 1e-9, "{:?}", found.gain);
+    }
+
+    /// A variance `v` of n samples is known to `v √(2/(n − 1))`. Two brightnesses determine the line, whose errors follow.
+    #[test]
+    fn the_errors_are_those_of_a_line_through_variances_of_so_many_samples() {
+        let linear = Linear { black: 100.0, curve: None };
+        let pairs = [3, 5].map(|d: u16| pair(100 + 10 * (2 * d * d - 4), d, 0));
+        let found = transfer(&pairs, &linear, 4095.0).expect("two brightnesses");
+        let [low, high] = [3.0, 5.0].map(|d: f64| (10.0 * (2.0 * d * d - 4.0), 2.0 * d * d * 64.0 / 63.0));
+        // The square of the error of each, from twelve bins.
+        let square = |(_, variance): (f64, f64)| variance * variance * 2.0 / 63.0 / 12.0;
+        let apart = high.0 - low.0;
+        let slope = (square(low) + square(high)).sqrt() / apart;
+        let without_light = (high.0.powi(2) * square(low) + low.0.powi(2) * square(high)).sqrt() / apart;
+        let (gain, read) = (found.gain.value, found.read_noise.value);
+        assert!((found.gain.error / (slope * gain * gain) - 1.0).abs() < 1e-6, "{:?}", found.gain);
+        assert!(
+            (found.read_noise.error / (without_light / (2.0 * read)) - 1.0).abs() < 1e-6,
+            "{:?}",
+            found.read_noise
+        );
+    }
+
+    /// A curve with two linear DN for each count below 600, and a tenth from there on.
+    #[test]
+    fn noise_is_converted_by_the_slope_of_the_response_and_not_used_where_it_is_flat() {
+        let curve: Vec<f64> = (0..1024)
+            .map(|count| match count {
+                0..600 => 2.0 * f64::from(count),
+                _ => 1200.0 + 0.1 * f64::from(count - 600),
+            })
+            .collect();
+        let linear = Linear { black: 0.0, curve: Some(curve) };
+        let steep = bins(&pair(200, 3, 0), &linear, 1023.0);
+        assert_eq!(steep.len(), 12);
+        let expected = Point { signal: 400.0, variance: 4.0 * 18.0 * 64.0 / 63.0, slope: 4.0, samples: 64.0 };
+        for point in steep {
+            assert!((point.variance - expected.variance).abs() < 1e-9);
+            assert_eq!(Point { variance: expected.variance, ..point }, expected);
+        }
+        assert!(bins(&pair(800, 3, 0), &linear, 1023.0).is_empty());
+    }
+}

@@ -195,4 +195,111 @@ mod tests {
         assert!((value - 1.6).abs() < 1e-12 && (error - (8.4_f64 / 7.0 / 60.0).sqrt()).abs() < 1e-12);
         assert_eq!(slope(&points[1..]), None, "eight are too few");
     }
+
+    /// A probe of a bench of five by four pixels that sees each pixel by itself, without a calibration, and whose whites are all equal.
+    fn with_probe<T>(bits: u32, check: impl FnOnce(&mut Probe<'_>) -> T) -> T {
+        use crate::measure::CaptureRequest;
+        let top = f64::from((1_u32 << bits) - 1);
+        let photo = move |request: &CaptureRequest, _| {
+            request
+                .frame
+                .levels()
+                .iter()
+                .map(|&level| (100.0 + 50_000.0 * f64::from(level) / top).round() as u16)
+                .collect()
+        };
+        let size = crate::image::Resolution::new(5, 4);
+        let mut frames = crate::measure::simulated::Simulated::new(size, size, 16, photo);
+        frames.projector.bits = bits;
+        let photos = super::super::sequence::take(&mut frames, 0.1).expect("it never fails");
+        check(&mut Probe::new(&mut frames, None, &photos, 0.1, true))
+    }
+
+    #[test]
+    fn the_quadrants_of_a_frame_have_no_pixel_in_common_and_make_up_all_of_it() {
+        with_probe(8, |probe| {
+            let Quadrants { whites, quadrants } = quadrants(probe).expect("it never fails");
+            // Of five columns the third belongs to the left: its beginning does.
+            let lit = |light: &[f64]| {
+                light.iter().map(|light| (light / 50_000.0).round() as u8).collect::<Vec<u8>>()
+            };
+            let [left, right] = [[1, 1, 1, 0, 0], [0, 0, 0, 1, 1]].map(|row| [row; 2].concat());
+            let dark = vec![0; 10];
+            let expected = [[&left, &dark], [&right, &dark], [&dark, &left], [&dark, &right]];
+            for (found, [above, below]) in quadrants.iter().zip(expected) {
+                assert_eq!(lit(found), [above.as_slice(), below].concat());
+            }
+            assert!(whites.iter().all(|white| lit(white) == [1; 20]));
+        });
+    }
+
+    /// Without a calibration the sum may be off by 5 %, and by one and a half times the scatter.
+    #[test]
+    fn an_iris_is_found_where_the_quadrants_do_not_add_up_to_white() {
+        with_probe(8, |probe| {
+            for ([before, after], sum, grade, text) in [
+                ([2.0, 2.0], 2.09, Grade::Ok, "within 4.50 %"),
+                (
+                    [2.0, 2.0],
+                    2.11,
+                    Grade::Warning,
+                    "dims bright frames: the quadrants of white together have 5.5 % more",
+                ),
+                ([2.0, 2.0], 1.91, Grade::Ok, "within 4.50 %"),
+                (
+                    [2.0, 2.0],
+                    1.89,
+                    Grade::Warning,
+                    "dims dark frames: the quadrants of white together have 5.5 % less",
+                ),
+                // Whites that differ by 4 % of their mean allow 6 % more.
+                ([1.96, 2.04], 2.21, Grade::Ok, "within 10.50 %"),
+                ([1.96, 2.04], 2.23, Grade::Warning, "11.5 % more"),
+            ] {
+                let quadrants: Vec<Vec<f64>> = [0.1, 0.2, 0.3, 0.4].map(|part| vec![part * sum; 20]).to_vec();
+                let finding = iris(probe, [before, after], &quadrants);
+                assert!(finding.grade == grade && finding.found.contains(text), "{finding}");
+            }
+            // Photos that scatter by 8 % make their sum scatter by half of that.
+            probe.scatter = 0.08;
+            for (sum, grade) in [(2.21, Grade::Ok), (2.23, Grade::Warning)] {
+                let quadrants = vec![vec![0.25 * sum; 20]; 4];
+                assert_eq!(iris(probe, [2.0, 2.0], &quadrants).grade, grade, "{sum}");
+            }
+        });
+    }
+
+    #[test]
+    fn levels_that_are_all_as_bright_as_white_are_those_of_limited_range_video() {
+        with_probe(8, |probe| {
+            for (scatter, high, grade) in [
+                (0.0, 0.991, Grade::Warning),
+                (0.0, 1.009, Grade::Warning),
+                (0.0, 0.989, Grade::Ok),
+                (0.0, 1.011, Grade::Ok),
+                (0.004, 0.997, Grade::Warning),
+                (0.004, 0.995, Grade::Ok),
+            ] {
+                probe.scatter = scatter;
+                let finding = levels(probe, [0.0123, high]);
+                assert_eq!(finding.grade, grade, "{finding}");
+                assert!(finding.found.contains("level 16 has 1.23 % of white's light"), "{finding}");
+            }
+        });
+    }
+
+    #[test]
+    fn a_projector_of_few_levels_has_none_near_black_and_white() {
+        use std::ops::ControlFlow;
+        for (bits, names) in [(5, &["iris", "stray light"][..]), (6, &["iris", "stray light", "levels"])] {
+            with_probe(bits, |probe| {
+                let mut report = |_: &Finding| ControlFlow::Continue(());
+                let mut recorder = Recorder::new(&mut report);
+                brightness(probe, 0.1, &mut recorder).expect("it never fails");
+                let all = recorder.findings.all;
+                assert_eq!(all.iter().map(|finding| finding.name).collect::<Vec<_>>(), names);
+                assert!(all.iter().all(|finding| finding.grade == Grade::Ok), "{all:?}");
+            });
+        }
+    }
 }

@@ -82,3 +82,66 @@ fn ambient(share: f64) -> Finding {
         "darken the room: ambient light is subtracted, but its noise remains",
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::super::sequence::take;
+    use super::*;
+    use crate::image::Resolution;
+    use crate::measure::CaptureRequest;
+    use crate::measure::simulated::Simulated;
+
+    #[test]
+    fn a_white_that_fills_little_of_the_range_is_a_warning_and_an_invisible_one_fails() {
+        let graded = |outcome, reached| range(reached, &Exposure { seconds: 0.5, outcome, bits: 8 }).grade;
+        for (reached, grade) in
+            [(0.0099, Grade::Fails), (0.01, Grade::Warning), (0.199, Grade::Warning), (0.2, Grade::Ok)]
+        {
+            assert_eq!(graded(WhiteExposure::Filled, reached), grade, "{reached}");
+        }
+        assert_eq!(graded(WhiteExposure::TooBright, 1.0), Grade::Fails);
+    }
+
+    /// Photos of a hundred pixels: 5 counts without light, 30 for black, 155 for white, and `saturated` pixels at 255.
+    #[test]
+    fn range_saturation_and_ambient_light_are_those_of_the_counts() {
+        for (saturated, in_range, grade) in
+            [(1, true, Grade::Ok), (2, false, Grade::Warning), (11, false, Grade::Fails)]
+        {
+            let photo = move |request: &CaptureRequest, _| {
+                let lit = if request.frame.levels()[0] > 0 { 155 } else { 30 };
+                let count = |pixel| match pixel {
+                    _ if request.exposure < 0.1 => 5,
+                    pixel if pixel < saturated && lit > 30 => 255,
+                    _ => lit,
+                };
+                (0..100).map(count).collect()
+            };
+            let size = Resolution::new(10, 10);
+            let mut frames = Simulated::new(size, size, 8, photo);
+            let photos = take(&mut frames, 0.5).expect("it never fails");
+            let exposure = Exposure { seconds: 0.5, outcome: WhiteExposure::Filled, bits: 8 };
+            let mut report = |_: &Finding| ControlFlow::Continue(());
+            let mut recorder = Recorder::new(&mut report);
+            let seen = light(None, &photos, exposure, &mut recorder).expect("nobody stops it");
+            assert_eq!(seen, (true, in_range), "{saturated}");
+            let all = recorder.findings.all;
+            assert_eq!(all.len(), 3);
+            let (range, saturation, ambient) = (&all[0], &all[1], &all[2]);
+            let share = if saturated > 2 { 100 } else { 60 };
+            assert!(
+                range.found.contains(&format!("white reaches {share} % of the range in 0.5000 s")),
+                "{range}"
+            );
+            assert_eq!(saturation.grade, grade, "{saturation}");
+            assert!(saturation.found.starts_with(&format!("{saturated}.00 %")), "{saturation}");
+            // 25 of 150, and of more where there are saturated pixels.
+            let black = 100.0 * 25.0 / (150.0 + f64::from(saturated));
+            assert!(ambient.found.contains(&format!("black has {black:.1} %")), "{ambient}");
+            assert_eq!(ambient.grade, Grade::Ok);
+        }
+        assert_eq!((ambient(0.2).grade, ambient(0.21).grade), (Grade::Ok, Grade::Warning));
+    }
+}

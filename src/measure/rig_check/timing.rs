@@ -121,3 +121,98 @@ fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
          exposures that are whole multiples of the refresh and of the mains period",
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::super::sequence::take;
+    use super::*;
+    use crate::image::Resolution;
+    use crate::measure::CaptureRequest;
+    use crate::measure::simulated::Simulated;
+
+    /// What `check` finds on a bench of four by eight pixels whose photos of one second have 100 counts without light, 300 more for black, and
+    /// 40,000 more for white, times `share` of the row, the exposure and the wait.
+    fn found(
+        share: impl Fn(usize, f64, f64) -> f64 + Send,
+        check: impl FnOnce(&mut Probe<'_>, &mut Recorder<'_, '_>) -> Result<()>,
+    ) -> Finding {
+        let photo = move |request: &CaptureRequest, wait: f64| {
+            let white = if request.frame.levels()[0] > 0 { 40_000.0 } else { 0.0 };
+            let light = |row| 300.0 + white * share(row, request.exposure, wait);
+            (0..32).map(|pixel| (100.0 + request.exposure * light(pixel / 4)).round() as u16).collect()
+        };
+        let size = Resolution::new(4, 8);
+        let mut frames = Simulated::new(size, size, 16, photo);
+        frames.settle = 0.25;
+        let photos = take(&mut frames, 1.0).expect("it never fails");
+        let mut report = |_: &Finding| ControlFlow::Continue(());
+        let mut recorder = Recorder::new(&mut report);
+        let mut probe = Probe::new(&mut frames, None, &photos, 1.0, true);
+        check(&mut probe, &mut recorder).expect("it never fails");
+        assert_eq!(recorder.findings.all.len(), 1);
+        assert_eq!(frames.settle, 0.25, "the wait is restored");
+        recorder.findings.all.remove(0)
+    }
+
+    #[test]
+    fn rows_that_are_exposed_one_after_the_other_see_less_of_a_new_frame_above() {
+        let rolling = |slope: f64| {
+            let share = move |row: usize, _, wait| if wait > 0.0 { 1.0 } else { 0.2 + slope * row as f64 };
+            found(share, |probe, recorder| shutter(probe, 0.25, recorder))
+        };
+        // The first and the last two of eight rows have 0.25 and 0.85 of the light of white.
+        let finding = rolling(0.1);
+        assert_eq!(finding.grade, Grade::Warning);
+        let text = "the first rows see 25 % of a frame that was just shown, and the last rows 85 %";
+        assert!(
+            finding.found.contains(text) && finding.found.contains("at least 0.6000 s after"),
+            "{finding}"
+        );
+        // Two percent are allowed, and less light below is no rolling shutter.
+        for (slope, text) in [(0.0, "within 0.0 %"), (0.003, "within 1.8 %"), (-0.01, "within 6.0 %")] {
+            let finding = rolling(slope);
+            assert!(finding.grade == Grade::Ok && finding.found.contains(text), "{finding}");
+        }
+        assert_eq!(rolling(0.004).grade, Grade::Warning);
+    }
+
+    /// Exposures of 0.63, 1.37 and 1.63 refreshes of 1/60 s have 420, 913 and 1087 counts of white.
+    #[test]
+    fn light_that_is_pulsed_is_not_in_proportion_to_exposures_of_parts_of_a_refresh() {
+        let pulsed = |more: f64| {
+            let share = move |_, exposure: f64, _| {
+                if (exposure * 60.0 - 1.37).abs() < 0.1 { 1.0 + more } else { 1.0 }
+            };
+            found(share, pulses)
+        };
+        let finding = pulsed(0.15);
+        assert_eq!(finding.grade, Grade::Warning);
+        // 0.15 of a mean of 1.05.
+        assert!(
+            finding.found.contains("differs by 14.3 % between exposures of 0.0105 to 0.0272 s"),
+            "{finding}"
+        );
+        let steady = pulsed(0.0);
+        assert!(steady.grade == Grade::Ok && steady.found.contains("differs by 0."), "{steady}");
+        // Eight percent, and three times the rounding of 0.3 counts in 425: 0.2 %.
+        assert_eq!((pulsed(0.0835).grade, pulsed(0.0875).grade), (Grade::Ok, Grade::Warning));
+    }
+
+    #[test]
+    fn pulses_are_not_examined_where_the_camera_cannot_expose_so_briefly() {
+        let limited = |shortest: f64| {
+            found(
+                |_, _, _| 1.0,
+                move |probe, recorder| {
+                    probe.exposure = shortest;
+                    pulses(probe, recorder)
+                },
+            )
+        };
+        // At most what white is exposed for: 0.63 / 1.63 of it are less than the shortest exposure, one millisecond, below 2.59 ms.
+        assert!(limited(2.5e-3).found.contains("not examined: the camera cannot expose for 0.00097 s"));
+        assert!(!limited(2.7e-3).found.contains("not examined"));
+    }
+}

@@ -1,0 +1,74 @@
+//! A rig for the tests of this room: a function of the request, and of the wait before the exposure, makes the counts of each photo.
+
+use super::frame_source::{CaptureRequest, Effort, FrameSource};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
+
+/// Frames whose counts are `photo` of the request and of the wait in seconds. The clock counts photos.
+pub(in crate::measure) struct Simulated<F> {
+    /// A gray projector of 8 bits, without a refresh unless it is set.
+    pub(in crate::measure) projector: ProjectorInfo,
+    /// A gray camera, from 1 ms to 100 s unless they are set.
+    pub(in crate::measure) camera: CameraInfo,
+    /// The counts of a photo.
+    pub(in crate::measure) photo: F,
+    /// Seconds between the confirmation of a frame and its exposure.
+    pub(in crate::measure) settle: f64,
+    /// What was asked for.
+    pub(in crate::measure) asked: Vec<CaptureRequest>,
+}
+
+impl<F> Simulated<F> {
+    pub(in crate::measure) fn new(projector: Resolution, camera: Resolution, bits: u32, photo: F) -> Self {
+        Self {
+            projector: ProjectorInfo {
+                name: "projector".into(),
+                resolution: projector,
+                channels: 1,
+                bits: 8,
+                frame_time: 0.0,
+            },
+            camera: CameraInfo {
+                name: "camera".into(),
+                resolution: camera,
+                channels: 1,
+                bits,
+                exposures: [1e-3, 100.0],
+            },
+            photo,
+            settle: 0.0,
+            asked: Vec::new(),
+        }
+    }
+}
+
+impl<F: FnMut(&CaptureRequest, f64) -> Vec<u16> + Send> FrameSource for Simulated<F> {
+    fn projector(&self) -> &ProjectorInfo {
+        &self.projector
+    }
+
+    fn camera(&self) -> &CameraInfo {
+        &self.camera
+    }
+
+    fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
+        self.asked.push(request.clone());
+        Ok(RawFrame {
+            resolution: self.camera.resolution,
+            channels: self.camera.channels,
+            counts: (self.photo)(request, self.settle),
+            exposure: request.exposure,
+            id: self.asked.len() as u64,
+            started: self.asked.len() as f64,
+        })
+    }
+
+    fn set_settle(&mut self, seconds: f64) {
+        self.settle = seconds;
+    }
+
+    fn effort(&self) -> Effort {
+        Effort { taken: self.asked.len() as u64, ..Effort::default() }
+    }
+}
