@@ -107,7 +107,7 @@ impl Pair<'_> {
 
     /// The relative error of a global product against the light that reaches other pixels than it left. What returns to its pixel by way of
     /// other surfaces is direct light to every pattern: both are on the diagonal, which is `own`.
-    fn to_others(&mut self, own: &[f64], x: &[f64]) -> Outcome<f64> {
+    fn of_others(&mut self, own: &[f64], x: &[f64]) -> Outcome<f64> {
         let (found, _) = product(&mut self.rig, Part::Global, x)?;
         let (all, _) = product(self.exact, Part::Full, x)?;
         let truth: Vec<f64> =
@@ -153,7 +153,7 @@ impl Row {
             pair.product(Part::Global, &wave)?,
         ];
         let own = diagonal(pair.exact)?;
-        let others = [pair.to_others(&own, &white)?, pair.to_others(&own, &wave)?];
+        let others = [pair.of_others(&own, &white)?, pair.of_others(&own, &wave)?];
         let (rand_index, regions, frames) = segmented(&mut pair)?;
         let (boxed, solvers, at_frames) = compensated(&mut pair, &truth, &seen)?;
         Ok(Self { products, others, rand_index, regions, frames, boxed, solvers, at_frames })

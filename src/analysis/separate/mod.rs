@@ -15,16 +15,16 @@
 
 mod bounces;
 mod by;
-mod codes;
 mod comparison;
+mod hadamard;
 mod high_frequency;
 mod near_far;
 mod statistical;
 
 pub use bounces::second_and_rest;
 pub use by::{SeparateBy, separate};
-pub use codes::codes;
 pub use comparison::{ComparisonRow, compare_separations};
+pub use hadamard::codes;
 pub use high_frequency::{checkerboards, sinusoids};
 pub use near_far::{NearFar, NearFarOptions, near_far};
 pub use statistical::{from_capture, random_patterns};
