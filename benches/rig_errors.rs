@@ -152,7 +152,7 @@ impl Row {
             pair.product(Part::Global, &white)?,
             pair.product(Part::Global, &wave)?,
         ];
-        let own = diagonal(pair.exact)?;
+        let own = pair.exact.matrix(Part::Full, 0)?.diagonal();
         let others = [pair.of_others(&own, &white)?, pair.of_others(&own, &wave)?];
         let (rand_index, regions, frames) = segmented(&mut pair)?;
         let (boxed, solvers, at_frames) = compensated(&mut pair, &truth, &seen)?;
@@ -174,20 +174,6 @@ impl std::fmt::Display for Row {
             self.rand_index, self.regions, self.frames
         )
     }
-}
-
-/// The diagonal of the true transport matrix.
-fn diagonal(exact: &mut Lab) -> Outcome<Vec<f64>> {
-    let mut full = exact.reference_operators(Part::Full)?.swap_remove(0);
-    let (mut x, mut y) = (vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
-    let mut found = Vec::new();
-    for pixel in 0..x.len() {
-        x[pixel] = 1.0;
-        full.apply(&x, &mut y)?;
-        found.push(y[pixel]);
-        x[pixel] = 0.0;
-    }
-    Ok(found)
 }
 
 /// The adjusted Rand index of the default segmentation by 40 photos, the number of regions, and the frames taken.

@@ -186,7 +186,7 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
     let (direct, global) = (product(exact, Part::Direct, &white)?, product(exact, Part::Global, &white)?);
     let [of_all, of_global] = [pairs(exact, Part::Full, 200)?, pairs(exact, Part::Global, 200)?];
     // No pattern tells direct light from light that returns to the pixel it left by way of other surfaces: both are the matrix's diagonal.
-    let own = diagonal(exact)?;
+    let own = exact.matrix(Part::Full, 0)?.diagonal();
     let other: Vec<f64> = photo.iter().zip(&own).map(|(photo, own)| photo - own).collect();
     let own_of_codes = own.clone();
     let of_others = eigenvalues_without(exact, &own)?;
@@ -206,20 +206,6 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
         named("direct light by codes, and what returns", own_of_codes),
         named("global light by codes, from other pixels", other),
     ])
-}
-
-/// The diagonal of the transport matrix.
-fn diagonal(exact: &mut Lab) -> Outcome<Vec<f64>> {
-    let mut full = exact.reference_operators(Part::Full)?.swap_remove(0);
-    let (mut x, mut y) = (vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
-    let mut found = Vec::new();
-    for pixel in 0..x.len() {
-        x[pixel] = 1.0;
-        full.apply(&x, &mut y)?;
-        found.push(y[pixel]);
-        x[pixel] = 0.0;
-    }
-    Ok(found)
 }
 
 /// The largest eigenvalues of the transport matrix without its diagonal.

@@ -112,6 +112,15 @@ impl Csr {
         Self { cols: self.rows(), row_start, columns, weights }
     }
 
+    /// The diagonal: an entry for each row, 0 where none is stored.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let own = |row: usize| {
+            let (columns, weights) = self.row(row);
+            columns.binary_search(&(row as u32)).map_or(0.0, |at| weights[at])
+        };
+        (0..self.rows()).map(own).collect()
+    }
+
     /// Whether the matrix is square and equals its transpose to the last bit.
     pub fn is_symmetric(&self) -> bool {
         self.rows() == self.cols
@@ -136,6 +145,13 @@ mod tests {
         assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.5]), Some(true));
         assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.500_000_000_000_000_1]), Some(false));
         assert_eq!(symmetric(2, &[0, 1], &[1], &[1.0]), Some(false), "not square");
+    }
+
+    #[test]
+    fn a_missing_entry_of_the_diagonal_is_zero() -> Result<()> {
+        let matrix = Csr::new(2, vec![0, 2, 3, 4], vec![0, 1, 0, 1], vec![2.0, 0.5, 0.5, 7.0])?;
+        assert_eq!(matrix.diagonal(), [2.0, 0.0, 0.0]);
+        Ok(())
     }
 
     #[test]

@@ -1,11 +1,10 @@
 //! A robust fit of the lens map to correspondences some of which are wrong: RANSAC, followed by Gauss–Newton
 //! iteration with Tukey's weights.
 
-use std::collections::BTreeMap;
-
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::clusters::{Clusters, form};
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
 use crate::image::{Resolution, percentile};
@@ -164,44 +163,24 @@ fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Re
 /// them (a cluster-robust covariance).
 fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms: f64) -> Result<f64> {
     let inverse = normal_equations(points, parameters, limit).solve()?.covariance;
-    let mut pulls: BTreeMap<(usize, u64), [f64; PARAMETERS]> = BTreeMap::new();
+    let mut clusters = Clusters::default();
     for &(camera, projector) in points {
         let (at, slopes) = evaluate(parameters, camera);
         let miss = [projector[0] - at[0], projector[1] - at[1]];
         let weight = weight(miss[0].hypot(miss[1]), limit);
         for axis in [0, 1] {
-            let pull = pulls.entry((axis, projector[axis].to_bits())).or_insert([0.0; PARAMETERS]);
-            (0..PARAMETERS).for_each(|i| pull[i] += weight * miss[axis] * slopes[axis][i]);
+            clusters.add((axis, projector[axis].to_bits()), &slopes[axis], weight * miss[axis]);
         }
     }
-    let mut robust = [0.0; PARAMETERS * PARAMETERS];
-    for pull in pulls.values() {
-        let shift = times(&inverse, pull);
-        for (i, row) in robust.chunks_exact_mut(PARAMETERS).enumerate() {
-            row.iter_mut().zip(&shift).for_each(|(entry, other)| *entry += shift[i] * other);
-        }
-    }
+    let robust = clusters.covariance(&inverse);
     let (mut independent, mut clustered) = (0.0, 0.0);
     for &(camera, _) in points {
         for row in evaluate(parameters, camera).1 {
-            independent += 0.5 * rms * rms * dot(&row, &times(&inverse, &row));
-            clustered += dot(&row, &times(&robust, &row));
+            independent += 0.5 * rms * rms * form(&inverse, &row);
+            clustered += form(&robust, &row);
         }
     }
     Ok((f64::max(independent, clustered) / points.len() as f64).sqrt())
-}
-
-/// The product of a square matrix with a vector.
-pub(super) fn times(matrix: &[f64], vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
-    let mut product = [0.0; PARAMETERS];
-    for (value, row) in product.iter_mut().zip(matrix.chunks_exact(PARAMETERS)) {
-        *value = row.iter().zip(vector).map(|(a, x)| a * x).sum();
-    }
-    product
-}
-
-pub(super) fn dot(a: &[f64; PARAMETERS], b: &[f64; PARAMETERS]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@
 mod camera;
 mod camera_model;
 mod checkerboard;
+mod clusters;
 mod comparison;
 mod displacement;
 mod exposure;

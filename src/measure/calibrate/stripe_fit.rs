@@ -9,15 +9,14 @@
 //! squares of `D_jp / d_j − S_jp`, by Gauss–Newton iteration with Tukey's weights, and `d_j` is eliminated at each step (variable
 //! projection, Kaufman 1975).
 
-use std::collections::BTreeMap;
-
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
+use super::clusters::{Clusters, form};
 use super::gray_code::{Decoded, SIGMAS, gray_bit};
 use super::least_squares::Normal;
-use super::map_fit::{Fit, dot, times, weight};
+use super::map_fit::{Fit, weight};
 use crate::error::Result;
 use crate::image::{Resolution, percentile};
 use crate::measure::footprint::{area, corners, overlap};
@@ -52,7 +51,7 @@ struct Equations {
     slopes: [[f64; PARAMETERS]; PLANES],
     weight: f64,
     /// The projector's column and row.
-    near: [i64; 2],
+    near: [u64; 2],
 }
 
 impl Equations {
@@ -129,7 +128,7 @@ fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations>
         residuals: std::array::from_fn(|plane| light[plane] / direct - expected[plane]),
         slopes: std::array::from_fn(|plane| std::array::from_fn(|i| slope(plane, i))),
         weight: 1.0 / (noise * noise),
-        near: map.to_projector(centre(pixel, map.camera)).map(|at| at.floor() as i64),
+        near: map.to_projector(centre(pixel, map.camera)).map(|at| at.max(0.0) as u64),
     })
 }
 
@@ -178,22 +177,20 @@ fn limit(equations: &[Equations]) -> f64 {
 fn field_error(map: &LensMap, equations: &[Equations], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);
     let inverse = normal_equations(equations).solve()?.covariance;
-    let mut pulls: BTreeMap<(usize, i64), [f64; PARAMETERS]> = BTreeMap::new();
+    let mut clusters = Clusters::default();
     for pixel in equations {
         let weight = pixel.weight * weight(pixel.misfit(), limit);
         for axis in [0, 1] {
-            let pull = pulls.entry((axis, pixel.near[axis])).or_insert([0.0; PARAMETERS]);
             for (slopes, residual) in pixel.slopes.iter().zip(&pixel.residuals) {
-                pull.iter_mut().zip(slopes).for_each(|(pull, slope)| *pull += weight * residual * slope);
+                clusters.add((axis, pixel.near[axis]), slopes, weight * residual);
             }
         }
     }
-    let shifts: Vec<[f64; PARAMETERS]> = pulls.values().map(|pull| times(&inverse, pull)).collect();
+    let covariance = clusters.covariance(&inverse);
     let unit = half_diagonal(map.projector);
     let squares = pixels.iter().map(|&pixel| {
         let (_, slopes) = evaluate(&map.parameters(), normalized(centre(pixel, map.camera), map.camera));
-        let along = |shift: &[f64; PARAMETERS]| slopes.iter().map(|row| dot(row, shift).powi(2)).sum::<f64>();
-        shifts.iter().map(along).sum::<f64>()
+        slopes.iter().map(|row| form(&covariance, row)).sum::<f64>()
     });
     Ok(unit * (squares.sum::<f64>() / pixels.len() as f64).sqrt())
 }
