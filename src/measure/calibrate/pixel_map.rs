@@ -69,7 +69,9 @@ pub(super) fn pixel_map(
     let outliers = |fit: &Fit| fit.outliers;
     match fit {
         Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
-            let fit = refined(&fit, &decoded).unwrap_or(fit);
+            // Where no camera pixel sees an edge, the codes are exact, and the stripes tell less.
+            let finer = refined(&fit, &decoded).ok().filter(|finer| finer.error < fit.error);
+            let fit = finer.unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);
             let lost = match by {
                 MapBy::GrayCode => decoded.unreliable + (1.0 - decoded.unreliable) * outliers(&fit),
