@@ -188,7 +188,6 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
     // No pattern tells direct light from light that returns to the pixel it left by way of other surfaces: both are the matrix's diagonal.
     let own = exact.matrix(Part::Full, 0)?.diagonal();
     let other: Vec<f64> = photo.iter().zip(&own).map(|(photo, own)| photo - own).collect();
-    let own_of_codes = own.clone();
     let of_others = eigenvalues_without(exact, &own)?;
     let named = |name, values| Stated { name, values, errors: Vec::new() };
     Ok(vec![
@@ -201,9 +200,9 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
         named("relit checkerboard, all pixels as one", checked),
         named("direct light, pixels", direct),
         named("global light, pixels", global),
-        named("direct light, and what returns to its pixel", own),
+        named("direct light, and what returns to its pixel", own.clone()),
         named("global light from other pixels", other.clone()),
-        named("direct light by codes, and what returns", own_of_codes),
+        named("direct light by codes, and what returns", own),
         named("global light by codes, from other pixels", other),
     ])
 }

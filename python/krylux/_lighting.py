@@ -92,13 +92,16 @@ class Lighting:
         -------
         krylux.answers.Separation
         """
+        if by == "codes" and photos is None:
+            # A run may have any number of photos, and codes need a power of two.
+            photos = 16
         question = {
             "by": by,
             "square": _checks.count(square, "square"),
             "shifts": _checks.count(shifts, "shifts"),
             "period": _checks.finite(period, "period"),
             "phases": _checks.count(phases, "phases"),
-            "photos": _checks.vectors(self._budget(photos, 16 if by == "codes" else 40), "photos", self._pixels),
+            "photos": _checks.vectors(self._budget(photos, 40), "photos", self._pixels),
             "sigma": _checks.maybe(_checks.finite, sigma, "sigma", 0.0),
             "probes": _checks.maybe(_checks.count, probes, "probes", 0),
             "bounces": bool(bounces),

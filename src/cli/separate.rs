@@ -83,7 +83,8 @@ enum ByArg {
     Checkerboards,
     /// Shifted sinusoids
     Sinusoids,
-    /// Each pixel by a code that no pixel near it has: light from near by does not count as direct, and errors are stated rightly
+    /// Patterns in which pixels near to each other have different codes, so that light from near by does not count as direct. For devices in
+    /// focus
     Codes,
     /// The diagonal of the matrix from patterns of random signs
     Random,

@@ -47,11 +47,10 @@ pub(super) fn choose(
     let [shortest, longest] = frames.camera().exposures;
     let channels = frames.camera().channels;
     let frame_time = frames.projector().frame_time;
-    // Whole refreshes of the projector; where one is too long, parts of one.
     let fit = |seconds: f64| {
         let seconds = seconds.clamp(shortest, longest);
         let whole = (seconds / frame_time).floor() * frame_time;
-        if frame_time > 0.0 && whole >= shortest { whole } else { seconds }
+        if frame_time > 0.0 && whole >= shortest { whole.max(frame_time) } else { seconds }
     };
     let range = curve.brightest() - curve.zero;
     let mut exposure = fit(if frame_time > 0.0 { frame_time } else { (shortest * longest).sqrt() });
@@ -70,7 +69,8 @@ pub(super) fn choose(
                 break;
             }
         };
-        exposure = fit(next);
+        // When one whole refresh of the projector is still too long, parts of a refresh follow.
+        exposure = if fit(next) == exposure { next.clamp(shortest, longest) } else { fit(next) };
     }
     let mut exposures = vec![chosen.unwrap_or(exposure)];
     while exposures.len() < brackets as usize {
@@ -223,6 +223,16 @@ mod tests {
         let (chosen, asked) = flickering(3e5).choose(1);
         assert!(near(&chosen.expect("it is not too bright"), &[792.0 / 3e5]));
         assert!(near(&asked, &[refresh, refresh / 8.0]), "{asked:?}");
+    }
+
+    #[test]
+    fn a_camera_that_states_no_shortest_exposure_exposes_for_some_time() {
+        let scene = Scene { frame_time: 1.0 / 60.0, exposures: [0.0, 100.0], ..Scene::of(&[3e5]) };
+        let (chosen, asked) = scene.choose(1);
+        assert!(
+            chosen.expect("it is not too bright")[0] > 0.0 && asked.iter().all(|&asked| asked > 0.0),
+            "{asked:?}"
+        );
     }
 
     #[test]

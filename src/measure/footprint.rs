@@ -32,24 +32,14 @@ pub(super) fn shares(map: &LensMap, lit: &[bool]) -> Shares {
 
 /// The areas of the `lit` camera pixels in the projector's raster, and their overlaps with each projector pixel.
 fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
-    let Resolution { width, height } = map.projector;
     let mut rows: Vec<Vec<Entry>> = vec![Vec::new(); map.projector.pixels()];
     let mut areas = vec![0.0; map.camera.pixels()];
     for (pixel, _) in lit.iter().enumerate().filter(|(_, lit)| **lit) {
         let corners = corners(map, pixel);
         areas[pixel] = area(&corners);
-        let span = |axis: usize, size: usize| {
-            let along = corners.iter().map(|corner| corner[axis]);
-            let low = along.clone().fold(f64::INFINITY, f64::min).floor().max(0.0);
-            let high = along.fold(f64::NEG_INFINITY, f64::max).ceil().min(size as f64);
-            low as usize..high.max(0.0) as usize
-        };
-        for row in span(1, height) {
-            for column in span(0, width) {
-                let common = overlap(&corners, [column as f64, row as f64]);
-                if common > 1e-9 {
-                    rows[row * width + column].push((pixel as u32, common));
-                }
+        for ([column, row], common) in overlapped(corners, map.projector) {
+            if common > 1e-9 {
+                rows[row * map.projector.width + column].push((pixel as u32, common));
             }
         }
     }
@@ -60,6 +50,21 @@ fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
 pub(super) fn corners(map: &LensMap, pixel: usize) -> [[f64; 2]; 4] {
     let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
     [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]].map(|corner| map.to_projector(corner))
+}
+
+/// The projector pixels, by column and row, near a camera pixel with these corners, and the areas that they have in common.
+pub(super) fn overlapped(
+    corners: [[f64; 2]; 4],
+    projector: Resolution,
+) -> impl Iterator<Item = ([usize; 2], f64)> {
+    let [columns, rows] = [(0, projector.width), (1, projector.height)].map(|(axis, size)| {
+        let along = corners.iter().map(|corner| corner[axis]);
+        let low = along.clone().fold(f64::INFINITY, f64::min).floor().max(0.0);
+        let high = along.fold(f64::NEG_INFINITY, f64::max).ceil().min(size as f64);
+        low as usize..high.max(0.0) as usize
+    });
+    rows.flat_map(move |row| columns.clone().map(move |column| [column, row]))
+        .map(move |at| (at, overlap(&corners, at.map(|at| at as f64))))
 }
 
 impl Registration {
@@ -77,7 +82,7 @@ impl Registration {
 
 /// The area of the intersection of a convex polygon with the unit square whose top left corner is `at`
 /// (Sutherland and Hodgman).
-pub(super) fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
+fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
     let mut points = polygon.to_vec();
     for (axis, bound, sign) in
         [(0, at[0], 1.0), (0, at[0] + 1.0, -1.0), (1, at[1], 1.0), (1, at[1] + 1.0, -1.0)]

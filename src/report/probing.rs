@@ -5,7 +5,7 @@ use super::figure;
 use super::html::{Block, Figure, Section};
 use super::planes::{difference, mean, percent};
 use super::run::{Files, Run};
-use crate::analysis::planes::{Planes, relative_error};
+use crate::analysis::planes::{Planes, norm, relative_error};
 use crate::analysis::{Probed, Probing};
 use crate::error::Result;
 use crate::image::Image;
@@ -98,8 +98,7 @@ impl ProbedLight {
 
     /// The root mean square of the standard errors relative to that of the values (the exact ones if known).
     pub fn noise(&self) -> f64 {
-        let size = |planes: &Planes| planes.iter().flatten().map(|value| value * value).sum::<f64>().sqrt();
-        size(&self.standard_errors) / size(self.truth.as_ref().unwrap_or(&self.values))
+        norm(&self.standard_errors) / norm(self.truth.as_ref().unwrap_or(&self.values))
     }
 
     fn error_figures(&self, run: &Run<'_>) -> Result<Vec<Figure>> {

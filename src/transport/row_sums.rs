@@ -18,10 +18,10 @@ pub(super) struct Outline<const C: usize> {
     pub(super) of_class: [usize; CLASSES],
 }
 
-/// The sums of all tasks take at most this part of the memory of the contributions.
-const PART: usize = 4;
+/// The sums of all tasks take at most one of so many parts of the memory that the contributions take.
+const MEMORY_SHARE: usize = 4;
 
-/// Pixels to whose sums contributions are added in one go: these sums stay in the second-level cache.
+/// Pixels to whose sums contributions are added in one go, so that these sums are near in memory.
 const STRIPE: usize = 1 << 14;
 
 /// The outline of these `rows`. The chunks have all contributions to them. With `triangle`, only what is on and above the diagonal is
@@ -36,10 +36,10 @@ pub(super) fn outline<const C: usize>(
     let all: usize = chunks.iter().map(|chunk| chunk.terms.len()).sum();
     // Each task has sums of all rows. They are exact, so that it does not matter how the contributions are shared out.
     let of_task = rows.len().max(1) * (size_of::<FixedSums<C>>() + size_of::<u32>());
-    let room = all * size_of::<Term<C>>() / (PART * of_task);
+    let room = all * size_of::<Term<C>>() / (MEMORY_SHARE * of_task);
     let tasks = rayon::current_num_threads().min(room).max(1);
     let part = |task: usize| {
-        let mut part = Part::new(rig, rows, triangle, scale);
+        let mut part = Partial::new(rig, rows, triangle, scale);
         let share = [all * task / tasks, all * (task + 1) / tasks];
         let mut left: Vec<(Row, &[Term<C>])> = Vec::new();
         let mut before = 0;
@@ -49,10 +49,10 @@ pub(super) fn outline<const C: usize>(
             left.extend((first..end).map(|row| (chunk.rows[row], chunk.row(row))));
             before += chunk.terms.len();
         }
-        part.add_all(left, rig.camera.pixels().max(rig.projector.pixels()));
+        part.add_all(left);
         part
     };
-    let parts: Vec<Part<C>> = (0..tasks).into_par_iter().map(part).collect();
+    let parts: Vec<Partial<C>> = (0..tasks).into_par_iter().map(part).collect();
     let of_row = |row: usize| {
         let mut sums = [[0; C]; 2];
         parts.iter().for_each(|part| add_sums(&mut sums, &part.sums[row]));
@@ -64,7 +64,7 @@ pub(super) fn outline<const C: usize>(
 }
 
 /// What some of the contributions add to the outline.
-struct Part<const C: usize> {
+struct Partial<const C: usize> {
     rig: RigShape,
     rows: Range<usize>,
     triangle: bool,
@@ -74,14 +74,15 @@ struct Part<const C: usize> {
     of_class: [usize; CLASSES],
 }
 
-impl<const C: usize> Part<C> {
+impl<const C: usize> Partial<C> {
     fn new(rig: RigShape, rows: &Range<usize>, triangle: bool, scale: Scale) -> Self {
         let (sums, terms) = (vec![[[0; C]; 2]; rows.len()], vec![0; rows.len()]);
         Self { rig, rows: rows.clone(), triangle, scale, sums, terms, of_class: [0; CLASSES] }
     }
 
-    /// Adds these contributions of paths from and to so many pixels, stripe by stripe of the pixels at their other ends.
-    fn add_all(&mut self, mut left: Vec<(Row, &[Term<C>])>, pixels: usize) {
+    /// Adds these contributions, stripe by stripe of the pixels at which their paths end.
+    fn add_all(&mut self, mut left: Vec<(Row, &[Term<C>])>) {
+        let pixels = self.rig.camera.pixels().max(self.rig.projector.pixels());
         for stripe in (STRIPE..pixels).step_by(STRIPE) {
             for (row, terms) in &mut left {
                 let is_now = |term: &&Term<C>| (term.key.other() as usize) < stripe;

@@ -55,9 +55,7 @@ impl Expansion {
         }
         [known, waiting]
     }
-}
 
-impl Expansion {
     /// The part of `‖(H − T) s‖` that independent errors of the products do not explain; 0 where none are stated.
     ///
     /// Errors of norm `e_i` and `e_j`, which are spread evenly over `n` entries, make the difference of `H_ij` and `H_ji` have the variance

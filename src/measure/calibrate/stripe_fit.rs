@@ -19,7 +19,7 @@ use super::least_squares::Normal;
 use super::map_fit::{Fit, weight};
 use crate::error::Result;
 use crate::image::{Resolution, percentile};
-use crate::measure::footprint::{area, corners, overlap};
+use crate::measure::footprint::{area, corners, overlapped};
 use crate::measure::lens_map::{LensMap, PARAMETERS, centre, evaluate, half_diagonal, normalized};
 
 /// About so many camera pixels are used, drawn at random where the camera has more.
@@ -98,7 +98,7 @@ fn equations(map: &LensMap, decoded: &Decoded, pixels: &[usize]) -> Vec<Equation
 fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations> {
     let seen = corners(map, pixel);
     let stripes = |right: f64, down: f64| {
-        mean_stripes(&seen.map(|[x, y]| [x + right, y + down]), map.projector, decoded)
+        mean_stripes(seen.map(|[x, y]| [x + right, y + down]), map.projector, decoded)
     };
     let light: [f64; PLANES] = std::array::from_fn(|plane| {
         decoded.stripes.get(plane).map_or(0.0, |stripes| stripes.difference[pixel])
@@ -133,23 +133,14 @@ fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations>
 }
 
 /// The mean of each kind of stripes over the area that a camera pixel sees; what lies outside of the raster is dark.
-fn mean_stripes(seen: &[[f64; 2]; 4], projector: Resolution, decoded: &Decoded) -> [f64; PLANES] {
-    let [columns, rows] = [(0, projector.width), (1, projector.height)].map(|(axis, size)| {
-        let along = seen.iter().map(|corner| corner[axis]);
-        let low = along.clone().fold(f64::INFINITY, f64::min).floor().max(0.0);
-        let high = along.fold(f64::NEG_INFINITY, f64::max).ceil().min(size as f64);
-        low as usize..high.max(0.0) as usize
-    });
+fn mean_stripes(seen: [[f64; 2]; 4], projector: Resolution, decoded: &Decoded) -> [f64; PLANES] {
     let mut mean = [0.0; PLANES];
-    for row in rows {
-        for column in columns.clone() {
-            let common = overlap(seen, [column as f64, row as f64]);
-            for (mean, stripes) in mean.iter_mut().zip(&decoded.stripes) {
-                *mean += if gray_bit([column, row][stripes.axis], stripes.bit) { common } else { -common };
-            }
+    for (at, common) in overlapped(seen, projector) {
+        for (mean, stripes) in mean.iter_mut().zip(&decoded.stripes) {
+            *mean += if gray_bit(at[stripes.axis], stripes.bit) { common } else { -common };
         }
     }
-    let whole = area(seen);
+    let whole = area(&seen);
     mean.map(|sum| sum / whole)
 }
 
@@ -247,7 +238,7 @@ mod tests {
         let mut random = Pcg64::seed_from_u64(3);
         for pixel in 0..pixels {
             let direct = 0.5 + random.random::<f64>();
-            let seen = mean_stripes(&corners(truth, pixel), truth.projector, &decoded);
+            let seen = mean_stripes(corners(truth, pixel), truth.projector, &decoded);
             for (stripes, mean) in decoded.stripes.iter_mut().zip(seen) {
                 // The sum of three uniform numbers has a variance of a quarter.
                 let sum: f64 = (0..3).map(|_| random.random::<f64>() - 0.5).sum();

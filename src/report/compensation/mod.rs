@@ -10,6 +10,7 @@ use super::colormap::robust_range;
 use super::html::{Block, Figure, Report, Section};
 use super::run::{Files, Run};
 use super::{figure, residuals};
+use crate::analysis::planes::norm;
 use crate::analysis::{CompensateOptions, Compensation, MethodRun};
 use crate::error::Result;
 use crate::image::Image;
@@ -161,12 +162,8 @@ impl<'a> Compensated<'a> {
         let lift = self.options.lift;
         more.extend((lift > 0.0).then(|| ("Target moved to", format!("[{lift}, 1]"))));
         more.extend(self.checked.map(|(photo, errors)| {
-            let size =
-                |image: &Image| image.samples().iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
-            (
-                "Standard error of the photo",
-                format!("{:.2} %", 100.0 * size(errors) / size(photo).max(f64::MIN_POSITIVE)),
-            )
+            let share = norm(&errors.planes()) / norm(&photo.planes()).max(f64::MIN_POSITIVE);
+            ("Standard error of the photo", format!("{:.2} %", 100.0 * share))
         }));
         let mut sections = vec![Section {
             title: "Seen and projected".into(),

@@ -1,17 +1,20 @@
 //! Answers are checked with light that they were not computed from: of a scene by light paths of another seed, of a rig by one more photo.
 //! Runs, models and matrices have no such light.
 
-use super::lock::lock;
+mod compensation;
+
+pub use compensation::VerifiedCompensation;
+
 use super::source::Source;
 use super::{Lab, Relighting, Separated};
+use crate::analysis::Segmentation;
 use crate::analysis::segment::{Cut, KEPT};
 use crate::analysis::verification::{EigenpairEstimate, cut_estimates, eigenpair_estimates};
-use crate::analysis::{Compensation, Segmentation};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{Independent, Verification};
 use crate::krylov::{Eigs, Start};
-use crate::transport::{EstimatedProduct, Part, Question, Squares, pooled};
+use crate::transport::{EstimatedProduct, Part, Question, Squares};
 
 /// A pattern and the photo that an answer predicts for it, in one channel.
 struct Predicted {
@@ -46,19 +49,6 @@ impl VerifiedEigenpairs {
         let counted = self.estimates.iter().take(regions.saturating_sub(1));
         counted.filter(|estimate| estimate.quotient[0] + 2.0 * estimate.quotient[1] < KEPT).count()
     }
-}
-
-/// What independent light says of a compensation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VerifiedCompensation {
-    /// How well the photo is predicted.
-    pub verification: Verification,
-    /// The relative distance of the photo from the target, `‖y − b‖ / ‖b‖` without noise.
-    pub residual: f64,
-    /// The photo of the compensation by independent light, with ambient light, in W/(m² sr) or the rig's unit.
-    pub photo: Image,
-    /// The standard error of each of its samples.
-    pub standard_error: Image,
 }
 
 impl Lab {
@@ -133,59 +123,6 @@ impl Lab {
         };
         let verification = self.checked(by, "photos of the eigenvectors", squares);
         Ok(verification.map(|verification| VerifiedEigenpairs { verification, estimates }))
-    }
-
-    /// Checks a compensation: takes the photo of its pattern by independent light. Not for a rig whose colours mix.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<VerifiedCompensation>> {
-        let ambient = self.ambient()?;
-        let predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);
-        let target = self.predicted(&[(&found.pattern, &found.target)], &ambient);
-        let Some((by, products)) = self.photo_of(&found.pattern, &predicted)? else { return Ok(None) };
-        let [mut off, mut size] = [0.0; 2];
-        for (target, product) in target.iter().zip(&products) {
-            let squares = product.squares(&target.photo);
-            off += squares.difference - squares.noise;
-            size += target.photo.iter().map(|value| value * value).sum::<f64>();
-        }
-        let size_of = found.observed.resolution();
-        let seen = |(product, ambient): (&EstimatedProduct, &Vec<f64>)| -> Vec<f64> {
-            product.product.iter().zip(ambient).map(|(product, ambient)| product + ambient).collect()
-        };
-        let seen: Vec<Vec<f64>> = products.iter().zip(&ambient.planes()).map(seen).collect();
-        let photo = Image::from_planes(size_of, &seen)?;
-        let errors: Vec<Vec<f64>> = products.iter().map(|product| product.error.clone()).collect();
-        let errors = Image::from_planes(size_of, &errors)?;
-        // A photo of a rig states standard errors, light paths a single draw.
-        let standard_error = if by == Independent::AnotherSeed { pooled(&errors)? } else { errors };
-        let verification = self.checked(by, "the photo of the compensation", squares(&predicted, &products));
-        let residual = (off.max(0.0) / size).sqrt();
-        Ok(verification.map(|verification| VerifiedCompensation {
-            verification,
-            residual,
-            photo,
-            standard_error,
-        }))
-    }
-
-    /// The photo of a pattern within `[0, 1]` by independent light, by channel, without ambient light. On a rig each pixel has a standard error of
-    /// its own.
-    fn photo_of(
-        &mut self,
-        pattern: &Image,
-        predicted: &[Predicted],
-    ) -> Result<Option<(Independent, Vec<EstimatedProduct>)>> {
-        if !matches!(self.source, Source::Rig(_)) {
-            return self.products_of(Part::Full, predicted);
-        }
-        let (photo, errors) = lock(self.transport()?).photograph_with_error(pattern)?;
-        let errors = errors
-            .map_or_else(|| vec![vec![0.0; photo.resolution().pixels()]; photo.channels()], |e| e.planes());
-        let product =
-            |(product, error): (Vec<f64>, Vec<f64>)| EstimatedProduct { product, error, quadratic: None };
-        Ok(Some((Independent::AnotherPhoto, photo.planes().into_iter().zip(errors).map(product).collect())))
     }
 
     /// Checks a captured model: the relit photos; on a rig the first one, to take one photo only.

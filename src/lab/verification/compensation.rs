@@ -1,0 +1,81 @@
+//! The check of a compensation: its photo by independent light.
+
+use super::{Predicted, squares};
+use crate::analysis::Compensation;
+use crate::error::Result;
+use crate::image::Image;
+use crate::io::manifest::{Independent, Verification};
+use crate::lab::Lab;
+use crate::lab::lock::lock;
+use crate::lab::source::Source;
+use crate::transport::{EstimatedProduct, Part, pooled};
+
+/// What independent light says of a compensation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VerifiedCompensation {
+    /// How well the photo is predicted.
+    pub verification: Verification,
+    /// The relative distance of the photo from the target, `‖y − b‖ / ‖b‖` without noise.
+    pub residual: f64,
+    /// The photo of the compensation by independent light, with ambient light, in W/(m² sr) or the rig's unit.
+    pub photo: Image,
+    /// The standard error of each of its samples.
+    pub standard_error: Image,
+}
+
+impl Lab {
+    /// Checks a compensation: takes the photo of its pattern by independent light. Not for a rig whose colours mix.
+    ///
+    /// # Errors
+    /// As [`Lab::operator`].
+    pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<VerifiedCompensation>> {
+        let ambient = self.ambient()?;
+        let predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);
+        let target = self.predicted(&[(&found.pattern, &found.target)], &ambient);
+        let Some((by, products)) = self.photo_of(&found.pattern, &predicted)? else { return Ok(None) };
+        let [mut off, mut size] = [0.0; 2];
+        for (target, product) in target.iter().zip(&products) {
+            let squares = product.squares(&target.photo);
+            off += squares.difference - squares.noise;
+            size += target.photo.iter().map(|value| value * value).sum::<f64>();
+        }
+        let resolution = found.observed.resolution();
+        let seen = |(product, ambient): (&EstimatedProduct, &Vec<f64>)| -> Vec<f64> {
+            product.product.iter().zip(ambient).map(|(product, ambient)| product + ambient).collect()
+        };
+        let seen: Vec<Vec<f64>> = products.iter().zip(&ambient.planes()).map(seen).collect();
+        let photo = Image::from_planes(resolution, &seen)?;
+        let errors: Vec<Vec<f64>> = products.iter().map(|product| product.error.clone()).collect();
+        let errors = Image::from_planes(resolution, &errors)?;
+        // A photo of a rig states standard errors, light paths a single draw.
+        let standard_error = if by == Independent::AnotherSeed { pooled(&errors)? } else { errors };
+        let verification = self.checked(by, "the photo of the compensation", squares(&predicted, &products));
+        let residual = (off.max(0.0) / size).sqrt();
+        Ok(verification.map(|verification| VerifiedCompensation {
+            verification,
+            residual,
+            photo,
+            standard_error,
+        }))
+    }
+
+    /// The photo of a pattern within `[0, 1]` by independent light, by channel, without ambient light. On a rig each pixel has a standard error of
+    /// its own.
+    fn photo_of(
+        &mut self,
+        pattern: &Image,
+        predicted: &[Predicted],
+    ) -> Result<Option<(Independent, Vec<EstimatedProduct>)>> {
+        if !matches!(self.source, Source::Rig(_)) {
+            return self.products_of(Part::Full, predicted);
+        }
+        let (photo, errors) = lock(self.transport()?).photograph_with_error(pattern)?;
+        let Some(errors) = errors else { return Ok(None) };
+        let product =
+            |(product, error): (Vec<f64>, Vec<f64>)| EstimatedProduct { product, error, quadratic: None };
+        Ok(Some((
+            Independent::AnotherPhoto,
+            photo.planes().into_iter().zip(errors.planes()).map(product).collect(),
+        )))
+    }
+}
