@@ -1,6 +1,7 @@
 //! Separation by any of the methods, selected by a value.
 
-use super::{Separation, checkerboards, codes, from_capture, random_patterns, sinusoids};
+use super::high_frequency::{check_checkerboards, check_sinusoids};
+use super::{Separation, checkerboards, codes, from_capture, hadamard, random_patterns, sinusoids};
 use crate::analysis::low_rank::{LowRankCapture, capture};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -79,6 +80,21 @@ impl SeparateBy {
     }
 }
 
+impl SeparateBy {
+    /// Refuses settings that the method cannot use, before any photo is taken.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming the option.
+    pub fn check(self) -> Result<()> {
+        match self {
+            Self::Checkerboards { square, shifts } => check_checkerboards(square, shifts),
+            Self::Sinusoids { period, phases } => check_sinusoids(period, phases),
+            Self::Codes { photos } => hadamard::check(photos),
+            Self::Random { .. } | Self::Capture { .. } => Ok(()),
+        }
+    }
+}
+
 /// Separates with `operator`, all of the light of a coaxial rig (`n × n`).
 ///
 /// # Errors
@@ -115,5 +131,24 @@ pub fn separate(
             operator.apply(&vec![1.0; resolution.pixels()], &mut white)?;
             from_capture(&model, &white)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_a_method_cannot_use_are_refused_by_name() {
+        for (by, name) in [
+            (SeparateBy::Checkerboards { square: 0, shifts: 4 }, "--square"),
+            (SeparateBy::Sinusoids { period: 1.0, phases: 3 }, "--period"),
+            (SeparateBy::Sinusoids { period: 4.0, phases: 2 }, "--phases"),
+            (SeparateBy::Codes { photos: 12 }, "--photos"),
+        ] {
+            assert!(matches!(by.check(), Err(Error::Option { option, .. }) if option == name), "{name}");
+        }
+        assert!(SeparateBy::Codes { photos: 16 }.check().is_ok());
+        assert!(SeparateBy::Checkerboards { square: 2, shifts: 4 }.check().is_ok());
     }
 }

@@ -18,15 +18,7 @@ use crate::operator::Operator;
 /// # Errors
 /// [`Error::Option`] for another number of photos; [`Error::Dimension`] if sizes differ; any error of the operator.
 pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize) -> Result<Separation> {
-    if !(photos.is_power_of_two() && (4..=1 << 16).contains(&photos)) {
-        return Err(Error::Option {
-            option: "--photos".into(),
-            fault: format!(
-                "codes need a power of two as the number of photos, at least 4, and this is {photos}"
-            ),
-            help: "give 8, 16 or 32; 16 is usual".into(),
-        });
-    }
+    check(photos)?;
     let mut fit = Fit::new(operator, resolution)?;
     let step = step(photos - 1);
     let patterns = (0..photos).map(|photo| {
@@ -41,6 +33,20 @@ pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize)
     });
     fit.take(operator, patterns)?;
     Ok(fit.separation())
+}
+
+/// Refuses a number of photos that holds no whole set of codes.
+pub(super) fn check(photos: usize) -> Result<()> {
+    if !(photos.is_power_of_two() && (4..=1 << 16).contains(&photos)) {
+        return Err(Error::Option {
+            option: "--photos".into(),
+            fault: format!(
+                "codes need a power of two as the number of photos, at least 4, and this is {photos}"
+            ),
+            help: "give 8, 16 or 32; 16 is usual".into(),
+        });
+    }
+    Ok(())
 }
 
 /// The difference between the codes of a pixel and of the pixel below it, for which pixels with the same code are farthest from each other. There are

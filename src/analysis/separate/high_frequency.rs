@@ -24,13 +24,7 @@ pub fn checkerboards(
     square: usize,
     shifts: usize,
 ) -> Result<Separation> {
-    if square == 0 || shifts < 2 || shifts > 2 * square {
-        return Err(Error::Option {
-            option: "--square".into(),
-            fault: format!("squares of {square} pixels cannot be shifted to {shifts} places"),
-            help: "give squares of at least 1 pixel, and from 2 to twice as many shifts".into(),
-        });
-    }
+    check_checkerboards(square, shifts)?;
     let offset = |shift: usize| shift * 2 * square / shifts;
     let mut fit = Fit::new(operator, resolution)?;
     let patterns = (0..shifts * shifts).map(|shift| {
@@ -55,6 +49,33 @@ pub fn sinusoids(
     period: f64,
     phases: usize,
 ) -> Result<Separation> {
+    check_sinusoids(period, phases)?;
+    let mut fit = Fit::new(operator, resolution)?;
+    let patterns = (0..2 * phases).map(|photo| {
+        let (along_rows, shift) = (photo < phases, (photo % phases) as f64 / phases as f64);
+        pattern(resolution, |x, y| {
+            let at = if along_rows { x } else { y } as f64 + 0.5;
+            0.5 + 0.5 * (std::f64::consts::TAU * (at / period + shift)).cos()
+        })
+    });
+    fit.take(operator, patterns)?;
+    Ok(fit.separation())
+}
+
+/// Refuses squares that cannot be shifted to so many places.
+pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
+    if square == 0 || shifts < 2 || shifts > 2 * square {
+        return Err(Error::Option {
+            option: "--square".into(),
+            fault: format!("squares of {square} pixels cannot be shifted to {shifts} places"),
+            help: "give squares of at least 1 pixel, and from 2 to twice as many shifts".into(),
+        });
+    }
+    Ok(())
+}
+
+/// Refuses waves of which no photo tells direct from global light.
+pub(super) fn check_sinusoids(period: f64, phases: usize) -> Result<()> {
     if !(period >= 2.0 && period.is_finite()) {
         return Err(Error::Option {
             option: "--period".into(),
@@ -69,16 +90,7 @@ pub fn sinusoids(
             help: "give at least 3".into(),
         });
     }
-    let mut fit = Fit::new(operator, resolution)?;
-    let patterns = (0..2 * phases).map(|photo| {
-        let (along_rows, shift) = (photo < phases, (photo % phases) as f64 / phases as f64);
-        pattern(resolution, |x, y| {
-            let at = if along_rows { x } else { y } as f64 + 0.5;
-            0.5 + 0.5 * (std::f64::consts::TAU * (at / period + shift)).cos()
-        })
-    });
-    fit.take(operator, patterns)?;
-    Ok(fit.separation())
+    Ok(())
 }
 
 fn pattern(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Vec<f64> {

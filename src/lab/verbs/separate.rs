@@ -27,7 +27,7 @@ pub struct SeparateRequest {
 }
 
 impl SeparateRequest {
-    /// Refuses what only a simulator knows where there is none.
+    /// Refuses what only a simulator knows where there is none, and settings that a method cannot use.
     ///
     /// # Errors
     /// [`Error::Option`] naming the option.
@@ -44,7 +44,7 @@ impl SeparateRequest {
                 fault: "a rig does not know the exact bounces of its light".into(),
                 help: "leave it out, or give a scene".into(),
             }),
-            None => Ok(()),
+            None => self.by.map_or(Ok(()), SeparateBy::check),
         }
     }
 }
