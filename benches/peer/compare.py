@@ -111,6 +111,7 @@ def compare(setup, name, path, keep):
         table.add("one photo, warm", *photos[-1])
         table.add(cold, *both.cold_run())
         table.add(f"{setup.photos} photos, kernels cached", *runs[-1])
+        table.add(f"{setup.photos} photos, kernels cached, answer checked", both.checked_run(), runs[-1][1])
         table.add(f"{setup.photos} photos, matrix cached", both.next_run(), runs[-1][1])
         table.add("start to a tiny photo", *both.start())
         keep(table.figures())

@@ -58,10 +58,11 @@ class Both:
         usage = self.resident.product(way, pattern, samples, seed, out)
         return usage, np.load(out)
 
-    def krylux_run(self, photos, *options, environment=None):
-        """A Lanczos run to its last photo."""
+    def krylux_run(self, photos, *options, check=False, environment=None):
+        """A Lanczos run to its last photo. The peer does not check its answer by other light paths; krylux does so only where `check` is set."""
         with tempfile.TemporaryDirectory(dir=self.setup.folder) as out:
             asked = ["--photos", photos, "--count", 1, "--tolerance", 0, "-o", out, "--overwrite"]
+            asked += [] if check else ["--no-check"]
             return self.krylux("eigs", *asked, *options, environment=environment)
 
     # --- the questions ---
@@ -96,6 +97,10 @@ class Both:
         """The same with each one's kernels cached, but no matrix."""
         photos = self.setup.photos
         return self.krylux_run(photos, "--no-cache"), self.peer("lanczos", self.setup.samples, photos)
+
+    def checked_run(self):
+        """krylux's warm run, with its answer checked by light paths of another seed; to be held against the peer's warm one."""
+        return self.krylux_run(self.setup.photos, "--no-cache", check=True)
 
     def next_run(self):
         """A second run of krylux, which finds its matrix; to be held against the peer's warm one."""
