@@ -5,10 +5,13 @@
 //! written atomically, so several runs can share a cache. A damaged file is recognized by its checksum; its
 //! matrix is then traced again.
 //!
+//! Kernels that a driver gives out when it has compiled them are kept beside the matrices.
+//!
 //! Parts of a matrix that are traced one by one are files of another kind ([`ShardFile`]), which the user names.
 
 mod check;
 mod file;
+mod kernels;
 mod key;
 mod origin;
 mod record;
@@ -160,17 +163,17 @@ impl Cache {
         Ok(entries.into_values().collect())
     }
 
-    /// Removes all matrices, and returns their number and their size in bytes. Temporary files that a killed
-    /// run left an hour ago or earlier are removed, too. Other files in the folder stay.
+    /// Removes all matrices, and returns their number and their size in bytes. Compiled kernels, and temporary files that a killed
+    /// run left an hour ago or earlier, are removed, too. Other files in the folder stay.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Write`].
     pub fn clear(&self) -> Result<(usize, u64)> {
         let entries = self.entries()?;
         entries.iter().try_for_each(|entry| remove(&entry.files))?;
-        let unfinished: Vec<PathBuf> =
-            self.listing()?.into_iter().filter(|path| is_unfinished(path) && is_old(path)).collect();
-        remove(&unfinished)?;
+        let is_other = |path: &PathBuf| kernels::has_kernels(path) || is_unfinished(path) && is_old(path);
+        let others: Vec<PathBuf> = self.listing()?.into_iter().filter(is_other).collect();
+        remove(&others)?;
         Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
     }
 

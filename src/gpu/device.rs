@@ -1,5 +1,6 @@
 //! The choice of an adapter, and the device that is opened on it.
 
+use super::compiled::Compiled;
 use crate::error::{Error, Result};
 use crate::machine;
 
@@ -75,6 +76,8 @@ pub(crate) struct Gpu {
     /// The device is the processor itself, so that the host reads results in place. (A GPU that shares its
     /// memory with the host could do so, too; whether that is faster was not measured.)
     pub(crate) shares_memory: bool,
+    /// What it has compiled, if somebody keeps that for later processes.
+    pub(crate) compiled: Option<Compiled>,
 }
 
 impl Gpu {
@@ -104,8 +107,9 @@ impl Gpu {
         };
         let mappable = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
         let shares_memory = summary.is_processor() && adapter.features().contains(mappable);
-        let optional =
-            wgpu::Features::SHADER_F64 | if shares_memory { mappable } else { wgpu::Features::empty() };
+        let optional = wgpu::Features::SHADER_F64
+            | wgpu::Features::PIPELINE_CACHE
+            | if shares_memory { mappable } else { wgpu::Features::empty() };
         let request = wgpu::DeviceDescriptor {
             label: Some("krylux"),
             required_features: adapter.features() & optional,
@@ -118,7 +122,17 @@ impl Gpu {
                 fault: format!("{} cannot be opened: {e}", summary.name),
                 help: "choose another with --adapter; `krylux info` lists them. A limit of processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it".into(),
             })?;
-        Ok(Self { device, queue, summary, shares_memory })
+        Ok(Self { device, queue, summary, shares_memory, compiled: None })
+    }
+
+    /// From now on kernels are compiled with the help of `data`, which an earlier process got of [`Gpu::compiled`] for this device.
+    pub(crate) fn restore_compiled(&mut self, data: Option<&[u8]>) {
+        self.compiled = Compiled::restore(&self.device, data);
+    }
+
+    /// The store of compiled kernels, for a pipeline that is being made.
+    pub(crate) fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
+        self.compiled.as_ref().map(Compiled::cache)
     }
 
     /// Runs `work`. A validation error or a lack of memory on the device becomes an error instead of a panic.

@@ -2,6 +2,7 @@
 //! Only [`crate::render`] and the GPU matrix of [`crate::transport`] use these types.
 
 pub(crate) mod buffers;
+mod compiled;
 pub(crate) mod device;
 mod fold;
 #[cfg(test)]

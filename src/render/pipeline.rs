@@ -57,7 +57,7 @@ impl Pipeline {
                 module: &module,
                 entry_point: Some(name),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
+                cache: gpu.pipeline_cache(),
             });
             Self { pipeline, scene_layout, output_layout }
         })

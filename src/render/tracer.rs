@@ -102,6 +102,18 @@ impl Tracer {
         })
     }
 
+    /// From now on kernels are compiled with the help of `kept`, which an earlier process got of [`Tracer::compiled_kernels`] for the same adapter.
+    /// What is of another device, driver or version is ignored. To be called before anything is traced.
+    pub fn restore_kernels(&mut self, kept: Option<&[u8]>) {
+        self.gpu.restore_compiled(kept);
+    }
+
+    /// The kernels that were compiled since [`Tracer::restore_kernels`] and before, for later processes. `None` where there are no new ones, or
+    /// where the driver gives none out: software Vulkan keeps them on disk itself.
+    pub fn compiled_kernels(&self) -> Option<Vec<u8>> {
+        self.gpu.compiled.as_ref()?.data()
+    }
+
     /// Notes that the other processes of a team have the scene as well.
     pub(crate) fn share(&mut self, remote: Remote) {
         self.remote = Some(Arc::new(remote));

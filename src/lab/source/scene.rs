@@ -27,7 +27,7 @@ const NO_REGION: u8 = 255;
 #[derive(Clone)]
 pub(in crate::lab) struct SceneSource {
     pub(in crate::lab) scene: Arc<Scene>,
-    tracer: Arc<Mutex<Tracer>>,
+    device: Arc<Device>,
     adapter: AdapterSummary,
     pub(in crate::lab) settings: TraceSettings,
     cache: Option<Arc<Cache>>,
@@ -36,6 +36,39 @@ pub(in crate::lab) struct SceneSource {
     /// The matrix that was asked for last; clones of the source share it.
     kept: Arc<Mutex<Option<Kept>>>,
     pub(in crate::lab) observer: SharedObserver,
+}
+
+/// The device that traces the scene, which takes one job at a time. When it is closed, the cache gets the kernels that were compiled for it.
+struct Device {
+    tracer: Mutex<Tracer>,
+    cache: Option<Arc<Cache>>,
+}
+
+impl Device {
+    /// With the kernels that the cache has for it.
+    fn new(mut tracer: Tracer, cache: Option<Arc<Cache>>) -> Self {
+        if let Some(cache) = &cache {
+            let kept = cache.kernels(tracer.adapter());
+            tracer.restore_kernels(kept.as_deref());
+        }
+        Self { tracer: Mutex::new(tracer), cache }
+    }
+
+    fn tracer(&self) -> MutexGuard<'_, Tracer> {
+        self.tracer.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        let Some(cache) = &self.cache else { return };
+        let tracer = self.tracer();
+        // A cache that cannot be written is no reason to fail: the next run compiles again.
+        tracer
+            .compiled_kernels()
+            .into_iter()
+            .for_each(|kernels| drop(cache.store_kernels(tracer.adapter(), &kernels)));
+    }
 }
 
 /// An assembled matrix, with its channels and whether its second bounce is a layer apart.
@@ -88,12 +121,13 @@ impl SceneSource {
         let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
         // Before a pattern of so many pixels is made.
         trace.check()?;
+        let cache = settings.cache.open().map(Arc::new);
         Ok(Self {
             scene: Arc::new(scene),
-            tracer: Arc::new(Mutex::new(tracer)),
+            device: Arc::new(Device::new(tracer, cache.clone())),
             adapter,
             settings: trace,
-            cache: settings.cache.open().map(Arc::new),
+            cache,
             backend: settings.backend,
             kept: Arc::default(),
             observer: observer.clone(),
@@ -107,7 +141,7 @@ impl SceneSource {
 
     /// The device, which takes one job at a time.
     pub(in crate::lab) fn tracer(&self) -> MutexGuard<'_, Tracer> {
-        self.tracer.lock().unwrap_or_else(PoisonError::into_inner)
+        self.device.tracer()
     }
 
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.

@@ -1,6 +1,7 @@
 //! Tests of the shaders' functions, which run as the WGSL that the tracer runs, and of whole traces.
 
 mod chi_square;
+mod compiled;
 mod directions;
 mod fresnel;
 mod furnace;

@@ -92,7 +92,7 @@ impl Kernel {
                 module: &module,
                 entry_point: Some("product"),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
+                cache: gpu.pipeline_cache(),
             });
             Self { pipeline, layout, nothing }
         })
