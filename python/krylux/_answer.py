@@ -62,7 +62,8 @@ class Answer:
             segmentations of scenes also ``of_scene``: for each eigenvector (of a segmentation without the first)
             ``value``, the eigenvalue of the scene as opposed to that of its noisy matrix, ``standard_error``,
             ``quotient`` (by independent light alone, with its standard error) and ``residual``. Of compensations
-            ``residual``, the distance from the target by independent light. ``None`` where there is no independent
+            ``residual``, the distance from the target by independent light, ``observed``, the photo by that light, and
+            ``standard_error`` of each of its samples, both ``float32[H, W]`` or ``[H, W, 3]``. ``None`` where there is no independent
             light (runs, models, matrices) or the answer predicts no photos.
 
         Raises
@@ -77,6 +78,7 @@ class Answer:
         if found is None:
             return None
         more = {name: found[name] for name in ("of_scene", "residual") if found[name]}
+        more |= {name: found[name] for name in ("observed", "standard_error") if name in found}
         return {**found["verification"], **more}
 
     def __getstate__(self):

@@ -89,6 +89,35 @@ class Asking(Lighting):
         fields, native = self._native.eigs(part, question)
         return answers.Eigenpairs({**columns(fields), "shape": self.projector_shape}, native, self)
 
+    def singular(self, count=6, *, part="full", photos=None, tolerance=None):
+        """Computes singular values of one part of the light transport matrix, with the patterns and their photos.
+
+        They exist where camera and projector are apart, too. Every second photo is one of the transpose, with camera and
+        projector exchanged.
+
+        Parameters
+        ----------
+        count : int
+            How many singular values, the largest first.
+        part : str
+            ``"full"``, ``"direct"`` or ``"global"`` light.
+        photos : int
+            Photos to take at most, both ways. Default 50, or as many as the run that is the source might take.
+        tolerance : float
+            Done when each residual is at most this share of the largest singular value. Default 1e-8, or the photos' noise.
+
+        Returns
+        -------
+        krylux.answers.SingularTriplets
+
+        References
+        ----------
+        Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix*, 1965.
+        """
+        tolerance = _checks.maybe(_checks.finite, tolerance, "tolerance", 0.0)
+        question = (_checks.count(count, "count"), self._budget(photos, 50), tolerance, self.seed)
+        return answers.SingularTriplets(*self._native.singular(part, question), self)
+
     def solve(self, b, *, method="minres", photos=50, rtol=1e-6, lower=0.0, upper=1.0):
         """Solves ``A x = b`` with the matrix of the first channel.
 

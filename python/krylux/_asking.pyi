@@ -37,6 +37,14 @@ class Asking(Lighting):
         block: int = 2,
         max_basis: int | None = None,
     ) -> answers.Eigenpairs: ...
+    def singular(
+        self,
+        count: int = 6,
+        *,
+        part: Literal["full", "direct", "global"] = "full",
+        photos: int | None = None,
+        tolerance: float | None = None,
+    ) -> answers.SingularTriplets: ...
     def solve(
         self,
         b: ArrayLike,

@@ -95,6 +95,39 @@ class Eigenpairs(Answer):
         return _display.page("Eigenpairs", f"{self.photos} photos: {self.status}", spectrum, *pictures)
 
 
+class SingularTriplets(Answer):
+    """The answer of :meth:`krylux.Lab.singular`: ``A v = σ u`` and ``Aᵀ u = σ v``.
+
+    Attributes
+    ----------
+    values : numpy.ndarray
+        ``float64[k]``: the singular values ``σ``, descending.
+    patterns : numpy.ndarray
+        ``float64[k, H, W]``: the right singular vectors ``v`` of norm 1, as pictures of the projector.
+    photographs : numpy.ndarray
+        ``float64[k, H, W]``: the left singular vectors ``u`` of norm 1, as pictures of the camera.
+    residuals, standard_errors : numpy.ndarray
+        ``float64[k]``: how far the products are from ``σ u`` and ``σ v``; the errors due to the noise of photos.
+    statuses : list of str
+        ``"converged"``, ``"limited by noise"`` or ``"not resolved"``.
+    disagreement : float
+        How far the photos of the transpose are from the other photos transposed, relative to these.
+    history : list of tuple
+        ``(photos, values, residuals)`` after each pair of photos.
+    """
+
+    def _repr_html_(self):
+        pictures = []
+        for name, stack in (("pattern", self.patterns), ("photo", self.photographs)):
+            if min(stack.shape[1:]) > 1:
+                pictures += [
+                    _display.image(_display.signed(picture), f"{name} of {value:.4g}")
+                    for picture, value in zip(stack[:4], self.values, strict=False)
+                ]
+        spectrum = _display.spectrum(self.values, self.residuals)
+        return _display.page("Singular values", f"{self.photos} photos there and back: {self.status}", spectrum, *pictures)
+
+
 class Compensation(Answer):
     """What to project, so that the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
 

@@ -38,6 +38,16 @@ class Eigenpairs(Answer):
     shape: tuple[int, int] | None
     def picture(self, index: int) -> NDArray[np.float64]: ...
 
+class SingularTriplets(Answer):
+    values: NDArray[np.float64]
+    patterns: NDArray[np.float64]
+    photographs: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+    standard_errors: NDArray[np.float64]
+    statuses: list[str]
+    disagreement: float
+    history: list[tuple[int, list[float], list[float]]]
+
 class Compensation(Answer):
     pattern: NDArray[np.float32]
     target: NDArray[np.float32]

@@ -5,11 +5,12 @@ use std::sync::{Mutex, PoisonError};
 use krylux::analysis::EigenpairEstimate;
 use krylux::analysis::audit::Audit;
 use krylux::analysis::segment::{SegmentRequest, Segmented, Truth};
+use krylux::image::Image;
 use krylux::io::manifest::Verification;
-use krylux::krylov::{Eigs, Method, Solution};
+use krylux::krylov::{Eigs, Method, Singular, Solution};
 use krylux::lab::{
     CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Relighting, Saved,
-    Scored, Separated, Solved, VerifiedEigenpairs,
+    Scored, Separated, SingularTriplets, Solved, VerifiedCompensation, VerifiedEigenpairs,
 };
 use krylux::transport::Part;
 use pyo3::prelude::*;
@@ -36,6 +37,10 @@ pub(crate) enum Kept {
         scores: Vec<(usize, f64)>,
     },
     Separate(Box<Separated>),
+    Singular {
+        found: Box<Singular>,
+        wanted: usize,
+    },
     Solve {
         found: Box<Solution>,
         method: Method,
@@ -47,6 +52,8 @@ pub(crate) struct Checked {
     pub(crate) verification: Verification,
     pub(crate) estimates: Vec<EigenpairEstimate>,
     pub(crate) residual: Option<f64>,
+    /// The photo by independent light, and the standard error of each of its samples.
+    pub(crate) photo: Option<[Image; 2]>,
 }
 
 impl Answer {
@@ -75,17 +82,21 @@ impl Answer {
                 lab.finish(&Scored { segmented: found, truth: truth.as_ref(), scores, estimates: &[] })
             }
             Kept::Separate(found) => lab.finish(&**found),
+            Kept::Singular { found, wanted } => lab.finish(&SingularTriplets { found, wanted: *wanted }),
             Kept::Solve { found, method } => lab.finish(&Solved { found, method: *method }),
         }
     }
 
     /// Compares the photos that the answer predicts with independent ones: `None` where there are none, or where the answer predicts no photos.
     pub(crate) fn check(&self, lab: &mut Lab) -> krylux::Result<Option<Checked>> {
-        let whole = |verification| Checked { verification, estimates: Vec::new(), residual: None };
-        let of_pairs = |found: VerifiedEigenpairs| Checked {
-            verification: found.verification,
-            estimates: found.estimates,
-            residual: None,
+        let whole =
+            |verification| Checked { verification, estimates: Vec::new(), residual: None, photo: None };
+        let of_pairs =
+            |VerifiedEigenpairs { verification, estimates }| Checked { estimates, ..whole(verification) };
+        let of_compensation = |found: VerifiedCompensation| Checked {
+            residual: Some(found.residual),
+            photo: Some([found.photo, found.standard_error]),
+            ..whole(found.verification)
         };
         Ok(match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Eigs { found, part, .. } => lab.verify_eigenpairs(*part, found)?.map(of_pairs),
@@ -95,8 +106,7 @@ impl Answer {
             }
             // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
             Kept::Compensate(request, answer) if request.colors.is_none() => {
-                let found = lab.verify_compensation(&answer.found)?;
-                found.map(|found| Checked { residual: Some(found.residual), ..whole(found.verification) })
+                lab.verify_compensation(&answer.found)?.map(of_compensation)
             }
             Kept::Relight(found) => lab.verify_relighting(found)?.map(whole),
             Kept::Separate(found) => lab.verify_separation(found)?.map(whole),
@@ -109,7 +119,7 @@ impl Answer {
         match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Audit(_) => "audit",
             Kept::Compensate(..) => "compensate",
-            Kept::Eigs { .. } => "eigs",
+            Kept::Eigs { .. } | Kept::Singular { .. } => "eigs",
             Kept::Probe(_) => "probe",
             Kept::Relight(_) => "relight",
             Kept::Segment { .. } => "segment",

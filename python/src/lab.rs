@@ -254,6 +254,9 @@ impl Lab {
         let fields = Fields::new(py);
         fields.record("verification", &found.verification)?;
         fields.record("of_scene", &found.estimates)?.put("residual", found.residual)?;
+        if let Some([photo, standard_error]) = &found.photo {
+            fields.image("observed", photo)?.image("standard_error", standard_error)?;
+        }
         Ok(Some(fields.0))
     }
 

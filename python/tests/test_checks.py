@@ -30,7 +30,11 @@ def test_models_and_separations_are_checked(zigzag):
     assert zigzag.separate().check()["of"] == "the photo of a checkerboard"
     target = np.full((24, 24), 0.3)
     compensated = zigzag.compensate(target, photos=6)
-    assert abs(compensated.check()["residual"] - compensated.residual) < 0.1
+    checked = compensated.check()
+    assert abs(checked["residual"] - compensated.residual) < 0.1
+    # The photo that was predicted is the independent one, within the noise of both.
+    z = (compensated.observed - checked["observed"]) / checked["standard_error"]
+    assert checked["standard_error"].shape == (24, 24) and 0.5 < np.sqrt(np.mean(z**2)) < 3
 
 
 def test_a_matrix_has_no_other_light_and_a_copy_no_laboratory():

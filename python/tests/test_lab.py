@@ -195,6 +195,20 @@ else:
 """, tmp_path / "run", **nowhere)
 
 
+def test_singular_values_come_with_patterns_and_their_photos(zigzag, tmp_path):
+    dense = zigzag.matrix("global").toarray()
+    found = zigzag.singular(3, part="global", photos=60, tolerance=1e-6)
+    assert np.allclose(found.values, np.linalg.svd(dense, compute_uv=False)[:3], rtol=1e-5)
+    assert found.patterns.shape == found.photographs.shape == (3, 24, 24)
+    for value, pattern, photo in zip(found.values, found.patterns, found.photographs, strict=True):
+        assert np.allclose(dense @ pattern.ravel(), value * photo.ravel(), atol=1e-5 * found.values[0])
+    assert found._repr_html_().count("<img") == 6 and found.photos <= 60
+    saved = found.save(tmp_path / "singular")
+    assert (saved / "report.html").exists()
+    with pytest.raises(krylux.errors.OptionError, match="^photos: a step"):
+        zigzag.singular(photos=1)
+
+
 @pytest.mark.parametrize("page", ["README.md", "python/README.md"])
 def test_the_example_of_the_readme_runs_as_it_is_printed(page, tmp_path):
     text = (ROOT / page).read_text()

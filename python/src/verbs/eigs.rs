@@ -1,6 +1,10 @@
-//! Eigenpairs, and linear systems with the matrix.
+//! Eigenpairs, singular values, and linear systems with the matrix.
 
-use krylux::krylov::{Eigs, EigsMethod, EigsOptions, Method, PairStatus, SolveOptions, Start, Which};
+use krylux::image::Resolution;
+use krylux::krylov::{
+    Eigs, EigsMethod, EigsOptions, HistoryRow, Method, PairStatus, Singular, SingularOptions, SolveOptions,
+    Start, Which,
+};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -75,16 +79,41 @@ pub(crate) fn eigs_fields<'py>(py: Python<'py>, found: &Eigs, n: usize) -> PyRes
     fields.numbers("residuals", found.residuals.clone())?.numbers("bounds", found.bounds.clone())?;
     fields.numbers("standard_errors", found.standard_errors.clone())?;
     fields.numbers("gap_bounds", found.gap_bounds.clone())?;
-    let statuses = found.statuses.iter().map(|status| match status {
+    fields.put("statuses", statuses(&found.statuses))?.put("asymmetry", found.asymmetry)?;
+    fields.put("photos", found.stats.products)?.put("status", found.stats.status.to_string())?;
+    fields.put("history", history(&found.history))?;
+    Ok(fields.0)
+}
+
+/// The attributes of singular values; patterns and their photos are rows.
+fn singular_fields<'py>(
+    py: Python<'py>,
+    found: &Singular,
+    [photo, pattern]: [Resolution; 2],
+) -> PyResult<Bound<'py, PyDict>> {
+    let fields = Fields::new(py);
+    fields.numbers("values", found.values.clone())?.numbers("residuals", found.residuals.clone())?;
+    fields.numbers("standard_errors", found.standard_errors.clone())?;
+    fields.stack("patterns", &found.right, pattern)?.stack("photographs", &found.left, photo)?;
+    fields.put("statuses", statuses(&found.statuses))?.put("disagreement", found.disagreement)?;
+    fields.put("photos", found.stats.products)?.put("status", found.stats.status.to_string())?;
+    fields.put("history", history(&found.history))?;
+    Ok(fields.0)
+}
+
+/// The status of each pair in words.
+fn statuses(of: &[PairStatus]) -> Vec<&'static str> {
+    let in_words = |status: &PairStatus| match status {
         PairStatus::Converged => "converged",
         PairStatus::LimitedByNoise => "limited by noise",
         PairStatus::NotResolved => "not resolved",
-    });
-    fields.put("statuses", statuses.collect::<Vec<_>>())?.put("asymmetry", found.asymmetry)?;
-    fields.put("photos", found.stats.products)?.put("status", found.stats.status.to_string())?;
-    let history = found.history.iter().map(|row| (row.products, row.values.clone(), row.residuals.clone()));
-    fields.put("history", history.collect::<Vec<_>>())?;
-    Ok(fields.0)
+    };
+    of.iter().map(in_words).collect()
+}
+
+/// `(photos, values, residuals)` of each row.
+fn history(rows: &[HistoryRow]) -> Vec<(usize, Vec<f64>, Vec<f64>)> {
+    rows.iter().map(|row| (row.products, row.values.clone(), row.residuals.clone())).collect()
 }
 
 #[pymethods]
@@ -95,6 +124,30 @@ impl Lab {
         let (found, n) = self.with(py, |lab| Ok((lab.eigs(part, &options)?, lab.projector_resolution())))?;
         let fields = eigs_fields(py, &found, n.pixels())?;
         Ok((fields, Answer::new(Kept::Eigs { found: Box::new(found), wanted: question.count, part })))
+    }
+
+    /// Singular values of one part of the light, with patterns and their photos. Without a tolerance the noise of the photos decides.
+    fn singular<'py>(
+        &self,
+        py: Python<'py>,
+        part: &str,
+        question: (usize, usize, Option<f64>, u64),
+    ) -> PyResult<Answered<'py>> {
+        let part = crate::lab::part(py, part)?;
+        let (count, products, tolerance, seed) = question;
+        let (found, sizes) = self.with(py, |lab| {
+            let noise = match tolerance {
+                Some(_) => 0.0,
+                None => lab.product_noise(part)?.unwrap_or(0.0),
+            };
+            let base = SingularOptions::default();
+            let tolerance = tolerance.unwrap_or(base.tolerance);
+            let start = Start::Rademacher { seed };
+            let found = lab.singular(part, &SingularOptions { count, products, tolerance, noise, start })?;
+            Ok((found, [lab.resolution(), lab.projector_resolution()]))
+        })?;
+        let fields = singular_fields(py, &found, sizes)?;
+        Ok((fields, Answer::new(Kept::Singular { found: Box::new(found), wanted: count })))
     }
 
     /// The solution of `A x = b`.
