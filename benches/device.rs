@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use krylux::image::Resolution;
 use krylux::render::{AdapterSummary, TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
-use krylux::transport::{Channels, GpuMatrix, Part, TransportMatrix, assemble};
+use krylux::transport::{Assembled, Channels, GpuMatrix, Part, TransportMatrix, assemble};
 
 /// Repetitions of each measurement; products and copies alternate.
 const TURNS: usize = 9;
@@ -37,7 +37,8 @@ fn main() -> Outcome<()> {
             [("corner", builtin::corner().to_scene()), ("box of 100,000", builtin::tessellated_box(100_000))]
         {
             println!("{name}, {side}x{side}");
-            let (tracer, matrix) = trace(&scene, side)?;
+            let (mut tracer, matrix) = trace(&scene, side)?;
+            merging(&mut tracer, side)?;
             if takes_products {
                 products(&tracer, &matrix)?;
             }
@@ -77,6 +78,32 @@ fn trace(scene: &Scene, side: usize) -> Outcome<(Tracer, TransportMatrix)> {
         1e3 * summary.longest.as_secs_f64()
     );
     Ok((tracer, traced.matrix))
+}
+
+/// From the scene on the device to the finished matrix, where the host and where the device sorts and sums the contributions, in turns.
+fn merging(tracer: &mut Tracer, side: usize) -> Outcome<()> {
+    let settings = TraceSettings::new(Resolution::new(side, side), 64);
+    let mut timed = |on_device: bool| -> krylux::Result<(f64, Assembled)> {
+        tracer.merge_on_device(on_device);
+        let start = Instant::now();
+        let made = assemble(tracer, &settings, Channels::Luma)?;
+        Ok((1e3 * start.elapsed().as_secs_f64(), made))
+    };
+    // The first one by the device compiles its kernels, and is compared with the host.
+    let (_, first) = timed(true)?;
+    let mut times = [Vec::new(), Vec::new()];
+    for _ in 0..TURNS {
+        for (on_device, times) in [false, true].into_iter().zip(&mut times) {
+            times.push(timed(on_device)?.0);
+        }
+    }
+    let [host, device] = times.map(spread);
+    let agrees =
+        if first.summary.merged > 0 { "" } else { " (it does not agree with the host, and is not used)" };
+    println!(
+        "  to the finished matrix: sorted and summed by the host {host} ms, by the device {device} ms{agrees}"
+    );
+    Ok(())
 }
 
 fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {

@@ -44,10 +44,15 @@ impl Results {
         mut encoder: wgpu::CommandEncoder,
         bytes: u64,
     ) -> wgpu::SubmissionIndex {
+        self.copy(&mut encoder, bytes);
+        gpu.queue.submit([encoder.finish()])
+    }
+
+    /// Records a copy of the first `bytes` to the staging buffer, if there is one.
+    pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder, bytes: u64) {
         if let Some(readback) = &self.readback {
             encoder.copy_buffer_to_buffer(&self.buffer, 0, readback, 0, bytes);
         }
-        gpu.queue.submit([encoder.finish()])
     }
 
     /// Requests the first `bytes` in their state after `submission`.

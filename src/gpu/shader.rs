@@ -19,6 +19,10 @@ macro_rules! shaders {
 }
 
 shaders! {
+    "" / "merge_contributions",
+    "" / "merge_scan",
+    "" / "merge_sort",
+    "" / "merge_sums",
     "" / "primary_regions",
     "" / "product",
     "" / "trace_paths",
@@ -34,6 +38,7 @@ shaders! {
     "shared" / "light_buffer",
     "shared" / "lobes",
     "shared" / "medium",
+    "shared" / "merging",
     "shared" / "microfacet",
     "shared" / "pairs",
     "shared" / "parameters",

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::device_merge::Merged;
 use super::records::{Connection, End, Layout, rays, value};
 
 /// The paths of a batch that start from one pixel and belong to the same half of its samples.
@@ -56,12 +57,29 @@ pub struct Batch<'a> {
     layout: Layout,
     paths: usize,
     records: &'a [[u32; 4]],
+    merged: Option<Merged<'a>>,
 }
 
 impl<'a> Batch<'a> {
     /// The batch of the paths from number `first_path` on, with their records.
     pub(super) fn new(first_path: u64, layout: Layout, records: &'a [[u32; 4]]) -> Self {
-        Self { first_path, layout, paths: records.len() / layout.stride(), records }
+        Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
+    }
+
+    /// The batch of so many paths whose connections are in `merged`. Of the records there are at least the first slots; those of the ambient light, if
+    /// there is any.
+    pub(super) fn merged(
+        first_path: u64,
+        layout: Layout,
+        paths: usize,
+        (records, merged): (&'a [[u32; 4]], Option<Merged<'a>>),
+    ) -> Self {
+        Self { first_path, layout, paths, records, merged }
+    }
+
+    /// The terms that the device made of the connections, if it did. Then no path has connections of its own here.
+    pub(crate) fn terms(&self) -> Option<Merged<'a>> {
+        self.merged
     }
 
     /// The batch with records of its own.

@@ -5,6 +5,7 @@
 
 mod batch;
 mod chains;
+mod device_merge;
 mod dispatch;
 mod features;
 mod geometry;
@@ -32,6 +33,7 @@ mod tracer;
 
 pub(crate) use batch::Recorded;
 pub use batch::{Batch, Run};
+pub(crate) use device_merge::{MergeRequest, Merged};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
 pub use records::Connection;

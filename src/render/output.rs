@@ -2,9 +2,11 @@
 
 use wgpu::BufferUsages;
 
+use super::device_merge::{DeviceMerge, MergeRequest};
 use super::geometry::GpuScene;
 use super::parameters::Parameters;
 use super::pipeline::{PhotonBuffers, Pipeline};
+use super::records::Layout;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::readback::{Readback, Results};
@@ -24,6 +26,11 @@ impl StagingBuffers {
         let parameters =
             gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
         Ok(Self { parameters, results })
+    }
+
+    /// The buffer of the results.
+    pub(super) fn buffer(&self) -> &wgpu::Buffer {
+        &self.results.buffer
     }
 
     /// The room for results, in bytes.
@@ -81,14 +88,15 @@ impl Output {
     }
 
     /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each
-    /// invocation, and requests the first `bytes` of its results.
+    /// invocation, and requests the first `bytes` of its results. With `merge`, their contributions become terms.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
         kernel: &Pipeline,
         parameters: &Parameters,
         bytes: u64,
-    ) -> Result<Readback> {
+        merge: Option<(&DeviceMerge, &MergeRequest<'_>, &Layout)>,
+    ) -> Result<(Readback, wgpu::SubmissionIndex)> {
         let submission = gpu.guarded("dispatch", || {
             gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -98,9 +106,12 @@ impl Output {
             pass.set_bind_group(1, &self.output_group, &[]);
             pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
             drop(pass);
+            if let Some((merge, request, layout)) = merge {
+                merge.record(gpu, &mut encoder, request, layout, parameters.paths);
+            }
             self.staging.results.submit(gpu, encoder, bytes)
         })?;
-        Ok(self.staging.results.request(bytes, submission))
+        Ok((self.staging.results.request(bytes, submission.clone()), submission))
     }
 
     /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call
@@ -117,7 +128,8 @@ impl Output {
         parameters: &Parameters,
         bytes: u64,
     ) -> Result<wgpu::BufferView> {
-        self.wait(gpu, self.launch(gpu, kernel, parameters, bytes)?)
+        let (readback, _) = self.launch(gpu, kernel, parameters, bytes, None)?;
+        self.wait(gpu, readback)
     }
 
     /// Makes the results writable again for the device, after their view has been dropped.

@@ -44,6 +44,11 @@ impl Layout {
             + usize::from(self.ambient)
     }
 
+    /// The most connections of a path.
+    pub(super) fn most_ends(&self) -> usize {
+        self.stride() - 1 - usize::from(self.ambient)
+    }
+
     /// The slot of the connection from the `k`-th surface.
     pub(super) fn connected(&self, k: u32) -> usize {
         k as usize - usize::from(self.direct)

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use super::batch::Batch;
+use super::device_merge::{DeviceMerge, MergeInFlight, MergedView, Merging, host};
 use super::dispatch::{DispatchSizer, Dispatches, Work};
 use super::geometry::GpuScene;
 use super::output::{Output, StagingBuffers};
@@ -31,7 +32,12 @@ struct InFlight {
     start: Instant,
     first_path: u64,
     parameters: Parameters,
+    /// Its contributions are being sorted and summed.
+    merge: Option<MergeInFlight>,
 }
+
+/// Paths of a dispatch whose terms tell whether the device sorts and sums them rightly: more than one block of its kernels has.
+const CHECKED_PATHS: u32 = 2048;
 
 /// One strategy while its paths are traced.
 pub(super) struct StrategyRun<'a> {
@@ -42,6 +48,9 @@ pub(super) struct StrategyRun<'a> {
     dispatches: &'a mut Dispatches,
     /// One for each dispatch that may be in flight.
     outputs: Vec<Output>,
+    /// The device sorts and sums contributions: one for each output.
+    merges: Vec<DeviceMerge>,
+    merging: Option<Merging<'a>>,
     staging: Vec<StagingBuffers>,
     /// The most paths of one dispatch.
     capacity: u32,
@@ -63,6 +72,7 @@ impl<'a> StrategyRun<'a> {
         kernel: &'a mut Kernel,
         dispatches: &'a mut Dispatches,
         mut staging: Vec<StagingBuffers>,
+        mut merging: Option<Merging<'a>>,
     ) -> Result<Self> {
         let stride = u64::from(strategy.parameters.stride);
         let total = paths.end - paths.start;
@@ -84,6 +94,16 @@ impl<'a> StrategyRun<'a> {
             Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, buffers.clone())
         };
         let outputs = staging.iter().map(output).collect::<Result<_>>()?;
+        let mut merges = Vec::new();
+        if let Some(merging) = &merging {
+            let of = (&strategy.layout, strategy.parameters.end.pixels());
+            let merge =
+                |buffers: &StagingBuffers| DeviceMerge::new(gpu, merging, of, capacity, buffers.buffer());
+            merges = staging.iter().map(merge).collect::<Result<Option<_>>>()?.unwrap_or_default();
+        }
+        if merges.is_empty() {
+            merging = None;
+        }
         let in_flight = VecDeque::new();
         let idle_since = Instant::now();
         Ok(Self {
@@ -93,6 +113,8 @@ impl<'a> StrategyRun<'a> {
             kernel,
             dispatches,
             outputs,
+            merges,
+            merging,
             staging,
             capacity,
             in_flight,
@@ -111,9 +133,15 @@ impl<'a> StrategyRun<'a> {
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
         let Self { strategy, left, kernel: Kernel { pipeline, sizer }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
+        let merging = self.merging.as_ref();
         // Not more than the capacity, which has 32 bits.
         let first_path = left.start;
-        let paths = u64::from(sizer.paths(self.capacity)).min(left.end - first_path) as u32;
+        let mut paths = u64::from(sizer.paths(self.capacity));
+        if merging.is_some() {
+            // All paths of each pixel.
+            paths = (paths / samples * samples).max(samples);
+        }
+        let paths = paths.min(left.end - first_path) as u32;
         let parameters = Parameters {
             first_pixel: (first_path / samples) as u32,
             first_sample: (first_path % samples) as u32,
@@ -124,9 +152,14 @@ impl<'a> StrategyRun<'a> {
         };
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
-        let bytes = record_bytes(&parameters, paths);
-        let readback = self.outputs[output].launch(self.gpu, pipeline, &parameters, bytes)?;
-        self.in_flight.push_back(InFlight { output, readback, start, first_path, parameters });
+        // Of merged paths the host reads the heads of the records, and ambient light, which is at their end.
+        let needs_all = merging.is_none_or(|merging| !*merging.is_checked) || strategy.layout.ambient;
+        let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
+        let merge = merging.map(|merging| (&self.merges[output], merging.request, &strategy.layout));
+        let (readback, submission) =
+            self.outputs[output].launch(self.gpu, pipeline, &parameters, bytes, merge)?;
+        let merge = merge.map(|(merge, ..)| merge.request(submission, parameters.first_pixel));
+        self.in_flight.push_back(InFlight { output, readback, start, first_path, parameters, merge });
         left.start += u64::from(paths);
         summary.dispatches += 1;
         Ok(())
@@ -144,12 +177,16 @@ impl<'a> StrategyRun<'a> {
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<bool> {
         let Some(oldest) = self.in_flight.pop_front() else { return Ok(false) };
-        let InFlight { output, readback, start, first_path, mut parameters } = oldest;
-        let output = &self.outputs[output];
+        let InFlight { output: index, readback, start, first_path, mut parameters, mut merge } = oldest;
+        let output = &self.outputs[index];
         let layout = self.strategy.layout;
+        let paths = parameters.paths as usize;
         let mut view = output.wait(self.gpu, readback)?;
-        let (mut unfinished, mut rays) =
-            Batch::new(first_path, layout, bytemuck::cast_slice(&view)).unfinished_and_rays(parameters.mark);
+        let counted = |view: &wgpu::BufferView, mark: u32| {
+            Batch::merged(first_path, layout, paths, (bytemuck::cast_slice(view), None))
+                .unfinished_and_rays(mark)
+        };
+        let (mut unfinished, mut rays) = counted(&view, parameters.mark);
         if unfinished > 0 && parameters.paths_per_invocation > 1 {
             // The invocations looped more often than the driver allows: trace the paths again, one for each
             // invocation.
@@ -159,16 +196,35 @@ impl<'a> StrategyRun<'a> {
             output.release();
             let bytes = record_bytes(&parameters, parameters.paths);
             view = output.run(self.gpu, &self.kernel.pipeline, &parameters, bytes)?;
-            (unfinished, rays) = Batch::new(first_path, layout, bytemuck::cast_slice(&view))
-                .unfinished_and_rays(parameters.mark);
+            (unfinished, rays) = counted(&view, parameters.mark);
+            // The host sums what was traced again.
+            if let Some(merge) = merge.take() {
+                drop(self.merges[index].wait(self.gpu, merge)?);
+                self.merges[index].release();
+            }
         }
+        if unfinished > 0 {
+            return Err(piles::unfinished(unfinished, paths as u64, self.scene));
+        }
+        let merged = merge.map(|merge| self.merges[index].wait(self.gpu, merge)).transpose()?;
         // A dispatch that waited for the one before it began when that was done.
         let elapsed = start.max(self.idle_since).elapsed();
         self.idle_since = Instant::now();
-        let batch = Batch::new(first_path, layout, bytemuck::cast_slice(&view));
-        if unfinished > 0 {
-            return Err(piles::unfinished(unfinished, batch.len() as u64, self.scene));
+        let records = bytemuck::cast_slice(&view);
+        let mut terms = merged.as_ref().map(MergedView::merged);
+        if let (Some(found), Some(merging)) = (&terms, &mut self.merging)
+            && !*merging.is_checked
+            && (parameters.paths >= CHECKED_PATHS || self.left.is_empty())
+        {
+            let batch = Batch::merged(first_path, layout, paths, (records, None));
+            *merging.is_checked = true;
+            *merging.is_lost = !host::agree(found, &host::terms(&batch, merging.request));
         }
+        if self.merging.as_ref().is_some_and(|merging| *merging.is_lost) {
+            terms = None;
+        }
+        summary.merged += u32::from(terms.is_some());
+        let batch = Batch::merged(first_path, layout, paths, (records, terms));
         visit(&batch)?;
         summary.rays += rays;
         summary.paths += batch.len() as u64;
@@ -176,6 +232,10 @@ impl<'a> StrategyRun<'a> {
         summary.tracing += elapsed;
         drop(view);
         output.release();
+        if merged.is_some() {
+            drop(merged);
+            self.merges[index].release();
+        }
         self.kernel.sizer.adapt(parameters.paths, elapsed);
         Ok(true)
     }

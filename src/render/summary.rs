@@ -11,6 +11,8 @@ pub struct TraceSummary {
     pub rays: u64,
     /// Number of dispatches.
     pub dispatches: u32,
+    /// Number of those whose contributions the device sorted and summed.
+    pub merged: u32,
     /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for
     /// another one starts when that one was done. The host may notice the end of a dispatch late, while it
     /// reads the records of another one.
@@ -25,6 +27,7 @@ impl TraceSummary {
         self.paths += other.paths;
         self.rays += other.rays;
         self.dispatches += other.dispatches;
+        self.merged += other.merged;
         self.longest = self.longest.max(other.longest);
         self.tracing = self.tracing.max(other.tracing);
     }

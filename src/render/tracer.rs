@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::batch::Batch;
 use super::chains::ChainCache;
+use super::device_merge::{MergeRequest, Trust};
 use super::dispatch::{DispatchSizer, Dispatches, MAX_PATHS};
 use super::features::Features;
 use super::geometry::GpuScene;
@@ -37,6 +38,8 @@ pub struct Tracer {
     dispatches: Dispatches,
     light_buffers: LightBuffers,
     chains: ChainCache,
+    /// Whether the device sorts and sums contributions.
+    trust: Trust,
     /// Staging buffers of the last trace, for the next one.
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
@@ -96,6 +99,7 @@ impl Tracer {
             dispatches: Dispatches::default(),
             light_buffers: LightBuffers::default(),
             chains: ChainCache::default(),
+            trust: Trust::new(),
             staging: Vec::new(),
             observer: Arc::new(()),
             remote: None,
@@ -190,17 +194,38 @@ impl Tracer {
         pixels: &StartPixels,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
+        self.trace_merged(settings, pixels, None, visit)
+    }
+
+    /// As [`Tracer::trace_from`]. Where the device sorts and sums contributions, batches have terms as `request` asks for them, in place of connections.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(crate) fn trace_merged(
+        &mut self,
+        settings: &TraceSettings,
+        pixels: &StartPixels,
+        request: Option<&MergeRequest<'_>>,
+        visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
+    ) -> Result<TraceSummary> {
         settings.check()?;
         let strategies = self.strategy_builder().strategies(settings)?;
         let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(pixels)).collect();
         let total = all.iter().map(|paths| paths.end - paths.start).sum();
         let mut summary = TraceSummary::default();
         for (strategy, paths) in strategies.iter().zip(all) {
-            self.run(strategy, paths, total, &mut summary, visit)?;
+            self.run((strategy, request), paths, total, &mut summary, visit)?;
         }
         // Everything has been traced, so that a request to stop has no effect any more.
         let _ = step(&*self.observer, total, total);
         Ok(summary)
+    }
+
+    /// Whether the device sorts and sums contributions to a matrix, so that fewer bytes come back. By default it does unless it is the processor itself,
+    /// which would gain nothing. The sums are rounded to single precision in another order than those of the host. A device that does not agree with
+    /// the host is not used for that: [`TraceSummary::merged`] tells.
+    pub fn merge_on_device(&mut self, asked: bool) {
+        self.trust.asked = Some(asked);
     }
 
     /// Frees staging buffers and photon maps, which only make the next trace start earlier.
@@ -223,17 +248,21 @@ impl Tracer {
     /// Traces the paths of these numbers of one strategy. `total` counts the paths of all strategies, for the observer.
     pub(super) fn run(
         &mut self,
-        strategy: &Strategy,
+        (strategy, request): (&Strategy, Option<&MergeRequest<'_>>),
         paths: Range<u64>,
         total: u64,
         summary: &mut TraceSummary,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<()> {
-        let Self { gpu, scene, kernels, dispatches, staging, observer, .. } = self;
+        let Self { gpu, scene, kernels, dispatches, staging, observer, trust, .. } = self;
+        let merging = match request.filter(|_| trust.merges(gpu)) {
+            Some(request) => Some(trust.merging(gpu, request)?),
+            None => None,
+        };
         let kernel = kernel(gpu, kernels, &strategy.features)?;
         // Buffers of the last trace serve again, unless that trace was interrupted: then it dropped them.
         let buffers = std::mem::take(staging);
-        let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, buffers)?;
+        let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, buffers, merging)?;
         loop {
             while run.can_launch() {
                 if step(&**observer, summary.paths, total).is_break() {

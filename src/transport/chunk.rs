@@ -29,6 +29,11 @@ impl Key {
         Self(other << Self::CLASS_BITS | class)
     }
 
+    /// The key of this number, as a device has it.
+    pub(super) fn of_number(number: u32) -> Self {
+        Self(number)
+    }
+
     /// This key, for a single contribution of this half of the samples.
     pub(super) fn of_half(self, half: usize) -> Self {
         Self(self.0 | (half as u32 * Self::HALF))

@@ -52,6 +52,8 @@ mod steps;
 mod stripes;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_of_merging;
 mod tiles;
 mod transpose;
 mod wire;

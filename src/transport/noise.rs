@@ -49,6 +49,11 @@ impl Halves {
         Self { mean, error }
     }
 
+    /// The weight of a sample in the mean, and those of samples of both halves in the error.
+    pub(super) fn weights(self) -> [f64; 3] {
+        [self.mean, self.error[0], self.error[1]]
+    }
+
     /// The contribution of a sample to the mean.
     pub(super) fn share(self, value: f64) -> f64 {
         value * self.mean

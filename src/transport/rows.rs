@@ -7,10 +7,13 @@ use super::digits::sort_by_number;
 use super::found::{About, Found};
 use super::noise::Halves;
 use super::steps::Steps;
-use crate::render::{Batch, End, Run};
+use crate::render::{Batch, End, Merged, Run};
 
 /// Number of pixels whose contributions one task sums.
 const PIXELS_PER_TASK: usize = 16;
+
+/// Tasks of each thread that take in the terms of a dispatch.
+const PARTS_OF_THREAD: usize = 4;
 
 /// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
 /// and 2 are all later ones.
@@ -88,12 +91,46 @@ impl<'a, const C: usize> Rows<'a, C> {
     /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
     /// sizes of batches.
     pub(super) fn add(&mut self, batch: &Batch<'_>, project: &(impl Fn([f32; 3]) -> [f32; C] + Sync)) {
+        if let Some(merged) = batch.terms() {
+            return self.add_merged(merged, (batch.samples(), batch.from_camera()));
+        }
         self.add_by(
             &batch.runs().collect::<Vec<_>>(),
             (batch.samples(), batch.from_camera()),
             batch,
             project,
         );
+    }
+
+    /// Adds the terms of pixels of which the device has summed all paths.
+    fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
+        // What came before is of other pixels.
+        self.open.take().into_iter().for_each(|open| self.push(open));
+        let finish = |part: &Merged<'_>| {
+            let mut task = Task::<C>::new(self.chunks.len());
+            let mut last = None;
+            let end_row = |task: &mut Task<C>, pixel: u32| {
+                let start = Start { pixel, from_camera, paths };
+                task.finished.iter_mut().for_each(|chunk| chunk.end_row(start));
+            };
+            for found in part.terms() {
+                if let Some(last) = last.replace(found.start).filter(|last| *last != found.start) {
+                    end_row(&mut task, last);
+                }
+                let term = Term { key: Key::of_number(found.key), mean: found.mean(), error: found.error() };
+                task.push(self.step_of(found.start, from_camera, term.key), term);
+            }
+            last.into_iter().for_each(|last| end_row(&mut task, last));
+            task.chunks()
+        };
+        let parts = merged.parts(PARTS_OF_THREAD * rayon::current_num_threads());
+        let done: Vec<_> = parts.par_iter().map(finish).collect();
+        done.into_iter().for_each(|done| self.append(done));
+    }
+
+    /// The step in which a term of the paths from this pixel is merged.
+    fn step_of(&self, start: u32, from_camera: bool, key: Key) -> usize {
+        self.steps.map_or(0, |steps| steps.of(start, from_camera, key.other()))
     }
 
     /// As [`Rows::add`], for paths given as start pixel, half, and the pixels at their other ends with bounces and light.
@@ -212,9 +249,7 @@ impl<'a, const C: usize> Rows<'a, C> {
                 mean: estimates.map(|[mean, _]| mean as f32),
                 error: estimates.map(|[_, error]| error as f32),
             };
-            let step =
-                self.steps.map_or(0, |steps| steps.of(start.pixel, start.from_camera, term.key.other()));
-            finished[step].terms.push(term);
+            finished[self.step_of(start.pixel, start.from_camera, term.key)].terms.push(term);
             about.add(&term);
         }
         finished.iter_mut().for_each(|chunk| chunk.end_row(start));
@@ -226,6 +261,12 @@ impl<const C: usize> Task<C> {
     fn new(steps: usize) -> Self {
         let finished = vec![Growing::default(); steps];
         Self { finished, about: About::default(), entries: Vec::new(), spare: Vec::new() }
+    }
+
+    /// Adds a term of the pixel that is not finished yet, in this step.
+    fn push(&mut self, step: usize, term: Term<C>) {
+        self.finished[step].terms.push(term);
+        self.about.add(&term);
     }
 
     /// The finished pixels, and what is known of them.

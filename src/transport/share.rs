@@ -1,11 +1,13 @@
 //! What the light paths from some pixels contribute to the matrix: the part of a process that traces only these, or everything.
 
+use super::LUMINANCE;
 use super::found::Found;
+use super::noise::Halves;
 use super::pixel_sums::PixelSums;
 use super::rows::Rows;
 use super::steps::Steps;
 use crate::error::Result;
-use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
+use crate::render::{MergeRequest, StartPixels, TraceSettings, TraceSummary, Tracer};
 
 /// The contributions of the paths from some pixels, summed pixel by pixel.
 pub(super) struct Share<const C: usize> {
@@ -38,7 +40,14 @@ impl<const C: usize> Share<C> {
         let mut direct = PixelSums::<C>::new(&pixels.camera, settings.samples);
         let mut ambient = PixelSums::<C>::new(&pixels.camera, settings.samples);
         let mut has_halves = true;
-        let summary = tracer.trace_from(settings, pixels, &mut |batch| {
+        let weights = |from_each_pixel| Halves::new(settings.samples, from_each_pixel).weights();
+        let request = MergeRequest {
+            channels: C,
+            luminance: LUMINANCE.map(|share| share as f32),
+            split,
+            weights: &weights,
+        };
+        let summary = tracer.trace_merged(settings, pixels, Some(&request), &mut |batch| {
             has_halves &= batch.samples() > 1;
             let of_pixels = || {
                 // Paths from the projector carry neither direct light nor ambient light.

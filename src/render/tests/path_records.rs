@@ -22,7 +22,13 @@ pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Path
         Ok(())
     };
     tracer
-        .run(strategy, 0..strategy.paths(), strategy.paths(), &mut TraceSummary::default(), &mut visit)
+        .run(
+            (strategy, None),
+            0..strategy.paths(),
+            strategy.paths(),
+            &mut TraceSummary::default(),
+            &mut visit,
+        )
         .expect("the scene can be traced");
     records
 }

@@ -138,7 +138,7 @@ fn photos(
             };
             tracer
                 .run(
-                    strategy,
+                    (strategy, None),
                     0..strategy.paths(),
                     strategy.paths(),
                     &mut TraceSummary::default(),

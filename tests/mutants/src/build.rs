@@ -70,11 +70,13 @@ struct Expansion {
     span: Spot,
 }
 
-/// Copies what git knows of the project, and only what has changed.
+/// Copies what git knows of the project, and only what has changed. Sources that the project no longer has are removed.
 pub fn copy(project: &Path, tree: &Path) -> Fallible<()> {
     let arguments = ["ls-files", "-z", "--cached", "--others", "--exclude-standard"];
     let said = Command::new("git").args(arguments).current_dir(project).output()?;
     let names = String::from_utf8(said.stdout)?;
+    remove_gone(project, tree, Path::new("src"))?;
+    remove_gone(project, tree, Path::new("tests"))?;
     for name in names.split('\0').filter(|name| !name.is_empty() && !name.starts_with("tests/mutants/")) {
         let (from, to) = (project.join(name), tree.join(name));
         if !from.is_file() {
@@ -89,6 +91,25 @@ pub fn copy(project: &Path, tree: &Path) -> Fallible<()> {
         write(&to, &bytes)?;
         std::fs::set_permissions(&to, std::fs::metadata(&from)?.permissions())?;
         let _ = std::fs::remove_file(switched);
+    }
+    Ok(())
+}
+
+/// Removes the sources below `folder` that are in the copy only: a module may have become a folder. The module of switches stays.
+fn remove_gone(project: &Path, tree: &Path, folder: &Path) -> Fallible<()> {
+    let Ok(listing) = std::fs::read_dir(tree.join(folder)) else { return Ok(()) };
+    for item in listing {
+        let item = item?;
+        let name = folder.join(item.file_name());
+        if item.file_type()?.is_dir() {
+            remove_gone(project, tree, &name)?;
+        } else if name.extension().is_some_and(|extension| extension == "rs")
+            && name != Path::new("src/mutant.rs")
+            && !project.join(&name).exists()
+        {
+            std::fs::remove_file(item.path())?;
+            let _ = std::fs::remove_file(item.path().with_extension("rs.before"));
+        }
     }
     Ok(())
 }

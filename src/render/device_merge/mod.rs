@@ -1,0 +1,242 @@
+//! Contributions to the matrix, sorted and summed on the device: what comes back of a dispatch is then a list of terms in place of the records
+//! of its paths, which are several times as long.
+//!
+//! A contribution has a key: the pixel at the other end of its path, and the class of its bounces. Those of all paths from a pixel are sorted by key with
+//! a radix sort, and those of equal keys are summed in path order, in single precision. So a term differs from that of the host, which sums in
+//! double precision, by rounding alone ([`host::agree`]). The first large dispatch of a tracer is summed by both, to notice a device that does not
+//! compute what it should.
+//!
+//! Where the device is the processor itself this gains nothing: it reads records in place, and its sort would run on the same cores.
+
+mod buffers;
+pub(super) mod host;
+mod kernels;
+mod steps;
+#[cfg(test)]
+mod tests;
+
+use wgpu::CommandEncoder;
+
+use self::buffers::Buffers;
+use self::kernels::Kernels;
+use self::steps::Step;
+use super::records::Layout;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::gpu::readback::Readback;
+
+/// The most words of four bytes of a buffer here: 128 MiB, which every device allows.
+const MOST_WORDS: u64 = 1 << 25;
+
+/// How contributions become terms.
+pub(crate) struct MergeRequest<'a> {
+    /// 1 for luminance, 3 for red, green and blue.
+    pub(crate) channels: usize,
+    /// The weights of red, green and blue in the luminance.
+    pub(crate) luminance: [f32; 3],
+    /// The second bounce is a class of its own: class 1, and all later ones are class 2. Otherwise these are class 1, too. One bounce is class 0.
+    pub(crate) split: bool,
+    /// For a number of paths from each pixel: the weight of a sample in the mean, and those of samples of both halves in its error.
+    pub(crate) weights: &'a dyn Fn(u32) -> [f64; 3],
+}
+
+/// The terms of a dispatch. They ascend by the pixel that paths start from, and then by key.
+#[derive(Clone, Copy)]
+pub(crate) struct Merged<'a> {
+    words: &'a [u32],
+    channels: usize,
+    /// The pixel that the first path of the dispatch starts from.
+    first_pixel: u32,
+}
+
+/// A term as it comes from the device.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MergedTerm<'a> {
+    /// The pixel that its paths start from.
+    pub(crate) start: u32,
+    /// The pixel at their other end, times four, plus the class of bounces.
+    pub(crate) key: u32,
+    mean: &'a [u32],
+    error: &'a [u32],
+}
+
+impl MergedTerm<'_> {
+    /// The mean over the samples, in each of `C` channels.
+    pub(crate) fn mean<const C: usize>(&self) -> [f32; C] {
+        std::array::from_fn(|channel| f32::from_bits(self.mean[channel]))
+    }
+
+    /// Its error, in each of `C` channels.
+    pub(crate) fn error<const C: usize>(&self) -> [f32; C] {
+        std::array::from_fn(|channel| f32::from_bits(self.error[channel]))
+    }
+}
+
+impl<'a> Merged<'a> {
+    /// All terms.
+    pub(crate) fn terms(&self) -> impl Iterator<Item = MergedTerm<'a>> + use<'a> {
+        let (channels, first_pixel) = (self.channels, self.first_pixel);
+        self.words.chunks_exact(words_of_term(channels)).map(move |words| {
+            let (mean, error) = words[2..].split_at(channels);
+            MergedTerm { start: first_pixel + words[0], key: words[1], mean, error }
+        })
+    }
+
+    /// The terms in about so many parts, none of which has only some terms of a pixel.
+    pub(crate) fn parts(&self, count: usize) -> Vec<Self> {
+        let size = words_of_term(self.channels);
+        let terms = self.words.len() / size;
+        let start = |term: usize| self.words[term * size];
+        let mut bounds = vec![0];
+        for part in 1..=count.max(1) {
+            let mut bound = (terms * part / count.max(1)).max(bounds[bounds.len() - 1]);
+            while bound > 0 && bound < terms && start(bound) == start(bound - 1) {
+                bound += 1;
+            }
+            bounds.push(bound);
+        }
+        bounds
+            .windows(2)
+            .map(|pair| Self { words: &self.words[pair[0] * size..pair[1] * size], ..*self })
+            .collect()
+    }
+}
+
+/// Words of four bytes of a term: start, key, and means and errors.
+fn words_of_term(channels: usize) -> usize {
+    2 + 2 * channels
+}
+
+/// Whether a tracer lets its device sort and sum contributions.
+pub(super) struct Trust {
+    /// What was asked for. By default a device does so unless it is the processor itself.
+    pub(super) asked: Option<bool>,
+    /// The terms of a large dispatch were compared with those of the host.
+    is_checked: bool,
+    /// They differed.
+    is_lost: bool,
+    /// Compiled when first needed.
+    kernels: Option<Kernels>,
+}
+
+impl Trust {
+    /// Nothing is known of the device yet.
+    pub(super) fn new() -> Self {
+        Self { asked: None, is_checked: false, is_lost: false, kernels: None }
+    }
+
+    /// The request, for one trace.
+    pub(super) fn merging<'a>(&'a mut self, gpu: &Gpu, request: &'a MergeRequest<'a>) -> Result<Merging<'a>> {
+        let kernels = match &self.kernels {
+            Some(kernels) => kernels.clone(),
+            None => self.kernels.insert(Kernels::new(gpu)?).clone(),
+        };
+        Ok(Merging { request, kernels, is_checked: &mut self.is_checked, is_lost: &mut self.is_lost })
+    }
+
+    /// Whether the device is to sort and sum.
+    pub(super) fn merges(&self, gpu: &Gpu) -> bool {
+        !self.is_lost && self.asked.unwrap_or(!gpu.summary.is_processor())
+    }
+}
+
+/// A request with the device's trust, for one trace.
+pub(super) struct Merging<'a> {
+    pub(super) request: &'a MergeRequest<'a>,
+    kernels: Kernels,
+    pub(super) is_checked: &'a mut bool,
+    pub(super) is_lost: &'a mut bool,
+}
+
+/// Sorts and sums the contributions of one dispatch at a time.
+pub(super) struct DeviceMerge {
+    kernels: Kernels,
+    buffers: Buffers,
+    channels: usize,
+    /// The pixels at which paths end.
+    other_pixels: u64,
+}
+
+/// The contributions of a dispatch that are being sorted and summed.
+pub(super) struct MergeInFlight {
+    totals: Readback,
+    first_pixel: u32,
+}
+
+/// The terms of a dispatch in memory. Drop it and call [`DeviceMerge::release`] before the next dispatch.
+pub(super) struct MergedView {
+    view: wgpu::BufferView,
+    /// Of the terms.
+    words: usize,
+    channels: usize,
+    first_pixel: u32,
+}
+
+impl MergedView {
+    /// The terms.
+    pub(super) fn merged(&self) -> Merged<'_> {
+        let words: &[u32] = bytemuck::cast_slice(&self.view);
+        Merged { words: &words[..self.words], channels: self.channels, first_pixel: self.first_pixel }
+    }
+}
+
+impl DeviceMerge {
+    /// Room for the contributions of at most `paths` paths, whose records are in `records`. `None` where they do not fit, or where a dispatch cannot
+    /// have all paths of a pixel.
+    pub(super) fn new(
+        gpu: &Gpu,
+        Merging { request, kernels, .. }: &Merging<'_>,
+        (layout, other_pixels): (&Layout, u64),
+        paths: u32,
+        records: &wgpu::Buffer,
+    ) -> Result<Option<Self>> {
+        let channels = request.channels;
+        let entries = u64::from(paths) * layout.most_ends() as u64;
+        let words = entries * words_of_term(channels) as u64;
+        let most = MOST_WORDS.min(gpu.summary.max_storage_binding / 4).min(gpu.summary.max_buffer / 4);
+        if paths < layout.samples || entries == 0 || words.max(4 * entries) > most {
+            return Ok(None);
+        }
+        let buffers = Buffers::new(gpu, kernels, records, (entries as u32, paths), channels)?;
+        Ok(Some(Self { kernels: kernels.clone(), buffers, channels, other_pixels }))
+    }
+
+    /// Records the steps after a dispatch of `paths` paths.
+    pub(super) fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        request: &MergeRequest<'_>,
+        layout: &Layout,
+        paths: u32,
+    ) {
+        let steps: Vec<Step> = steps::steps(&steps::base(request, layout, paths), self.other_pixels, layout);
+        self.buffers.write_parameters(gpu, &steps);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        for (index, step) in steps.iter().enumerate() {
+            pass.set_pipeline(self.kernels.pipeline(step.kernel));
+            pass.set_bind_group(0, self.buffers.group(step.is_swapped), &[buffers::offset(index)]);
+            pass.dispatch_workgroups(step.workgroups, 1, 1);
+        }
+        drop(pass);
+        self.buffers.copy_totals(encoder);
+    }
+
+    /// Asks for the number of terms after `submission`. The first path of the dispatch is the first one of `first_pixel`.
+    pub(super) fn request(&self, submission: wgpu::SubmissionIndex, first_pixel: u32) -> MergeInFlight {
+        MergeInFlight { totals: self.buffers.request_totals(submission), first_pixel }
+    }
+
+    /// Waits for the terms.
+    pub(super) fn wait(&self, gpu: &Gpu, in_flight: MergeInFlight) -> Result<MergedView> {
+        let terms = self.buffers.wait_totals(gpu, in_flight.totals)?;
+        let words = terms as usize * words_of_term(self.channels);
+        let view = self.buffers.read_terms(gpu, words as u64)?;
+        Ok(MergedView { view, words, channels: self.channels, first_pixel: in_flight.first_pixel })
+    }
+
+    /// Makes the terms writable again for the device.
+    pub(super) fn release(&self) {
+        self.buffers.release();
+    }
+}
