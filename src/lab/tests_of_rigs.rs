@@ -6,8 +6,9 @@ use crate::analysis::audit::{AuditOptions, Verdict};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, adjusted_rand_index};
 use crate::error::Result;
+use crate::image::Image;
 use crate::krylov::norm;
-use crate::lab::Lab;
+use crate::lab::{Lab, Questions, RelightRequest};
 use crate::measure::RigFile;
 use crate::operator::Operator;
 use crate::scene::{Scene, builtin};
@@ -52,6 +53,13 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     // The corners of the projector have 0.9 of its light, and those of the camera 0.85.
     let ratio = report.evenness.map_or(f64::NAN, |evenness| evenness.value);
     assert!((ratio - 0.944).abs() < 0.03, "{ratio}");
+    let lines = report.lines();
+    for (about, text) in
+        [("projector", "channel 0: gamma 2."), ("pixels", "by Gray codes"), ("evenness", "0.9")]
+    {
+        let has = |line: &[String; 2]| line[0] == about && line[1].contains(text);
+        assert!(lines.iter().any(has), "{about}: {lines:?}");
+    }
     let uneven = error(&mut rig, &mut exact, Part::Full)?;
     let flat = rig.measure_flat_field()?;
     let corner = |values: &[f64]| values[0] / values.iter().copied().fold(0.0, f64::max);
@@ -61,6 +69,30 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     let even = error(&mut rig, &mut exact, Part::Full)?;
     // The noise of one white photo is 0.5 % a pixel.
     assert!(uneven > 0.03 && even < 0.012, "{uneven} {even}");
+    Ok(())
+}
+
+/// The corners of the projector have 0.9 of its light, and those of the camera 0.85: an answer that forgets one of them is a tenth off.
+#[test]
+fn white_and_relit_photos_are_those_of_even_devices() -> Result<()> {
+    let exact = traced(builtin::zigzag().to_scene(), 24)?;
+    let mut rig = before(&exact, 2.5, &[])?;
+    rig.calibrate(&Default::default())?;
+    rig.measure_flat_field()?;
+    let ones = Image::filled(rig.projector_resolution(), 1, 1.0);
+    let off = |found: &Image, expected: &Image| {
+        let (found, expected) = (found.plane(0), expected.plane(0));
+        let misfit: Vec<f64> =
+            found.iter().zip(&expected).map(|(found, expected)| found - expected).collect();
+        norm(&misfit) / norm(&expected)
+    };
+    // A pattern of ones is dimmed where the projector is brighter, as every pattern is.
+    let (white, photo) = (rig.white()?, rig.photo(&ones)?);
+    assert!(off(&white, &photo) < 0.01, "{}", off(&white, &photo));
+    let questions = Questions { patterns: vec![("ones".into(), ones)], ..Questions::default() };
+    let found = rig.relight(&RelightRequest { photos: 16, block: 4, questions, max_error: None })?;
+    let relit = &found.relit[0].relit;
+    assert!(off(relit, &photo) < 0.05, "{}", off(relit, &photo));
     Ok(())
 }
 

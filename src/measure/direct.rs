@@ -211,6 +211,49 @@ fn least(residual: &dyn Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::lens_map::LensMap;
+
+    /// The golden-section search ends within its last bracket, and knows both ends of its range.
+    #[test]
+    fn the_least_residual_is_found_wherever_it_is() {
+        for truth in [NARROWEST, NARROWEST + 0.013, 0.37, 0.61, 0.5 * (NARROWEST + WIDEST), WIDEST] {
+            let found =
+                least(&|deviation| 0.5 + (deviation - truth).powi(2) + 0.1 * (deviation - truth).abs());
+            // Each step leaves 0.618 of the bracket.
+            assert!((found - truth).abs() < 1e-3, "{found} {truth}");
+        }
+    }
+
+    /// Rows of direct light and its photos are the same matrix: with a blur, with the spread of a coarse camera, and with both.
+    #[test]
+    fn the_photo_of_direct_light_is_the_product_with_its_rows() {
+        let size = Resolution::new(12, 10);
+        let lens = LensMap {
+            camera: size,
+            projector: size,
+            homography: [1.0, 0.0, 0.02, 0.0, 1.0, -0.03, 0.0, 0.0],
+            distortion: [0.0; 2],
+        };
+        let registration = Registration::by_area(size, size);
+        let spread = Arc::new(Spread::new(&registration, &lens));
+        let values: Vec<f64> = (0..120).map(|pixel| 0.2 + f64::from(pixel % 7) * 0.1).collect();
+        let pattern: Vec<f64> = (0..120).map(|pixel| f64::from(u8::from(pixel % 5 < 2))).collect();
+        for blur in [None, Blur::new(size, 0.7)] {
+            for spread in [None, Some(&spread)] {
+                let planes = vec![Plane { values: values.clone(), variance: vec![0.0; 120] }];
+                let direct = DirectLight { planes, blur: blur.clone(), spread: spread.cloned() };
+                let photo = direct.under(0, &pattern).values;
+                for (pixel, seen) in photo.iter().enumerate() {
+                    let row = direct.row(0, pixel);
+                    assert!(row.is_sorted_by(|a, b| a.0 < b.0));
+                    let product: f64 = row.iter().map(|&(at, weight)| weight * pattern[at as usize]).sum();
+                    // Weights below a share of the largest are left out.
+                    let most = row.iter().fold(0.0, |most: f64, entry| most.max(entry.1.abs()));
+                    assert!((product - seen).abs() <= 120.0 * SMALLEST * most, "{pixel}: {product} {seen}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn each_pixel_is_lit_in_half_of_the_patterns() {

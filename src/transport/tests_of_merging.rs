@@ -31,6 +31,9 @@ fn a_matrix_merged_on_the_device_is_that_of_the_host_but_for_rounding() {
         assert_eq!(of_host.len(), of_device.len(), "{name}");
         // Direct and ambient light do not go through the merge.
         assert_eq!(host.ambient, device.ambient, "{name}");
+        // An entry has a weight of four bytes for each channel, and its column.
+        let weights = |layer: &Layer| layer.nonzeros() * 4 * channels.count();
+        assert!(of_device.iter().all(|layer| layer.bytes() > weights(layer)), "{name}");
         for (host, device) in of_host.iter().zip(of_device.iter()) {
             assert_eq!(host.bounces(), device.bounces(), "{name}");
             let [host, device] = [host, device].map(Layer::to_rows);

@@ -73,6 +73,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_writer_in_a_name_is_this_process_on_this_system() {
+        let name = format!(".photo.npy.{}1rSJqC{SUFFIX}", writer());
+        assert_eq!(writer_in(&name), Some((std::process::id(), SYSTEM.as_str())));
+    }
+
+    #[test]
     fn only_files_of_ended_processes_are_removed() {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         // No process has the highest number that the system's type holds.

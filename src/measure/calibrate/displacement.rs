@@ -262,6 +262,54 @@ mod tests {
         }
     }
 
+    /// By hand: the error along one axis is that of `d₀ + d₂ u + d₃ v` for the coordinates `(u, v)` of the point.
+    #[test]
+    fn the_error_of_a_displacement_follows_from_the_covariance_of_its_coefficients() {
+        let d = Affine { size: SIZE, by: [0.0; 6] };
+        // Half a diagonal is 40 pixels.
+        let at = [31.5 + 40.0 * 0.6, 23.5 - 40.0 * 0.5];
+        let [u, v] = d.relative(at);
+        assert!((u - 0.6).abs() < 1e-12 && (v + 0.5).abs() < 1e-12, "{u} {v}");
+        let mut covariance = vec![0.0; UNKNOWNS * UNKNOWNS];
+        let mut set = |i: usize, j: usize, value: f64| {
+            covariance[i * UNKNOWNS + j] = value;
+            covariance[j * UNKNOWNS + i] = value;
+        };
+        // Of the first axis: unknowns 2, 4 and 5.
+        for (i, j, value) in [(2, 2, 4.0), (4, 4, 9.0), (5, 5, 16.0), (2, 4, 1.0), (2, 5, -2.0), (4, 5, 0.5)]
+        {
+            set(i, j, value);
+        }
+        let expected = 4.0 + 9.0 * u * u + 16.0 * v * v + 2.0 * (1.0 * u - 2.0 * v + 0.5 * u * v);
+        assert!((d.error(at, &covariance) - expected.sqrt()).abs() < 1e-12);
+        // The second axis, unknowns 3, 6 and 7, counts where its error is larger.
+        covariance[3 * UNKNOWNS + 3] = 400.0;
+        assert!((d.error(at, &covariance) - 20.0).abs() < 1e-12);
+    }
+
+    /// Noise of a known size makes the shifts of many photos scatter as stated.
+    #[test]
+    fn stated_errors_of_a_shift_are_those_of_repeated_photos() {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_pcg::Pcg64::seed_from_u64(5);
+        let (clean, used) = seen(|_| [0.2, -0.1]);
+        let mut off = Vec::new();
+        for _ in 0..40 {
+            // White noise of a standard deviation of a tenth of the contrast.
+            let noisy = clean.iter().map(|value| {
+                let sum: f64 = (0..12).map(|_| random.random::<f64>() - 0.5).sum();
+                value + 0.1 * sum
+            });
+            let found = displacement(SIZE, &[(squares(), noisy.collect())], &used).expect("it is seen");
+            off.push((found.shift[0] - 0.2, found.error));
+        }
+        let mean = off.iter().map(|off| off.0).sum::<f64>() / 40.0;
+        let spread = (off.iter().map(|off| (off.0 - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
+        let stated = off.iter().map(|off| off.1).sum::<f64>() / 40.0;
+        // The stated error is that of the corner, and takes neighbours for correlated: it may be several times as large, not smaller.
+        assert!(stated > 0.8 * spread && stated < 20.0 * spread, "{stated} {spread}");
+    }
+
     #[test]
     fn a_rotation_displaces_the_corners() {
         let turn = 0.01;

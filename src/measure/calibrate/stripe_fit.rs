@@ -270,6 +270,38 @@ mod tests {
         assert!((0.3..5.0).contains(&(off[1] / found.error)), "{off:?}, stated {}", found.error);
     }
 
+    /// Slopes are what the residuals change by where the map's parameters do, with the direct light adjusted to each map.
+    #[test]
+    fn slopes_are_the_derivatives_of_the_residuals() {
+        let truth = truth();
+        let exact = decoded(&truth, 0.0);
+        let step = 1e-5;
+        let mut compared = 0;
+        for pixel in (0..truth.camera.pixels()).filter(|pixel| pixel % 7 != 0).step_by(97) {
+            let Some(here) = of_pixel(&truth, &exact, pixel) else { continue };
+            for parameter in 0..PARAMETERS {
+                let moved = |by: f64| {
+                    let mut change = [0.0; PARAMETERS];
+                    change[parameter] = by;
+                    of_pixel(&truth.moved(&change), &exact, pixel)
+                };
+                let (Some(more), Some(less)) = (moved(step), moved(-step)) else { continue };
+                for plane in 0..PLANES {
+                    let derivative = (more.residuals[plane] - less.residuals[plane]) / (2.0 * step);
+                    let slope = here.slopes[plane][parameter];
+                    // The stripes' change is differentiated over 0.02 pixels, within which an edge may leave the footprint.
+                    let size = here.slopes.iter().map(|slopes| slopes[parameter].abs()).fold(1.0, f64::max);
+                    compared += usize::from((derivative + slope).abs() < 0.05 * size);
+                    assert!(
+                        (derivative + slope).abs() < size,
+                        "{pixel} {parameter} {plane}: {derivative} {slope}"
+                    );
+                }
+            }
+        }
+        assert!(compared > 1000, "nearly all agree: {compared}");
+    }
+
     #[test]
     fn photos_without_noise_give_the_exact_map() {
         let truth = truth();

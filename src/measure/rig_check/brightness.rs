@@ -269,6 +269,29 @@ mod tests {
         });
     }
 
+    /// Every pixel has the same share of white's light beyond its own quadrant: 3 %, of which photos that scatter by 2 % leave too little.
+    #[test]
+    fn stray_light_is_what_exceeds_the_scatter_of_photos() {
+        with_probe(8, |probe| {
+            probe.white = (0..20).map(|pixel| 10.0 + f64::from(pixel % 3)).collect();
+            let mean = probe.white.iter().sum::<f64>() / 20.0;
+            let quadrants = vec![vec![0.03 * mean / 4.0; 20]; 4];
+            for (scatter, grade, text) in [
+                (
+                    0.0,
+                    Grade::Warning,
+                    "3.0 % of white's light reaches all pixels evenly, and follows the pattern",
+                ),
+                (0.005, Grade::Warning, "3.0 %"),
+                (0.028, Grade::Ok, "3.0 % of white's light reaches all pixels by way of the scene"),
+            ] {
+                probe.scatter = scatter;
+                let finding = stray(probe, &quadrants);
+                assert!(finding.grade == grade && finding.found.contains(text), "{scatter}: {finding}");
+            }
+        });
+    }
+
     #[test]
     fn levels_that_are_all_as_bright_as_white_are_those_of_limited_range_video() {
         with_probe(8, |probe| {

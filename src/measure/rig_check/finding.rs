@@ -135,4 +135,26 @@ mod tests {
         let fine = Finding::graded("disk", Grade::Ok, "3 GB free", "1 GB", "delete something");
         assert_eq!(fine.to_string(), "disk          ok       3 GB free");
     }
+
+    #[test]
+    fn the_sentence_counts_failures_before_warnings() {
+        let of = |grades: &[Grade], complete: bool| {
+            let all = grades.iter().map(|&grade| Finding::graded("disk", grade, "found", "bound", "help"));
+            Findings { all: all.collect(), complete }
+        };
+        let (ok, warning, fails) = (Grade::Ok, Grade::Warning, Grade::Fails);
+        let several = of(&[ok, warning, fails, fails, fails, warning], true);
+        assert_eq!([ok, warning, fails].map(|grade| several.count(grade)), [1, 2, 3]);
+        for (grades, complete, passed, sentence) in [
+            (&[ok, ok][..], true, true, "The bench is ready."),
+            (&[ok, warning], true, true, "The bench can be used; 1 warning."),
+            (&[warning, warning], true, true, "The bench can be used; 2 warnings."),
+            (&[warning, fails], true, false, "The bench is not ready: 1 check failed."),
+            (&[fails, ok, fails], true, false, "The bench is not ready: 2 checks failed."),
+            (&[fails], false, false, "The bench is not ready; what follows the failure was not checked."),
+        ] {
+            let found = of(grades, complete);
+            assert_eq!((found.passed(), found.sentence().as_str()), (passed, sentence));
+        }
+    }
 }

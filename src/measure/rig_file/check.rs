@@ -47,7 +47,7 @@ impl Check {
             ));
         }
         let ends = (curve.first(), curve.last());
-        if curve.len() < 2 || ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted() {
+        if ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted() {
             return Err(self.fault(
                 format!("{table}.curve is not a response"),
                 "give at least two values, the first 0, the last 1, none less than the one before",

@@ -211,3 +211,31 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_response_is_a_curve_from_0_to_1_that_never_falls() {
+    let with = |curve: &str| format!("{WHOLE}[projector]\n{curve}\n");
+    for curve in ["curve = [0.0, 1.0]", "curve = [0.0, 0.2, 1.0]", "curve = [0.0, 0.3, 0.3, 0.9, 1.0]"] {
+        assert!(from(&with(curve)).is_ok(), "{curve}");
+    }
+    for curve in ["[]", "[0.0]", "[1.0]", "[0.0, 0.9]", "[0.1, 1.0]", "[0.0, 0.6, 0.5, 1.0]"] {
+        let [fault, help] = refused(&with(&format!("curve = {curve}")));
+        assert!(
+            fault.contains("projector.curve") && help.contains("at least two values"),
+            "{curve}: {fault}"
+        );
+    }
+}
+
+#[test]
+fn colours_mix_only_where_both_devices_have_them() {
+    let with = |projector: usize, camera: usize| {
+        let crosstalk = "crosstalk = [[1, 0.1, 0], [0.05, 1, 0.05], [0, 0.1, 1]]";
+        format!("{WHOLE}[projector]\nchannels = {projector}\n[camera]\nchannels = {camera}\n{crosstalk}\n")
+    };
+    assert!(from(&with(3, 3)).is_ok());
+    for (projector, camera) in [(1, 1), (3, 1), (1, 3)] {
+        let [fault, help] = refused(&with(projector, camera));
+        assert!(fault.contains("camera.crosstalk") && help.contains("channels = 3"), "{fault}");
+    }
+}
