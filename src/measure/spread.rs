@@ -64,3 +64,52 @@ impl Spread {
         self.columns.squares()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    /// A camera whose pixels lie across those of the projector sees a quarter of each of four.
+    fn across() -> Spread {
+        let size = Resolution::new(6, 5);
+        let lens = LensMap {
+            camera: size,
+            projector: size,
+            // Half a pixel, in units of half a diagonal.
+            homography: [1.0, 0.0, 1.0 / 61.0_f64.sqrt(), 0.0, 1.0, 1.0 / 61.0_f64.sqrt(), 0.0, 0.0],
+            distortion: [0.0; 2],
+        };
+        Spread::new(&Registration::by_area(size, size), &lens)
+    }
+
+    #[test]
+    fn a_camera_between_the_pixels_sees_a_quarter_of_four() {
+        let spread = across();
+        let inner: Vec<(u32, f64)> = [7, 8, 13, 14].map(|at| (at, 0.25)).to_vec();
+        for (found, expected) in spread.row(7).iter().zip(&inner) {
+            assert!(found.0 == expected.0 && (found.1 - expected.1).abs() < 1e-9, "{:?}", spread.row(7));
+        }
+        assert_eq!(spread.row(7).len(), 4);
+    }
+
+    #[test]
+    fn products_variances_and_squares_are_those_of_the_rows() {
+        let spread = across();
+        let y: Vec<f64> = (0..30).map(|pixel| f64::from(pixel * 7 % 11)).collect();
+        let z: Vec<f64> = (0..30).map(|pixel| f64::from(pixel * 5 % 13)).collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (forward, back) = (dot(&spread.apply(&y), &z), dot(&y, &spread.apply_transposed(&z)));
+        assert!((forward - back).abs() < 1e-9 * forward.abs(), "{forward} {back}");
+        let of_row = |pixel: usize| {
+            spread.row(pixel).iter().map(|&(at, weight)| weight * weight * y[at as usize]).sum::<f64>()
+        };
+        for (pixel, variance) in spread.variance(&y).into_iter().enumerate() {
+            assert!((variance - of_row(pixel)).abs() < 1e-12, "{pixel}");
+        }
+        for (column, square) in spread.squares().into_iter().enumerate() {
+            let all = (0..30).flat_map(|pixel| spread.row(pixel)).filter(|entry| entry.0 as usize == column);
+            assert!((square - all.map(|entry| entry.1 * entry.1).sum::<f64>()).abs() < 1e-12, "{column}");
+        }
+    }
+}

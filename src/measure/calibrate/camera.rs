@@ -178,3 +178,25 @@ fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) ->
         / white.counts.len() as f64;
     (light / gain + read_noise.powi(2)).sqrt() / light.max(f64::MIN_POSITIVE)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_noise_of_white_is_that_of_electrons_and_of_reading_relative_to_its_light() {
+        let white = RawFrame {
+            resolution: crate::image::Resolution::new(2, 2),
+            channels: 1,
+            // One pixel is below black, which counts as no light.
+            counts: vec![410, 810, 1210, 5],
+            exposure: 0.1,
+            id: 1,
+            started: 0.0,
+        };
+        let linear = Linear { black: 10.0, curve: None };
+        // 600 DN on average; 4 electrons each: a variance of 150 DN², and 11² by reading.
+        let found = white_noise(&white, &linear, 4.0, 11.0);
+        assert!((found - 271.0_f64.sqrt() / 600.0).abs() < 1e-12, "{found}");
+    }
+}

@@ -108,6 +108,10 @@ mod tests {
         // σ = ½ at each point; Σ(x − x̄)² = 10: the slope's variance is σ²/10.
         assert!((line.error(1) - (0.25_f64 / 10.0).sqrt()).abs() < 1e-12);
         assert!((line.error(0) - (0.25_f64 * (0.2 + 4.0 / 10.0)).sqrt()).abs() < 1e-12);
+        // Their covariance is −x̄ σ²/10, on both sides of the diagonal.
+        let [a, b, c, d] = line.covariance[..] else { unreachable!("two unknowns") };
+        assert!((a - 0.15).abs() < 1e-12 && (d - 0.025).abs() < 1e-12, "{a} {d}");
+        assert!((b + 0.05).abs() < 1e-12 && (c + 0.05).abs() < 1e-12, "{b} {c}");
     }
 
     #[test]

@@ -124,6 +124,42 @@ mod tests {
         }
     }
 
+    /// A camera that looks one pixel further to the right and half a pixel up than its map says, with offset and a curved response.
+    #[test]
+    fn a_map_that_is_off_by_a_shift_is_found_through_black_and_response() {
+        use crate::measure::CaptureRequest;
+        use crate::measure::simulated::Simulated;
+        let size = Resolution::new(64, 48);
+        let curve: Vec<f64> = (0..4096).map(|count| f64::from(count).powf(1.25)).collect();
+        let count = {
+            let curve = curve.clone();
+            move |light: f64| curve.partition_point(|&linear| linear < light) as u16
+        };
+        let photo = move |request: &CaptureRequest, _| {
+            let levels = request.frame.levels();
+            let at = |x: usize, y: usize| f64::from(levels[y.min(47) * 64 + x.min(63)]) / 255.0;
+            let light = |pixel: usize| {
+                let (x, y) = (pixel % 64, pixel / 64);
+                // Half a pixel up is the mean of two rows.
+                0.5 * (at(x + 1, y) + at(x + 1, y.saturating_sub(1)))
+            };
+            (0..64 * 48).map(|pixel| count(300.0 + 15_000.0 * light(pixel))).collect()
+        };
+        let mut frames = Simulated::new(size, size, 12, photo);
+        let mut known = Calibration::ideal(&frames.projector, &frames.camera);
+        (known.camera.black, known.camera.curve) = (0.0, Some(curve));
+        let found = map_check(&mut frames, &known, 0.1).expect("the pattern is seen");
+        let off = (found.shift[0] - 1.0).hypot(found.shift[1] + 0.5);
+        assert!(off < 0.1 && found.agreement > 0.9, "{found:?}");
+        // An uncorrected response leaves the squares where they are, with another contrast.
+        known.camera.curve = None;
+        let linear = map_check(&mut frames, &known, 0.1).expect("the pattern is seen");
+        assert!(
+            (linear.shift[0] - 1.0).abs() < 0.1 && linear.agreement <= found.agreement + 1e-9,
+            "{linear:?}"
+        );
+    }
+
     #[test]
     fn squares_have_the_stated_side_and_half_of_them_are_bright() {
         let size = Resolution::new(61, 47);

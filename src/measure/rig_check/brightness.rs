@@ -215,6 +215,34 @@ mod tests {
         check(&mut Probe::new(&mut frames, None, &photos, 0.1, true))
     }
 
+    /// What was photographed before the check is none of its photos.
+    #[test]
+    fn a_check_counts_its_own_photos() {
+        use crate::measure::{CaptureRequest, FrameSource};
+        let size = crate::image::Resolution::new(2, 2);
+        let mut frames =
+            crate::measure::simulated::Simulated::new(size, size, 8, |_: &CaptureRequest, _| vec![9; 4]);
+        let black = std::sync::Arc::new(crate::rig::Frame::filled(size, 1, 0));
+        for take in 0..7 {
+            let request = CaptureRequest { frame: std::sync::Arc::clone(&black), exposure: 0.1, take };
+            frames.capture(&request).expect("it never fails");
+        }
+        let photos = super::super::sequence::take(&mut frames, 0.1).expect("it never fails");
+        // One at the shortest exposure, four rounds of one black and two white photos, and two black ones.
+        assert_eq!(photos.effort.taken, 1 + 4 * 3 + 2);
+    }
+
+    #[test]
+    fn the_light_of_a_pixel_is_the_mean_of_its_channels() {
+        with_probe(8, |probe| {
+            let frame = probe.filled(false);
+            let gray = probe.capture(&frame, 0.1).expect("it never fails");
+            let photo = crate::rig::RawFrame { channels: 3, counts: vec![1, 2, 6, 10, 20, 60], ..gray };
+            assert_eq!(probe.light(&photo), [3.0, 30.0]);
+            assert_eq!(probe.channels(&photo), [5.5, 11.0, 33.0]);
+        });
+    }
+
     #[test]
     fn the_quadrants_of_a_frame_have_no_pixel_in_common_and_make_up_all_of_it() {
         with_probe(8, |probe| {
