@@ -1,5 +1,7 @@
 //! The contributions of the light paths from each pixel, summed pixel by pixel as the paths arrive.
 
+mod merged;
+
 use rayon::prelude::*;
 
 use super::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
@@ -7,13 +9,10 @@ use super::digits::sort_by_number;
 use super::found::{About, Found};
 use super::noise::Halves;
 use super::steps::Steps;
-use crate::render::{Batch, End, Merged, Run};
+use crate::render::{Batch, End, Run};
 
 /// Number of pixels whose contributions one task sums.
 const PIXELS_PER_TASK: usize = 16;
-
-/// Tasks of each thread that take in the terms of a dispatch.
-const PARTS_OF_THREAD: usize = 4;
 
 /// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
 /// and 2 are all later ones.
@@ -100,32 +99,6 @@ impl<'a, const C: usize> Rows<'a, C> {
             batch,
             project,
         );
-    }
-
-    /// Adds the terms of pixels of which the device has summed all paths.
-    fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
-        // What came before is of other pixels.
-        self.open.take().into_iter().for_each(|open| self.push(open));
-        let finish = |part: &Merged<'_>| {
-            let mut task = Task::<C>::new(self.chunks.len());
-            let mut last = None;
-            let end_row = |task: &mut Task<C>, pixel: u32| {
-                let start = Start { pixel, from_camera, paths };
-                task.finished.iter_mut().for_each(|chunk| chunk.end_row(start));
-            };
-            for found in part.terms() {
-                if let Some(last) = last.replace(found.start).filter(|last| *last != found.start) {
-                    end_row(&mut task, last);
-                }
-                let term = Term { key: Key::of_number(found.key), mean: found.mean(), error: found.error() };
-                task.push(self.step_of(found.start, from_camera, term.key), term);
-            }
-            last.into_iter().for_each(|last| end_row(&mut task, last));
-            task.chunks()
-        };
-        let parts = merged.parts(PARTS_OF_THREAD * rayon::current_num_threads());
-        let done: Vec<_> = parts.par_iter().map(finish).collect();
-        done.into_iter().for_each(|done| self.append(done));
     }
 
     /// The step in which a term of the paths from this pixel is merged.
@@ -261,12 +234,6 @@ impl<const C: usize> Task<C> {
     fn new(steps: usize) -> Self {
         let finished = vec![Growing::default(); steps];
         Self { finished, about: About::default(), entries: Vec::new(), spare: Vec::new() }
-    }
-
-    /// Adds a term of the pixel that is not finished yet, in this step.
-    fn push(&mut self, step: usize, term: Term<C>) {
-        self.finished[step].terms.push(term);
-        self.about.add(&term);
     }
 
     /// The finished pixels, and what is known of them.
