@@ -43,8 +43,9 @@ const SMALLEST: f64 = 1e-6;
 /// Deviations that are tried before the best one is refined.
 const TRIED: usize = 8;
 
-/// Steps of the refinement; each narrows the interval to 0.62 of its length.
-const REFINED: usize = 8;
+/// Steps of the refinement; each narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. Where the blur is 0.6 pixels, squares of two
+/// pixels keep 0.4 of their contrast, and a blur that is off by 0.005 makes the direct light 1 % wrong, which is several per cent of the global light.
+const REFINED: usize = 16;
 
 /// Steps of conjugate gradients while the blur is chosen, and in the end. The spread is narrow, so that few are enough.
 const STEPS: [usize; 2] = [4, 12];
