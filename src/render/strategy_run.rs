@@ -71,8 +71,7 @@ impl<'a> StrategyRun<'a> {
         paths: Range<u64>,
         kernel: &'a mut Kernel,
         dispatches: &'a mut Dispatches,
-        mut staging: Vec<StagingBuffers>,
-        mut merging: Option<Merging<'a>>,
+        (mut staging, mut merging): (Vec<StagingBuffers>, Option<Merging<'a>>),
     ) -> Result<Self> {
         let stride = u64::from(strategy.parameters.stride);
         let total = paths.end - paths.start;

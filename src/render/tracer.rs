@@ -263,7 +263,7 @@ impl Tracer {
         let kernel = kernel(gpu, kernels, &strategy.features)?;
         // Buffers of the last trace serve again, unless that trace was interrupted: then it dropped them.
         let buffers = std::mem::take(staging);
-        let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, buffers, merging)?;
+        let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, (buffers, merging))?;
         loop {
             while run.can_launch() {
                 if step(&**observer, summary.paths, total).is_break() {

@@ -153,8 +153,8 @@ fn traced(scene: &Scene, on_device: bool, channels: usize) -> (Vec<(u32, u32, f3
     let mut found = Vec::new();
     let summary = tracer.trace_merged(&settings, &pixels, Some(&request), &mut |batch| {
         match batch.terms() {
-            Some(terms) => {
-                found.extend(terms.terms().map(|term| (term.start, term.key, term.mean::<1>()[0])))
+            Some(merged) => {
+                found.extend(merged.terms().map(|term| (term.start, term.key, term.mean::<1>()[0])));
             }
             None => {
                 let [mean, ..] = weights(batch.samples());
@@ -162,7 +162,7 @@ fn traced(scene: &Scene, on_device: bool, channels: usize) -> (Vec<(u32, u32, f3
                     let ends = run.paths.flat_map(|path| batch.ends(path).collect::<Vec<_>>());
                     ends.filter(|end| end.is_seen).map(move |end| {
                         let [red, ..] = end.value;
-                        (run.pixel, end.pixel << 2 | end.bounces.clamp(1, 3) - 1, red * mean as f32)
+                        (run.pixel, (end.pixel << 2) | (end.bounces.clamp(1, 3) - 1), red * mean as f32)
                     })
                 };
                 found.extend(batch.runs().flat_map(ends));
