@@ -11,11 +11,11 @@ use crate::render::pipeline::Pipeline;
 use crate::render::settings::TraceSettings;
 
 impl Tracer {
-    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`]; `None`
+    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions); `None`
     /// where it sees nothing.
     ///
     /// # Errors
-    /// [`Error::Device`] when the device failed.
+    /// [`crate::Error::Device`] when the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         settings.check()?;
