@@ -36,7 +36,7 @@ struct InFlight {
     merge: Option<MergeInFlight>,
 }
 
-/// Paths of a dispatch whose terms tell whether the device sorts and sums them rightly: more than one block of its kernels has.
+/// Dispatches are summed by the host, too, until one of so many paths agrees: more than one block of the device's kernels has.
 const CHECKED_PATHS: u32 = 2048;
 
 /// One strategy while its paths are traced.
@@ -98,7 +98,9 @@ impl<'a> StrategyRun<'a> {
             let of = (&strategy.layout, strategy.parameters.end.pixels());
             let merge =
                 |buffers: &StagingBuffers| DeviceMerge::new(gpu, merging, of, capacity, buffers.buffer());
-            merges = staging.iter().map(merge).collect::<Result<Option<_>>>()?.unwrap_or_default();
+            // Where the device has no room for it, the host sorts and sums.
+            let made: Result<Option<Vec<DeviceMerge>>> = staging.iter().map(merge).collect();
+            merges = made.ok().flatten().unwrap_or_default();
         }
         if merges.is_empty() {
             merging = None;
@@ -132,7 +134,7 @@ impl<'a> StrategyRun<'a> {
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
         let Self { strategy, left, kernel: Kernel { pipeline, sizer }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
-        let merging = self.merging.as_ref();
+        let merging = self.merging.as_ref().filter(|merging| !*merging.is_lost);
         // Not more than the capacity, which has 32 bits.
         let first_path = left.start;
         let mut paths = u64::from(sizer.paths(self.capacity));
@@ -213,11 +215,10 @@ impl<'a> StrategyRun<'a> {
         let mut terms = merged.as_ref().map(MergedView::merged);
         if let (Some(found), Some(merging)) = (&terms, &mut self.merging)
             && !*merging.is_checked
-            && (parameters.paths >= CHECKED_PATHS || self.left.is_empty())
         {
             let batch = Batch::merged(first_path, layout, paths, (records, None));
-            *merging.is_checked = true;
             *merging.is_lost = !host::agree(found, &host::terms(&batch, merging.request));
+            *merging.is_checked = *merging.is_lost || parameters.paths >= CHECKED_PATHS;
         }
         if self.merging.as_ref().is_some_and(|merging| *merging.is_lost) {
             terms = None;

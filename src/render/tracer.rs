@@ -257,7 +257,8 @@ impl Tracer {
     ) -> Result<()> {
         let Self { gpu, scene, kernels, dispatches, staging, observer, trust, .. } = self;
         let merging = match request.filter(|_| trust.merges(gpu)) {
-            Some(request) => Some(trust.merging(gpu, request)?),
+            // A device that cannot compile these kernels leaves the work to the host.
+            Some(request) => trust.merging(gpu, request).ok(),
             None => None,
         };
         let kernel = kernel(gpu, kernels, &strategy.features)?;

@@ -189,3 +189,28 @@ fn a_scene_has_the_same_light_by_device_and_host() {
         assert!(ascending, "each position is there once");
     }
 }
+
+/// The weights change from call to call, so that the host's sums are others than the device's.
+#[test]
+fn a_device_that_does_not_agree_leaves_the_sums_to_the_host() {
+    let calls = std::sync::atomic::AtomicU32::new(1);
+    let changing = |_: u32| {
+        let call = calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        [f64::from(call), 0.0, 0.0]
+    };
+    let request = MergeRequest { weights: &changing, ..request(1, false) };
+    let mut tracer = Tracer::new(&builtin::zigzag().to_scene(), None)
+        .expect("the README's test command installs a Vulkan driver");
+    tracer.merge_on_device(true);
+    let settings = TraceSettings::new(Resolution::new(40, 40), 16);
+    let pixels = tracer.start_pixels(&settings);
+    let (mut paths, mut ends) = (0, 0);
+    let summary = tracer.trace_merged(&settings, &pixels, Some(&request), &mut |batch| {
+        assert!(batch.terms().is_none());
+        paths += batch.len();
+        ends += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
+        Ok(())
+    });
+    assert_eq!((summary.expect("the scene can be traced").merged, paths), (0, 40 * 40 * 16));
+    assert!(ends > 0);
+}
