@@ -1,9 +1,9 @@
 //! The direct stage: the light that each pixel reflects straight back to itself, as an operator `S diag(d) K`.
 //!
-//! The projector shows a checkerboard of small squares, shifted step by step. Global light is an average over many pixels and hardly
-//! changes with the shift. Direct light follows the light that arrives at the pixel itself. A projector's lens spreads each pixel's
+//! The projector shows patterns that change from pixel to pixel or from square to square ([`super::direct_patterns`]). Global light is an average over many
+//! pixels and hardly changes from pattern to pattern. Direct light follows the light that arrives at the pixel itself. A projector's lens spreads each pixel's
 //! light over its neighbours, so that this is the blurred pattern `u = K x`. The camera's pixels spread it once more, by the known
-//! matrix `S` ([`Spread`]). With direct light `d` and global light `g`, the photos under the shifts `m` are
+//! matrix `S` ([`Spread`]). With direct light `d` and global light `g`, the photos `m` are
 //!
 //! ```text
 //! y_m = S (d ∘ u_m) + g,      minimise over d:  Σ_m ‖y_m − ȳ − S (d ∘ (u_m − ū))‖²
@@ -26,7 +26,7 @@ use super::photo::Plane;
 use super::registration::combine;
 use super::rows::{Entry, merged};
 use super::spread::Spread;
-use crate::image::{Blur, Resolution};
+use crate::image::Blur;
 
 /// The widest blur that is considered, in pixels, as a standard deviation. It must be narrower than the squares.
 const WIDEST: f64 = 2.0;
@@ -34,17 +34,14 @@ const WIDEST: f64 = 2.0;
 /// The narrowest blur that is considered: below it, a sampled Gaussian is a single pixel.
 const NARROWEST: f64 = 0.25;
 
-/// With so many camera pixels for each of the projector's, the camera resolves squares of two pixels.
-const RESOLVES: usize = 4;
-
 /// Entries of the matrix that are smaller than this share of the largest in their row are left out of it.
 const SMALLEST: f64 = 1e-6;
 
 /// Deviations that are tried before the best one is refined.
 const TRIED: usize = 8;
 
-/// Steps of the refinement; each narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. Where the blur is 0.6 pixels, squares of two
-/// pixels keep 0.4 of their contrast, and a blur that is off by 0.005 makes the direct light 1 % wrong, which is several per cent of the global light.
+/// Steps of the refinement; each narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. Where the blur is 0.6 pixels, codes keep half of
+/// their contrast, and a blur that is off by 0.005 makes the direct light 1 % wrong, which is several per cent of the global light.
 const REFINED: usize = 16;
 
 /// Steps of conjugate gradients while the blur is chosen, and in the end. The spread is narrow, so that few are enough.
@@ -102,36 +99,8 @@ impl DirectLight {
     }
 }
 
-/// The side of the squares that suits a pixel map. Runs by calibrations that know no map of the lens were taken with the larger one, and can
-/// still be asked.
-pub(super) fn side(registration: &Registration) -> usize {
-    let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
-    if finer && registration.lens.is_some() { 2 } else { 4 }
-}
-
-/// The shifted checkerboards, with squares of `side` pixels. Each pixel is lit in about half of the patterns.
-/// Pixels that are not `lit` stay dark.
-pub(super) fn patterns(resolution: Resolution, side: usize, lit: &[bool]) -> Vec<Vec<f64>> {
-    // The shift is half a square: each pixel is at least once well inside a bright square, and once well
-    // inside a dark one.
-    let step = side.div_ceil(2);
-    let shifts = |to: usize| (0..to).step_by(step);
-    let pattern = |right: usize, down: usize| {
-        (0..resolution.pixels())
-            .map(|pixel| {
-                let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
-                f64::from(u8::from(lit[pixel] && (x / side + y / side).is_multiple_of(2)))
-            })
-            .collect()
-    };
-    shifts(side)
-        .flat_map(|down| shifts(2 * side).map(move |right| (right, down)))
-        .map(|(x, y)| pattern(x, y))
-        .collect()
-}
-
-/// The photos of the shifted patterns.
-pub(super) struct Shifts<'a> {
+/// The photos of the patterns for direct light.
+pub(super) struct DirectPhotos<'a> {
     /// Which camera pixels see which projector pixel.
     pub(super) registration: &'a Registration,
     /// The photos, one for each pattern.
@@ -142,7 +111,7 @@ pub(super) struct Shifts<'a> {
     pub(super) blacks: &'a BlackPhotos,
 }
 
-impl Shifts<'_> {
+impl DirectPhotos<'_> {
     /// Fits the direct light of all channels.
     pub(super) fn fit(&self) -> DirectLight {
         let spread =
@@ -212,6 +181,7 @@ fn least(residual: &dyn Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Resolution;
     use crate::measure::lens_map::LensMap;
 
     /// The golden-section search ends within its last bracket, and knows both ends of its range.
@@ -253,20 +223,6 @@ mod tests {
                     let most = row.iter().fold(0.0, |most: f64, entry| most.max(entry.1.abs()));
                     assert!((product - seen).abs() <= 120.0 * SMALLEST * most, "{pixel}: {product} {seen}");
                 }
-            }
-        }
-    }
-
-    #[test]
-    fn each_pixel_is_lit_in_half_of_the_patterns() {
-        let resolution = Resolution::new(9, 7);
-        for side in 1..6 {
-            let patterns = patterns(resolution, side, &[true; 63]);
-            for pixel in 0..63 {
-                let light: f64 = patterns.iter().map(|pattern| pattern[pixel]).sum();
-                // When the step does not divide the square, one side has one more pattern.
-                assert!((2.0 * light - patterns.len() as f64).abs() <= 2.0 * side as f64, "{side} {pixel}");
-                assert!(light > 0.0 && light < patterns.len() as f64);
             }
         }
     }

@@ -142,7 +142,7 @@ pub(super) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::direct::patterns;
+    use super::super::direct_patterns::DirectPatterns;
     use super::super::footprint::by_overlap;
     use super::super::lens_map::LensMap;
     use super::*;
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn without_a_spread_the_fit_is_exact_at_once() {
         let resolution = Resolution::new(6, 5);
-        let mut shown = patterns(resolution, 2, &[true; 30]);
+        let mut shown = DirectPatterns::Squares(2).shown(resolution, &[true; 30]);
         // A pixel that is never lit tells nothing of its light.
         shown.iter_mut().for_each(|pattern| pattern[4] = 0.0);
         let direct = uneven(30);
@@ -241,7 +241,7 @@ mod tests {
             distortion: [0.0; 2],
         };
         let spread = Spread::new(&by_overlap(&lens, &[true; 12]), &lens);
-        let shown = patterns(resolution, 2, &[true; 12]);
+        let shown = DirectPatterns::Squares(2).shown(resolution, &[true; 12]);
         let direct = uneven(12);
         let photos = photos(&direct, &shown, Some(&spread));
         let after = |steps: usize| {
