@@ -19,6 +19,7 @@
 use std::sync::Arc;
 
 use super::ambient::BlackPhotos;
+use super::blur_doubt::{BlurDoubt, wider};
 use super::calibration::Registration;
 use super::direct_fit::{DirectFit, without_mean};
 use super::hdr::RateFrame;
@@ -52,6 +53,8 @@ const STEPS: [usize; 2] = [4, 12];
 pub(super) struct DirectLight {
     /// `d` and its variance for each of the camera's channels.
     planes: Vec<Plane>,
+    /// What is not known of the blur.
+    doubt: BlurDoubt,
     /// The spread `K` of the projector's pixels; `None` where none was found.
     blur: Option<Blur>,
     /// The spread `S` of the camera's pixels; `None` where none is known.
@@ -74,6 +77,23 @@ impl DirectLight {
                 Plane { values: spread.apply(&plane.values), variance: spread.variance(&plane.variance) }
             }
         }
+    }
+
+    /// The standard error of `zᵀ S (d ∘ K x)` for one channel.
+    pub(super) fn error_of_form(&self, channel: usize, z: &[f64], x: &[f64]) -> f64 {
+        let blurred = |x: &[f64]| self.blur.as_ref().map_or_else(|| x.to_vec(), |blur| blur.apply(x));
+        let back = self.spread.as_ref().map_or_else(|| z.to_vec(), |spread| spread.apply_transposed(z));
+        let light = blurred(x);
+        let wider = blurred(&self.doubt.widened(x));
+        let Plane { values, variance } = &self.planes[channel];
+        let slopes = &self.doubt.slopes[channel];
+        let (mut of_pixels, mut of_blur) = (0.0, 0.0);
+        for pixel in 0..back.len() {
+            let weight = back[pixel] * light[pixel];
+            of_pixels += weight * weight * variance[pixel];
+            of_blur += weight * slopes[pixel] + back[pixel] * wider[pixel] * values[pixel];
+        }
+        of_pixels.sqrt().hypot(self.doubt.error * of_blur)
     }
 
     /// Row `pixel` of the matrix of one channel: columns in ascending order, and their weights. Weights below [`SMALLEST`] of the largest are
@@ -128,6 +148,15 @@ impl DirectPhotos<'_> {
             (0..channels).map(|channel| fitted(channel, blur.as_ref(), STEPS[0]).residual()).sum()
         };
         let blur = Blur::new(self.registration.projector, least(&residual));
+        let doubt = BlurDoubt::of(self.registration.projector, channels, &|channel, by| {
+            let widened: Vec<Vec<f64>> = self.shown[channel]
+                .iter()
+                .map(|pattern| wider(self.registration.projector, pattern, by))
+                .collect();
+            let mut fit = DirectFit::new(&widened, blur.as_ref(), spread.as_deref(), &photos[channel]);
+            fit.improve(STEPS[1]);
+            fit
+        });
         let planes = (0..channels)
             .map(|channel| {
                 let fit = fitted(channel, blur.as_ref(), STEPS[1]);
@@ -135,7 +164,7 @@ impl DirectPhotos<'_> {
                 fit.plane(noise, self.registration.projector)
             })
             .collect();
-        DirectLight { planes, blur, spread }
+        DirectLight { planes, doubt, blur, spread }
     }
 
     /// The photos of one channel, less their mean.
@@ -213,7 +242,8 @@ mod tests {
         for blur in [None, Blur::new(size, 0.7)] {
             for spread in [None, Some(&spread)] {
                 let planes = vec![Plane { values: values.clone(), variance: vec![0.0; 120] }];
-                let direct = DirectLight { planes, blur: blur.clone(), spread: spread.cloned() };
+                let doubt = BlurDoubt::none(size);
+                let direct = DirectLight { planes, doubt, blur: blur.clone(), spread: spread.cloned() };
                 let photo = direct.under(0, &pattern).values;
                 for (pixel, seen) in photo.iter().enumerate() {
                     let row = direct.row(0, pixel);

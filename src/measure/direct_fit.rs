@@ -110,6 +110,17 @@ impl<'a> DirectFit<'a> {
         self.left.iter().flatten().map(|value| value * value).sum()
     }
 
+    /// The sum of squares that is left in each pixel.
+    pub(super) fn residuals(&self) -> Vec<f64> {
+        let of = |pixel: usize| self.left.iter().map(|left| left[pixel] * left[pixel]).sum();
+        (0..self.square.len()).map(of).collect()
+    }
+
+    /// The direct light.
+    pub(super) fn direct(&self) -> &[f64] {
+        &self.direct
+    }
+
     /// The direct light. Its variance is that of the photos' `noise`, or that which the residual shows where it is clearly more. A few photos
     /// tell little of one pixel, so that the residuals of neighbours are averaged.
     pub(super) fn plane(self, noise: Vec<f64>, resolution: Resolution) -> Plane {

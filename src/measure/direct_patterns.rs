@@ -93,8 +93,10 @@ mod tests {
         let reshaped = |patterns: DirectPatterns| {
             let of = |pattern: &Vec<f64>| {
                 let blurred = blur.apply(pattern);
-                let pairs: Vec<[f64; 2]> =
-                    (0..576).filter(inside).map(|pixel| [pattern[pixel] - 0.5, blurred[pixel] - 0.5]).collect();
+                let pairs: Vec<[f64; 2]> = (0..576)
+                    .filter(inside)
+                    .map(|pixel| [pattern[pixel] - 0.5, blurred[pixel] - 0.5])
+                    .collect();
                 let sum = |of: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(of).sum::<f64>();
                 let factor = sum(&|[x, y]| x * y) / sum(&|[x, _]| x * x);
                 sum(&|[x, y]| (y - factor * x).powi(2)) / sum(&|[_, y]| y * y)

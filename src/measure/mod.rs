@@ -33,6 +33,7 @@
 mod ambient;
 mod averaging;
 pub mod bit_planes;
+mod blur_doubt;
 pub mod calibrate;
 mod calibration;
 mod calibration_file;

@@ -210,6 +210,22 @@ impl Measurement {
         Ok(self.direct_light()?.under(channel, pattern))
     }
 
+    /// The standard error of `xᵀ D x` for the direct light `D` of one channel.
+    pub(super) fn direct_error(&mut self, channel: usize, x: &[f64]) -> Result<f64> {
+        self.check_length("entries of the vector to multiply", x.len())?;
+        let blurred = match &self.blur {
+            Some(blur) => self.masked(&blur.apply(&self.masked(x))),
+            None => self.masked(x),
+        };
+        let pattern = self.even_pattern(&blurred);
+        // The light of a photo is divided at each pixel, so that the left vector may be divided as well.
+        let photo = self.light(Plane { variance: vec![0.0; blurred.len()], values: blurred }).values;
+        let direct = self.direct_light()?;
+        let of_channel =
+            |(channel, weight): (usize, f64)| weight * direct.error_of_form(channel, &photo, &pattern);
+        Ok(self.channel_weights(channel).into_iter().map(of_channel).fold(0.0, f64::hypot))
+    }
+
     /// The direct light. It is measured once.
     pub(super) fn direct_light(&mut self) -> Result<Arc<DirectLight>> {
         if let Some(direct) = &self.direct {
@@ -240,8 +256,12 @@ impl Measurement {
             displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect()
         };
         let shown: Vec<Vec<Vec<f64>>> = (0..channels).map(of_channel).collect();
-        let photos =
-            DirectPhotos { registration: &self.registration, rate_frames: &rate_frames, shown: &shown, blacks };
+        let photos = DirectPhotos {
+            registration: &self.registration,
+            rate_frames: &rate_frames,
+            shown: &shown,
+            blacks,
+        };
         let direct = Arc::new(photos.fit());
         self.direct = Some(Arc::clone(&direct));
         Ok(direct)

@@ -89,6 +89,9 @@ pub struct RitzPair {
     /// `‖(H − T) s‖` for the symmetric part `T` of `H`, beyond what the stated errors of the products explain: the part of the operator's
     /// systematic errors that symmetry shows. 0 for a general operator, and for one that states no errors.
     pub asymmetric: f64,
+    /// The part of the residual outside the subspace that the errors of the products that tell of it do not explain: how far more products
+    /// may move `θ`.
+    pub unresolved: f64,
     /// `s` (its real part), of length `m`; of norm 1 with the imaginary part.
     pub coefficients: Vec<f64>,
     /// The imaginary part of `s`; empty for a real pair.
@@ -132,15 +135,14 @@ impl RitzPair {
     /// symmetric part changes `θ`, and cannot be seen. Its other part can, as [`RitzPair::asymmetric`], and is of the same size where
     /// projector and camera err alike: it stands for both.
     ///
-    /// More products would change `θ` by the rest of the residual, or by the square of that over the gap ([`temple_kato`]): where eigenvalues are
+    /// More products would change `θ` by [`RitzPair::unresolved`], or by the square of that over the gap ([`temple_kato`]): where eigenvalues are
     /// dense, as those of direct light are, a few dozen products leave more than noise does. Without noise, [`RitzPair::bound`] tells it.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
         let noise = noise.max(self.noise);
         if noise == 0.0 {
             return self.asymmetric;
         }
-        let rest = self.residual.powi(2) - noise.powi(2) - self.asymmetric.powi(2);
-        evenly(noise, n).hypot(self.asymmetric).hypot(temple_kato(rest.max(0.0).sqrt(), self.gap))
+        evenly(noise, n).hypot(self.asymmetric).hypot(temple_kato(self.unresolved, self.gap))
     }
 
     /// The part of the residual that the stated errors of the products do not explain, and the component of these errors along any one
