@@ -91,3 +91,33 @@ fn error(resolution: Resolution, [less, same, more]: &[Vec<f64>; 3]) -> f64 {
     }
     slopes.iter().map(|slope| slope * slope).sum::<f64>().sqrt() / curvature
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_goes_to_neighbours_and_none_is_lost() {
+        let size = Resolution::new(5, 4);
+        let pattern: Vec<f64> = (0..20).map(|pixel| f64::from(pixel * 7 % 5)).collect();
+        let wide = wider(size, &pattern, 0.3);
+        let light = |pattern: &[f64]| pattern.iter().sum::<f64>();
+        assert!((light(&wide) - light(&pattern)).abs() < 1e-12, "rounding");
+        // A pixel inside has a quarter of what each of its neighbours gives.
+        let near = pattern[6] + pattern[8] + pattern[2] + pattern[12];
+        assert!((wide[7] - (0.7 * pattern[7] + 0.3 * 0.25 * near)).abs() < 1e-14);
+    }
+
+    /// The squares of each part are least at a share of its own; those of the whole are least at their mean, 0.
+    #[test]
+    fn parts_that_disagree_make_the_error_of_their_mean() {
+        let size = Resolution::new(2 * PART, PART);
+        let apart = 0.001;
+        let least = |pixel: usize| if pixel % (2 * PART) < PART { apart } else { -apart };
+        let squares = [-STEP, 0.0, STEP].map(|share| {
+            (0..size.pixels()).map(|pixel| 1.0 + (share - least(pixel)).powi(2)).collect::<Vec<f64>>()
+        });
+        // Two shares, each off by 0.001, have a mean with a standard error of 0.001 / √2.
+        assert!((error(size, &squares) - apart / 2.0_f64.sqrt()).abs() < 1e-9);
+    }
+}

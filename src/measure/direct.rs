@@ -256,4 +256,31 @@ mod tests {
             }
         }
     }
+
+    /// The form changes with `d`, and with the blur, which changes `d` as well.
+    #[test]
+    fn the_error_of_a_form_is_that_of_pixels_and_of_the_blur() {
+        let size = Resolution::new(6, 5);
+        let of = |step: usize| -> Vec<f64> { (0..30).map(|at| 0.3 + (at * step % 7) as f64 * 0.1).collect() };
+        let (values, variance, slope, z, x) = (of(1), of(2), of(3), of(4), of(5));
+        let planes = vec![Plane { values: values.clone(), variance: variance.clone() }];
+        let known = BlurDoubt::none(size);
+        let mut direct = DirectLight { planes, doubt: known, blur: Blur::new(size, 0.5), spread: None };
+        let light = Blur::new(size, 0.5).map(|blur| blur.apply(&x)).unwrap_or_default();
+        let of_pixels: f64 = (0..30).map(|at| (z[at] * light[at]).powi(2) * variance[at]).sum();
+        assert!((direct.error_of_form(0, &z, &x) - of_pixels.sqrt()).abs() < 1e-12);
+        let error = 1e-3;
+        direct.doubt.error = error;
+        direct.doubt.slopes = vec![slope.clone()];
+        let form = |share: f64| -> f64 {
+            let values = values.iter().zip(&slope).map(|(d, slope)| d + share * slope).collect();
+            let planes = vec![Plane { values, variance: variance.clone() }];
+            let moved = DirectLight { planes, ..direct.clone() };
+            moved.under(0, &wider(size, &x, share)).values.iter().zip(&z).map(|(y, z)| y * z).sum()
+        };
+        // The central difference has no error of second order.
+        let of_blur = 0.5 * (form(error) - form(-error));
+        let expected = of_pixels.sqrt().hypot(of_blur);
+        assert!((direct.error_of_form(0, &z, &x) - expected).abs() < 1e-9 * expected);
+    }
 }
