@@ -81,6 +81,16 @@ pub trait Operator {
         None
     }
 
+    /// The standard error of `xᵀ A x` that all products share, and which no number of them averages out, where it is known; 0 by default. A
+    /// rig that subtracts direct light has one: it measures this light once.
+    ///
+    /// # Errors
+    /// As [`Operator::apply`]: what all products need may still have to be photographed.
+    fn common_error(&mut self, x: &[f64]) -> Result<f64> {
+        let _ = x;
+        Ok(0.0)
+    }
+
     /// The standard error of the last product, where a single one was taken; 0 where it is exact or not known.
     fn standard_error(&self) -> f64 {
         self.standard_errors().first().copied().unwrap_or(0.0)

@@ -72,7 +72,7 @@ impl<'a> WithoutDirect<'a> {
 }
 
 impl Operator for WithoutDirect<'_> {
-    delegate!(operator: symmetry, block_size, observer, standard_errors, frames);
+    delegate!(operator: symmetry, block_size, observer, standard_errors, common_error, frames);
 
     fn rows(&self) -> usize {
         self.direct.len()

@@ -117,6 +117,10 @@ impl Operator for LabOperator {
         self.errors.clone()
     }
 
+    fn common_error(&mut self, x: &[f64]) -> Result<f64> {
+        lock(&self.transport).common_error((self.part, self.channel), x)
+    }
+
     fn frames(&self) -> Option<u64> {
         Some(lock(&self.transport).rig()?.measurement.effort().frames())
     }

@@ -110,9 +110,9 @@ fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
 fn direct_light_that_lens_and_camera_spread_is_no_global_light() -> Result<()> {
     let mut exact = traced(builtin::corner().to_scene(), 48)?;
     let blurred = ["blur = 0.2", "blur = 0.6"];
-    // Squares of two pixels leave 0.04 of global light in direct light without a blur, and the more the less of their contrast the blur leaves:
-    // 0.129, whatever the devices' noise.
-    for (finer, most) in [(2.5, 0.15), (1.0, 0.35)] {
+    // Noise of the direct light is 0.07 of the global light, and 0.083 is the error with codes, which show the blur; it was 0.13 with squares
+    // of two pixels, which hide it. The coarse camera does not resolve codes.
+    for (finer, most) in [(2.5, 0.10), (1.0, 0.35)] {
         let mut rig = before(&exact, finer, &[blurred])?;
         rig.calibrate(&Default::default())?;
         rig.measure_flat_field()?;

@@ -107,3 +107,36 @@ fn a_run_of_a_rig_answers_other_patterns() -> Result<()> {
     assert!(off < 0.15 && off < 4.0 * stated, "{off} {stated}");
     Ok(())
 }
+
+/// Earlier programs showed squares of two pixels where codes are shown now.
+#[test]
+fn a_run_whose_direct_light_was_measured_by_squares_can_still_be_asked() -> Result<()> {
+    let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+    let run = folder.path().join("run");
+    let text = include_str!("../../assets/rigs/realistic.toml")
+        .replace("size = [160, 160]", "size = [60, 60]")
+        .replace("black_takes = 16", "black_takes = 16\ndirect_square = 2");
+    let file = folder.path().join("rig.toml");
+    std::fs::write(&file, text).map_err(Error::writing(&file))?;
+    let mut rig = cornell()?.through_rig(RigFile::load(&file)?)?;
+    rig.calibrate(&Default::default())?;
+    let options = crate::lab::RunOptions { folder: Some(run.clone()), ..Default::default() };
+    rig.begin_run("segment", &options)?;
+    let settings = SegmentOptions { photos: 12, ..SegmentOptions::groups([2]) };
+    let found = segment(&mut rig.operator(Part::Global)?, &settings)?;
+    rig.finish(&found)?;
+    let pattern = left(&rig)?.plane(0);
+    let direct = |lab: &mut Lab| -> Result<Vec<f64>> {
+        let mut product = vec![0.0; pattern.len()];
+        lab.operator(Part::Direct)?.apply(&pattern, &mut product)?;
+        Ok(product)
+    };
+    let expected = direct(&mut crate::open(&run)?)?;
+    let record = run.join("run.json");
+    let text = std::fs::read_to_string(&record).map_err(Error::reading(&record))?;
+    assert!(text.contains("\"direct_square\": 2"), "{text}");
+    let unset = text.replace("\"direct_square\": 2", "\"direct_square\": null");
+    std::fs::write(&record, unset).map_err(Error::writing(&record))?;
+    assert_eq!(direct(&mut crate::open(&run)?)?, expected);
+    Ok(())
+}

@@ -170,6 +170,15 @@ impl LightTransport {
         taken
     }
 
+    /// [`Operator::common_error`] of one part and channel.
+    pub(super) fn common_error(&mut self, (part, channel): (Part, usize), x: &[f64]) -> Result<f64> {
+        if let Engine::Measured(_) = self.engine {
+            self.engine.with_operator(part, channel, |operator| operator.common_error(x))
+        } else {
+            Ok(0.0)
+        }
+    }
+
     /// The photo without projector.
     pub(super) fn ambient(&mut self) -> Result<Image> {
         let patterns = self.shape.patterns;

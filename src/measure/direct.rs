@@ -1,9 +1,9 @@
 //! The direct stage: the light that each pixel reflects straight back to itself, as an operator `S diag(d) K`.
 //!
-//! The projector shows a checkerboard of small squares, shifted step by step. Global light is an average over many pixels and hardly
-//! changes with the shift. Direct light follows the light that arrives at the pixel itself. A projector's lens spreads each pixel's
+//! The projector shows patterns that change from pixel to pixel or from square to square ([`super::direct_patterns`]). Global light is an average over many
+//! pixels and hardly changes from pattern to pattern. Direct light follows the light that arrives at the pixel itself. A projector's lens spreads each pixel's
 //! light over its neighbours, so that this is the blurred pattern `u = K x`. The camera's pixels spread it once more, by the known
-//! matrix `S` ([`Spread`]). With direct light `d` and global light `g`, the photos under the shifts `m` are
+//! matrix `S` ([`Spread`]). With direct light `d` and global light `g`, the photos `m` are
 //!
 //! ```text
 //! y_m = S (d ∘ u_m) + g,      minimise over d:  Σ_m ‖y_m − ȳ − S (d ∘ (u_m − ū))‖²
@@ -19,6 +19,7 @@
 use std::sync::Arc;
 
 use super::ambient::BlackPhotos;
+use super::blur_doubt::{BlurDoubt, wider};
 use super::calibration::Registration;
 use super::direct_fit::{DirectFit, without_mean};
 use super::hdr::RateFrame;
@@ -26,7 +27,7 @@ use super::photo::Plane;
 use super::registration::combine;
 use super::rows::{Entry, merged};
 use super::spread::Spread;
-use crate::image::{Blur, Resolution};
+use crate::image::Blur;
 
 /// The widest blur that is considered, in pixels, as a standard deviation. It must be narrower than the squares.
 const WIDEST: f64 = 2.0;
@@ -34,17 +35,14 @@ const WIDEST: f64 = 2.0;
 /// The narrowest blur that is considered: below it, a sampled Gaussian is a single pixel.
 const NARROWEST: f64 = 0.25;
 
-/// With so many camera pixels for each of the projector's, the camera resolves squares of two pixels.
-const RESOLVES: usize = 4;
-
 /// Entries of the matrix that are smaller than this share of the largest in their row are left out of it.
 const SMALLEST: f64 = 1e-6;
 
 /// Deviations that are tried before the best one is refined.
 const TRIED: usize = 8;
 
-/// Steps of the refinement; each narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. Where the blur is 0.6 pixels, squares of two
-/// pixels keep 0.4 of their contrast, and a blur that is off by 0.005 makes the direct light 1 % wrong, which is several per cent of the global light.
+/// Steps of the refinement; each narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. Where the blur is 0.6 pixels, codes keep half of
+/// their contrast, and a blur that is off by 0.005 makes the direct light 1 % wrong, which is several per cent of the global light.
 const REFINED: usize = 16;
 
 /// Steps of conjugate gradients while the blur is chosen, and in the end. The spread is narrow, so that few are enough.
@@ -55,6 +53,8 @@ const STEPS: [usize; 2] = [4, 12];
 pub(super) struct DirectLight {
     /// `d` and its variance for each of the camera's channels.
     planes: Vec<Plane>,
+    /// What is not known of the blur.
+    doubt: BlurDoubt,
     /// The spread `K` of the projector's pixels; `None` where none was found.
     blur: Option<Blur>,
     /// The spread `S` of the camera's pixels; `None` where none is known.
@@ -77,6 +77,23 @@ impl DirectLight {
                 Plane { values: spread.apply(&plane.values), variance: spread.variance(&plane.variance) }
             }
         }
+    }
+
+    /// The standard error of `zᵀ S (d ∘ K x)` for one channel.
+    pub(super) fn error_of_form(&self, channel: usize, z: &[f64], x: &[f64]) -> f64 {
+        let blurred = |x: &[f64]| self.blur.as_ref().map_or_else(|| x.to_vec(), |blur| blur.apply(x));
+        let back = self.spread.as_ref().map_or_else(|| z.to_vec(), |spread| spread.apply_transposed(z));
+        let light = blurred(x);
+        let wider = blurred(&self.doubt.widened(x));
+        let Plane { values, variance } = &self.planes[channel];
+        let slopes = &self.doubt.slopes[channel];
+        let (mut of_pixels, mut of_blur) = (0.0, 0.0);
+        for pixel in 0..back.len() {
+            let weight = back[pixel] * light[pixel];
+            of_pixels += weight * weight * variance[pixel];
+            of_blur += weight * slopes[pixel] + back[pixel] * wider[pixel] * values[pixel];
+        }
+        of_pixels.sqrt().hypot(self.doubt.error * of_blur)
     }
 
     /// Row `pixel` of the matrix of one channel: columns in ascending order, and their weights. Weights below [`SMALLEST`] of the largest are
@@ -102,36 +119,8 @@ impl DirectLight {
     }
 }
 
-/// The side of the squares that suits a pixel map. Runs by calibrations that know no map of the lens were taken with the larger one, and can
-/// still be asked.
-pub(super) fn side(registration: &Registration) -> usize {
-    let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
-    if finer && registration.lens.is_some() { 2 } else { 4 }
-}
-
-/// The shifted checkerboards, with squares of `side` pixels. Each pixel is lit in about half of the patterns.
-/// Pixels that are not `lit` stay dark.
-pub(super) fn patterns(resolution: Resolution, side: usize, lit: &[bool]) -> Vec<Vec<f64>> {
-    // The shift is half a square: each pixel is at least once well inside a bright square, and once well
-    // inside a dark one.
-    let step = side.div_ceil(2);
-    let shifts = |to: usize| (0..to).step_by(step);
-    let pattern = |right: usize, down: usize| {
-        (0..resolution.pixels())
-            .map(|pixel| {
-                let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
-                f64::from(u8::from(lit[pixel] && (x / side + y / side).is_multiple_of(2)))
-            })
-            .collect()
-    };
-    shifts(side)
-        .flat_map(|down| shifts(2 * side).map(move |right| (right, down)))
-        .map(|(x, y)| pattern(x, y))
-        .collect()
-}
-
-/// The photos of the shifted patterns.
-pub(super) struct Shifts<'a> {
+/// The photos of the patterns for direct light.
+pub(super) struct DirectPhotos<'a> {
     /// Which camera pixels see which projector pixel.
     pub(super) registration: &'a Registration,
     /// The photos, one for each pattern.
@@ -142,7 +131,7 @@ pub(super) struct Shifts<'a> {
     pub(super) blacks: &'a BlackPhotos,
 }
 
-impl Shifts<'_> {
+impl DirectPhotos<'_> {
     /// Fits the direct light of all channels.
     pub(super) fn fit(&self) -> DirectLight {
         let spread =
@@ -159,6 +148,15 @@ impl Shifts<'_> {
             (0..channels).map(|channel| fitted(channel, blur.as_ref(), STEPS[0]).residual()).sum()
         };
         let blur = Blur::new(self.registration.projector, least(&residual));
+        let doubt = BlurDoubt::of(self.registration.projector, channels, &|channel, by| {
+            let widened: Vec<Vec<f64>> = self.shown[channel]
+                .iter()
+                .map(|pattern| wider(self.registration.projector, pattern, by))
+                .collect();
+            let mut fit = DirectFit::new(&widened, blur.as_ref(), spread.as_deref(), &photos[channel]);
+            fit.improve(STEPS[1]);
+            fit
+        });
         let planes = (0..channels)
             .map(|channel| {
                 let fit = fitted(channel, blur.as_ref(), STEPS[1]);
@@ -166,7 +164,7 @@ impl Shifts<'_> {
                 fit.plane(noise, self.registration.projector)
             })
             .collect();
-        DirectLight { planes, blur, spread }
+        DirectLight { planes, doubt, blur, spread }
     }
 
     /// The photos of one channel, less their mean.
@@ -212,6 +210,7 @@ fn least(residual: &dyn Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Resolution;
     use crate::measure::lens_map::LensMap;
 
     /// The golden-section search ends within its last bracket, and knows both ends of its range.
@@ -243,7 +242,8 @@ mod tests {
         for blur in [None, Blur::new(size, 0.7)] {
             for spread in [None, Some(&spread)] {
                 let planes = vec![Plane { values: values.clone(), variance: vec![0.0; 120] }];
-                let direct = DirectLight { planes, blur: blur.clone(), spread: spread.cloned() };
+                let doubt = BlurDoubt::none(size);
+                let direct = DirectLight { planes, doubt, blur: blur.clone(), spread: spread.cloned() };
                 let photo = direct.under(0, &pattern).values;
                 for (pixel, seen) in photo.iter().enumerate() {
                     let row = direct.row(0, pixel);
@@ -257,17 +257,30 @@ mod tests {
         }
     }
 
+    /// The form changes with `d`, and with the blur, which changes `d` as well.
     #[test]
-    fn each_pixel_is_lit_in_half_of_the_patterns() {
-        let resolution = Resolution::new(9, 7);
-        for side in 1..6 {
-            let patterns = patterns(resolution, side, &[true; 63]);
-            for pixel in 0..63 {
-                let light: f64 = patterns.iter().map(|pattern| pattern[pixel]).sum();
-                // When the step does not divide the square, one side has one more pattern.
-                assert!((2.0 * light - patterns.len() as f64).abs() <= 2.0 * side as f64, "{side} {pixel}");
-                assert!(light > 0.0 && light < patterns.len() as f64);
-            }
-        }
+    fn the_error_of_a_form_is_that_of_pixels_and_of_the_blur() {
+        let size = Resolution::new(6, 5);
+        let of = |step: usize| -> Vec<f64> { (0..30).map(|at| 0.3 + (at * step % 7) as f64 * 0.1).collect() };
+        let (values, variance, slope, z, x) = (of(1), of(2), of(3), of(4), of(5));
+        let planes = vec![Plane { values: values.clone(), variance: variance.clone() }];
+        let known = BlurDoubt::none(size);
+        let mut direct = DirectLight { planes, doubt: known, blur: Blur::new(size, 0.5), spread: None };
+        let light = Blur::new(size, 0.5).map(|blur| blur.apply(&x)).unwrap_or_default();
+        let of_pixels: f64 = (0..30).map(|at| (z[at] * light[at]).powi(2) * variance[at]).sum();
+        assert!((direct.error_of_form(0, &z, &x) - of_pixels.sqrt()).abs() < 1e-12);
+        let error = 1e-3;
+        direct.doubt.error = error;
+        direct.doubt.slopes = vec![slope.clone()];
+        let form = |share: f64| -> f64 {
+            let values = values.iter().zip(&slope).map(|(d, slope)| d + share * slope).collect();
+            let planes = vec![Plane { values, variance: variance.clone() }];
+            let moved = DirectLight { planes, ..direct.clone() };
+            moved.under(0, &wider(size, &x, share)).values.iter().zip(&z).map(|(y, z)| y * z).sum()
+        };
+        // The central difference has no error of second order.
+        let of_blur = 0.5 * (form(error) - form(-error));
+        let expected = of_pixels.sqrt().hypot(of_blur);
+        assert!((direct.error_of_form(0, &z, &x) - expected).abs() < 1e-9 * expected);
     }
 }

@@ -110,6 +110,17 @@ impl<'a> DirectFit<'a> {
         self.left.iter().flatten().map(|value| value * value).sum()
     }
 
+    /// The sum of squares that is left in each pixel.
+    pub(super) fn residuals(&self) -> Vec<f64> {
+        let of = |pixel: usize| self.left.iter().map(|left| left[pixel] * left[pixel]).sum();
+        (0..self.square.len()).map(of).collect()
+    }
+
+    /// The direct light.
+    pub(super) fn direct(&self) -> &[f64] {
+        &self.direct
+    }
+
     /// The direct light. Its variance is that of the photos' `noise`, or that which the residual shows where it is clearly more. A few photos
     /// tell little of one pixel, so that the residuals of neighbours are averaged.
     pub(super) fn plane(self, noise: Vec<f64>, resolution: Resolution) -> Plane {
@@ -142,7 +153,7 @@ pub(super) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::direct::patterns;
+    use super::super::direct_patterns::DirectPatterns;
     use super::super::footprint::by_overlap;
     use super::super::lens_map::LensMap;
     use super::*;
@@ -164,7 +175,7 @@ mod tests {
     #[test]
     fn without_a_spread_the_fit_is_exact_at_once() {
         let resolution = Resolution::new(6, 5);
-        let mut shown = patterns(resolution, 2, &[true; 30]);
+        let mut shown = DirectPatterns::Squares(2).shown(resolution, &[true; 30]);
         // A pixel that is never lit tells nothing of its light.
         shown.iter_mut().for_each(|pattern| pattern[4] = 0.0);
         let direct = uneven(30);
@@ -241,7 +252,7 @@ mod tests {
             distortion: [0.0; 2],
         };
         let spread = Spread::new(&by_overlap(&lens, &[true; 12]), &lens);
-        let shown = patterns(resolution, 2, &[true; 12]);
+        let shown = DirectPatterns::Squares(2).shown(resolution, &[true; 12]);
         let direct = uneven(12);
         let photos = photos(&direct, &shown, Some(&spread));
         let after = |steps: usize| {

@@ -23,7 +23,7 @@
 //! | `flat_field` | patterns are divided by the projector's uneven brightness, photos by the camera's | |
 //! | `display`, [`bit_planes`] | patterns to levels, and sums of frames for more levels | 7.2 |
 //! | `signed`, `noise` | signed vectors as patterns, chosen by predicted noise | 7.1 |
-//! | `direct`, `direct_fit`, `spread` | the direct light, with its spread; it is removed for the pattern that was actually shown | |
+//! | `direct`, `direct_fit`, `direct_patterns`, [`codes`], `spread` | the direct light, with its spread; it is removed for the pattern that was actually shown | |
 //! | `product` | products put together from photos, with a blur of pattern and photo | |
 //!
 //! Photos are in linear DN per second for a full-range pattern: the value 1 is the light of the projector's
@@ -33,11 +33,14 @@
 mod ambient;
 mod averaging;
 pub mod bit_planes;
+mod blur_doubt;
 pub mod calibrate;
 mod calibration;
 mod calibration_file;
+pub mod codes;
 mod direct;
 mod direct_fit;
+mod direct_patterns;
 mod display;
 mod drift;
 mod exposure;

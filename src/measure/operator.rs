@@ -78,6 +78,13 @@ impl Operator for MeasuredOperator<'_> {
         self.errors.clone()
     }
 
+    fn common_error(&mut self, x: &[f64]) -> Result<f64> {
+        match self.part {
+            Part::Full => Ok(0.0),
+            Part::Direct | Part::Global => self.measurement.direct_error(self.channel, x),
+        }
+    }
+
     fn frames(&self) -> Option<u64> {
         Some(self.measurement.effort().frames())
     }

@@ -48,8 +48,8 @@ pub struct MeasureOptions {
     /// How the direct light is measured.
     pub direct: DirectBy,
     /// The side in pixels of the squares that separate the direct light. Smaller squares keep more of the global light apart, and need a
-    /// camera that resolves them. `None`: 2 where the calibration found that the camera has at least four pixels for each of the projector's,
-    /// or else 4.
+    /// camera that resolves them. `None`: codes that change from pixel to pixel where the calibration found that the camera has at least four
+    /// pixels for each of the projector's, or else squares of 4.
     pub direct_square: Option<u32>,
     /// Seconds to wait after a frame is confirmed; `None`: as measured by the calibration.
     pub settle: Option<f64>,

@@ -13,7 +13,8 @@
 use std::sync::Arc;
 
 use super::bit_planes::decompose;
-use super::direct::{self, DirectLight, Shifts};
+use super::direct::{DirectLight, DirectPhotos};
+use super::direct_patterns::DirectPatterns;
 use super::display::Displayed;
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
@@ -209,6 +210,22 @@ impl Measurement {
         Ok(self.direct_light()?.under(channel, pattern))
     }
 
+    /// The standard error of `xᵀ D x` for the direct light `D` of one channel.
+    pub(super) fn direct_error(&mut self, channel: usize, x: &[f64]) -> Result<f64> {
+        self.check_length("entries of the vector to multiply", x.len())?;
+        let blurred = match &self.blur {
+            Some(blur) => self.masked(&blur.apply(&self.masked(x))),
+            None => self.masked(x),
+        };
+        let pattern = self.even_pattern(&blurred);
+        // The light of a photo is divided at each pixel, so that the left vector may be divided as well.
+        let photo = self.light(Plane { variance: vec![0.0; blurred.len()], values: blurred }).values;
+        let direct = self.direct_light()?;
+        let of_channel =
+            |(channel, weight): (usize, f64)| weight * direct.error_of_form(channel, &photo, &pattern);
+        Ok(self.channel_weights(channel).into_iter().map(of_channel).fold(0.0, f64::hypot))
+    }
+
     /// The direct light. It is measured once.
     pub(super) fn direct_light(&mut self) -> Result<Arc<DirectLight>> {
         if let Some(direct) = &self.direct {
@@ -222,24 +239,42 @@ impl Measurement {
             });
         }
         let channels = self.camera_channels();
-        let side =
-            self.options.direct_square.map_or_else(|| direct::side(&self.registration), |side| side as usize);
-        let (mut rate_frames, mut displayed) = (Vec::new(), Vec::new());
-        for pattern in direct::patterns(self.resolution(), side, &self.seen) {
-            let shown = self.display.show(&[pattern], Part::Direct)?;
-            rate_frames.push(self.pipeline.photograph(&shown.frame)?);
-            displayed.push(shown);
-        }
+        let patterns = match self.options.direct_square {
+            Some(side) => DirectPatterns::Squares(side as usize),
+            None => DirectPatterns::of(&self.registration),
+        };
+        let (rate_frames, displayed) = match self.photographs(patterns) {
+            // Earlier programs showed squares of two pixels where codes are shown now: their runs can still be asked.
+            Err(Error::NotTaken { path, fault, help }) if patterns == DirectPatterns::Codes => self
+                .photographs(DirectPatterns::Squares(2))
+                .map_err(|_| Error::NotTaken { path, fault, help })?,
+            photos => photos?,
+        };
         let blacks = &self.pipeline.references()?.blacks;
         let rate_frames: Vec<&RateFrame> = rate_frames.iter().map(|rate_frame| &**rate_frame).collect();
         let of_channel = |channel| -> Vec<Vec<f64>> {
             displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect()
         };
         let shown: Vec<Vec<Vec<f64>>> = (0..channels).map(of_channel).collect();
-        let shifts =
-            Shifts { registration: &self.registration, rate_frames: &rate_frames, shown: &shown, blacks };
-        let direct = Arc::new(shifts.fit());
+        let photos = DirectPhotos {
+            registration: &self.registration,
+            rate_frames: &rate_frames,
+            shown: &shown,
+            blacks,
+        };
+        let direct = Arc::new(photos.fit());
         self.direct = Some(Arc::clone(&direct));
         Ok(direct)
+    }
+
+    /// The photos of patterns for direct light, and what was shown.
+    fn photographs(&mut self, patterns: DirectPatterns) -> Result<(Vec<Arc<RateFrame>>, Vec<Displayed>)> {
+        let (mut rate_frames, mut displayed) = (Vec::new(), Vec::new());
+        for pattern in patterns.shown(self.resolution(), &self.seen) {
+            let shown = self.display.show(&[pattern], Part::Direct)?;
+            rate_frames.push(self.pipeline.photograph(&shown.frame)?);
+            displayed.push(shown);
+        }
+        Ok((rate_frames, displayed))
     }
 }

@@ -42,6 +42,10 @@ macro_rules! forward {
             fn frames(&self) -> Option<u64> {
                 (**self).frames()
             }
+
+            fn common_error(&mut self, x: &[f64]) -> Result<f64> {
+                (**self).common_error(x)
+            }
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {
@@ -98,6 +102,11 @@ macro_rules! delegate {
     (@frames $field:tt) => {
         fn frames(&self) -> Option<u64> {
             self.$field.frames()
+        }
+    };
+    (@common_error $field:tt) => {
+        fn common_error(&mut self, x: &[f64]) -> $crate::error::Result<f64> {
+            self.$field.common_error(x)
         }
     };
     (@standard_errors $field:tt) => {

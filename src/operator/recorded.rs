@@ -31,7 +31,7 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
-    delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors, frames);
+    delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors, common_error, frames);
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.operator.apply(x, y)?;

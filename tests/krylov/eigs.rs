@@ -394,3 +394,63 @@ fn stated_errors_end_the_search_and_give_values_their_standard_error() {
     let z = (squares / count).sqrt();
     assert!((0.7..1.5).contains(&z), "{z}");
 }
+
+/// Where eigenvalues are dense, a few products leave more than their noise does, and standard errors say so.
+#[test]
+fn standard_errors_hold_what_more_products_would_change() {
+    let noise = 1e-4;
+    let mut matrix = Dense::turned(&(0..150).map(|k| 1.0 - f64::from(k) / 150.0).collect::<Vec<_>>());
+    let (mut squares, mut by_noise, mut count) = (0.0, 0.0, 0.0);
+    for seed in 0..20 {
+        let mut noisy = Noisy::new(&mut matrix, |_| noise);
+        (noisy.states, noisy.taken) = (true, 1000 * seed as usize);
+        let options = EigsOptions {
+            count: 2,
+            products: 20,
+            start: Start::Rademacher { seed },
+            ..EigsOptions::default()
+        };
+        let found = eigs(&mut noisy, &options).unwrap();
+        for (k, value) in found.values.iter().enumerate() {
+            let off = value - (1.0 - k as f64 / 150.0);
+            squares += (off / found.standard_errors[k]).powi(2);
+            by_noise += (off * 150.0_f64.sqrt() / noise).powi(2);
+            count += 1.0;
+        }
+    }
+    let [z, by_noise] = [squares, by_noise].map(|sum| f64::sqrt(sum / count));
+    assert!(by_noise > 100.0, "noise alone explains it: {by_noise}");
+    // A Ritz value is within its residual of some eigenvalue, and here within about two of the one that it stands for.
+    assert!((0.2..2.0).contains(&z), "{z}");
+}
+
+/// A matrix whose forms have an error that all products share.
+struct Biased(Dense);
+
+impl krylux::operator::Operator for Biased {
+    fn rows(&self) -> usize {
+        self.0.rows()
+    }
+    fn cols(&self) -> usize {
+        self.0.cols()
+    }
+    fn symmetry(&self) -> krylux::operator::Symmetry {
+        self.0.symmetry()
+    }
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> krylux::Result<()> {
+        self.0.apply(x, y)
+    }
+    fn common_error(&mut self, x: &[f64]) -> krylux::Result<f64> {
+        Ok(0.25 * x.iter().map(|x| x * x).sum::<f64>())
+    }
+}
+
+#[test]
+fn an_error_that_all_products_share_is_an_error_of_each_eigenvalue() {
+    for method in [EigsMethod::Lanczos, EigsMethod::Arnoldi, EigsMethod::Power] {
+        let mut biased = Biased(Dense::turned(&[5.0, 3.0, 1.0, 0.5]));
+        let count = if method == EigsMethod::Power { 1 } else { 2 };
+        let found = eigs(&mut biased, &EigsOptions { count, method, ..EigsOptions::default() }).unwrap();
+        assert!(found.standard_errors.iter().all(|error| (error - 0.25).abs() < 1e-12), "{method:?}");
+    }
+}

@@ -142,6 +142,7 @@ mod tests {
             rounding: 0.0,
             noise: 0.0,
             asymmetric: 0.0,
+            unresolved: 0.0,
             coefficients: Vec::new(),
             imaginary_coefficients: Vec::new(),
         }

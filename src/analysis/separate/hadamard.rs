@@ -1,9 +1,7 @@
-//! Separation by codes: each pixel is lit in half of the photos. The photos in which it is lit are its code, a row of a Hadamard matrix.
+//! Separation by codes ([`crate::measure::codes`]): each pixel is lit in half of the photos, near pixels by different codes.
 //!
-//! Two different codes are orthogonal, so that light from a pixel with another code cancels exactly. Pixels with the same code are about `√photos`
-//! pixels apart. In every second row of the picture the codes are inverted, so that even global light from pixels with the same code cancels, too.
-//! What does not cancel is an error of the direct light. Pixels with other codes send light of the same size, which shows in the residuals, so that
-//! the standard errors include it.
+//! Light from a pixel with another code cancels. What does not cancel, from pixels with the same code, is an error of the direct light. Pixels with other
+//! codes send light of the same size, which shows in the residuals, so that the standard errors include it.
 //!
 //! The patterns change from pixel to pixel. Projector and camera have to be in focus.
 
@@ -11,6 +9,7 @@ use super::Separation;
 use super::high_frequency::Fit;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::measure::codes::patterns;
 use crate::operator::Operator;
 
 /// Separates with so many photos by `operator` (`n × n`, all of the light): a power of two, at least 4.
@@ -20,18 +19,7 @@ use crate::operator::Operator;
 pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize) -> Result<Separation> {
     check(photos)?;
     let mut fit = Fit::new(operator, resolution)?;
-    let step = step(photos - 1);
-    let patterns = (0..photos).map(|photo| {
-        let lit = |pixel: usize| {
-            let (x, y) = (pixel % resolution.width, pixel / resolution.width);
-            let code = (x + step * y) % (photos - 1) + 1;
-            // The entry of Sylvester's Hadamard matrix is −1 where an odd number of bits is set in both indices.
-            let signs = (code & photo).count_ones() + y as u32 % 2;
-            f64::from(u8::from(signs.is_multiple_of(2)))
-        };
-        (0..resolution.pixels()).map(lit).collect()
-    });
-    fit.take(operator, patterns)?;
+    fit.take(operator, patterns(resolution, photos))?;
     Ok(fit.separation())
 }
 
@@ -49,40 +37,12 @@ pub(super) fn check(photos: usize) -> Result<()> {
     Ok(())
 }
 
-/// The difference between the codes of a pixel and of the pixel below it, for which pixels with the same code are farthest from each other. There are
-/// so many `codes`, which are numbered along each row of the picture.
-fn step(codes: usize) -> usize {
-    let nearest = |step: usize| {
-        let below = |y: usize| {
-            let x = step * y % codes;
-            (x.min(codes - x)).pow(2) + y * y
-        };
-        (1..=codes.isqrt() + 1).map(below).min().unwrap_or(0).min(codes * codes)
-    };
-    // Of equally good ones, the smallest.
-    (1..codes).rev().max_by_key(|&step| nearest(step)).unwrap_or(1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::operator::{Closure, Symmetry};
 
     const SIZE: Resolution = Resolution { width: 14, height: 12 };
-
-    #[test]
-    fn pixels_of_the_same_code_are_about_the_root_of_their_number_apart() {
-        for codes in [7, 15, 31] {
-            let step = step(codes);
-            let offsets = (0..codes)
-                .flat_map(|y| (0..2 * codes - 1).map(move |x| [x as i64 - codes as i64 + 1, y as i64]));
-            let same = offsets
-                .filter(|&[x, y]| [x, y] != [0, 0] && (x + step as i64 * y).rem_euclid(codes as i64) == 0);
-            let nearest = same.map(|[x, y]| x * x + y * y).min().unwrap_or(0);
-            // A square lattice with one point in so many pixels has its nearest points at the root of that number.
-            assert!(nearest as f64 >= 0.7 * codes as f64, "{codes}: {nearest}");
-        }
-    }
 
     /// Direct light, light between neighbours, and light of the same strength from everywhere.
     fn seen(x: &[f64], y: &mut [f64]) {

@@ -72,13 +72,14 @@ pub(super) fn drive(
         }
     };
     let stats = Stats { products: factorization.products(), status };
-    let vectors = pairs.iter().map(|pair| factorization.ritz_vector(pair)).collect();
+    let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| factorization.ritz_vector(pair)).collect();
+    let common = vectors.iter().map(|vector| operator.common_error(vector)).collect::<Result<_>>()?;
     let imaginary = pairs
         .iter()
         .map(|pair| if pair.is_real() { Vec::new() } else { factorization.ritz_vector_imaginary(pair) });
     let imaginary = imaginary.collect();
     let (scale, rows) = (factorization.scale(), factorization.n());
-    let found = Found { pairs: &pairs, vectors, imaginary, scale, rows };
+    let found = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
 }
 
@@ -151,6 +152,8 @@ impl Recorder {
 pub(super) struct Found<'a> {
     pub(super) pairs: &'a [RitzPair],
     pub(super) vectors: Vec<Vec<f64>>,
+    /// [`Operator::common_error`] of each vector.
+    pub(super) common: Vec<f64>,
     pub(super) imaginary: Vec<Vec<f64>>,
     pub(super) scale: f64,
     /// `n` of the `n × n` operator.
@@ -171,7 +174,9 @@ impl Found<'_> {
             values: each(&|pair| pair.value),
             imaginary_values: each(&|pair| pair.imaginary),
             residuals: each(&|pair| pair.residual),
-            standard_errors: each(&|pair| pair.standard_error(options.noise, self.rows)),
+            standard_errors: (self.pairs.iter().zip(&self.common))
+                .map(|(pair, common)| pair.standard_error(options.noise, self.rows).hypot(*common))
+                .collect(),
             bounds: each(&|pair| pair.bound(options.noise)),
             gap_bounds: each(&|pair| pair.gap_bound(options.noise)),
             statuses: self.pairs.iter().map(|pair| pair.status(wanted, options.noise)).collect(),

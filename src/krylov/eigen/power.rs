@@ -75,7 +75,9 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
         x.iter_mut().zip(&product).for_each(|(next, value)| *next = value / length);
     };
     point_upwards(&mut best);
-    let found = Found { pairs: &pairs, vectors: vec![best], imaginary: vec![Vec::new()], scale, rows: n };
+    let common = vec![operator.common_error(&best)?];
+    let found =
+        Found { pairs: &pairs, vectors: vec![best], common, imaginary: vec![Vec::new()], scale, rows: n };
     Ok(found.eigs(options, 0.0, recorder.history, Stats { products, status }))
 }
 
@@ -90,6 +92,7 @@ fn pair([value, residual, noise]: [f64; 3], scale: f64, n: usize, symmetry: Symm
         rounding: f64::EPSILON * scale * (10.0 + (n as f64).sqrt()),
         noise,
         asymmetric: 0.0,
+        unresolved: (residual * residual - noise * noise).max(0.0).sqrt(),
         coefficients: vec![1.0],
         imaginary_coefficients: Vec::new(),
     }

@@ -56,6 +56,17 @@ impl Expansion {
         [known, waiting]
     }
 
+    /// The norm of what is outside of the subspace, without the noise of the products that it comes from. The waiting vectors come from the last
+    /// few products, so that the noise of these alone is in it.
+    pub(super) fn unresolved(&self, outside: &Outside, s: &[f64]) -> f64 {
+        let inside = self.known + self.steps();
+        let tells = |column: &Vec<f64>| column.iter().skip(inside).any(|&entry| entry != 0.0);
+        let last = self.columns.iter().zip(&self.errors).zip(s).filter(|((column, _), _)| tells(column));
+        let noise: f64 = last.map(|((_, error), s)| (error * s).powi(2)).sum();
+        let square = norm(&outside.known).powi(2) + norm(&outside.waiting).powi(2);
+        (square - noise).max(0.0).sqrt()
+    }
+
     /// The part of `‖(H − T) s‖` that independent errors of the products do not explain; 0 where none are stated.
     ///
     /// Errors of norm `e_i` and `e_j`, which are spread evenly over `n` entries, make the difference of `H_ij` and `H_ji` have the variance

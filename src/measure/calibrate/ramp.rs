@@ -228,11 +228,12 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     Err(Error::Numerical("no exponent fits the projector's levels".into()))
 }
 
-/// Linear interpolation between ascending points, constant beyond the first and the last.
+/// Linear interpolation between ascending points, constant beyond the first and the last. At a point it has the very value of the point, so that
+/// rounding makes no curve descend where points are equal.
 fn at(points: &[(f64, f64)], x: f64) -> f64 {
     let after = points.partition_point(|point| point.0 < x);
     match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
-        (Some(before), Some(&after)) if after.0 > before.0 => {
+        (Some(before), Some(&after)) if after.0 > x => {
             before.1 + (x - before.0) / (after.0 - before.0) * (after.1 - before.1)
         }
         (_, Some(&point)) | (Some(point), None) => point.1,
@@ -302,6 +303,10 @@ mod tests {
         let found = [0.0, 1.0, 1.5, 3.0, 3.25, 4.0, 9.0].map(|x| at(&points, x));
         assert_eq!(found, [2.0, 2.0, 3.0, 6.0, 6.0, 0.0, 0.0]);
         assert_eq!(at(&[], 1.0), 1.0);
+        // 0.2 + (0.9 − 0.2) is not 0.9 in floating point, and 0.9 comes twice.
+        assert_ne!(0.2 + (0.9 - 0.2), 0.9);
+        let equal = [(0.0, 0.2), (1.0, 0.9), (2.0, 0.9)];
+        assert_eq!([1.0, 1.5, 2.0].map(|x| at(&equal, x)), [0.9; 3]);
     }
 
     /// Four levels of a lamp that fades by a tenth, the brightest first, as they are shown.

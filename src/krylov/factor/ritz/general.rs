@@ -60,6 +60,7 @@ pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> R
                 rounding,
                 noise: state.noise(&coefficients, &imaginary_coefficients),
                 asymmetric: 0.0,
+                unresolved: 0.0,
                 coefficients,
                 imaginary_coefficients,
             }

@@ -89,6 +89,9 @@ pub struct RitzPair {
     /// `‖(H − T) s‖` for the symmetric part `T` of `H`, beyond what the stated errors of the products explain: the part of the operator's
     /// systematic errors that symmetry shows. 0 for a general operator, and for one that states no errors.
     pub asymmetric: f64,
+    /// The part of the residual outside the subspace that the errors of the products that tell of it do not explain: how far more products
+    /// may move `θ`.
+    pub unresolved: f64,
     /// `s` (its real part), of length `m`; of norm 1 with the imaginary part.
     pub coefficients: Vec<f64>,
     /// The imaginary part of `s`; empty for a real pair.
@@ -122,7 +125,8 @@ impl RitzPair {
         }
     }
 
-    /// The standard error of `θ`: that of noise, and of measured products also that of what repeats in all of them.
+    /// The standard error of `θ`: that of noise; of measured products also that of what repeats in all of them, and what more products would
+    /// change.
     ///
     /// Each product with a unit vector has an error of norm `noise`, or that which the operator states, whichever is larger. `θ` changes by
     /// `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly over the `n` entries has the component `‖E s‖/√n` along `y`.
@@ -130,8 +134,15 @@ impl RitzPair {
     /// What repeats in all products, such as a projector that is not quite as even as its calibration says, averages out nowhere. Its
     /// symmetric part changes `θ`, and cannot be seen. Its other part can, as [`RitzPair::asymmetric`], and is of the same size where
     /// projector and camera err alike: it stands for both.
+    ///
+    /// More products would change `θ` by [`RitzPair::unresolved`], or by the square of that over the gap ([`temple_kato`]): where eigenvalues are
+    /// dense, as those of direct light are, a few dozen products leave more than noise does. Without noise, [`RitzPair::bound`] tells it.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
-        evenly(noise.max(self.noise), n).hypot(self.asymmetric)
+        let noise = noise.max(self.noise);
+        if noise == 0.0 {
+            return self.asymmetric;
+        }
+        evenly(noise, n).hypot(self.asymmetric).hypot(temple_kato(self.unresolved, self.gap))
     }
 
     /// The part of the residual that the stated errors of the products do not explain, and the component of these errors along any one

@@ -69,6 +69,7 @@ fn all(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
                 condition: 1.0,
                 rounding,
                 noise: state.noise(&coefficients, &[]),
+                unresolved: state.unresolved(&outside, &coefficients),
                 asymmetric: state.beyond_errors(outside.asymmetric, &coefficients),
                 coefficients,
                 imaginary_coefficients: Vec::new(),
