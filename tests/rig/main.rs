@@ -8,4 +8,5 @@ mod rig_support;
 mod calibration;
 mod devices;
 mod end_to_end;
+mod snapshots;
 mod stages;

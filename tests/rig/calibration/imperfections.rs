@@ -12,11 +12,17 @@ use krylux::rig::{Iris, Pulse, Splitter, VirtualRig};
 use super::realistic;
 use super::scene::Folded;
 
-/// The findings of a check, without a calibration.
-fn findings(rig: &VirtualRig, scene: &Folded) -> Vec<Finding> {
+/// The rig file of a rig on a scene of 64×64 pixels.
+pub fn rig_file(rig: &VirtualRig) -> RigFile {
     let text = "kind = \"virtual\"\n[scene]\nmatrix = \"a.npz\"\nsize = [64, 64]\n[measurement]\nexposures = [0.1]\n";
     let mut file = RigFile::from_bytes(Path::new("folder/my.toml"), text.as_bytes()).expect("it is valid");
     file.kind = RigKind::Virtual(rig.clone());
+    file
+}
+
+/// The findings of a check, without a calibration.
+fn findings(rig: &VirtualRig, scene: &Folded) -> Vec<Finding> {
+    let file = rig_file(rig);
     let settle = file.settle(None);
     let mut open = || {
         let devices = rig.open(Box::new(scene.clone()), None)?;

@@ -2,8 +2,8 @@
 
 mod audits;
 mod folders;
-mod imperfections;
-mod scene;
+pub mod imperfections;
+pub mod scene;
 
 use std::ops::ControlFlow;
 
@@ -18,7 +18,7 @@ fn scene() -> Folded {
 }
 
 /// A rig with every imperfection.
-fn realistic(scene: &Folded) -> VirtualRig {
+pub fn realistic(scene: &Folded) -> VirtualRig {
     let mut rig = scene.rig();
     rig.projector.bits = 8;
     rig.projector.gamma = Some(2.2);
@@ -38,7 +38,7 @@ fn realistic(scene: &Folded) -> VirtualRig {
     rig
 }
 
-fn calibrated(
+pub fn calibrated(
     rig: &VirtualRig,
     scene: &Folded,
     options: &CalibrateOptions,

@@ -1,0 +1,25 @@
+//! What rigs measure, digit by digit: calibrations, photos, products and findings of virtual rigs whose noise is seeded, compared with
+//! what an earlier version of the program found.
+//!
+//! These tests tell that a number has changed, and not which of both is right: that is what the tests beside them are for. After a change
+//! that is meant to change numbers, look at each difference, and accept them:
+//!
+//! ```sh
+//! INSTA_UPDATE=always cargo test --release --test rig snapshots
+//! git diff tests/rig/snapshots
+//! ```
+
+mod bench;
+mod calibrations;
+mod digits;
+mod findings;
+mod products;
+
+/// Compares a text with the file of this name.
+fn compare(name: &str, text: &str) {
+    let mut settings = insta::Settings::clone_current();
+    settings.set_snapshot_path("files");
+    settings.set_prepend_module_to_snapshot(false);
+    settings.set_omit_expression(true);
+    settings.bind(|| insta::assert_snapshot!(name, text));
+}
