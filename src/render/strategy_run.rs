@@ -36,7 +36,8 @@ struct InFlight {
     merge: Option<MergeInFlight>,
 }
 
-/// Dispatches are summed by the host, too, until one of so many paths agrees: more than one block of the device's kernels has.
+/// The host sums dispatches as well, until one of at least this many paths agrees with the device's sums. So many paths fill more than one block of
+/// the device's kernels.
 const CHECKED_PATHS: u32 = 2048;
 
 /// One strategy while its paths are traced.

@@ -12,7 +12,7 @@ use krylux::rig::{Iris, Pulse, Splitter, VirtualRig};
 use super::realistic;
 use super::scene::Folded;
 
-/// The rig file of a rig on a scene of 64×64 pixels.
+/// A rig file that describes this rig. The scene in its text stands for the rig's own, which no file describes.
 pub fn rig_file(rig: &VirtualRig) -> RigFile {
     let text = "kind = \"virtual\"\n[scene]\nmatrix = \"a.npz\"\nsize = [64, 64]\n[measurement]\nexposures = [0.1]\n";
     let mut file = RigFile::from_bytes(Path::new("folder/my.toml"), text.as_bytes()).expect("it is valid");

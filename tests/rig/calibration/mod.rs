@@ -44,7 +44,13 @@ pub fn calibrated(
     options: &CalibrateOptions,
 ) -> (Calibration, CalibrationReport) {
     let bench = rig.open(Box::new(scene.clone()), None).expect("the scene fits its rig");
-    let mut frames = LiveFrames::new(bench, 0.0, 5);
+    calibrated_from(LiveFrames::new(bench, 0.0, 5), options)
+}
+
+pub fn calibrated_from(
+    mut frames: LiveFrames,
+    options: &CalibrateOptions,
+) -> (Calibration, CalibrationReport) {
     calibrate(&mut frames, options, &mut |_| ControlFlow::Continue(())).expect("the bench can be calibrated")
 }
 

@@ -1,13 +1,12 @@
 //! The benches of these tests.
 
-use std::ops::ControlFlow;
-
 use krylux::image::{Image, Resolution};
-use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
+use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport};
 use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use krylux::rig::VirtualRig;
 use krylux::transport::{Channels, Transport};
 
+use crate::calibration::calibrated_from;
 use crate::calibration::scene::Folded;
 
 /// Pixels of the projector.
@@ -80,8 +79,7 @@ pub fn frames(rig: &VirtualRig, settle: f64) -> LiveFrames {
 }
 
 pub fn calibrated(rig: &VirtualRig, options: &CalibrateOptions) -> (Calibration, CalibrationReport) {
-    calibrate(&mut frames(rig, 0.0), options, &mut |_| ControlFlow::Continue(()))
-        .expect("the bench can be calibrated")
+    calibrated_from(frames(rig, 0.0), options)
 }
 
 /// One take of 33 levels: what is left to chance is seeded, and need not be small.

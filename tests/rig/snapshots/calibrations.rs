@@ -29,14 +29,14 @@ fn compare_calibrated(name: &str, (calibration, report): (Calibration, Calibrati
 
 #[test]
 fn by_gray_codes() {
-    compare_calibration("gray_codes", &realistic(), &quick());
+    compare_calibration("calibration_gray_codes", &realistic(), &quick());
 }
 
 #[test]
 fn by_all_levels_and_two_takes() {
     let mut rig = realistic();
     rig.camera.gamma = None;
-    compare_calibration("all_levels", &rig, &CalibrateOptions::default());
+    compare_calibration("calibration_all_levels", &rig, &CalibrateOptions::default());
 }
 
 #[test]
@@ -46,19 +46,19 @@ fn by_a_checkerboard() {
     let mut rig = calibration::realistic(&scene);
     rig.camera.size = Some([48, 48]);
     let options = CalibrateOptions { map: Some(MapBy::Checkerboard), ..quick() };
-    compare_calibrated("checkerboard", calibration::calibrated(&rig, &scene, &options));
+    compare_calibrated("calibration_checkerboard", calibration::calibrated(&rig, &scene, &options));
 }
 
 #[test]
 fn of_three_channels() {
-    compare_calibration("three_channels", &coloured(), &quick());
+    compare_calibration("calibration_three_channels", &coloured(), &quick());
 }
 
 #[test]
 fn of_devices_that_are_apart_and_tilted() {
     let mut rig = realistic();
     rig.camera.homography = Some([[0.97, 0.02, 0.5], [-0.01, 1.02, 0.3], [2e-4, 1e-4, 1.0]]);
-    compare_calibration("apart", &rig, &CalibrateOptions { coaxial: false, ..quick() });
+    compare_calibration("calibration_apart", &rig, &CalibrateOptions { coaxial: false, ..quick() });
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::fmt::{Debug, Write};
 /// Lists of more numbers than this are summarised.
 const LISTED: usize = 8;
 
-/// The value as it is printed for debugging, with numbers of seven digits and [`summary`] for long lists. The eighth digit is where
-/// the mathematical functions of another system's library may differ, after many sums.
+/// The value as it is printed for debugging, with seven digits of each number and a [`summary`] of each long list. More digits would depend on the
+/// system: its library may round logarithms and powers in another way.
 pub fn text(value: &impl Debug) -> String {
     let printed = format!("{value:#?}");
     let mut text = String::new();
@@ -24,8 +24,8 @@ pub fn text(value: &impl Debug) -> String {
     text
 }
 
-/// A list by its length, the mean, the mean weighted by position, the mean square, and values on the way from the first to the last. A change
-/// of one entry changes the second and the third.
+/// A list of numbers in one line: how many there are, their mean, the mean of their products with weights that ascend along the list, the mean of
+/// their squares, and five of them. The weights tell lists of the same numbers in another order apart.
 pub fn summary(values: &[f64]) -> String {
     let count = values.len() as f64;
     let mean = |of: &dyn Fn(usize, f64) -> f64| {

@@ -1,7 +1,8 @@
 //! What rigs measure, digit by digit: calibrations, photos, products and findings of virtual rigs whose noise is seeded, compared with
 //! what an earlier version of the program found.
 //!
-//! These tests tell that a number has changed, and not which of both is right: that is what the tests beside them are for. After a change
+//! These tests tell that a number has changed. They do not tell which of the two is right: the other tests of rigs compare with the known
+//! properties of devices. After a change
 //! that is meant to change numbers, look at each difference, and accept them:
 //!
 //! ```sh

@@ -21,7 +21,7 @@ fn vector() -> Vec<f64> {
     (0..SIZE.pixels()).map(entry).collect()
 }
 
-/// Everything that a measurement tells.
+/// All that a measurement returns, as text: photos, products with their errors, direct light, drift, and what it took.
 fn told(mut rig: Measurement) -> String {
     let mut said = String::new();
     let mut line =
@@ -64,7 +64,7 @@ fn told(mut rig: Measurement) -> String {
 }
 
 fn compare_options(name: &str, rig: &VirtualRig, calibration: &Calibration, options: MeasureOptions) {
-    compare(name, &told(measurement(rig, calibration, options)));
+    compare(&format!("photos_{name}"), &told(measurement(rig, calibration, options)));
 }
 
 #[test]
@@ -124,5 +124,5 @@ fn in_colour_and_in_luminance() {
     let rig = coloured();
     let (calibration, _) = calibrated(&rig, &quick());
     compare_options("colour", &rig, &calibration, MeasureOptions::default());
-    compare("luminance", &told(measurement(&rig, &calibration, MeasureOptions::default()).in_luma()));
+    compare("photos_luminance", &told(measurement(&rig, &calibration, MeasureOptions::default()).in_luma()));
 }
