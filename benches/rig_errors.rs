@@ -1,5 +1,5 @@
 //! Errors of a realistic rig's answers against the true light transport, for variants of the rig, scenes and seeds.
-//! `cargo bench --bench rig_errors -- [SCENE or VARIANT]... [--seeds N]`; see `benches/README.md`.
+//! `cargo bench --bench rig_errors -- [SCENE or VARIANT]... [--seeds N] [--samples N]`; see `benches/README.md`.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -22,8 +22,9 @@ const REALISTIC: &str = include_str!("../assets/rigs/realistic.toml");
 const SIDE: usize = 64;
 
 /// Variants of the rig: lines of its file that are replaced.
-const VARIANTS: [(&str, Option<[&str; 2]>); 6] = [
+const VARIANTS: [(&str, Option<[&str; 2]>); 7] = [
     ("realistic", None),
+    ("4 takes", Some(["takes = 1", "takes = 4"])),
     ("ambient 0.2", Some(["level = 0.1 ", "level = 0.2 "])),
     ("full well 5,000", Some(["full_well = 60000", "full_well = 5000"])),
     ("camera 64x64", Some(["size = [160, 160]", "size = [64, 64]"])),
@@ -40,11 +41,8 @@ fn main() -> Outcome<()> {
     if arguments.iter().any(|text| text == "--test") {
         return Ok(());
     }
-    let mut seeds = 1;
-    if let Some(at) = arguments.iter().position(|text| text == "--seeds") {
-        seeds = arguments.get(at + 1).and_then(|text| text.parse().ok()).ok_or("--seeds needs a number")?;
-        arguments.drain(at..at + 2);
-    }
+    let seeds = number(&mut arguments, "--seeds", 1)?;
+    let samples = number(&mut arguments, "--samples", 256)?;
     // Nothing was tuned on the last two.
     let scenes: [(&str, Scene); 4] = [
         ("zigzag", builtin::zigzag().to_scene()),
@@ -68,7 +66,7 @@ fn main() -> Outcome<()> {
         if !asked(&scene_names, scene) {
             continue;
         }
-        let mut exact = Lab::builder_of_scene(built).size(SIDE, SIDE).samples(256).seed(7).open()?;
+        let mut exact = Lab::builder_of_scene(built).size(SIDE, SIDE).samples(samples).seed(7).open()?;
         for (variant, replaced) in VARIANTS {
             for seed in 1..=seeds {
                 if !asked(&variant_names, variant) {
@@ -87,6 +85,15 @@ fn main() -> Outcome<()> {
         }
     }
     Ok(())
+}
+
+/// Takes a flag and its number out of the arguments.
+fn number<T: std::str::FromStr>(arguments: &mut Vec<String>, flag: &str, otherwise: T) -> Outcome<T> {
+    let Some(at) = arguments.iter().position(|text| text == flag) else { return Ok(otherwise) };
+    let given = arguments.get(at + 1).and_then(|text| text.parse().ok());
+    let number = given.ok_or(format!("{flag} needs a number"))?;
+    arguments.drain(at..at + 2);
+    Ok(number)
 }
 
 /// A calibrated rig, and the truth behind it.

@@ -28,6 +28,7 @@
 
 mod basis;
 mod boxed;
+mod confirmation;
 mod eigen;
 mod estimators;
 mod factor;

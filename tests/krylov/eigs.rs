@@ -395,6 +395,27 @@ fn stated_errors_end_the_search_and_give_values_their_standard_error() {
     assert!((0.7..1.5).contains(&z), "{z}");
 }
 
+/// A start without any part along an eigenvector hides it where the products have noise: residuals within the noise are no proof.
+#[test]
+fn an_eigenvalue_that_the_noise_of_the_start_hides_is_found_before_the_search_ends() {
+    let values: Vec<f64> =
+        [1.0, 0.9, 0.6, 0.5, 0.4].into_iter().chain((0..395).map(|k| 0.1 - k as f64 * 2e-4)).collect();
+    let start: Vec<f64> = (0..400).map(|k| if [0, 2, 3].contains(&k) { 1.0 } else { 0.0 }).collect();
+    let mut matrix = Dense::diagonal(&values);
+    for seed in 0..20 {
+        let mut noisy = Noisy::new(&mut matrix, |_| 0.01);
+        (noisy.states, noisy.taken) = (true, 1000 * seed);
+        let options = EigsOptions { count: 2, start: Start::Given(start.clone()), ..EigsOptions::default() };
+        let found = eigs(&mut noisy, &options).unwrap();
+        assert_eq!(found.stats.status, Status::NoiseFloor);
+        assert!(found.stats.products < 20, "{}", found.stats.products);
+        for (value, truth) in found.values.iter().zip([1.0, 0.9]) {
+            // An error of norm 0.01 has a component of 0.0005 along a vector; what is left of the search may be of its size. Four of both.
+            assert!((value - truth).abs() < 4e-3, "{seed}: {value} for {truth}");
+        }
+    }
+}
+
 /// Where eigenvalues are dense, a few products leave more than their noise does, and standard errors say so.
 #[test]
 fn standard_errors_hold_what_more_products_would_change() {
@@ -420,8 +441,8 @@ fn standard_errors_hold_what_more_products_would_change() {
     }
     let [z, by_noise] = [squares, by_noise].map(|sum| f64::sqrt(sum / count));
     assert!(by_noise > 100.0, "noise alone explains it: {by_noise}");
-    // A Ritz value is within its residual of some eigenvalue, and here within about two of the one that it stands for.
-    assert!((0.2..2.0).contains(&z), "{z}");
+    // 0.64; the residual itself, which is a bound and no standard error, gives 0.37.
+    assert!((0.5..1.5).contains(&z), "{z}");
 }
 
 /// A matrix whose forms have an error that all products share.

@@ -149,6 +149,25 @@ fn stated_errors_are_those_of_the_values() {
     }
 }
 
+/// A start without any part along a singular vector hides it where the products have noise.
+#[test]
+fn a_singular_value_that_the_noise_of_the_start_hides_is_found_before_the_search_ends() {
+    let start: Vec<f64> = cosine(400, 0).iter().zip(cosine(400, 2)).map(|(a, b)| a + b).collect();
+    let mut matrix = Known { noise: 0.01, ..Known::new(vec![1.0, 0.9, 0.6, 0.4, 0.2], 400, 400) };
+    for seed in 0..20 {
+        matrix.products = 1000 * seed;
+        let options =
+            SingularOptions { count: 2, start: Start::Given(start.clone()), ..SingularOptions::default() };
+        let found = singular(&mut matrix, &options).unwrap();
+        assert_eq!(found.stats.status, Status::NoiseFloor);
+        assert!(found.stats.products < 30, "{}", found.stats.products);
+        for (value, truth) in found.values.iter().zip([1.0, 0.9]) {
+            // An error of norm 0.01 has a component of 0.0005 along a vector; what is left of the search may be of its size. Four of both.
+            assert!((value - truth).abs() < 4e-3, "{seed}: {value} for {truth}");
+        }
+    }
+}
+
 #[test]
 fn wrong_questions_are_refused_by_name() {
     let mut matrix = Known::new(vec![1.0], 4, 4);

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::super::confirmation::Confirmation;
 use super::super::factor::{self, Factorization, PairStatus, RitzPair};
 use super::super::stats::{Stats, Status};
 use super::options::{Eigs, EigsOptions, HistoryRow};
@@ -40,12 +41,14 @@ pub(super) fn drive(
     let steps = (factorization.steps() + left).min(most);
     factorization.expansion_mut().reserve(steps);
     let mut recorder = Recorder::new(options);
+    let mut confirmation = Confirmation::new(factorization.n());
     let mut pairs = factorization.ritz(options.which, options.count)?;
     let status = loop {
         if factorization.is_exhausted() {
             break Status::SpaceExhausted;
         }
-        if let Some(status) = good_enough(&pairs, options, (factorization.scale(), factorization.n())) {
+        let reached = good_enough(&pairs, options, (factorization.scale(), factorization.n()));
+        if let Some(status) = confirmation.end(reached) {
             break status;
         }
         if factorization.products() >= options.products {

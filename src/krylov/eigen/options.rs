@@ -41,8 +41,8 @@ pub struct EigsOptions {
     pub max_basis: Option<usize>,
     /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its own
     /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)). Done when all residuals are down
-    /// to the noise, and more products would change no eigenvalue by more than its standard error. A tolerance of 0
-    /// uses the whole budget all the same. Default 0.
+    /// to the noise, more products would change no eigenvalue by more than its standard error, and `½ ln n` further products have found no
+    /// eigenvalue that the noise had hidden. A tolerance of 0 uses the whole budget all the same. Default 0.
     pub noise: f64,
     /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
     pub start: Start,

@@ -5,6 +5,7 @@ mod golub_kahan;
 use std::ops::ControlFlow;
 
 use self::golub_kahan::{GolubKahan, Triplet};
+use super::confirmation::Confirmation;
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
 use super::start::Start;
@@ -20,7 +21,9 @@ pub struct SingularOptions {
     pub count: usize,
     /// Products with `A` and with `Aᵀ` at most, in all. Default 50.
     pub products: usize,
-    /// Done when each residual is at most this share of the largest singular value. Default 1e-8.
+    /// Done when each residual is at most this share of the largest singular value. Default 1e-8. Where the noise of the products is above it, done
+    /// when more products would change no value by more than its standard error, and `½ ln n` further pairs of products have found no value that the
+    /// noise had hidden.
     pub tolerance: f64,
     /// The norm of the error of a product with a unit vector, where the operator does not state it. Default 0.
     pub noise: f64,
@@ -75,6 +78,7 @@ pub struct Singular {
 pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     options.check()?;
     let mut process = GolubKahan::new(operator.rows(), operator.cols(), options)?;
+    let mut confirmation = Confirmation::new(operator.cols());
     let mut history = Vec::new();
     let mut triplets = Vec::new();
     let status = loop {
@@ -87,7 +91,7 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
         if is_exhausted {
             break Status::SpaceExhausted;
         }
-        if let Some(status) = process.good_enough(&triplets, options) {
+        if let Some(status) = confirmation.end(process.good_enough(&triplets, options)) {
             break status;
         }
         if flow == ControlFlow::Break(()) {

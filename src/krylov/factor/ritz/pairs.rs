@@ -135,14 +135,17 @@ impl RitzPair {
     /// symmetric part changes `θ`, and cannot be seen. Its other part can, as [`RitzPair::asymmetric`], and is of the same size where
     /// projector and camera err alike: it stands for both.
     ///
-    /// More products would change `θ` by [`RitzPair::unresolved`], or by the square of that over the gap ([`temple_kato`]): where eigenvalues are
-    /// dense, as those of direct light are, a few dozen products leave more than noise does. Without noise, [`RitzPair::bound`] tells it.
+    /// More products would change `θ` by [`RitzPair::unresolved`] at most, or by the square of that over the gap ([`temple_kato`]): where eigenvalues
+    /// are dense, as those of direct light are, a few dozen products leave more than noise does. A bound `a` about which nothing more is known counts
+    /// as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of uncertainty in measurement*, 4.3.7). Without
+    /// noise, [`RitzPair::bound`] tells it.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
         let noise = noise.max(self.noise);
         if noise == 0.0 {
             return self.asymmetric;
         }
-        evenly(noise, n).hypot(self.asymmetric).hypot(temple_kato(self.unresolved, self.gap))
+        let unresolved = temple_kato(self.unresolved, self.gap) / 3.0_f64.sqrt();
+        evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
     }
 
     /// The part of the residual that the stated errors of the products do not explain, and the component of these errors along any one
