@@ -68,7 +68,9 @@ mod tests {
         let picture = [0.0, 1.0, 2.0, 3.0];
         assert_eq!(value(&picture, size, [0.5, 0.5]), Some(1.5));
         assert_eq!(value(&picture, size, [1.0, 1.0]), Some(3.0));
-        assert_eq!((value(&picture, size, [1.1, 0.0]), value(&picture, size, [0.0, -0.1])), (None, None));
+        for outside in [[1.1, 0.0], [-0.1, 0.0], [0.0, 1.1], [0.0, -0.1]] {
+            assert_eq!(value(&picture, size, outside), None, "{outside:?}");
+        }
     }
 
     #[test]

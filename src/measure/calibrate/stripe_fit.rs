@@ -308,6 +308,19 @@ mod tests {
         assert!(farthest(&found.map, &truth) < 1e-4, "{}", farthest(&found.map, &truth));
     }
 
+    /// All pixels of a small picture, and about [`MOST`] of a large one, evenly.
+    #[test]
+    fn a_part_of_many_pixels_is_chosen() {
+        let small = truth();
+        let of = |camera| decoded(&LensMap { camera, ..small.clone() }, 0.0);
+        assert_eq!(chosen(&of(small.camera)).len(), small.camera.pixels());
+        let large = chosen(&of(Resolution::new(400, 200)));
+        let left = large.iter().filter(|pixel| *pixel % 400 < 200).count();
+        // Half of 80,000 pixels, each with a probability of one half: a standard deviation of 141, and of 100 on either side.
+        assert!((large.len() as f64 - MOST).abs() < 4.0 * 141.0, "{}", large.len());
+        assert!((left as f64 - 0.5 * MOST).abs() < 4.0 * 100.0, "{left}");
+    }
+
     #[test]
     fn a_camera_that_sees_no_edge_determines_nothing() {
         let projector = Resolution::new(16, 16);

@@ -113,3 +113,15 @@ fn effort_line(effort: &Effort) -> Line {
         format!("{} taken, {refused} refused, in {:.0} s of the rig's time", effort.taken, effort.seconds);
     line("frames", text)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_of_all_three_kinds_are_refused() {
+        let effort =
+            Effort { taken: 70, dropped: 4, repeated: 2, late: 1, seconds: 12.4, ..Effort::default() };
+        assert_eq!(effort_line(&effort)[1], "70 taken, 7 refused, in 12 s of the rig's time");
+    }
+}

@@ -200,3 +200,23 @@ mod exact {
         String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    /// To the last bit, which numbers in JSON may lose.
+    #[test]
+    fn devices_are_read_as_they_were_written() {
+        let resolution = Resolution::new(8, 6);
+        let projector =
+            ProjectorInfo { name: "beamer".into(), resolution, channels: 3, bits: 8, frame_time: 1.0 / 3.0 };
+        for step in 1..1000 {
+            let exposures = [1e-4 / f64::from(step), f64::from(step).sqrt()];
+            let camera = CameraInfo { name: "eye".into(), resolution, channels: 1, bits: 14, exposures };
+            let found = decode_devices(&encode_devices(&projector, &camera));
+            assert_eq!(found, Some((projector.clone(), camera)));
+        }
+    }
+}

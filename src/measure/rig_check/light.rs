@@ -94,6 +94,18 @@ mod tests {
     use crate::measure::simulated::Simulated;
 
     #[test]
+    fn saturation_up_to_each_bound_is_within_it() {
+        for (share, grade) in [
+            (SATURATED_WARNING, Grade::Ok),
+            (1.001 * SATURATED_WARNING, Grade::Warning),
+            (SATURATED_FAILURE, Grade::Warning),
+            (1.001 * SATURATED_FAILURE, Grade::Fails),
+        ] {
+            assert_eq!(saturation(share).grade, grade, "{share}");
+        }
+    }
+
+    #[test]
     fn a_white_that_fills_little_of_the_range_is_a_warning_and_an_invisible_one_fails() {
         let graded = |outcome, reached| range(reached, &Exposure { seconds: 0.5, outcome, bits: 8 }).grade;
         for (reached, grade) in

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use krylux::Error;
 use krylux::image::Resolution;
+use krylux::io::npy;
 use krylux::measure::calibrate::LensMap;
 use krylux::measure::{Calibration, FlatField};
 use krylux::rig::{CameraInfo, ProjectorInfo};
@@ -84,6 +85,28 @@ fn damage_in_any_file_is_reported_by_name() {
     assert!(Calibration::load(folder.path()).is_ok(), "all is as it was");
     let missing = Calibration::load(&folder.path().join("nowhere"));
     assert!(matches!(missing, Err(Error::Read { .. })), "{missing:?}");
+}
+
+#[test]
+fn arrays_of_another_shape_are_refused_with_both_shapes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    saved(folder.path());
+    for (name, shape, wanted) in [
+        ("projector-curve.npy", vec![1, 15], "[1, 16]"),
+        ("projector-curve.npy", vec![16], "[1, 16]"),
+        ("flat-projector.npy", vec![49], "[48]"),
+        ("flat-camera.npy", vec![6, 8], "[48]"),
+    ] {
+        let file = folder.path().join(name);
+        let whole = std::fs::read(&file).expect("just written");
+        npy::write_npy(&file, &shape, &vec![0.5; shape.iter().product()]).expect("writable");
+        let Err(Error::Data { path, fault, .. }) = Calibration::load(folder.path()) else {
+            panic!("{name} of {shape:?} was taken");
+        };
+        assert_eq!(path, file);
+        assert!(fault.contains(&format!("{shape:?}")) && fault.contains(wanted), "{fault}");
+        std::fs::write(&file, &whole).expect("writable");
+    }
 }
 
 #[test]
