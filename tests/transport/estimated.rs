@@ -69,6 +69,29 @@ fn of_one_seed_they_are_products_with_its_matrix() {
     }
 }
 
+/// Each number of patterns has loops of its own, and more than sixteen take several passes.
+#[test]
+fn any_number_of_patterns_is_answered_alike() {
+    let mut tracer = tracer(&load("corner"));
+    let settings = settings(SIDE, 8, 6, 3);
+    let xs: Vec<Vec<f64>> = (0..17).map(|k| waves(SIDE * SIDE, k)).collect();
+    let asked: Vec<Question<'_>> = xs.iter().map(|pattern| Question { pattern, shift: 0.1 }).collect();
+    let mut retraced = Retraced { tracer: &mut tracer, settings, channels: Channels::Luma };
+    let mut answers = |count: usize| {
+        let answered = retraced.estimated_products(Part::Full, 0, &asked[..count]);
+        answered.expect("the patterns fit")
+    };
+    let all = answers(17);
+    for count in [1, 2, 3, 5, 8, 9, 12, 13, 16] {
+        let found = answers(count);
+        assert_eq!(found.len(), count);
+        for (found, expected) in found.iter().zip(&all) {
+            assert_eq!((&found.product, &found.error), (&expected.product, &expected.error), "of {count}");
+            assert_eq!(found.quadratic, expected.quadratic, "of {count}");
+        }
+    }
+}
+
 #[test]
 fn the_stated_error_of_a_quadratic_form_is_its_spread_over_seeds() {
     const SEEDS: u32 = 24;

@@ -250,3 +250,17 @@ fn luminance_is_the_weighted_sum_of_the_colours() {
         assert!((luma[row] - sum).abs() <= 4.0 * f64::from(f32::EPSILON) * magnitudes[row], "row {row}");
     }
 }
+
+#[test]
+fn matrices_are_equal_by_their_entries_and_take_the_memory_of_all_their_parts() {
+    let mut tracer = tracer(&load("corner"));
+    let mut of = |bounces| trace(&mut tracer, settings(12, 8, bounces, 3), Channels::Luma).matrix;
+    let [direct, some, more] = [1, 2, 6].map(&mut of);
+    // Direct light is the same.
+    assert_ne!(some, more);
+    assert_eq!(more, of(6));
+    // Four bytes at least for each pixel's direct light, and for the weight of each entry on one side of the diagonal.
+    let least = 4 * 144;
+    assert!(direct.bytes() >= least, "{}", direct.bytes());
+    assert!(more.bytes() >= least + 4 * more.nonzeros() / 2, "{}", more.bytes());
+}
