@@ -1,6 +1,11 @@
 //! Errors of a realistic rig's answers against the true light transport, for variants of the rig, scenes and seeds.
 //! `cargo bench --bench rig_errors -- [SCENE or VARIANT]... [--seeds N] [--samples N]`; see `benches/README.md`.
 
+#[path = "arguments/flags.rs"]
+mod flags;
+#[path = "arguments/names.rs"]
+mod names;
+
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -36,13 +41,9 @@ const VARIANTS: [(&str, Option<[&str; 2]>); 7] = [
 const OPTIMUM: usize = 300;
 
 fn main() -> Outcome<()> {
-    let mut arguments: Vec<String> = std::env::args().skip(1).filter(|text| text != "--bench").collect();
-    // `cargo test --benches` passes `--test`; there is nothing to test here.
-    if arguments.iter().any(|text| text == "--test") {
-        return Ok(());
-    }
-    let seeds = number(&mut arguments, "--seeds", 1)?;
-    let samples = number(&mut arguments, "--samples", 256)?;
+    let Some(mut arguments) = flags::given() else { return Ok(()) };
+    let seeds = flags::number(&mut arguments, "--seeds", 1)?;
+    let samples = flags::number(&mut arguments, "--samples", 256)?;
     // Nothing was tuned on the last two.
     let scenes: [(&str, Scene); 4] = [
         ("zigzag", builtin::zigzag().to_scene()),
@@ -50,11 +51,6 @@ fn main() -> Outcome<()> {
         ("two-sheets", builtin::two_sheets().to_scene()),
         ("cornell", builtin::cornell().to_scene()),
     ];
-    let asked = |names: &[&str], name: &str| {
-        let of_these = arguments.iter().filter(|text| names.contains(&text.as_str()));
-        let mut of_these = of_these.peekable();
-        of_these.peek().is_none() || of_these.any(|text| text == name)
-    };
     let scene_names = scenes.iter().map(|scene| scene.0).collect::<Vec<_>>();
     let variant_names = VARIANTS.map(|variant| variant.0);
     println!("{SIDE}x{SIDE} pixels; relative errors, with the standard errors that are stated in brackets\n");
@@ -63,13 +59,13 @@ fn main() -> Outcome<()> {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (scene, built) in scenes {
-        if !asked(&scene_names, scene) {
+        if !names::asked(&arguments, &scene_names, scene) {
             continue;
         }
         let mut exact = Lab::builder_of_scene(built).size(SIDE, SIDE).samples(samples).seed(7).open()?;
         for (variant, replaced) in VARIANTS {
             for seed in 1..=seeds {
-                if !asked(&variant_names, variant) {
+                if !names::asked(&arguments, &variant_names, variant) {
                     continue;
                 }
                 let mut text = REALISTIC.replace("seed = 1  ", &format!("seed = {seed}  "));
@@ -85,15 +81,6 @@ fn main() -> Outcome<()> {
         }
     }
     Ok(())
-}
-
-/// Takes a flag and its number out of the arguments.
-fn number<T: std::str::FromStr>(arguments: &mut Vec<String>, flag: &str, otherwise: T) -> Outcome<T> {
-    let Some(at) = arguments.iter().position(|text| text == flag) else { return Ok(otherwise) };
-    let given = arguments.get(at + 1).and_then(|text| text.parse().ok());
-    let number = given.ok_or(format!("{flag} needs a number"))?;
-    arguments.drain(at..at + 2);
-    Ok(number)
 }
 
 /// A calibrated rig, and the truth behind it.

@@ -1,6 +1,9 @@
 //! Whether stated errors are the true ones: the deviations of answers from the truth, in units of their stated standard errors, over many
 //! seeds of the light paths. `cargo bench --bench stated_errors -- [SCENE]... [--seeds N]`; see `benches/README.md`.
 
+#[path = "arguments/flags.rs"]
+mod flags;
+
 use krylux::analysis::verification::eigenpair_estimates;
 use krylux::image::{Image, Resolution};
 use krylux::krylov::{Eigs, EigsOptions, eigs};
@@ -23,16 +26,8 @@ const SAMPLES: [u32; 2] = [64, 8192];
 const EIGENVALUES: usize = 6;
 
 fn main() -> Outcome<()> {
-    let mut arguments: Vec<String> = std::env::args().skip(1).filter(|text| text != "--bench").collect();
-    // `cargo test --benches` passes `--test`; there is nothing to test here.
-    if arguments.iter().any(|text| text == "--test") {
-        return Ok(());
-    }
-    let mut seeds = 32;
-    if let Some(at) = arguments.iter().position(|text| text == "--seeds") {
-        seeds = arguments.get(at + 1).and_then(|text| text.parse().ok()).ok_or("--seeds needs a number")?;
-        arguments.drain(at..at + 2);
-    }
+    let Some(mut arguments) = flags::given() else { return Ok(()) };
+    let seeds = flags::number(&mut arguments, "--seeds", 32)?;
     // A constant was chosen on zigzag and cornell.
     let scenes: [(&str, Scene); 5] = [
         ("zigzag", builtin::zigzag().to_scene()),

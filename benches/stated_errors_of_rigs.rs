@@ -1,6 +1,11 @@
 //! Whether the errors that a rig's answers state are the true ones: deviations from the truth in units of the stated standard errors, over many
 //! repeats of a realistic virtual rig. `cargo bench --bench stated_errors_of_rigs -- [SCENE]... [--repeats N]`; see `benches/README.md`.
 
+#[path = "arguments/flags.rs"]
+mod flags;
+#[path = "arguments/names.rs"]
+mod names;
+
 use std::path::Path;
 
 use krylux::analysis::low_rank::{LowRankCapture, capture};
@@ -44,17 +49,8 @@ const VARIANTS: [Variant; 4] = [
 ];
 
 fn main() -> Outcome<()> {
-    let mut arguments: Vec<String> = std::env::args().skip(1).filter(|text| text != "--bench").collect();
-    // `cargo test --benches` passes `--test`; there is nothing to test here.
-    if arguments.iter().any(|text| text == "--test") {
-        return Ok(());
-    }
-    let mut repeats = 200;
-    if let Some(at) = arguments.iter().position(|text| text == "--repeats") {
-        repeats =
-            arguments.get(at + 1).and_then(|text| text.parse().ok()).ok_or("--repeats needs a number")?;
-        arguments.drain(at..at + 2);
-    }
+    let Some(mut arguments) = flags::given() else { return Ok(()) };
+    let repeats = flags::number(&mut arguments, "--repeats", 200)?;
     let scenes: [(&str, Scene); 3] = [
         ("zigzag", builtin::zigzag().to_scene()),
         ("corner", builtin::corner().to_scene()),
@@ -68,23 +64,17 @@ fn main() -> Outcome<()> {
     );
     println!("|---|---|---|---|---|---|---|");
     for (name, scene) in scenes {
-        if !asked(&arguments, &["zigzag", "corner", "two-sheets"], name) {
+        if !names::asked(&arguments, &["zigzag", "corner", "two-sheets"], name) {
             continue;
         }
         let mut exact = Lab::builder_of_scene(scene).size(SIDE, SIDE).samples(256).seed(7).open()?;
         for variant in VARIANTS {
-            if asked(&arguments, &VARIANTS.map(|variant| variant.0), variant.0) {
+            if names::asked(&arguments, &VARIANTS.map(|variant| variant.0), variant.0) {
                 judge(name, &mut exact, variant, repeats)?;
             }
         }
     }
     Ok(())
-}
-
-/// Whether this one of the names is asked for: all are where none is named.
-fn asked(arguments: &[String], names: &[&str], name: &str) -> bool {
-    let mut of_these = arguments.iter().filter(|text| names.contains(&text.as_str())).peekable();
-    of_these.peek().is_none() || of_these.any(|text| text == name)
 }
 
 /// One answer: its values in the units of the truth, and their stated standard errors.

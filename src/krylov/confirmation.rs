@@ -4,36 +4,38 @@ use super::stats::Status;
 
 /// Lets a search end within noise only after further steps have found nothing more.
 ///
-/// A photo of the start vector, whose component along any one eigenvector is about `1/√n`, may hide that eigenvector in its noise. All residuals are
-/// then within the noise although one of the largest eigenvalues is missing. The steps that follow start in effect from the noise of the products,
-/// which is a random direction. They multiply its component along an eigenvalue that exceeds the last wanted one by the share `ε` by about
-/// `exp(2√ε)` each, beside all others (the growth of Chebyshev polynomials: Kuczyński and Woźniakowski, doi:10.1137/0613066). `½ ln n` steps raise
-/// `1/√n` to 1 for `ε = ¼`; an eigenvalue that is nearer to the last wanted one may still be missed.
+/// The noise of the first products may hide an eigenvector, along which a random start has a component of about `1/√n` only. All residuals are then
+/// within the noise although one of the largest eigenvalues is missing. Further steps in effect start from the noise, which is a random direction.
+/// Let the missing eigenvalue exceed the last wanted one by the share `ε`. Each step multiplies the component along its eigenvector by about
+/// `exp(2√ε)`, relative to the others (the growth of Chebyshev polynomials: Kuczyński and Woźniakowski, doi:10.1137/0613066). `½ ln n` steps raise
+/// `1/√n` to 1 for `ε = ¼`. An eigenvalue that is nearer to the last wanted one may still be missed.
 #[derive(Debug)]
 pub(super) struct Confirmation {
     /// The number of further steps.
     steps: usize,
-    /// The steps so far in which the residuals stayed within the noise; none where they are not.
-    within: Option<usize>,
+    /// How many times in a row the end has been put off.
+    put_off: usize,
 }
 
 impl Confirmation {
     /// For vectors of `n` entries.
     pub(super) fn new(n: usize) -> Self {
         let steps = (0.5 * (n.max(1) as f64).ln()).ceil();
-        // Exact: at most 22, the half of the logarithm of the largest integer.
-        Self { steps: steps as usize, within: None }
+        // Exact: at most 23, for the largest integer.
+        Self { steps: steps as usize, put_off: 0 }
     }
 
     /// The status with which the search ends after this step, given the status that the residuals have reached: an end within noise is put off.
     pub(super) fn end(&mut self, reached: Option<Status>) -> Option<Status> {
         if reached != Some(Status::NoiseFloor) {
-            self.within = None;
+            self.put_off = 0;
             return reached;
         }
-        let within = self.within.map_or(0, |steps| steps + 1);
-        self.within = Some(within);
-        (within >= self.steps).then_some(Status::NoiseFloor)
+        if self.put_off == self.steps {
+            return reached;
+        }
+        self.put_off += 1;
+        None
     }
 }
 

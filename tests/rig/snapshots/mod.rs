@@ -2,8 +2,7 @@
 //! what an earlier version of the program found.
 //!
 //! These tests tell that a number has changed. They do not tell which of the two is right: the other tests of rigs compare with the known
-//! properties of devices. After a change
-//! that is meant to change numbers, look at each difference, and accept them:
+//! properties of devices. After a change that is meant to change numbers, look at each difference, and accept them:
 //!
 //! ```sh
 //! INSTA_UPDATE=always cargo test --release --test rig snapshots
