@@ -122,7 +122,7 @@ impl Question {
                 MethodArg::BlockLanczos => EigsMethod::BlockLanczos { block: self.block },
                 MethodArg::Arnoldi => EigsMethod::Arnoldi,
             },
-            start: Start::Rademacher { seed },
+            start: Start::Random { seed },
             ..EigsOptions::default()
         }
     }

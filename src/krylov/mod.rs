@@ -28,6 +28,7 @@
 
 mod basis;
 mod boxed;
+mod completeness;
 mod confirmation;
 mod eigen;
 mod estimators;
@@ -46,7 +47,8 @@ mod vectors;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
-pub use eigen::{Eigs, EigsMethod, EigsOptions, HistoryRow, eigs, eigs_from};
+pub use completeness::{Completeness, Confirm, Confirmed};
+pub use eigen::{Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from};
 pub use estimators::{
     DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
     diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
@@ -62,6 +64,6 @@ pub use linear::{
 };
 pub use methods::{Constraint, METHODS, Method, MethodFacts, solve, solve_adjoint};
 pub use precondition::{Diagonal, Multiscale, Preconditioner, UserPreconditioner};
-pub use singular::{Singular, SingularOptions, singular};
+pub use singular::{Singular, SingularOptions, confirm_singular, singular};
 pub use start::Start;
 pub use stats::{Stats, Status};

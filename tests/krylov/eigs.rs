@@ -378,7 +378,7 @@ fn stated_errors_end_the_search_and_give_values_their_standard_error() {
     let options = EigsOptions { count: 3, products: 100, ..EigsOptions::default() };
     let (mut squares, mut count) = (0.0, 0.0);
     for seed in 0..20 {
-        let start = Start::Rademacher { seed };
+        let start = Start::Random { seed };
         let mut noisy = Noisy::new(&mut matrix, |_| noise);
         (noisy.states, noisy.taken) = (true, 1000 * seed as usize);
         let found = eigs(&mut noisy, &EigsOptions { start, ..options.clone() }).unwrap();
@@ -428,7 +428,7 @@ fn standard_errors_hold_what_more_products_would_change() {
         let options = EigsOptions {
             count: 2,
             products: 20,
-            start: Start::Rademacher { seed },
+            start: Start::Random { seed },
             ..EigsOptions::default()
         };
         let found = eigs(&mut noisy, &options).unwrap();

@@ -7,7 +7,7 @@ use crate::comb::Comb;
 use crate::krylov_support::{Dense, spread};
 use krylux::Error;
 use krylux::krylov::{
-    Eigs, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Step, Which, dot, eigs, eigs_from,
+    Completeness, Eigs, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Step, Which, dot, eigs, eigs_from,
 };
 use krylux::observer::{self, Estimate, OnStep};
 use krylux::operator::{Observed, Operator, Symmetry};
@@ -90,16 +90,21 @@ fn repeated_eigenvalues_end_in_an_invariant_subspace_and_their_copies_come_after
 #[test]
 fn zero_matrix_takes_one_product_per_pair() {
     let mut matrix = Dense::diagonal(&[0.0; 20]);
-    let found = solve(&mut matrix, 3, 50, Which::LargestAlgebraic);
+    let found = solve(&mut matrix, 3, 3, Which::LargestAlgebraic);
     assert_eq!((found.stats.products, found.stats.status), (3, Status::ReachedTolerance));
-    assert_eq!(found.values, [0.0; 3]);
+    assert_eq!((&found.values[..], found.completeness), (&[0.0; 3][..], Completeness::NotExcluded));
+    // The products that are left show that there are no others.
+    let mut matrix = Dense::diagonal(&[0.0; 20]);
+    let found = solve(&mut matrix, 3, 50, Which::LargestAlgebraic);
+    assert_eq!((found.stats.products, found.completeness), (20, Completeness::Exact));
 }
 
 #[test]
 fn identity_is_found_in_one_product() {
     let mut matrix = Dense::diagonal(&[1.0; 1000]);
     let found = solve(&mut matrix, 1, 50, Which::LargestAlgebraic);
-    assert_eq!(found.stats.products, 1);
+    // The others confirm that none is larger.
+    assert_eq!((found.stats.products, found.confirming), (50, 49));
     assert!((found.values[0] - 1.0).abs() < 1e-14);
 }
 

@@ -12,6 +12,7 @@ mod krylov_support;
 mod arnoldi;
 mod block;
 mod boxed;
+mod completeness;
 mod eigs;
 mod estimators;
 mod lanczos;

@@ -132,7 +132,7 @@ fn stated_errors_are_those_of_the_values() {
             count: 3,
             products: 40,
             tolerance: 0.0,
-            start: Start::Rademacher { seed },
+            start: Start::Random { seed },
             ..SingularOptions::default()
         };
         let found = singular(&mut matrix, &options).unwrap();

@@ -60,7 +60,7 @@ impl EigsQuestion {
             noise: self.noise,
             start: match &self.start {
                 Some(start) => Start::Given(start.clone()),
-                None => Start::Rademacher { seed: self.seed },
+                None => Start::Random { seed: self.seed },
             },
             deflate: self.deflate.clone(),
         })
@@ -142,7 +142,7 @@ impl Lab {
             };
             let base = SingularOptions::default();
             let tolerance = tolerance.unwrap_or(base.tolerance);
-            let start = Start::Rademacher { seed };
+            let start = Start::Random { seed };
             let found = lab.singular(part, &SingularOptions { count, products, tolerance, noise, start })?;
             Ok((found, [lab.resolution(), lab.projector_resolution()]))
         })?;

@@ -56,7 +56,7 @@ pub fn optimal_errors(
         count: ranks,
         which: Which::LargestMagnitude,
         products,
-        start: Start::Rademacher { seed: 0 },
+        start: Start::Random { seed: 0 },
         ..EigsOptions::default()
     };
     let found = eigs(operator, &options)?;

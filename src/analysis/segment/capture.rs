@@ -300,7 +300,7 @@ fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64
     match known_pixels(options, graph).filter(|_| count > 1) {
         None => {
             let seed = options.seed.wrapping_add(before as u64);
-            Start::Rademacher { seed }.block(m, count)
+            Start::Random { seed }.block(m, count)
         }
         Some(resolution) => {
             let patterns = smooth_starts(resolution, before + count, options.seed);

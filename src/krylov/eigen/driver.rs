@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::super::completeness::Completeness;
 use super::super::confirmation::Confirmation;
 use super::super::factor::{self, Factorization, PairStatus, RitzPair};
 use super::super::stats::{Stats, Status};
@@ -45,7 +46,7 @@ pub(super) fn drive(
     let mut pairs = factorization.ritz(options.which, options.count)?;
     let status = loop {
         if factorization.is_exhausted() {
-            break Status::SpaceExhausted;
+            break exhausted(factorization, options);
         }
         let reached = good_enough(&pairs, options, (factorization.scale(), factorization.n()));
         if let Some(status) = confirmation.end(reached) {
@@ -68,7 +69,7 @@ pub(super) fn drive(
         pairs = factorization.ritz(options.which, options.count)?;
         let flow = recorder.row(operator, factorization.products(), &pairs);
         if step == factor::Step::Exhausted {
-            break Status::SpaceExhausted;
+            break exhausted(factorization, options);
         }
         if flow == ControlFlow::Break(()) {
             break Status::Stopped;
@@ -84,6 +85,12 @@ pub(super) fn drive(
     let (scale, rows) = (factorization.scale(), factorization.n());
     let found = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
+}
+
+/// The status once all directions are spanned: the answer is exact unless the products have noise.
+fn exhausted(factorization: &dyn Factorization, options: &EigsOptions) -> Status {
+    let is_noisy = options.noise > 0.0 || factorization.expansion().largest_error() > 0.0;
+    if is_noisy { Status::NoiseFloor } else { Status::SpaceExhausted }
 }
 
 /// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products
@@ -187,6 +194,11 @@ impl Found<'_> {
             imaginary_vectors: self.imaginary,
             asymmetry,
             history,
+            completeness: match stats.status {
+                Status::SpaceExhausted => Completeness::Exact,
+                _ => Completeness::NotExcluded,
+            },
+            confirming: 0,
             stats,
         }
     }

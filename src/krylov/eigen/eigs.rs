@@ -1,6 +1,8 @@
 //! `eigs`: a few eigenpairs within a budget of products.
 
-use super::super::factor::{Arnoldi, BlockLanczos, Lanczos};
+use super::super::factor::{Arnoldi, BlockLanczos, Factorization, Lanczos};
+use super::super::completeness::Confirm;
+use super::confirm::confirm_dyn;
 use super::driver::drive;
 use super::options::{Eigs, EigsMethod, EigsOptions};
 use super::power::power;
@@ -11,9 +13,8 @@ use crate::operator::Operator;
 ///
 /// The operator's observer sees each product
 /// ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). Returns the best so far when the budget
-/// ends or the observer stops it. Lanczos finds a repeated eigenvalue once; further copies appear only after
-/// an exactly invariant subspace, or when rounding has let them grow. Deflate known eigenvectors, or use
-/// block Lanczos.
+/// ends or the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies;
+/// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of those that were missed.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
@@ -29,19 +30,22 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     options.check()?;
     let n = operator.cols();
     let start = || options.start.vector(n);
-    match options.method {
-        EigsMethod::Power => power(operator, options),
-        EigsMethod::Lanczos => {
-            let mut lanczos = Lanczos::new(&start(), &options.deflate)?;
-            drive(&mut lanczos, operator, options)
-        }
+    let mut factorization: Box<dyn Factorization> = match options.method {
+        EigsMethod::Power => return power(operator, options),
+        EigsMethod::Arnoldi => return drive(&mut Arnoldi::new(&start(), &options.deflate)?, operator, options),
+        EigsMethod::Lanczos => Box::new(Lanczos::new(&start(), &options.deflate)?),
         EigsMethod::BlockLanczos { block } => {
-            let mut lanczos = BlockLanczos::new(&options.start.block(n, block), &options.deflate)?;
-            drive(&mut lanczos, operator, options)
+            Box::new(BlockLanczos::new(&options.start.block(n, block), &options.deflate)?)
         }
-        EigsMethod::Arnoldi => {
-            let mut arnoldi = Arnoldi::new(&start(), &options.deflate)?;
-            drive(&mut arnoldi, operator, options)
-        }
+    };
+    let mut found = drive(&mut *factorization, operator, options)?;
+    let broke_down = factorization.expansion().broke_down();
+    drop(factorization);
+    let left = options.products.saturating_sub(found.stats.products);
+    let with_rest = broke_down.then_some(Confirm { products: left, ..Confirm::default() });
+    if let Some(how) = options.confirm.or(with_rest) {
+        confirm_dyn(operator, &mut found, options, &how)?;
+        found.stats.products += found.confirming;
     }
+    Ok(found)
 }

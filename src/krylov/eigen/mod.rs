@@ -1,10 +1,12 @@
 //! Eigenvalues and eigenvectors: answered from a factorization, or driven to within a budget of products.
 
+mod confirm;
 mod driver;
 mod eigs;
 mod options;
 mod power;
 
+pub use confirm::confirm;
 pub use driver::eigs_from;
 pub use eigs::eigs;
 pub use options::{Eigs, EigsMethod, EigsOptions, HistoryRow};

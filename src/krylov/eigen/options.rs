@@ -1,5 +1,6 @@
 //! Options and results of `eigs`.
 
+use super::super::completeness::{Completeness, Confirm};
 use super::super::factor::{PairStatus, Which};
 use super::super::start::Start;
 use super::super::stats::Stats;
@@ -48,6 +49,9 @@ pub struct EigsOptions {
     pub start: Start,
     /// Known eigenvectors, which are projected out. Default none.
     pub deflate: Vec<Vec<f64>>,
+    /// How the search is confirmed beyond its products ([`confirm`](super::confirm())); Lanczos and block Lanczos only. Default none:
+    /// the products that are left confirm a search whose subspace was invariant before it ended, and no other.
+    pub confirm: Option<Confirm>,
 }
 
 impl Default for EigsOptions {
@@ -62,6 +66,7 @@ impl Default for EigsOptions {
             noise: 0.0,
             start: Start::default(),
             deflate: Vec::new(),
+            confirm: None,
         }
     }
 }
@@ -98,8 +103,12 @@ pub struct Eigs {
     pub asymmetry: f64,
     /// A row for each product of this run.
     pub history: Vec<HistoryRow>,
-    /// The number of products in all, and why the method ended.
+    /// The number of products in all, and why the search ended.
     pub stats: Stats,
+    /// What is known of eigenvalues that the search may have missed.
+    pub completeness: Completeness,
+    /// The products that confirmed it; `stats` counts those of the same call.
+    pub confirming: usize,
 }
 
 /// The eigenvalues after one product of a run.

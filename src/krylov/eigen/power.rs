@@ -70,7 +70,7 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
             break Status::Stopped;
         }
         if length == 0.0 {
-            break Status::SpaceExhausted;
+            break Status::Breakdown("a product of the power iteration is zero");
         }
         x.iter_mut().zip(&product).for_each(|(next, value)| *next = value / length);
     };

@@ -204,6 +204,16 @@ impl Expansion {
         squares.map(|(error, (re, im))| error * error * (re * re + im * im)).sum::<f64>().sqrt()
     }
 
+    /// The largest standard error that the operator stated of a product; 0 where it states none.
+    pub(in super::super) fn largest_error(&self) -> f64 {
+        self.errors.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Whether random vectors have continued the process where the span of its products was invariant.
+    pub(in super::super) fn broke_down(&self) -> bool {
+        self.draws > 0
+    }
+
     /// The departure of the products from symmetry: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About 1e-16 for a
     /// symmetric operator; with noise, the relative noise of the products. Takes no product.
     pub fn asymmetry(&self) -> f64 {

@@ -1,10 +1,13 @@
 //! The bidiagonalization: two bases, and the coefficients of the products on them.
 
 use faer::Mat;
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
 
 use super::super::basis::{Basis, norm};
 use super::super::factor::{PairStatus, point_upwards, temple_kato};
 use super::super::orthogonalize::orthogonalize;
+use super::super::start::gaussian;
 use super::super::stats::Status;
 use super::SingularOptions;
 use crate::error::{Error, Result};
@@ -40,11 +43,17 @@ impl Triplet {
 /// The bidiagonalization so far.
 pub(super) struct GolubKahan {
     left: Basis,
+    /// Known vectors, and those of the process.
     right: Basis,
-    /// The next right vector, times its norm.
+    known: usize,
+    /// The next right vector, times its norm; zero where there is none.
     next: Vec<f64>,
-    /// Its norm: what the last product with `Aᵀ` had outside of the right basis.
+    length: f64,
+    /// What the last product with `Aᵀ` had outside of the right basis, along the next right vector; 0 where that is a random one.
     beta: f64,
+    /// The seed of random vectors, which continue the process where the span of its products is invariant, and how many were drawn.
+    seed: u64,
+    draws: u64,
     /// Column `j` of `R`: the coefficients of `A v_j` on the left basis; row `i` of `L`: those of `Aᵀ u_i` on the right one.
     forth: Vec<Vec<f64>>,
     back: Vec<Vec<f64>>,
@@ -52,69 +61,159 @@ pub(super) struct GolubKahan {
     forth_errors: Vec<f64>,
     back_errors: Vec<f64>,
     pub(super) products: usize,
+    /// The largest norm of a product so far.
+    scale: f64,
 }
 
 impl GolubKahan {
     pub(super) fn new(rows: usize, cols: usize, options: &SingularOptions) -> Result<Self> {
         let next = options.start.vector(cols);
         Error::check_size("entries of the first vector", cols, next.len())?;
-        let beta = norm(&next);
-        if !(beta > 0.0 && beta.is_finite()) {
+        let length = norm(&next);
+        if !(length > 0.0 && length.is_finite()) {
             return Err(Error::Numerical("the first vector is zero, or holds a NaN or an infinity".into()));
         }
-        let (forth, back) = (Vec::new(), Vec::new());
-        let (forth_errors, back_errors) = (Vec::new(), Vec::new());
-        let (left, right) = (Basis::new(rows), Basis::new(cols));
-        Ok(Self { left, right, next, beta, forth, back, forth_errors, back_errors, products: 0 })
+        let mut process = Self::empty(rows, cols, options.start.seed());
+        (process.next, process.length) = (next, length);
+        Ok(process)
     }
 
-    /// Takes a product with `A` and one with `Aᵀ`. Returns whether the bases hold all that the products reach.
-    pub(super) fn step(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
-        self.right.push_scaled(&self.next, self.beta);
+    /// A process from a random vector of this seed, on the complement of orthonormal right vectors.
+    pub(super) fn beside(rows: usize, known: &[Vec<f64>], seed: u64) -> Self {
+        let mut process = Self::empty(rows, known.first().map_or(0, Vec::len), seed);
+        known.iter().for_each(|vector| process.right.push_scaled(vector, 1.0));
+        process.known = known.len();
+        process.draw();
+        process
+    }
+
+    fn empty(rows: usize, cols: usize, seed: u64) -> Self {
+        Self {
+            left: Basis::new(rows),
+            right: Basis::new(cols),
+            known: 0,
+            next: vec![0.0; cols],
+            length: 0.0,
+            beta: 0.0,
+            seed,
+            draws: 0,
+            forth: Vec::new(),
+            back: Vec::new(),
+            forth_errors: Vec::new(),
+            back_errors: Vec::new(),
+            products: 0,
+            scale: 0.0,
+        }
+    }
+
+    /// Goes on from a random vector that is orthogonal to the right basis, where there is one.
+    fn draw(&mut self) {
+        (self.length, self.beta) = (0.0, 0.0);
+        let n = self.next.len();
+        // In a space of few dimensions a random vector may lie nearly in the span: try several.
+        for _ in 0..8 {
+            if self.right.len() >= n {
+                return;
+            }
+            let seed = self.seed.wrapping_add(self.draws).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            self.draws += 1;
+            self.next = gaussian(n, &mut Pcg64::seed_from_u64(!seed));
+            let before = norm(&self.next);
+            let rest = orthogonalize(&self.right, &mut self.next).norm;
+            if is_left(rest, before, n) {
+                self.length = rest;
+                return;
+            }
+        }
+    }
+
+    /// Whether the products tell the whole matrix on the complement of the known vectors: all patterns are spanned, or all photos are, and
+    /// their products with the transpose are within the right basis.
+    pub(super) fn is_exhausted(&self) -> bool {
+        self.length == 0.0 || (self.left.len() == self.left.rows() && self.beta == 0.0)
+    }
+
+    /// Whether random vectors have continued the process.
+    pub(super) fn broke_down(&self) -> bool {
+        self.draws > 0
+    }
+
+    /// The patterns of the process, without known ones.
+    pub(super) fn steps(&self) -> usize {
+        self.right.len() - self.known
+    }
+
+    /// The largest error that the operator stated of a product; 0 where it states none.
+    pub(super) fn largest_error(&self) -> f64 {
+        self.forth_errors.iter().chain(&self.back_errors).copied().fold(0.0, f64::max)
+    }
+
+    /// Takes a product with `A` and one with `Aᵀ`; only the first where it shows nothing new. Not to be called on an exhausted process.
+    pub(super) fn step(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
+        self.right.push_scaled(&self.next, self.length);
         let mut photo = vec![0.0; self.left.rows()];
         operator.apply(&self.right.columns()[self.right.len() - 1], &mut photo)?;
         self.forth_errors.push(operator.standard_error());
         self.products += 1;
-        let length = finite(&photo)?;
+        self.scale = self.scale.max(finite(&photo)?);
         let mut removed = orthogonalize(&self.left, &mut photo);
-        let is_new = is_left(removed.norm, length, photo.len());
+        let is_new = is_left(removed.norm, self.scale, photo.len());
         if is_new {
             self.left.push_scaled(&photo, removed.norm);
             removed.coefficients.push(removed.norm);
         }
         self.forth.push(removed.coefficients);
         if !is_new {
-            self.beta = 0.0;
-            return Ok(true);
+            self.draw();
+            return Ok(());
         }
         operator.apply_adjoint(&self.left.columns()[self.left.len() - 1], &mut self.next)?;
         self.back_errors.push(operator.standard_error());
         self.products += 1;
-        let length = finite(&self.next)?;
+        self.scale = self.scale.max(finite(&self.next)?);
         let mut removed = orthogonalize(&self.right, &mut self.next);
-        let is_new = is_left(removed.norm, length, self.next.len());
-        self.beta = if is_new { removed.norm } else { 0.0 };
-        removed.coefficients.push(self.beta);
+        let is_new = is_left(removed.norm, self.scale, self.next.len());
+        if is_new {
+            (self.length, self.beta) = (removed.norm, removed.norm);
+            removed.coefficients.push(self.beta);
+        } else {
+            self.draw();
+        }
         self.back.push(removed.coefficients);
-        Ok(!is_new)
+        Ok(())
+    }
+
+    /// Adds left vectors beyond the range of an exhausted process, so that singular values of zero have theirs, too.
+    pub(super) fn complete(&mut self) {
+        let rows = self.left.rows();
+        while self.left.len() < self.steps().min(rows) {
+            let seed = self.seed.wrapping_add(self.draws).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            self.draws += 1;
+            let mut vector = gaussian(rows, &mut Pcg64::seed_from_u64(!seed));
+            let before = norm(&vector);
+            let rest = orthogonalize(&self.left, &mut vector).norm;
+            if is_left(rest, before, rows) {
+                self.left.push_scaled(&vector, rest);
+            }
+        }
     }
 
     /// `R` and `L`, of as many rows and columns as the two bases have vectors.
     fn both(&self) -> [Mat<f64>; 2] {
-        let (rows, cols) = (self.left.len(), self.right.len());
+        let (rows, cols) = (self.left.len(), self.steps());
         let entry = |list: &[Vec<f64>], at: usize, of: usize| {
             list.get(at).and_then(|list| list.get(of)).copied().unwrap_or(0.0)
         };
         [
             Mat::from_fn(rows, cols, |i, j| entry(&self.forth, j, i)),
-            Mat::from_fn(rows, cols, |i, j| entry(&self.back, i, j)),
+            Mat::from_fn(rows, cols, |i, j| entry(&self.back, i, self.known + j)),
         ]
     }
 
     /// The wanted triplets, the largest first.
     pub(super) fn triplets(&self, options: &SingularOptions) -> Result<Vec<Triplet>> {
         let [forth, back] = self.both();
-        let (rows, cols) = (self.left.len(), self.right.len());
+        let (rows, cols) = (self.left.len(), self.steps());
         let mean = Mat::from_fn(rows, cols, |i, j| 0.5 * (forth[(i, j)] + back[(i, j)]));
         let svd = mean.thin_svd().map_err(|_| {
             Error::Numerical(format!(
@@ -123,7 +222,7 @@ impl GolubKahan {
         })?;
         let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
         // The last product with the transpose left a vector that is not in the right basis yet.
-        let waiting = if rows == cols { self.beta } else { 0.0 };
+        let waiting = self.beta;
         let mut found = Vec::new();
         for (k, &value) in values.iter().enumerate() {
             let p: Vec<f64> = svd.U().col(k).iter().copied().collect();
@@ -132,7 +231,9 @@ impl GolubKahan {
                 (0..rows).map(|i| (0..cols).map(|j| forth[(i, j)] * q[j]).sum::<f64>() - value * p[i]);
             let off_back =
                 (0..cols).map(|j| (0..rows).map(|i| back[(i, j)] * p[i]).sum::<f64>() - value * q[j]);
-            let squares: f64 = off_forth.chain(off_back).map(|off| off * off).sum();
+            let along = |known: usize| self.back.iter().zip(&p).map(|(row, p)| row[known] * p).sum::<f64>();
+            let squares: f64 =
+                off_forth.chain(off_back).chain((0..self.known).map(along)).map(|off| off * off).sum();
             let outside = waiting * p.last().copied().unwrap_or(0.0);
             let [there, here] =
                 [self.error(&self.forth_errors, &q, options), self.error(&self.back_errors, &p, options)];
@@ -195,7 +296,7 @@ impl GolubKahan {
     pub(super) fn vectors(&self, triplet: &Triplet) -> [Vec<f64>; 2] {
         let combine = |basis: &Basis, s: &[f64]| {
             let mut sum = vec![0.0; basis.rows()];
-            basis.accumulate(0, s, 1.0, &mut sum);
+            basis.accumulate(basis.len() - s.len(), s, 1.0, &mut sum);
             sum
         };
         let (mut photo, mut pattern) = (combine(&self.left, &triplet.p), combine(&self.right, &triplet.q));
@@ -222,9 +323,9 @@ fn finite(product: &[f64]) -> Result<f64> {
     Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
-/// Whether what is left of a product of this norm is more than the rounding errors of sums of `n` terms.
-fn is_left(rest: f64, length: f64, n: usize) -> bool {
-    rest > length * f64::EPSILON * (10.0 + (n as f64).sqrt())
+/// Whether what is left of a product with a matrix of this norm is more than the rounding errors of sums of `n` terms.
+fn is_left(rest: f64, scale: f64, n: usize) -> bool {
+    rest > scale * f64::EPSILON * (10.0 + (n as f64).sqrt())
 }
 
 #[cfg(test)]

@@ -1,10 +1,12 @@
 //! Singular values and vectors by Golub–Kahan bidiagonalization, within a budget of products with `A` and `Aᵀ`.
 
+mod confirm;
 mod golub_kahan;
 
 use std::ops::ControlFlow;
 
 use self::golub_kahan::{GolubKahan, Triplet};
+use super::completeness::{Completeness, Confirm};
 use super::confirmation::Confirmation;
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
@@ -29,11 +31,14 @@ pub struct SingularOptions {
     pub noise: f64,
     /// The first right vector.
     pub start: Start,
+    /// How the search is confirmed beyond its products ([`confirm_singular`]). Default none: the products that are left confirm a
+    /// search whose subspace was invariant before it ended, and no other.
+    pub confirm: Option<Confirm>,
 }
 
 impl Default for SingularOptions {
     fn default() -> Self {
-        Self { count: 6, products: 50, tolerance: 1e-8, noise: 0.0, start: Start::default() }
+        Self { count: 6, products: 50, tolerance: 1e-8, noise: 0.0, start: Start::default(), confirm: None }
     }
 }
 
@@ -57,9 +62,15 @@ pub struct Singular {
     pub disagreement: f64,
     /// A row for each pair of products.
     pub history: Vec<HistoryRow>,
-    /// The number of products in all, and why the method ended.
+    /// The number of products in all, and why the search ended.
     pub stats: Stats,
+    /// What is known of singular values that the search may have missed.
+    pub completeness: Completeness,
+    /// The products that confirmed it; `stats` counts those of the same call.
+    pub confirming: usize,
 }
+
+pub use confirm::confirm_singular;
 
 /// The largest singular values of `A` (`rows × cols`) and their vectors.
 ///
@@ -82,15 +93,20 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
     let mut history = Vec::new();
     let mut triplets = Vec::new();
     let status = loop {
+        if process.is_exhausted() {
+            if options.noise > 0.0 || process.largest_error() > 0.0 {
+                break Status::NoiseFloor;
+            }
+            process.complete();
+            triplets = process.triplets(options)?;
+            break Status::SpaceExhausted;
+        }
         if process.products + 2 > options.products {
             break process.spent(&triplets, options);
         }
-        let is_exhausted = process.step(operator)?;
+        process.step(operator)?;
         triplets = process.triplets(options)?;
         let flow = record(&*operator, &process, &triplets, (options.products, &mut history));
-        if is_exhausted {
-            break Status::SpaceExhausted;
-        }
         if let Some(status) = confirmation.end(process.good_enough(&triplets, options)) {
             break status;
         }
@@ -98,7 +114,14 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
             break Status::Stopped;
         }
     };
-    Ok(answer(&process, &triplets, options, history, status))
+    let mut found = answer(&process, &triplets, options, history, status);
+    let left = options.products.saturating_sub(found.stats.products);
+    let with_rest = process.broke_down().then_some(Confirm { products: left, ..Confirm::default() });
+    if let Some(how) = options.confirm.or(with_rest) {
+        confirm_singular(operator, &mut found, options, &how)?;
+        found.stats.products += found.confirming;
+    }
+    Ok(found)
 }
 
 impl SingularOptions {
@@ -141,6 +164,8 @@ fn answer(
         disagreement: process.disagreement(),
         history,
         stats: Stats { products: process.products, status },
+        completeness: if status == Status::SpaceExhausted { Completeness::Exact } else { Completeness::NotExcluded },
+        confirming: 0,
     }
 }
 

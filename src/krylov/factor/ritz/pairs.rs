@@ -22,7 +22,7 @@ pub enum Which {
 impl Which {
     /// Indices of `values` (real and imaginary part), most wanted first. Of equally wanted ones (a complex
     /// pair) that with the positive imaginary part comes first, then the first.
-    pub(super) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
+    pub(in super::super::super) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
         let mut order: Vec<usize> = (0..values.len()).collect();
         let key = |index: usize| {
             let (re, im) = values[index];

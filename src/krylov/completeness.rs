@@ -1,0 +1,143 @@
+//! What is known of the eigenvalues that a search may have missed.
+//!
+//! A converged eigenvalue says that the matrix has one there. It does not say that there is no other: a Krylov process finds one copy
+//! of a repeated eigenvalue, and nothing that is orthogonal to its start. Three claims are therefore kept apart: the *residual* of each
+//! value, whether *none is missed*, and whether the answer is *exact*, since all directions were spanned.
+
+use std::fmt;
+
+use crate::error::{Error, Result};
+
+/// How a search is confirmed: a Gaussian vector, orthogonal to all eigenvectors that were found, starts another Lanczos process. If
+/// an eigenvalue beyond the last one found was missed, that process finds one, too, except with a small chance.
+///
+/// The largest Ritz value `ξ` of `q` Lanczos steps from a direction that is uniform on the sphere of `n` dimensions fulfils
+/// `λ_max ≤ ξ + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer the largest eigenvalue
+/// on the complement of `k` vectors is at least the `k+1`st of the whole matrix, whatever these vectors are.
+///
+/// Kuczyński and Woźniakowski, *Estimating the largest eigenvalue by the power and Lanczos algorithms with a random start* (1992),
+/// doi:10.1137/0613066, theorem 4.2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Confirm {
+    /// `ε`, in (0, ½]: the share of the spectrum's spread `λ_max − λ_min` that an eigenvalue may lie beyond the last one found and
+    /// still be missed. Default 0.01.
+    pub share: f64,
+    /// `δ`, in (0, ½]: the chance of missing one that lies further out, for each vector that is drawn. Default 0.001.
+    pub chance: f64,
+    /// Products at most. Default: as many as it takes.
+    pub products: usize,
+}
+
+impl Default for Confirm {
+    fn default() -> Self {
+        Self { share: 0.01, chance: 1e-3, products: usize::MAX }
+    }
+}
+
+impl Confirm {
+    /// The products `q` of one process in a space of `n` dimensions: 20, 28 and 62 at `n = 16,384` and `δ = 0.001` for `ε` of 0.1,
+    /// 0.05 and 0.01; never more than `n`, which span the space.
+    pub fn steps(&self, n: usize) -> usize {
+        let steps = 0.5 * ((1.648 * (n as f64).sqrt() / self.chance).ln() / self.share.sqrt() + 1.0);
+        // At most 10¹⁰ for the smallest share that `check` admits.
+        (steps.ceil() as usize).clamp(1, n.max(1))
+    }
+
+    /// The share `ε` that so many steps in `n` dimensions reach.
+    pub(super) fn share_of(&self, steps: usize, n: usize) -> f64 {
+        let factor = (1.648 * (n as f64).sqrt() / self.chance).ln() / (2 * steps).saturating_sub(1) as f64;
+        (factor * factor).max(self.share)
+    }
+
+    /// # Errors
+    /// [`Error::Option`] naming `--confirm` or `Confirm::chance`.
+    pub(super) fn check(&self) -> Result<()> {
+        for (value, option) in [(self.share, "--confirm"), (self.chance, "Confirm::chance")] {
+            if !(1e-9..=MOST).contains(&value) {
+                return Err(Error::Option {
+                    option: option.into(),
+                    fault: format!("{value} is no share between 0 and one half"),
+                    help: "give a number such as 0.05".into(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Beyond half of the spectrum's spread, a confirmation says nothing that is of use.
+pub(super) const MOST: f64 = 0.5;
+
+/// What is known of eigenvalues (or singular values) that a search may have missed. Displays as a sentence without its full stop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Completeness {
+    /// Further copies of a repeated value, and values whose vectors the search has not met, are not excluded.
+    #[default]
+    NotExcluded,
+    /// None beyond the limits is missing, except with a small chance: see [`Confirm`].
+    Confirmed(Confirmed),
+    /// All directions were spanned, without noise: none is missing.
+    Exact,
+}
+
+/// A search that was confirmed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Confirmed {
+    /// No value below the first or above the second is missing: `λ_k ± (ε (λ_max − λ_min) + tolerance + noise)`, with the spread as the
+    /// Ritz values show it. `None` at an end of the spectrum that was not asked for.
+    pub limits: [Option<f64>; 2],
+    /// `ε` of [`Confirm`].
+    pub share: f64,
+    /// The chance that this is wrong: the sum over the vectors that were drawn.
+    pub chance: f64,
+}
+
+impl Completeness {
+    /// Whether nothing is missing, for certain or except with a stated chance.
+    pub fn is_known(&self) -> bool {
+        *self != Self::NotExcluded
+    }
+}
+
+impl fmt::Display for Completeness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotExcluded => f.write_str("further copies and other values are not excluded"),
+            Self::Exact => f.write_str("none is missing: all directions were spanned"),
+            Self::Confirmed(Confirmed { limits, chance, .. }) => {
+                let name = |value: f64| format!("{value:.4e}").parse::<f64>().unwrap_or(value);
+                match limits.map(|limit| limit.map(name)) {
+                    [Some(low), Some(high)] => write!(f, "none below {low} or above {high} is missing")?,
+                    [Some(low), None] => write!(f, "none below {low} is missing")?,
+                    [None, high] => write!(f, "none above {} is missing", high.unwrap_or(f64::INFINITY))?,
+                }
+                write!(f, ", except with a chance of {chance:.1e}")
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_number_of_products_is_that_of_the_bound() {
+        let steps = |share| Confirm { share, ..Confirm::default() }.steps(16_384);
+        assert_eq!([0.1, 0.05, 0.01].map(steps), [20, 28, 62]);
+        let confirm = Confirm::default();
+        assert_eq!((confirm.steps(5), confirm.steps(1)), (5, 1), "as many span the space");
+        // Fewer steps than it takes reach a larger share, and that share takes no more steps.
+        let share = confirm.share_of(28, 16_384);
+        assert!((0.045..0.05).contains(&share), "{share}");
+        assert!(Confirm { share, ..confirm }.steps(16_384) <= 28);
+    }
+
+    #[test]
+    fn shares_that_say_nothing_are_refused() {
+        for share in [0.0, -0.1, 0.6, f64::NAN] {
+            assert!(Confirm { share, ..Confirm::default() }.check().is_err(), "{share}");
+        }
+        assert!(Confirm { share: 0.5, ..Confirm::default() }.check().is_ok());
+    }
+}

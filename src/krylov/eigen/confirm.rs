@@ -1,0 +1,251 @@
+//! Confirms that a search has missed no eigenvalue, and inserts those that it has missed.
+
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+
+use super::super::completeness::{Completeness, Confirm, Confirmed, MOST};
+use super::super::factor::{Factorization, Lanczos, PairStatus, RitzPair, Which, temple_kato};
+use super::super::start::gaussian;
+use super::super::stats::Status;
+use super::driver::Found;
+use super::options::{Eigs, EigsOptions};
+use crate::error::{Error, Result};
+use crate::observer::{Estimate, Step};
+use crate::operator::{Operator, Symmetry};
+
+/// Confirms eigenpairs of a symmetric operator (`n × n`) that all converged, or are down to the noise: draws a Gaussian vector
+/// orthogonal to them and takes [`Confirm::steps`] products from there. Eigenvalues beyond the last one that come out are inserted, and
+/// another vector is drawn, until none comes out. `options` are those of the search. The products are counted in
+/// [`Eigs::confirming`].
+///
+/// Nothing is taken, and `found` stays as it is, where the search did not end with all pairs, where the operator is not symmetric, and
+/// for the end [`Which::SmallestMagnitude`], which is in the middle of the spectrum.
+///
+/// # Errors
+/// [`Error::Option`] naming `--confirm`; [`Error::Interrupted`] when the observer stops it; as [`super::eigs()`]. `found` is then a
+/// valid answer that is not confirmed.
+pub fn confirm<O: Operator + ?Sized>(
+    operator: &mut O,
+    found: &mut Eigs,
+    options: &EigsOptions,
+    confirm: &Confirm,
+) -> Result<()> {
+    let mut operator = operator;
+    confirm_dyn(&mut operator, found, options, confirm)
+}
+
+pub(super) fn confirm_dyn(
+    operator: &mut dyn Operator,
+    found: &mut Eigs,
+    options: &EigsOptions,
+    confirm: &Confirm,
+) -> Result<()> {
+    confirm.check()?;
+    let mut confirmation = Confirmation { operator, options, confirm, products: 0, scale: 0.0 };
+    let done = confirmation.run(found);
+    found.confirming += confirmation.products;
+    done
+}
+
+struct Confirmation<'a> {
+    operator: &'a mut dyn Operator,
+    options: &'a EigsOptions,
+    confirm: &'a Confirm,
+    products: usize,
+    /// A lower bound of the norm of the operator.
+    scale: f64,
+}
+
+impl Confirmation<'_> {
+    fn run(&mut self, found: &mut Eigs) -> Result<()> {
+        let ended = matches!(found.stats.status, Status::ReachedTolerance | Status::NoiseFloor);
+        let is_whole = found.values.len() == self.options.count;
+        let is_end = !matches!(self.options.which, Which::SmallestMagnitude | Which::LargestImaginary);
+        let is_symmetric = self.operator.symmetry() == Symmetry::Symmetric;
+        if !(ended && is_whole && is_end && is_symmetric) || found.completeness.is_known() {
+            return Ok(());
+        }
+        self.scale = found.values.iter().fold(0.0, |scale, value| value.abs().max(scale));
+        for round in 0.. {
+            let mut known = self.options.deflate.clone();
+            known.extend(found.vectors.iter().cloned());
+            let n = self.operator.cols();
+            let free = n - known.len();
+            if free == 0 {
+                found.completeness = self.spanned(0.0);
+                break;
+            }
+            let seed = self.options.start.seed().wrapping_add(round).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let mut process = Lanczos::new(&gaussian(n, &mut Pcg64::seed_from_u64(!seed)), &known)?;
+            let steps = self.confirm.steps(free).min(self.left());
+            let share = self.confirm.share_of(steps, free);
+            if steps < free && share > MOST {
+                break;
+            }
+            process.expansion_mut().reserve(steps);
+            while process.steps() < steps {
+                self.expand(&mut process, steps)?;
+            }
+            let missed = self.settle(&mut process, found)?;
+            let is_spanned = process.steps() == free;
+            if !missed.is_empty() {
+                self.insert(&process, &missed, found)?;
+                if self.is_open(&missed) {
+                    break;
+                }
+            }
+            if is_spanned {
+                found.completeness = self.spanned(process.expansion().largest_error());
+                break;
+            }
+            if missed.is_empty() {
+                let limits = self.limits(&process, found, share)?;
+                let chance = self.confirm.chance * (round + 1) as f64 * self.ends(found).iter().flatten().count() as f64;
+                found.completeness = Completeness::Confirmed(Confirmed { limits, share, chance });
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn left(&self) -> usize {
+        self.confirm.products.saturating_sub(self.products)
+    }
+
+    /// The claim once all directions are spanned by products of these errors.
+    fn spanned(&self, error: f64) -> Completeness {
+        if error > 0.0 || self.options.noise > 0.0 { Completeness::NotExcluded } else { Completeness::Exact }
+    }
+
+    fn expand(&mut self, process: &mut Lanczos, total: usize) -> Result<()> {
+        process.expand(&mut *self.operator)?;
+        self.products += 1;
+        self.scale = self.scale.max(process.scale());
+        let flow = self.operator.observer().step(&Step {
+            stage: "confirming",
+            done: process.steps() as u64,
+            total: total.max(process.steps()) as u64,
+            estimate: Estimate::None,
+        });
+        if flow.is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// The last values at the lower and at the upper end that were asked for: beyond them, none may be missing.
+    fn ends(&self, found: &Eigs) -> [Option<f64>; 2] {
+        let last = found.values.last().copied();
+        match self.options.which {
+            Which::SmallestAlgebraic => [last, None],
+            Which::LargestMagnitude => [last.map(|value| -value.abs()), last.map(f64::abs)],
+            Which::BothEnds => {
+                let of = |index: Option<usize>| index.and_then(|index| found.values.get(index)).copied();
+                let count = found.values.len();
+                // The values alternate, and begin with the largest.
+                [of((count / 2 * 2).checked_sub(1)), of(count.div_ceil(2).checked_sub(1).map(|top| 2 * top))]
+            }
+            _ => [None, last],
+        }
+    }
+
+    /// How far a Ritz value of this process may be beyond a converged one and still be the same: the tolerance, rounding, and noise. `m`
+    /// products whose errors have the norm `e` and are spread evenly over `n` entries change a Ritz value by about `2e √(m/n)` at most,
+    /// and the operator that the process sees by about `2e (1 + √(m/n))`.
+    fn slack(&self, process: &Lanczos) -> [f64; 2] {
+        let rounding = f64::EPSILON * self.scale * (10.0 + (process.n() as f64).sqrt() + process.steps() as f64);
+        let noise = 2.0 * self.options.noise.max(process.expansion().largest_error());
+        let share = (process.steps() as f64 / process.n() as f64).sqrt();
+        [0.0, 1.0].map(|operator| self.options.tolerance * self.scale + rounding + noise * (share + operator))
+    }
+
+    /// The pairs of the process beyond the ends, the most wanted first.
+    fn beyond(&self, process: &Lanczos, found: &Eigs) -> Result<Vec<RitzPair>> {
+        let [slack, _] = self.slack(process);
+        let [low, high] = self.ends(found);
+        let mut beyond = Vec::new();
+        for (end, which) in [(high, Which::LargestAlgebraic), (low, Which::SmallestAlgebraic)] {
+            let Some(end) = end else { continue };
+            let outwards = |value: f64| if which == Which::LargestAlgebraic { value - end } else { end - value };
+            let pairs = process.ritz(which, self.options.count)?;
+            beyond.extend(pairs.into_iter().filter(|pair| outwards(pair.value) > slack));
+        }
+        Ok(beyond)
+    }
+
+    fn is_open(&self, pairs: &[RitzPair]) -> bool {
+        let wanted = self.options.tolerance * self.scale;
+        pairs.iter().any(|pair| pair.status(wanted, self.options.noise) == PairStatus::NotResolved)
+    }
+
+    /// Goes on until the pairs beyond the ends have converged, or the products end.
+    fn settle(&mut self, process: &mut Lanczos, found: &Eigs) -> Result<Vec<RitzPair>> {
+        let mut missed = self.beyond(process, found)?;
+        while self.is_open(&missed) && self.left() > 0 && !process.is_exhausted() {
+            let total = process.steps() + 1;
+            self.expand(process, total)?;
+            missed = self.beyond(process, found)?;
+        }
+        Ok(missed)
+    }
+
+    /// The limits beyond which nothing is missing.
+    fn limits(&self, process: &Lanczos, found: &Eigs, share: f64) -> Result<[Option<f64>; 2]> {
+        let outermost = |which| -> Result<Option<f64>> {
+            Ok(process.ritz(which, 1)?.first().map(|pair| pair.value))
+        };
+        let (top, bottom) = (outermost(Which::LargestAlgebraic)?, outermost(Which::SmallestAlgebraic)?);
+        let values = || found.values.iter().copied().chain(top).chain(bottom);
+        let spread = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+        let [_, slack] = self.slack(process);
+        let margin = share * spread + slack;
+        let [low, high] = self.ends(found);
+        Ok([low.map(|low| low - margin), high.map(|high| high + margin)])
+    }
+
+    /// Inserts pairs where they belong, and keeps as many as were asked for.
+    fn insert(&mut self, process: &Lanczos, missed: &[RitzPair], found: &mut Eigs) -> Result<()> {
+        let vectors: Vec<Vec<f64>> = missed.iter().map(|pair| process.ritz_vector(pair)).collect();
+        let common = vectors.iter().map(|vector| self.operator.common_error(vector)).collect::<Result<_>>()?;
+        let imaginary = vec![Vec::new(); missed.len()];
+        let new = Found { pairs: missed, vectors, common, imaginary, scale: self.scale, rows: process.n() };
+        let new = new.eigs(self.options, process.asymmetry(), Vec::new(), found.stats);
+        found.asymmetry = found.asymmetry.max(new.asymmetry);
+        found.values.extend(new.values);
+        found.imaginary_values.extend(new.imaginary_values);
+        found.vectors.extend(new.vectors);
+        found.imaginary_vectors.extend(new.imaginary_vectors);
+        found.residuals.extend(new.residuals);
+        found.standard_errors.extend(new.standard_errors);
+        found.bounds.extend(new.bounds);
+        found.gap_bounds.extend(new.gap_bounds);
+        found.statuses.extend(new.statuses);
+        let complex: Vec<(f64, f64)> = found.values.iter().map(|&value| (value, 0.0)).collect();
+        let mut order = self.options.which.order(&complex);
+        order.truncate(self.options.count);
+        reorder(&mut found.values, &order);
+        reorder(&mut found.imaginary_values, &order);
+        reorder(&mut found.vectors, &order);
+        reorder(&mut found.imaginary_vectors, &order);
+        reorder(&mut found.residuals, &order);
+        reorder(&mut found.standard_errors, &order);
+        reorder(&mut found.bounds, &order);
+        reorder(&mut found.gap_bounds, &order);
+        reorder(&mut found.statuses, &order);
+        if self.is_open(missed) {
+            found.stats.status = Status::BudgetSpent;
+        }
+        // The gaps are smaller than each process knew by itself.
+        for index in 0..found.values.len() {
+            let others = (0..found.values.len()).filter(|other| *other != index);
+            let gap = others
+                .map(|other| (found.values[other] - found.values[index]).abs() - found.residuals[other])
+                .fold(f64::INFINITY, f64::min);
+            let bound = found.bounds[index];
+            found.gap_bounds[index] = found.gap_bounds[index].max(temple_kato(bound, gap)).min(bound);
+        }
+        Ok(())
+    }
+}
+
+/// The entries of these indices, each of which occurs once.
+fn reorder<T: Clone>(entries: &mut Vec<T>, order: &[usize]) {
+    *entries = order.iter().map(|&index| entries[index].clone()).collect();
+}
