@@ -91,6 +91,14 @@ pub trait Operator {
         Ok(0.0)
     }
 
+    /// Says whether products cost nothing, as those with a matrix in memory. Where they do, the products that follow while `on` only
+    /// confirm an answer: they are no photos, and are neither counted nor shown. By default false: a product is a photo, whatever it is
+    /// for.
+    fn confirming(&mut self, on: bool) -> bool {
+        let _ = on;
+        false
+    }
+
     /// The standard error of the last product, where a single one was taken; 0 where it is exact or not known.
     fn standard_error(&self) -> f64 {
         self.standard_errors().first().copied().unwrap_or(0.0)

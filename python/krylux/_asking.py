@@ -2,7 +2,7 @@
 
 from . import _checks, answers
 from ._lighting import Lighting
-from ._questions import columns, eigs_question, segment_question
+from ._questions import columns, confirm_share, eigs_question, segment_question
 
 
 class Asking(Lighting):
@@ -10,7 +10,7 @@ class Asking(Lighting):
 
     def segment(self, groups=(), *, photos=None, starts=None, eigenvectors=10, cut="normalized", mu=0.0,
                 mask_below=0.01, direct="source", direct_photos=16, direct_square=4, blur=None, features=(),
-                evidence=False):
+                evidence=False, confirm=None):
         """Segments the scene by how light travels in it: pixels that exchange light form a group.
 
         Parameters
@@ -40,6 +40,9 @@ class Asking(Lighting):
             Pixels, as ``(column, row)``, whose places in the space of eigenvectors are wanted.
         evidence : bool
             Light each group alone, one more photo for each.
+        confirm : float
+            Confirm that no region was missed whose eigenvalue is above those found by more than this share of the spectrum's
+            spread. On a rig this takes further photos; traced scenes are confirmed in any case, at 0.01.
 
         Returns
         -------
@@ -53,7 +56,7 @@ class Asking(Lighting):
         return answers.Segmentation(*self._native.segment(question), self)
 
     def eigs(self, count=6, *, part="full", which="la", photos=None, tolerance=None, method="lanczos", block=2,
-             max_basis=None):
+             max_basis=None, confirm=None):
         """Computes eigenvalues and eigenvectors of one part of the light transport matrix.
 
         Parameters
@@ -74,6 +77,9 @@ class Asking(Lighting):
             Vectors in the block of ``"block-lanczos"``.
         max_basis : int
             The most basis vectors to keep, by restarts.
+        confirm : float
+            Confirm that no eigenvalue was missed that lies beyond the last one by more than this share of the spectrum's spread.
+            On a rig this takes further photos; matrices and traced scenes are confirmed in any case, at 0.01.
 
         Returns
         -------
@@ -85,11 +91,11 @@ class Asking(Lighting):
         """
         block = _checks.vectors(block, "block", self._pixels)
         question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance,
-                                 method=method, block=block, max_basis=max_basis, seed=self.seed)
+                                 method=method, block=block, max_basis=max_basis, confirm=confirm, seed=self.seed)
         fields, native = self._native.eigs(part, question)
         return answers.Eigenpairs({**columns(fields), "shape": self.projector_shape}, native, self)
 
-    def singular(self, count=6, *, part="full", photos=None, tolerance=None):
+    def singular(self, count=6, *, part="full", photos=None, tolerance=None, confirm=None):
         """Computes singular values of one part of the light transport matrix, with the patterns and their photos.
 
         They exist where camera and projector are apart, too. Every second photo is one of the transpose, with camera and
@@ -105,6 +111,8 @@ class Asking(Lighting):
             Photos to take at most, both ways. Default 50, or as many as the run that is the source might take.
         tolerance : float
             Done when each residual is at most this share of the largest singular value. Default 1e-8, or the photos' noise.
+        confirm : float
+            As for :meth:`eigs`: none above ``√(σ_k² + confirm · σ_1²)`` is missed.
 
         Returns
         -------
@@ -115,7 +123,7 @@ class Asking(Lighting):
         Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix*, 1965.
         """
         tolerance = _checks.maybe(_checks.finite, tolerance, "tolerance", 0.0)
-        question = (_checks.count(count, "count"), self._budget(photos, 50), tolerance, self.seed)
+        question = (_checks.count(count, "count"), self._budget(photos, 50), tolerance, self.seed, confirm_share(confirm))
         return answers.SingularTriplets(*self._native.singular(part, question), self)
 
     def solve(self, b, *, method="minres", photos=50, rtol=1e-6, lower=0.0, upper=1.0):

@@ -24,6 +24,7 @@ class Asking(Lighting):
         blur: float | None = None,
         features: Iterable[tuple[int, int]] = (),
         evidence: bool = False,
+        confirm: float | None = None,
     ) -> answers.Segmentation: ...
     def eigs(
         self,
@@ -36,6 +37,7 @@ class Asking(Lighting):
         method: Literal["lanczos", "block-lanczos", "arnoldi", "power"] = "lanczos",
         block: int = 2,
         max_basis: int | None = None,
+        confirm: float | None = None,
     ) -> answers.Eigenpairs: ...
     def singular(
         self,
@@ -44,6 +46,7 @@ class Asking(Lighting):
         part: Literal["full", "direct", "global"] = "full",
         photos: int | None = None,
         tolerance: float | None = None,
+        confirm: float | None = None,
     ) -> answers.SingularTriplets: ...
     def solve(
         self,

@@ -26,6 +26,7 @@ def segment_question(lab, asked):
         "blur": None if asked["blur"] is None else _checks.finite(asked["blur"], "blur"),
         "features": pixels,
         "evidence": bool(asked["evidence"]),
+        "confirm": confirm_share(asked["confirm"]),
         "seed": lab.seed,
     }
 
@@ -61,7 +62,8 @@ def compensate_question(lab, asked):
     }
 
 
-def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, seed, noise=0.0, start=None, deflate=()):
+def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, confirm, seed, noise=0.0, start=None,
+                  deflate=()):
     """What is asked of eigenpairs."""
     return {
         "count": _checks.count(count, "count"),
@@ -75,12 +77,18 @@ def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, 
         "seed": _checks.count(seed, "seed", 0, 2**64 - 1),
         "start": start,
         "deflate": list(deflate),
+        "confirm": confirm_share(confirm),
     }
 
 
 def columns(fields):
     """Eigenvectors as columns, as SciPy has them."""
     return {**fields, "vectors": fields["vectors"].T, "imaginary_vectors": fields["imaginary_vectors"].T}
+
+
+def confirm_share(share):
+    """The share of the spectrum's spread beyond which no eigenvalue may be missed."""
+    return _checks.maybe(_checks.finite, share, "confirm", 0.0)
 
 
 def _number(asked, option, least=None):

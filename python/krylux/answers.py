@@ -69,6 +69,10 @@ class Eigenpairs(Answer):
         ``"converged"``, ``"limited by noise"`` or ``"not resolved"``.
     asymmetry : float
         ``‖H − Hᵀ‖/‖H‖`` of the operator on the subspace.
+    completeness : str
+        Whether eigenvalues may have been missed: none, none beyond a limit except with a stated chance, or not excluded.
+    confirming : int
+        Products that confirmed it; on a rig ``photos`` counts them.
     history : list of tuple
         ``(photos, values, residuals)`` after each photo.
     shape : tuple of int or None
@@ -92,7 +96,7 @@ class Eigenpairs(Answer):
                 for index, value in enumerate(values)
             ]
         spectrum = _display.spectrum(self.values, self.residuals)
-        return _display.page("Eigenpairs", f"{self.photos} photos: {self.status}", spectrum, *pictures)
+        return _display.page("Eigenpairs", f"{self.photos} photos: {self.status}; {self.completeness}", spectrum, *pictures)
 
 
 class SingularTriplets(Answer):
@@ -112,6 +116,8 @@ class SingularTriplets(Answer):
         ``"converged"``, ``"limited by noise"`` or ``"not resolved"``.
     disagreement : float
         How far the photos of the transpose are from the other photos transposed, relative to these.
+    completeness, confirming
+        As of :class:`Eigenpairs`.
     history : list of tuple
         ``(photos, values, residuals)`` after each pair of photos.
     """

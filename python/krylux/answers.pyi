@@ -34,6 +34,8 @@ class Eigenpairs(Answer):
     standard_errors: NDArray[np.float64]
     statuses: list[str]
     asymmetry: float
+    completeness: str
+    confirming: int
     history: list[tuple[int, list[float], list[float]]]
     shape: tuple[int, int] | None
     def picture(self, index: int) -> NDArray[np.float64]: ...
@@ -46,6 +48,8 @@ class SingularTriplets(Answer):
     standard_errors: NDArray[np.float64]
     statuses: list[str]
     disagreement: float
+    completeness: str
+    confirming: int
     history: list[tuple[int, list[float], list[float]]]
 
 class Compensation(Answer):

@@ -115,7 +115,7 @@ multiplicative = _named("multiplicative", "multiplicative updates: a solution th
 
 
 def eigs(A, count=6, *, which="la", products=50, tolerance=None, method=None, block=2, max_basis=None, noise=0.0,
-         seed=0, start=None, deflate=None, symmetric=None, progress=False):
+         seed=0, start=None, deflate=None, confirm=None, symmetric=None, progress=False):
     """Computes a few eigenpairs within a budget of products.
 
     Parameters
@@ -139,11 +139,14 @@ def eigs(A, count=6, *, which="la", products=50, tolerance=None, method=None, bl
     noise : float
         The norm of the error of a product with a vector of norm 1.
     seed : int
-        The starting vector has random signs of this seed, unless there is a ``start``.
+        The starting vector is drawn with this seed, unless there is a ``start``.
     start : array_like, optional
         ``[n]``: the starting vector.
     deflate : array_like, optional
         ``[n, j]``: known eigenvectors as columns, which are projected out.
+    confirm : float, optional
+        Confirm by further products that no eigenvalue was missed that lies beyond the last one by more than this share of the
+        spectrum's spread.
     symmetric : bool, optional
         As in :func:`solve`.
     progress : bool or callable
@@ -167,7 +170,7 @@ def eigs(A, count=6, *, which="la", products=50, tolerance=None, method=None, bl
     start = None if start is None else _checks.vector(start, "start", n)
     question = eigs_question(count=count, which=which, photos=_checks.count(products, "products"),
                              tolerance=tolerance, method=method, block=_checks.vectors(block, "block", n),
-                             max_basis=max_basis, seed=seed, noise=noise, start=start, deflate=known)
+                             max_basis=max_basis, seed=seed, noise=noise, start=start, deflate=known, confirm=confirm)
     return answers.Eigenpairs(columns(_krylux.eigs(described, question)))
 
 

@@ -64,6 +64,7 @@ def eigs(
     seed: int = 0,
     start: ArrayLike | None = None,
     deflate: ArrayLike | None = None,
+    confirm: float | None = None,
     symmetric: bool | None = None,
     progress: _Progress = False,
 ) -> answers.Eigenpairs: ...

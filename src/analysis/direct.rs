@@ -72,7 +72,7 @@ impl<'a> WithoutDirect<'a> {
 }
 
 impl Operator for WithoutDirect<'_> {
-    delegate!(operator: symmetry, block_size, observer, standard_errors, common_error, frames);
+    delegate!(operator: symmetry, block_size, observer, standard_errors, common_error, frames, confirming);
 
     fn rows(&self) -> usize {
         self.direct.len()
@@ -123,7 +123,7 @@ impl<'a> Blurred<'a> {
 }
 
 impl Operator for Blurred<'_> {
-    delegate!(operator: symmetry, block_size, observer, frames);
+    delegate!(operator: symmetry, block_size, observer, frames, confirming);
 
     fn rows(&self) -> usize {
         self.photo.len()

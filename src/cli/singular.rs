@@ -4,6 +4,7 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
+use super::eigs::say_completeness;
 use super::opening::{Ending, finish};
 use super::options::RunArgs;
 use crate::error::Result;
@@ -39,8 +40,10 @@ pub(super) fn answer(asked: &Asked, run: &RunArgs, lab: &mut Lab, console: &Cons
         "standard_errors": found.standard_errors,
         "statuses": triplets.statuses(),
         "disagreement": found.disagreement,
+        "completeness": found.completeness,
+        "confirming": found.confirming,
     });
-    let is_good = !asked.is_strict || triplets.is_good();
+    let is_good = triplets.is_good(asked.is_strict);
     let kept = Kept { groups: None, eigenvectors: None };
     Ok(finish(lab, console, &triplets, Ending { run, is_good, summary, kept })?.1)
 }
@@ -48,6 +51,7 @@ pub(super) fn answer(asked: &Asked, run: &RunArgs, lab: &mut Lab, console: &Cons
 fn say(triplets: &SingularTriplets<'_>, console: &Console) -> Result<()> {
     let found = triplets.found;
     console.say(format_args!("photos    {}: {}", found.stats.products, found.stats.status))?;
+    say_completeness(found.completeness, (found.values.len(), triplets.wanted), found.confirming, console)?;
     if found.disagreement > 1e-12 {
         console.say(format_args!(
             "transpose the photos of the transpose differ from the other photos transposed by {} %",

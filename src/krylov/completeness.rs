@@ -26,11 +26,14 @@ pub struct Confirm {
     pub chance: f64,
     /// Products at most. Default: as many as it takes.
     pub products: usize,
+    /// Whether the noise that the search was told of is in the matrix itself, the same in all products, as that of a finite number of light
+    /// paths: the products then tell the matrix exactly. Default false.
+    pub is_frozen: bool,
 }
 
 impl Default for Confirm {
     fn default() -> Self {
-        Self { share: 0.01, chance: 1e-3, products: usize::MAX }
+        Self { share: 0.01, chance: 1e-3, products: usize::MAX, is_frozen: false }
     }
 }
 
@@ -41,6 +44,22 @@ impl Confirm {
         let steps = 0.5 * ((1.648 * (n as f64).sqrt() / self.chance).ln() / self.share.sqrt() + 1.0);
         // At most 10¹⁰ for the smallest share that `check` admits.
         (steps.ceil() as usize).clamp(1, n.max(1))
+    }
+
+    /// How a search is confirmed, as far as this was `asked` for: at no cost where `is_free`; otherwise, where random vectors have continued a
+    /// search that `broke_down`, by the products that are `left`.
+    pub(super) fn of(asked: Option<Self>, is_free: bool, broke_down: bool, left: usize) -> Option<Self> {
+        match (asked, is_free) {
+            (asked, true) => Some(Self { is_frozen: true, ..asked.unwrap_or_default() }),
+            (Some(asked), false) => Some(asked),
+            (None, false) => broke_down.then(|| Self { products: left, ..Self::default() }),
+        }
+    }
+
+    /// On a rig: as many products at most as two vectors take, of which the first may find an eigenvalue that the search has missed.
+    #[must_use]
+    pub fn on_rig(self, n: usize) -> Self {
+        Self { products: self.products.min(2 * self.steps(n)), ..self }
     }
 
     /// The share `ε` that so many steps in `n` dimensions reach.
@@ -69,7 +88,8 @@ impl Confirm {
 pub(super) const MOST: f64 = 0.5;
 
 /// What is known of eigenvalues (or singular values) that a search may have missed. Displays as a sentence without its full stop.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(tag = "claim", rename_all = "kebab-case")]
 pub enum Completeness {
     /// Further copies of a repeated value, and values whose vectors the search has not met, are not excluded.
     #[default]
@@ -81,7 +101,7 @@ pub enum Completeness {
 }
 
 /// A search that was confirmed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Confirmed {
     /// No value below the first or above the second is missing: `λ_k ± (ε (λ_max − λ_min) + tolerance + noise)`, with the spread as the
     /// Ritz values show it. `None` at an end of the spectrum that was not asked for.

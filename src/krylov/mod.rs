@@ -48,7 +48,9 @@ mod vectors;
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
 pub use completeness::{Completeness, Confirm, Confirmed};
-pub use eigen::{Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from};
+pub use eigen::{
+    Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,
+};
 pub use estimators::{
     DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
     diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,

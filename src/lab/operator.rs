@@ -25,6 +25,8 @@ pub struct LabOperator {
     /// Where photos are recorded for the report; `None` for products that are no photos of the run.
     sheet: Option<Arc<Mutex<ContactSheet>>>,
     photos: usize,
+    /// Whether products only confirm an answer and cost nothing: they are no photos, and a model of other photos cannot give them.
+    is_confirming: bool,
     /// The standard errors of the products of the last call, where the source knows them.
     errors: Vec<f64>,
 }
@@ -47,6 +49,7 @@ impl LabOperator {
             observer: observer.clone(),
             sheet,
             photos: 0,
+            is_confirming: false,
             errors: Vec::new(),
         }
     }
@@ -66,8 +69,18 @@ impl LabOperator {
         self.photos
     }
 
+    /// Whether products cost nothing but a little computing.
+    pub(super) fn is_free(&self) -> bool {
+        lock(&self.transport).is_free()
+    }
+
     fn products(&mut self, direction: Direction, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.errors = lock(&self.transport).products((self.part, self.channel), direction, xs, ys)?;
+        let of = (self.part, self.channel);
+        if self.is_confirming {
+            self.errors = lock(&self.transport).products_taken(of, direction, xs, ys)?;
+            return Ok(());
+        }
+        self.errors = lock(&self.transport).products(of, direction, xs, ys)?;
         self.photos += xs.len();
         let Some(sheet) = &self.sheet else { return Ok(()) };
         let is_dual = direction == Direction::Adjoint;
@@ -123,6 +136,12 @@ impl Operator for LabOperator {
 
     fn frames(&self) -> Option<u64> {
         Some(lock(&self.transport).rig()?.measurement.effort().frames())
+    }
+
+    fn confirming(&mut self, on: bool) -> bool {
+        let is_free = self.is_free();
+        self.is_confirming = on && is_free;
+        is_free
     }
 }
 

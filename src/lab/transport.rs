@@ -97,6 +97,11 @@ impl LightTransport {
         !matches!(self.engine, Engine::Measured(_))
     }
 
+    /// Whether products cost next to nothing: those with a matrix, and those that a journal holds.
+    pub(super) fn is_free(&self) -> bool {
+        matches!(self.engine, Engine::Replayed(_) | Engine::Explicit(_) | Engine::JournalOnly)
+    }
+
     /// The rig, where photos are of one.
     pub(super) fn rig(&mut self) -> Option<&mut MeasuredRig> {
         match &mut self.engine {
@@ -138,7 +143,7 @@ impl LightTransport {
         self.or_by_model(|transport| transport.products_taken(of, direction, xs, ys))
     }
 
-    fn products_taken(
+    pub(super) fn products_taken(
         &mut self,
         (part, channel): (Part, usize),
         direction: Direction,

@@ -46,6 +46,10 @@ macro_rules! forward {
             fn common_error(&mut self, x: &[f64]) -> Result<f64> {
                 (**self).common_error(x)
             }
+
+            fn confirming(&mut self, on: bool) -> bool {
+                (**self).confirming(on)
+            }
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {
@@ -107,6 +111,11 @@ macro_rules! delegate {
     (@common_error $field:tt) => {
         fn common_error(&mut self, x: &[f64]) -> $crate::error::Result<f64> {
             self.$field.common_error(x)
+        }
+    };
+    (@confirming $field:tt) => {
+        fn confirming(&mut self, on: bool) -> bool {
+            self.$field.confirming(on)
         }
     };
     (@standard_errors $field:tt) => {

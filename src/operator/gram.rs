@@ -126,6 +126,10 @@ impl Operator for Gram<'_> {
     fn frames(&self) -> Option<u64> {
         self.operator.frames()
     }
+
+    fn confirming(&mut self, on: bool) -> bool {
+        self.operator.confirming(on)
+    }
 }
 
 #[cfg(test)]

@@ -42,7 +42,7 @@ impl<'a, O: ?Sized> Observed<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Observed<'_, O> {
-    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, common_error, frames);
+    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, common_error, frames, confirming);
 
     fn observer(&self) -> &dyn Observer {
         self.observer
@@ -105,7 +105,7 @@ where
     O: Operator + ?Sized,
     F: FnMut(&dyn Observer, &Step<'_>) -> ControlFlow<()>,
 {
-    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, common_error, frames);
+    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, common_error, frames, confirming);
 
     fn observer(&self) -> &dyn Observer {
         self

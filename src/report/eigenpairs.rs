@@ -27,10 +27,9 @@ impl<'a> Eigenpairs<'a> {
         Self { found, wanted, estimates: &[] }
     }
 
-    /// Whether all that were wanted converged.
-    pub fn is_good(&self) -> bool {
-        self.found.statuses.iter().all(|&status| status == PairStatus::Converged)
-            && self.found.values.len() == self.wanted
+    /// Whether all that were wanted were found, and are within the tolerance; or, unless it is `strict`, within the noise of the photos.
+    pub fn is_good(&self, strict: bool) -> bool {
+        are_good(&self.found.statuses, self.wanted, strict)
     }
 
     /// The status of each pair, in words.
@@ -86,7 +85,8 @@ impl<'a> Eigenpairs<'a> {
 
     fn page(&self, run: &Run<'_>, figures: Block) -> Result<Report> {
         let found = self.found;
-        let sentence = format!("{} photos: {}.", found.stats.products, found.stats.status);
+        let sentence =
+            format!("{} photos: {}; {}.", found.stats.products, found.stats.status, found.completeness);
         let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
         let mut columns = vec![("error at most", bounds), ("verdict", self.statuses())];
         if !self.estimates.is_empty() {
@@ -115,8 +115,18 @@ impl<'a> Eigenpairs<'a> {
             ],
         });
         sections.extend(run.photos("")?);
-        Ok(run.page((self.is_good(), sentence), found.stats.products, [], sections))
+        Ok(run.page((self.is_good(false), sentence), found.stats.products, [], sections))
     }
+}
+
+/// Whether so many pairs of these statuses are as many and as good as was asked for.
+pub(super) fn are_good(statuses: &[PairStatus], wanted: usize, strict: bool) -> bool {
+    let is_good = |status: &PairStatus| match status {
+        PairStatus::Converged => true,
+        PairStatus::LimitedByNoise => !strict,
+        PairStatus::NotResolved => false,
+    };
+    statuses.len() == wanted && statuses.iter().all(is_good)
 }
 
 pub(super) fn in_words(status: PairStatus) -> &'static str {

@@ -1,12 +1,12 @@
 //! Files and report page of a run that computed singular values.
 
-use super::eigenpairs::{in_words, write_vectors};
+use super::eigenpairs::{are_good, in_words, write_vectors};
 use super::html::{Block, Report, Section};
 use super::run::{Files, Run};
 use super::spectrum;
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::krylov::{PairStatus, Singular};
+use crate::krylov::Singular;
 
 /// Singular triplets, and how many were wanted.
 #[derive(Clone, Copy, Debug)]
@@ -18,10 +18,9 @@ pub struct SingularTriplets<'a> {
 }
 
 impl SingularTriplets<'_> {
-    /// Whether all that were wanted converged.
-    pub fn is_good(&self) -> bool {
-        self.found.statuses.iter().all(|&status| status == PairStatus::Converged)
-            && self.found.values.len() == self.wanted
+    /// As [`Eigenpairs::is_good`](super::Eigenpairs::is_good).
+    pub fn is_good(&self, strict: bool) -> bool {
+        are_good(&self.found.statuses, self.wanted, strict)
     }
 
     /// The status of each triplet, in words.
@@ -66,7 +65,10 @@ impl SingularTriplets<'_> {
 
     fn page(&self, run: &Run<'_>, figures: Vec<super::html::Figure>) -> Result<Report> {
         let found = self.found;
-        let sentence = format!("{} photos there and back: {}.", found.stats.products, found.stats.status);
+        let sentence = format!(
+            "{} photos there and back: {}; {}.",
+            found.stats.products, found.stats.status, found.completeness
+        );
         let mut sections = Vec::new();
         if !figures.is_empty() {
             sections.push(Section {
@@ -89,6 +91,6 @@ impl SingularTriplets<'_> {
             ],
         });
         sections.extend(run.photos("")?);
-        Ok(run.page((self.is_good(), sentence), found.stats.products, [], sections))
+        Ok(run.page((self.is_good(false), sentence), found.stats.products, [], sections))
     }
 }

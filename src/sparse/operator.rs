@@ -48,6 +48,10 @@ impl Operator for SparseOperator {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         multiply(&self.matrix, x, y)
     }
+
+    fn confirming(&mut self, _: bool) -> bool {
+        true
+    }
 }
 
 impl Adjoint for SparseOperator {

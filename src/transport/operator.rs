@@ -64,6 +64,10 @@ impl Operator for MatrixOperator<'_> {
     fn block_size(&self) -> usize {
         if self.matrix.on_processor().is_some() { BLOCK_WIDTH } else { 1 }
     }
+
+    fn confirming(&mut self, _: bool) -> bool {
+        true
+    }
 }
 
 impl Adjoint for MatrixOperator<'_> {

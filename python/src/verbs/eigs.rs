@@ -2,7 +2,7 @@
 
 use krylux::image::Resolution;
 use krylux::krylov::{
-    Eigs, EigsMethod, EigsOptions, HistoryRow, Method, PairStatus, Singular, SingularOptions, SolveOptions,
+    Confirm, Eigs, EigsMethod, EigsOptions, HistoryRow, Method, PairStatus, Singular, SingularOptions, SolveOptions,
     Start, Which,
 };
 use numpy::PyReadonlyArray1;
@@ -31,6 +31,7 @@ pub(crate) struct EigsQuestion {
     pub(crate) seed: u64,
     pub(crate) start: Option<Vec<f64>>,
     pub(crate) deflate: Vec<Vec<f64>>,
+    pub(crate) confirm: Option<f64>,
 }
 
 impl EigsQuestion {
@@ -63,8 +64,13 @@ impl EigsQuestion {
                 None => Start::Random { seed: self.seed },
             },
             deflate: self.deflate.clone(),
+            confirm: self.confirm.map(confirm),
         })
     }
+}
+
+fn confirm(share: f64) -> Confirm {
+    Confirm { share, ..Confirm::default() }
 }
 
 /// The attributes of eigenpairs: vectors are rows.
@@ -81,6 +87,7 @@ pub(crate) fn eigs_fields<'py>(py: Python<'py>, found: &Eigs, n: usize) -> PyRes
     fields.numbers("gap_bounds", found.gap_bounds.clone())?;
     fields.put("statuses", statuses(&found.statuses))?.put("asymmetry", found.asymmetry)?;
     fields.put("photos", found.stats.products)?.put("status", found.stats.status.to_string())?;
+    fields.put("completeness", found.completeness.to_string())?.put("confirming", found.confirming)?;
     fields.put("history", history(&found.history))?;
     Ok(fields.0)
 }
@@ -96,6 +103,7 @@ fn singular_fields<'py>(
     fields.numbers("standard_errors", found.standard_errors.clone())?;
     fields.stack("patterns", &found.right, pattern)?.stack("photographs", &found.left, photo)?;
     fields.put("statuses", statuses(&found.statuses))?.put("disagreement", found.disagreement)?;
+    fields.put("completeness", found.completeness.to_string())?.put("confirming", found.confirming)?;
     fields.put("photos", found.stats.products)?.put("status", found.stats.status.to_string())?;
     fields.put("history", history(&found.history))?;
     Ok(fields.0)
@@ -131,10 +139,10 @@ impl Lab {
         &self,
         py: Python<'py>,
         part: &str,
-        question: (usize, usize, Option<f64>, u64),
+        question: (usize, usize, Option<f64>, u64, Option<f64>),
     ) -> PyResult<Answered<'py>> {
         let part = crate::lab::part(py, part)?;
-        let (count, products, tolerance, seed) = question;
+        let (count, products, tolerance, seed, share) = question;
         let (found, sizes) = self.with(py, |lab| {
             let noise = match tolerance {
                 Some(_) => 0.0,
@@ -143,7 +151,9 @@ impl Lab {
             let base = SingularOptions::default();
             let tolerance = tolerance.unwrap_or(base.tolerance);
             let start = Start::Random { seed };
-            let found = lab.singular(part, &SingularOptions { count, products, tolerance, noise, start })?;
+            let confirm = share.map(confirm);
+            let found =
+                lab.singular(part, &SingularOptions { count, products, tolerance, noise, start, confirm })?;
             Ok((found, [lab.resolution(), lab.projector_resolution()]))
         })?;
         let fields = singular_fields(py, &found, sizes)?;

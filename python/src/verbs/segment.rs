@@ -3,6 +3,7 @@
 use krylux::analysis::segment::{DirectLight, SegmentRequest, Segmented};
 use krylux::analysis::{Cut, DirectMethod, SegmentOptions};
 use krylux::image::Resolution;
+use krylux::krylov::Confirm;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -29,6 +30,7 @@ pub(super) struct SegmentQuestion {
     blur: Option<f64>,
     features: Vec<(usize, usize)>,
     evidence: bool,
+    confirm: Option<f64>,
     seed: u64,
 }
 
@@ -65,6 +67,7 @@ impl SegmentQuestion {
                 )?,
                 mu: self.mu,
                 mask_below: self.mask_below,
+                confirm: self.confirm.map(|share| Confirm { share, ..Confirm::default() }),
                 seed: self.seed,
                 ..SegmentOptions::default()
             },

@@ -37,7 +37,7 @@ impl<'a> NormalizedAdjacency<'a> {
 }
 
 impl Operator for NormalizedAdjacency<'_> {
-    delegate!(global: symmetry, block_size, observer, frames);
+    delegate!(global: symmetry, block_size, observer, frames, confirming);
 
     fn rows(&self) -> usize {
         self.nodes.len()

@@ -1,6 +1,7 @@
 //! The photos of a segmentation, taken once for any number of groups; a capture can be resumed after an error.
 
 use super::adjacency::NormalizedAdjacency;
+use super::confirm::{Unseen, unseen};
 use super::graph::Graph;
 use super::laplacian::NegativeLaplacian;
 use super::low_pass::low_pass;
@@ -30,6 +31,7 @@ pub struct Capture {
     lanczos: Option<BlockLanczos>,
     history: Vec<HistoryRow>,
     status: Option<Status>,
+    unseen: Unseen,
 }
 
 impl Capture {
@@ -47,6 +49,7 @@ impl Capture {
             lanczos: None,
             history: Vec::new(),
             status: None,
+            unseen: Unseen::default(),
         })
     }
 
@@ -57,7 +60,7 @@ impl Capture {
 
     /// Photos taken so far.
     pub fn photos(&self) -> usize {
-        self.photos_of_degree + self.lanczos.as_ref().map_or(0, Factorization::products)
+        self.photos_of_degree + self.lanczos.as_ref().map_or(0, Factorization::products) + self.unseen.photos
     }
 
     /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global` stops it.
@@ -70,7 +73,13 @@ impl Capture {
     /// earlier photos; any error of `global`.
     pub fn run<O: Operator + ?Sized>(&mut self, global: &mut O) -> Result<()> {
         let mut global = global;
-        self.run_with(&mut global)
+        self.run_with(&mut global)?;
+        if self.status != Some(Status::Stopped)
+            && let (Some(graph), Some(lanczos)) = (&self.graph, &self.lanczos)
+        {
+            self.unseen = unseen(&mut global, graph, lanczos, &self.options)?;
+        }
+        Ok(())
     }
 
     fn run_with(&mut self, global: &mut dyn Operator) -> Result<()> {
@@ -196,6 +205,7 @@ impl Capture {
             history: &self.history,
             status: self.status,
             starts: lanczos.block(),
+            unseen: self.unseen,
         };
         Segmentation::from_vectors(&taken, graph, &pairs, vectors)
     }

@@ -33,7 +33,7 @@ impl<'a> NegativeLaplacian<'a> {
 }
 
 impl Operator for NegativeLaplacian<'_> {
-    delegate!(global: symmetry, block_size, observer, standard_errors, frames);
+    delegate!(global: symmetry, block_size, observer, standard_errors, frames, confirming);
 
     fn rows(&self) -> usize {
         self.graph.pixels().len()

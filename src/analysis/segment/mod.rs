@@ -14,6 +14,7 @@
 
 mod adjacency;
 mod capture;
+mod confirm;
 mod embedding;
 mod evidence;
 mod features;
@@ -29,6 +30,7 @@ mod truth;
 
 pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
+pub use confirm::Unseen;
 pub use embedding::Embedding;
 pub use evidence::{Evidence, evidence};
 pub use features::{FeatureView, feature_view};

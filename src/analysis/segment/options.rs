@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::krylov::Confirm;
 
 /// The normalization of a cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,6 +57,9 @@ pub struct SegmentOptions {
     pub tolerance: f64,
     /// Seed of the Lanczos start and of k-means.
     pub seed: u64,
+    /// How it is confirmed that no region was missed, by photos beyond those of the budget. Default none: it is confirmed by itself where
+    /// photos cost nothing.
+    pub confirm: Option<Confirm>,
 }
 
 impl Default for SegmentOptions {
@@ -72,6 +76,7 @@ impl Default for SegmentOptions {
             mask_below: 0.01,
             tolerance: 1e-6,
             seed: 0,
+            confirm: None,
         }
     }
 }

@@ -10,8 +10,9 @@
 //!
 //! Localized eigenvectors ([`Embedding::is_local`](super::Embedding::is_local)) are left out.
 
+use super::confirm::Unseen;
 use super::embedding::LEAST_SHARE;
-use crate::krylov::temple_kato;
+use crate::krylov::{Completeness, temple_kato};
 
 /// Eigenvalues closer to 1 than this count as this close, so that rounding creates no gaps. An operator that blurs has a higher floor.
 const FLOOR: f64 = 1e-3;
@@ -47,6 +48,8 @@ pub struct Regions {
     pub at_least: bool,
     /// Whether the gap is wide enough to be trusted, and the number is not only a lower bound.
     pub clear: bool,
+    /// What is known of further regions.
+    pub unseen: Unseen,
 }
 
 impl Regions {
@@ -98,6 +101,7 @@ impl Regions {
             levels,
             at_least,
             clear: !at_least && next.is_some_and(is_far),
+            unseen: Unseen::default(),
         }
     }
 
@@ -106,6 +110,14 @@ impl Regions {
         self.count += more;
         self.divided += more;
         (self.at_least, self.clear) = (true, false);
+    }
+
+    /// Takes in what is known of further regions.
+    pub(super) fn confirm(&mut self, unseen: Unseen) {
+        self.unseen = unseen;
+        if unseen.missed.is_some() {
+            (self.at_least, self.clear) = (true, false);
+        }
     }
 
     /// The evidence as a sentence, without its full stop.
@@ -131,7 +143,12 @@ impl Regions {
                 "; the eigenvector at one has {levels} levels, and so many regions exchange nothing at all"
             );
         }
-        if self.divided > 0 {
+        if let Some(missed) = self.unseen.missed {
+            text += &format!(
+                "; a further eigenvalue {:.4} from one was found afterwards, so there may be more: allow more --photos",
+                1.0 - missed
+            );
+        } else if self.divided > 0 {
             text += &format!(
                 "; {} of them only by the coordinates of their pixels, since not all eigenvectors were found, so there may be more: allow more --photos",
                 self.divided
@@ -140,6 +157,16 @@ impl Regions {
             text += "; each starting pattern has found one, so there may be more: allow more --photos, or give --starts";
         } else if self.next.is_some() && !self.clear {
             text += "; the gap is not clear, so this is a guess";
+        }
+        match self.unseen.completeness {
+            Completeness::Confirmed(claim) => {
+                let kept = 100.0 * claim.limits[1].unwrap_or(1.0).min(1.0);
+                text += &format!("; no other eigenvector keeps more than {kept:.0} % of its light");
+                if claim.chance > 0.0 {
+                    text += &format!(", except with a chance of {:.1e}", claim.chance);
+                }
+            }
+            _ => text += "; further regions are not excluded",
         }
         text
     }

@@ -1,5 +1,6 @@
 //! The segmentation that eigenvectors give.
 
+use super::confirm::Unseen;
 use super::embedding::{Embedding, mean};
 use super::graph::Graph;
 use super::grouping::{confidence, divided};
@@ -68,6 +69,8 @@ pub(super) struct Taken<'a> {
     pub(super) status: Option<Status>,
     /// The patterns that the Krylov process has started from.
     pub(super) starts: usize,
+    /// What is known of regions that it may have missed.
+    pub(super) unseen: Unseen,
 }
 
 impl Segmentation {
@@ -109,6 +112,7 @@ impl Segmentation {
         let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
         let mut regions =
             count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts, taken.options.leak));
+        regions.confirm(taken.unseen);
         // The eigenvectors after those asked for only served to count the regions.
         let most = if options.groups.is_empty() { regions.count } else { 0 };
         let kept = vectors.len().min(options.eigenvectors.max(most));

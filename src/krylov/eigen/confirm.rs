@@ -59,7 +59,8 @@ struct Confirmation<'a> {
 impl Confirmation<'_> {
     fn run(&mut self, found: &mut Eigs) -> Result<()> {
         let ended = matches!(found.stats.status, Status::ReachedTolerance | Status::NoiseFloor);
-        let is_whole = found.values.len() == self.options.count;
+        let most = self.operator.cols().saturating_sub(self.options.deflate.len());
+        let is_whole = found.values.len() == self.options.count.min(most);
         let is_end = !matches!(self.options.which, Which::SmallestMagnitude | Which::LargestImaginary);
         let is_symmetric = self.operator.symmetry() == Symmetry::Symmetric;
         if !(ended && is_whole && is_end && is_symmetric) || found.completeness.is_known() {
@@ -108,13 +109,18 @@ impl Confirmation<'_> {
         Ok(())
     }
 
+    /// The error of a product with a unit vector, where the operator does not state it.
+    fn noise(&self) -> f64 {
+        if self.confirm.is_frozen { 0.0 } else { self.options.noise }
+    }
+
     fn left(&self) -> usize {
         self.confirm.products.saturating_sub(self.products)
     }
 
     /// The claim once all directions are spanned by products of these errors.
     fn spanned(&self, error: f64) -> Completeness {
-        if error > 0.0 || self.options.noise > 0.0 { Completeness::NotExcluded } else { Completeness::Exact }
+        if error > 0.0 || self.noise() > 0.0 { Completeness::NotExcluded } else { Completeness::Exact }
     }
 
     fn expand(&mut self, process: &mut Lanczos, total: usize) -> Result<()> {
@@ -151,7 +157,7 @@ impl Confirmation<'_> {
     /// and the operator that the process sees by about `2e (1 + √(m/n))`.
     fn slack(&self, process: &Lanczos) -> [f64; 2] {
         let rounding = f64::EPSILON * self.scale * (10.0 + (process.n() as f64).sqrt() + process.steps() as f64);
-        let noise = 2.0 * self.options.noise.max(process.expansion().largest_error());
+        let noise = 2.0 * self.noise().max(process.expansion().largest_error());
         let share = (process.steps() as f64 / process.n() as f64).sqrt();
         [0.0, 1.0].map(|operator| self.options.tolerance * self.scale + rounding + noise * (share + operator))
     }
@@ -172,7 +178,7 @@ impl Confirmation<'_> {
 
     fn is_open(&self, pairs: &[RitzPair]) -> bool {
         let wanted = self.options.tolerance * self.scale;
-        pairs.iter().any(|pair| pair.status(wanted, self.options.noise) == PairStatus::NotResolved)
+        pairs.iter().any(|pair| pair.status(wanted, self.noise()) == PairStatus::NotResolved)
     }
 
     /// Goes on until the pairs beyond the ends have converged, or the products end.
@@ -243,6 +249,54 @@ impl Confirmation<'_> {
         }
         Ok(())
     }
+}
+
+/// The largest eigenvalue on the complement of known vectors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside {
+    /// The largest Ritz value, a lower bound.
+    pub value: f64,
+    /// An upper bound, as the limit of a confirmed search.
+    pub completeness: Completeness,
+    /// The products that it took.
+    pub products: usize,
+}
+
+/// The largest eigenvalue of a symmetric operator (`n × n`) on the complement of `known` vectors, from a Gaussian vector of this seed:
+/// by Courant and Fischer a bound on the eigenvalue after as many as are known, however exact they are. `None` where the complement is
+/// empty or the products of `confirm` are too few.
+///
+/// # Errors
+/// As [`confirm`].
+pub fn largest_beside(
+    operator: &mut dyn Operator,
+    known: &[Vec<f64>],
+    seed: u64,
+    confirm: &Confirm,
+) -> Result<Option<Beside>> {
+    confirm.check()?;
+    let options = EigsOptions { deflate: known.to_vec(), tolerance: 0.0, ..EigsOptions::default() };
+    let n = operator.cols();
+    let free = n.saturating_sub(known.len());
+    let steps = confirm.steps(free).min(confirm.products);
+    let share = confirm.share_of(steps, free);
+    if free == 0 || steps == 0 || (steps < free && share > MOST) {
+        return Ok(None);
+    }
+    let mut process = Lanczos::new(&gaussian(n, &mut Pcg64::seed_from_u64(!seed)), known)?;
+    let mut confirmation = Confirmation { operator, options: &options, confirm, products: 0, scale: 0.0 };
+    while process.steps() < steps {
+        confirmation.expand(&mut process, steps)?;
+    }
+    let [slack_of_value, slack] = confirmation.slack(&process);
+    let outermost = |which| -> Result<f64> {
+        Ok(process.ritz(which, 1)?.first().map_or(0.0, |pair| pair.value))
+    };
+    let (value, bottom) = (outermost(Which::LargestAlgebraic)?, outermost(Which::SmallestAlgebraic)?);
+    let (margin, chance) = if steps == free { (slack_of_value, 0.0) } else { (share * (value - bottom) + slack, confirm.chance) };
+    let limits = [None, Some(value + margin)];
+    let completeness = Completeness::Confirmed(Confirmed { limits, share, chance });
+    Ok(Some(Beside { value, completeness, products: confirmation.products }))
 }
 
 /// The entries of these indices, each of which occurs once.

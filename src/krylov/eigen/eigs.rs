@@ -6,7 +6,7 @@ use super::confirm::confirm_dyn;
 use super::driver::drive;
 use super::options::{Eigs, EigsMethod, EigsOptions};
 use super::power::power;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::operator::Operator;
 
 /// Eigenpairs `A y = θ y` of an operator (`n × n`) by the method of the options, within a budget of products.
@@ -42,9 +42,16 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let broke_down = factorization.expansion().broke_down();
     drop(factorization);
     let left = options.products.saturating_sub(found.stats.products);
-    let with_rest = broke_down.then_some(Confirm { products: left, ..Confirm::default() });
-    if let Some(how) = options.confirm.or(with_rest) {
-        confirm_dyn(operator, &mut found, options, &how)?;
+    let is_free = operator.confirming(true);
+    let how = Confirm::of(options.confirm, is_free, broke_down, left);
+    let confirmed = how.map_or(Ok(()), |how| confirm_dyn(operator, &mut found, options, &how));
+    operator.confirming(false);
+    match confirmed {
+        // The photos of a run answer what was asked of it, and confirm nothing else.
+        Err(Error::NotTaken { .. }) if is_free => {}
+        confirmed => confirmed?,
+    }
+    if !is_free {
         found.stats.products += found.confirming;
     }
     Ok(found)

@@ -6,7 +6,7 @@ mod eigs;
 mod options;
 mod power;
 
-pub use confirm::confirm;
+pub use confirm::{Beside, confirm, largest_beside};
 pub use driver::eigs_from;
 pub use eigs::eigs;
 pub use options::{Eigs, EigsMethod, EigsOptions, HistoryRow};

@@ -42,7 +42,8 @@ impl Confirmation<'_> {
             return Ok(());
         }
         let (rows, cols) = (self.operator.rows(), self.operator.cols());
-        if count == rows.min(cols) && found.statuses.iter().all(|&status| status == PairStatus::Converged) {
+        let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
+        if count == rows.min(cols) && settled {
             found.completeness = Completeness::Exact;
             return Ok(());
         }
@@ -66,7 +67,7 @@ impl Confirmation<'_> {
                 break;
             }
             if process.is_exhausted() {
-                if process.largest_error() == 0.0 && self.options.noise == 0.0 {
+                if process.largest_error() == 0.0 && self.noise() == 0.0 {
                     found.completeness = Completeness::Exact;
                 }
                 break;
@@ -81,6 +82,11 @@ impl Confirmation<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The error of a product with a unit vector, where the operator does not state it.
+    fn noise(&self) -> f64 {
+        if self.confirm.is_frozen { 0.0 } else { self.options.noise }
     }
 
     fn left(&self) -> usize {
@@ -107,7 +113,7 @@ impl Confirmation<'_> {
         let largest = found.values.first().copied().unwrap_or(0.0);
         let n = self.operator.cols() as f64;
         let rounding = f64::EPSILON * largest * (10.0 + n.sqrt() + process.steps() as f64);
-        let noise = 2.0 * self.options.noise.max(process.largest_error());
+        let noise = 2.0 * self.noise().max(process.largest_error());
         self.options.tolerance * largest + rounding + noise * ((process.steps() as f64 / n).sqrt() + operator)
     }
 

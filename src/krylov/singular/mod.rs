@@ -116,9 +116,15 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
     };
     let mut found = answer(&process, &triplets, options, history, status);
     let left = options.products.saturating_sub(found.stats.products);
-    let with_rest = process.broke_down().then_some(Confirm { products: left, ..Confirm::default() });
-    if let Some(how) = options.confirm.or(with_rest) {
-        confirm_singular(operator, &mut found, options, &how)?;
+    let is_free = operator.confirming(true);
+    let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
+    let confirmed = how.map_or(Ok(()), |how| confirm_singular(operator, &mut found, options, &how));
+    operator.confirming(false);
+    match confirmed {
+        Err(Error::NotTaken { .. }) if is_free => {}
+        confirmed => confirmed?,
+    }
+    if !is_free {
         found.stats.products += found.confirming;
     }
     Ok(found)

@@ -92,7 +92,12 @@ impl Lab {
             PlanRequest::CompareMethods(target, options) => {
                 of_methods(&planner, &progress, target, options, &seeds)
             }
-            PlanRequest::Eigs(part, options) => of_eigs(&planner, &progress, (*part, options), &seeds),
+            PlanRequest::Eigs(part, options) => {
+                let n = self.projector_resolution().pixels();
+                let confirm = options.confirm.map(|confirm| confirm.on_rig(n));
+                let options = &EigsOptions { confirm, ..options.clone() };
+                of_eigs(&planner, &progress, (*part, options), &seeds)
+            }
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::analysis::segment::{SegmentRequest, Segmented};
 use crate::error::Result;
 use crate::lab::{Lab, Log};
+use crate::operator::Operator;
 
 impl Lab {
     /// Segments the scene: groups of pixels that exchange light, or, where camera and projector stand apart, on which the same light falls
@@ -16,7 +17,8 @@ impl Lab {
         let truth = self.timed("true labels", |lab| lab.truth())?;
         self.keep_truth(truth.as_ref());
         let mut operator = self.operator(request.part())?;
-        self.expect(request.photos());
+        let confirm = request.options.confirm.filter(|_| !operator.is_free());
+        self.expect(request.photos() + confirm.map_or(0, |confirm| confirm.steps(operator.cols())));
         let resolution = self.resolution();
         let request = &SegmentRequest { blur: Some(self.blur(request)), ..request.clone() };
         self.photos(|_| request.run_with_transpose(&mut operator, resolution))

@@ -1,0 +1,59 @@
+//! Confirms that no further region was missed.
+
+use super::graph::Graph;
+use super::options::Cut;
+use super::regions::KEPT;
+use super::{NormalizedAdjacency, SegmentOptions};
+use crate::error::{Error, Result};
+use crate::krylov::{BlockLanczos, Completeness, Confirm, Factorization, Which, largest_beside};
+use crate::operator::Operator;
+
+/// What is known of regions that a capture may have missed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Unseen {
+    /// Beyond which eigenvalue of the normalized cut none is missing.
+    pub completeness: Completeness,
+    /// An eigenvalue of a region that the capture did not find, but its confirmation did.
+    pub missed: Option<f64>,
+    /// The photos that it took; 0 where products cost nothing.
+    pub photos: usize,
+}
+
+/// Looks for a further eigenvalue of the normalized cut on the complement of those found that may belong to regions
+/// ([`largest_beside`]): where products cost nothing, or where the options ask for it.
+pub(super) fn unseen(
+    global: &mut dyn Operator,
+    graph: &Graph,
+    lanczos: &BlockLanczos,
+    options: &SegmentOptions,
+) -> Result<Unseen> {
+    let is_free = global.confirming(true);
+    let how = if is_free { Some(options.confirm.unwrap_or_default()) } else { options.confirm };
+    let found = match how {
+        Some(how) if options.cut == Cut::Normalized => beside(global, graph, lanczos, (options.seed, how)),
+        _ => Ok(Unseen::default()),
+    };
+    global.confirming(false);
+    match found {
+        // The photos of a run answer what was asked of it, and confirm nothing else.
+        Err(Error::NotTaken { .. }) if is_free => Ok(Unseen::default()),
+        Ok(found) if is_free => Ok(Unseen { photos: 0, ..found }),
+        found => found,
+    }
+}
+
+fn beside(
+    global: &mut dyn Operator,
+    graph: &Graph,
+    lanczos: &BlockLanczos,
+    (seed, how): (u64, Confirm),
+) -> Result<Unseen> {
+    let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.steps())?;
+    let regions = pairs.iter().take_while(|pair| pair.value >= KEPT).count();
+    let mut known = lanczos.known().to_vec();
+    known.extend(pairs[..regions].iter().map(|pair| lanczos.ritz_vector(pair)));
+    let mut operator = NormalizedAdjacency::new(global, graph);
+    let Some(found) = largest_beside(&mut operator, &known, seed, &how)? else { return Ok(Unseen::default()) };
+    let missed = (found.value >= KEPT).then_some(found.value);
+    Ok(Unseen { completeness: found.completeness, missed, photos: found.products })
+}
