@@ -135,7 +135,8 @@ impl Question {
 
     /// The library's options for singular values.
     fn singular_options(&self, seed: u64, photos_of_run: Option<usize>) -> SingularOptions {
-        let EigsOptions { count, products, tolerance, start, confirm, .. } = self.options(seed, photos_of_run);
+        let EigsOptions { count, products, tolerance, start, confirm, .. } =
+            self.options(seed, photos_of_run);
         SingularOptions { count, products, tolerance, start, confirm, ..SingularOptions::default() }
     }
 

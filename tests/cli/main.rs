@@ -6,6 +6,7 @@ mod common;
 mod program;
 
 mod bench;
+mod certificates;
 mod files;
 mod folders;
 mod index;

@@ -425,12 +425,8 @@ fn standard_errors_hold_what_more_products_would_change() {
     for seed in 0..20 {
         let mut noisy = Noisy::new(&mut matrix, |_| noise);
         (noisy.states, noisy.taken) = (true, 1000 * seed as usize);
-        let options = EigsOptions {
-            count: 2,
-            products: 20,
-            start: Start::Random { seed },
-            ..EigsOptions::default()
-        };
+        let options =
+            EigsOptions { count: 2, products: 20, start: Start::Random { seed }, ..EigsOptions::default() };
         let found = eigs(&mut noisy, &options).unwrap();
         for (k, value) in found.values.iter().enumerate() {
             let off = value - (1.0 - k as f64 / 150.0);

@@ -7,7 +7,8 @@ use crate::comb::Comb;
 use crate::krylov_support::{Dense, spread};
 use krylux::Error;
 use krylux::krylov::{
-    Completeness, Eigs, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Step, Which, dot, eigs, eigs_from,
+    Completeness, Eigs, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Step, Which, dot,
+    eigs, eigs_from,
 };
 use krylux::observer::{self, Estimate, OnStep};
 use krylux::operator::{Observed, Operator, Symmetry};

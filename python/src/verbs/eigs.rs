@@ -2,8 +2,8 @@
 
 use krylux::image::Resolution;
 use krylux::krylov::{
-    Confirm, Eigs, EigsMethod, EigsOptions, HistoryRow, Method, PairStatus, Singular, SingularOptions, SolveOptions,
-    Start, Which,
+    Confirm, Eigs, EigsMethod, EigsOptions, HistoryRow, Method, PairStatus, Singular, SingularOptions,
+    SolveOptions, Start, Which,
 };
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;

@@ -53,7 +53,9 @@ fn beside(
     let mut known = lanczos.known().to_vec();
     known.extend(pairs[..regions].iter().map(|pair| lanczos.ritz_vector(pair)));
     let mut operator = NormalizedAdjacency::new(global, graph);
-    let Some(found) = largest_beside(&mut operator, &known, seed, &how)? else { return Ok(Unseen::default()) };
+    let Some(found) = largest_beside(&mut operator, &known, seed, &how)? else {
+        return Ok(Unseen::default());
+    };
     let missed = (found.value >= KEPT).then_some(found.value);
     Ok(Unseen { completeness: found.completeness, missed, photos: found.products })
 }

@@ -3,6 +3,7 @@
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
+use super::super::basis::norm;
 use super::super::completeness::{Completeness, Confirm, Confirmed, MOST};
 use super::super::factor::{Factorization, Lanczos, PairStatus, RitzPair, Which, temple_kato};
 use super::super::start::gaussian;
@@ -47,6 +48,9 @@ pub(super) fn confirm_dyn(
     done
 }
 
+/// A pair that has come out gets so many times the steps of a confirmation to converge.
+const PATIENCE: usize = 10;
+
 struct Confirmation<'a> {
     operator: &'a mut dyn Operator,
     options: &'a EigsOptions,
@@ -67,7 +71,8 @@ impl Confirmation<'_> {
             return Ok(());
         }
         self.scale = found.values.iter().fold(0.0, |scale, value| value.abs().max(scale));
-        for round in 0.. {
+        // Each inserts one pair at least, and it takes no more than the copies that there are.
+        for round in 0..4 * self.options.count as u64 + 8 {
             let mut known = self.options.deflate.clone();
             known.extend(found.vectors.iter().cloned());
             let n = self.operator.cols();
@@ -101,7 +106,9 @@ impl Confirmation<'_> {
             }
             if missed.is_empty() {
                 let limits = self.limits(&process, found, share)?;
-                let chance = self.confirm.chance * (round + 1) as f64 * self.ends(found).iter().flatten().count() as f64;
+                let chance = self.confirm.chance
+                    * (round + 1) as f64
+                    * self.ends(found).iter().flatten().count() as f64;
                 found.completeness = Completeness::Confirmed(Confirmed { limits, share, chance });
                 break;
             }
@@ -152,24 +159,28 @@ impl Confirmation<'_> {
         }
     }
 
-    /// How far a Ritz value of this process may be beyond a converged one and still be the same: the tolerance, rounding, and noise. `m`
-    /// products whose errors have the norm `e` and are spread evenly over `n` entries change a Ritz value by about `2e √(m/n)` at most,
-    /// and the operator that the process sees by about `2e (1 + √(m/n))`.
-    fn slack(&self, process: &Lanczos) -> [f64; 2] {
-        let rounding = f64::EPSILON * self.scale * (10.0 + (process.n() as f64).sqrt() + process.steps() as f64);
+    /// How far a Ritz value of this process may be beyond a converged one and still be the same: the tolerance, rounding, the residuals of
+    /// the pairs that were found, which bound what couples them to their complement, and noise. `m` products whose errors have the norm `e` and are spread evenly
+    /// over `n` entries change a Ritz value by about `2e √(m/n)` at most, and the operator that the process sees by about
+    /// `2e (1 + √(m/n))`.
+    fn slack(&self, process: &Lanczos, residuals: &[f64]) -> [f64; 2] {
+        let rounding =
+            f64::EPSILON * self.scale * (10.0 + (process.n() as f64).sqrt() + process.steps() as f64);
         let noise = 2.0 * self.noise().max(process.expansion().largest_error());
         let share = (process.steps() as f64 / process.n() as f64).sqrt();
-        [0.0, 1.0].map(|operator| self.options.tolerance * self.scale + rounding + noise * (share + operator))
+        let exact = self.options.tolerance * self.scale + rounding + norm(residuals);
+        [0.0, 1.0].map(|operator| exact + noise * (share + operator))
     }
 
     /// The pairs of the process beyond the ends, the most wanted first.
     fn beyond(&self, process: &Lanczos, found: &Eigs) -> Result<Vec<RitzPair>> {
-        let [slack, _] = self.slack(process);
+        let [slack, _] = self.slack(process, &found.residuals);
         let [low, high] = self.ends(found);
         let mut beyond = Vec::new();
         for (end, which) in [(high, Which::LargestAlgebraic), (low, Which::SmallestAlgebraic)] {
             let Some(end) = end else { continue };
-            let outwards = |value: f64| if which == Which::LargestAlgebraic { value - end } else { end - value };
+            let outwards =
+                |value: f64| if which == Which::LargestAlgebraic { value - end } else { end - value };
             let pairs = process.ritz(which, self.options.count)?;
             beyond.extend(pairs.into_iter().filter(|pair| outwards(pair.value) > slack));
         }
@@ -178,13 +189,14 @@ impl Confirmation<'_> {
 
     fn is_open(&self, pairs: &[RitzPair]) -> bool {
         let wanted = self.options.tolerance * self.scale;
-        pairs.iter().any(|pair| pair.status(wanted, self.noise()) == PairStatus::NotResolved)
+        pairs.iter().any(|pair| pair.status(wanted, self.options.noise) == PairStatus::NotResolved)
     }
 
     /// Goes on until the pairs beyond the ends have converged, or the products end.
     fn settle(&mut self, process: &mut Lanczos, found: &Eigs) -> Result<Vec<RitzPair>> {
         let mut missed = self.beyond(process, found)?;
-        while self.is_open(&missed) && self.left() > 0 && !process.is_exhausted() {
+        let most = PATIENCE * process.steps();
+        while self.is_open(&missed) && self.left() > 0 && process.steps() < most && !process.is_exhausted() {
             let total = process.steps() + 1;
             self.expand(process, total)?;
             missed = self.beyond(process, found)?;
@@ -194,13 +206,12 @@ impl Confirmation<'_> {
 
     /// The limits beyond which nothing is missing.
     fn limits(&self, process: &Lanczos, found: &Eigs, share: f64) -> Result<[Option<f64>; 2]> {
-        let outermost = |which| -> Result<Option<f64>> {
-            Ok(process.ritz(which, 1)?.first().map(|pair| pair.value))
-        };
+        let outermost =
+            |which| -> Result<Option<f64>> { Ok(process.ritz(which, 1)?.first().map(|pair| pair.value)) };
         let (top, bottom) = (outermost(Which::LargestAlgebraic)?, outermost(Which::SmallestAlgebraic)?);
         let values = || found.values.iter().copied().chain(top).chain(bottom);
         let spread = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
-        let [_, slack] = self.slack(process);
+        let [_, slack] = self.slack(process, &found.residuals);
         let margin = share * spread + slack;
         let [low, high] = self.ends(found);
         Ok([low.map(|low| low - margin), high.map(|high| high + margin)])
@@ -209,7 +220,8 @@ impl Confirmation<'_> {
     /// Inserts pairs where they belong, and keeps as many as were asked for.
     fn insert(&mut self, process: &Lanczos, missed: &[RitzPair], found: &mut Eigs) -> Result<()> {
         let vectors: Vec<Vec<f64>> = missed.iter().map(|pair| process.ritz_vector(pair)).collect();
-        let common = vectors.iter().map(|vector| self.operator.common_error(vector)).collect::<Result<_>>()?;
+        let common =
+            vectors.iter().map(|vector| self.operator.common_error(vector)).collect::<Result<_>>()?;
         let imaginary = vec![Vec::new(); missed.len()];
         let new = Found { pairs: missed, vectors, common, imaginary, scale: self.scale, rows: process.n() };
         let new = new.eigs(self.options, process.asymmetry(), Vec::new(), found.stats);
@@ -288,12 +300,15 @@ pub fn largest_beside(
     while process.steps() < steps {
         confirmation.expand(&mut process, steps)?;
     }
-    let [slack_of_value, slack] = confirmation.slack(&process);
-    let outermost = |which| -> Result<f64> {
-        Ok(process.ritz(which, 1)?.first().map_or(0.0, |pair| pair.value))
-    };
+    let [slack_of_value, slack] = confirmation.slack(&process, &[]);
+    let outermost =
+        |which| -> Result<f64> { Ok(process.ritz(which, 1)?.first().map_or(0.0, |pair| pair.value)) };
     let (value, bottom) = (outermost(Which::LargestAlgebraic)?, outermost(Which::SmallestAlgebraic)?);
-    let (margin, chance) = if steps == free { (slack_of_value, 0.0) } else { (share * (value - bottom) + slack, confirm.chance) };
+    let (margin, chance) = if steps == free {
+        (slack_of_value, 0.0)
+    } else {
+        (share * (value - bottom) + slack, confirm.chance)
+    };
     let limits = [None, Some(value + margin)];
     let completeness = Completeness::Confirmed(Confirmed { limits, share, chance });
     Ok(Some(Beside { value, completeness, products: confirmation.products }))

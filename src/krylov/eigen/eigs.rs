@@ -1,7 +1,7 @@
 //! `eigs`: a few eigenpairs within a budget of products.
 
-use super::super::factor::{Arnoldi, BlockLanczos, Factorization, Lanczos};
 use super::super::completeness::Confirm;
+use super::super::factor::{Arnoldi, BlockLanczos, Factorization, Lanczos};
 use super::confirm::confirm_dyn;
 use super::driver::drive;
 use super::options::{Eigs, EigsMethod, EigsOptions};
@@ -32,7 +32,9 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let start = || options.start.vector(n);
     let mut factorization: Box<dyn Factorization> = match options.method {
         EigsMethod::Power => return power(operator, options),
-        EigsMethod::Arnoldi => return drive(&mut Arnoldi::new(&start(), &options.deflate)?, operator, options),
+        EigsMethod::Arnoldi => {
+            return drive(&mut Arnoldi::new(&start(), &options.deflate)?, operator, options);
+        }
         EigsMethod::Lanczos => Box::new(Lanczos::new(&start(), &options.deflate)?),
         EigsMethod::BlockLanczos { block } => {
             Box::new(BlockLanczos::new(&options.start.block(n, block), &options.deflate)?)

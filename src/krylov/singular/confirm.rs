@@ -3,6 +3,7 @@
 use super::golub_kahan::{GolubKahan, Triplet};
 use super::{Singular, SingularOptions};
 use crate::error::{Error, Result};
+use crate::krylov::basis::norm;
 use crate::krylov::completeness::{Completeness, Confirm, Confirmed, MOST};
 use crate::krylov::factor::PairStatus;
 use crate::krylov::stats::Status;
@@ -27,6 +28,9 @@ pub fn confirm_singular(
     done
 }
 
+/// A triplet that has come out gets so many times the steps of a confirmation to converge.
+const PATIENCE: usize = 10;
+
 struct Confirmation<'a> {
     operator: &'a mut dyn Adjoint,
     options: &'a SingularOptions,
@@ -47,7 +51,7 @@ impl Confirmation<'_> {
             found.completeness = Completeness::Exact;
             return Ok(());
         }
-        for round in 0_u64.. {
+        for round in 0..4 * count as u64 + 8 {
             let free = cols - count;
             let seed = self.options.start.seed().wrapping_add(round + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
             let mut process = GolubKahan::beside(rows, &found.right, seed);
@@ -107,14 +111,17 @@ impl Confirmation<'_> {
         if flow.is_break() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    /// How far a value of this process may be above a converged one and still be the same; as for eigenvalues, with the noise of both
-    /// kinds of products. `operator` is 1 for the matrix that the process sees.
+    /// How far a value of this process may be above a converged one and still be the same; as for eigenvalues, with the residuals that were
+    /// found and the noise of both kinds of products. `operator` is 1 for the matrix that the process sees.
     fn slack(&self, process: &GolubKahan, found: &Singular, operator: f64) -> f64 {
         let largest = found.values.first().copied().unwrap_or(0.0);
         let n = self.operator.cols() as f64;
         let rounding = f64::EPSILON * largest * (10.0 + n.sqrt() + process.steps() as f64);
         let noise = 2.0 * self.noise().max(process.largest_error());
-        self.options.tolerance * largest + rounding + noise * ((process.steps() as f64 / n).sqrt() + operator)
+        self.options.tolerance * largest
+            + rounding
+            + norm(&found.residuals)
+            + noise * ((process.steps() as f64 / n).sqrt() + operator)
     }
 
     fn is_open(&self, triplet: &Triplet, found: &Singular) -> bool {
@@ -132,8 +139,10 @@ impl Confirmation<'_> {
     /// Goes on until the values above the last one have converged, or the products end.
     fn settle(&mut self, process: &mut GolubKahan, found: &Singular) -> Result<Vec<Triplet>> {
         let mut missed = self.beyond(process, found)?;
+        let most = PATIENCE * process.steps();
         while missed.iter().any(|triplet| self.is_open(triplet, found))
             && self.left() >= 2
+            && process.steps() < most
             && !process.is_exhausted()
         {
             let total = process.steps() + 1;
@@ -148,7 +157,8 @@ impl Confirmation<'_> {
         for triplet in missed {
             let at = found.values.partition_point(|&value| value >= triplet.value);
             let [photo, pattern] = process.vectors(triplet);
-            let wanted = self.options.tolerance * found.values.first().map_or(0.0, |first| first.max(triplet.value));
+            let wanted =
+                self.options.tolerance * found.values.first().map_or(0.0, |first| first.max(triplet.value));
             found.values.insert(at, triplet.value);
             found.left.insert(at, photo);
             found.right.insert(at, pattern);

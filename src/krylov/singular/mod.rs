@@ -170,7 +170,11 @@ fn answer(
         disagreement: process.disagreement(),
         history,
         stats: Stats { products: process.products, status },
-        completeness: if status == Status::SpaceExhausted { Completeness::Exact } else { Completeness::NotExcluded },
+        completeness: if status == Status::SpaceExhausted {
+            Completeness::Exact
+        } else {
+            Completeness::NotExcluded
+        },
         confirming: 0,
     }
 }

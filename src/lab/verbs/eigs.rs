@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::krylov::{Confirm, Eigs, EigsOptions, Singular, SingularOptions, eigs, singular};
-use crate::lab::{Lab, LabOperator};
 use crate::lab::lock::lock;
+use crate::lab::{Lab, LabOperator};
 use crate::operator::Operator;
 use crate::transport::Part;
 
@@ -42,7 +42,8 @@ impl Lab {
 
 /// How an answer is confirmed by photos, and how many more it takes at most.
 fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Confirm>, usize) {
-    let confirm = asked.map(|confirm| if operator.is_free() { confirm } else { confirm.on_rig(operator.cols()) });
+    let confirm =
+        asked.map(|confirm| if operator.is_free() { confirm } else { confirm.on_rig(operator.cols()) });
     let photos = confirm.filter(|_| !operator.is_free()).map_or(0, |confirm| confirm.products);
     (confirm, photos)
 }
