@@ -113,6 +113,17 @@ pub struct Confirmed {
 }
 
 impl Completeness {
+    /// The claim of the last of several vectors, after so many others: their chances add up.
+    #[must_use]
+    pub fn after(self, others: u64) -> Self {
+        match self {
+            Self::Confirmed(claim) => {
+                Self::Confirmed(Confirmed { chance: claim.chance * (others + 1) as f64, ..claim })
+            }
+            other => other,
+        }
+    }
+
     /// Whether nothing is missing, for certain or except with a stated chance.
     pub fn is_known(&self) -> bool {
         *self != Self::NotExcluded

@@ -1,5 +1,6 @@
 //! Confirms that no further region was missed.
 
+use super::embedding::Embedding;
 use super::graph::Graph;
 use super::options::Cut;
 use super::regions::KEPT;
@@ -42,6 +43,9 @@ pub(super) fn unseen(
     }
 }
 
+/// Localized eigenvectors that are set aside at most.
+const MOST_LOCAL: u64 = 12;
+
 fn beside(
     global: &mut dyn Operator,
     graph: &Graph,
@@ -53,9 +57,21 @@ fn beside(
     let mut known = lanczos.known().to_vec();
     known.extend(pairs[..regions].iter().map(|pair| lanczos.ritz_vector(pair)));
     let mut operator = NormalizedAdjacency::new(global, graph);
-    let Some(found) = largest_beside(&mut operator, &known, seed, &how)? else {
-        return Ok(Unseen::default());
-    };
-    let missed = (found.value >= KEPT).then_some(found.value);
-    Ok(Unseen { completeness: found.completeness, missed, photos: found.products })
+    let mut unseen = Unseen::default();
+    for round in 0..MOST_LOCAL {
+        let seed = seed.wrapping_add(round);
+        let Some(found) = largest_beside(&mut operator, &known, seed, &how)? else { break };
+        unseen.photos += found.products;
+        let is_region = found.value >= KEPT;
+        let scaled = found.vector.iter().zip(graph.degree()).map(|(entry, degree)| entry / degree.sqrt());
+        if is_region && Embedding::would_be_local(&scaled.collect::<Vec<f64>>(), graph.degree()) {
+            // Few pixels that exchange light among themselves are no region: look beside them.
+            known.push(found.vector);
+            continue;
+        }
+        unseen.completeness = found.completeness.after(round);
+        unseen.missed = is_region.then_some(found.value);
+        break;
+    }
+    Ok(unseen)
 }

@@ -59,15 +59,21 @@ impl Embedding {
         let gaps: Vec<f64> = std::iter::once(0.0).chain(pairs.iter().map(gap)).collect();
         let weight = |(pair, &gap): (&RitzPair, &f64)| weight(gap, pair.residual / unit);
         let ranges: Vec<(f64, f64)> = vectors.iter().map(|vector| range(vector, weights)).collect();
-        let within = |(vector, &(low, high)): (&Vec<f64>, &(f64, f64))| {
-            vector.iter().zip(weights).map(|(u, weight)| weight * u.max(low).min(high).powi(2)).sum()
-        };
         Self {
             weights: std::iter::once(0.0).chain(pairs.iter().zip(&gaps[1..]).map(weight)).collect(),
-            within: vectors.iter().zip(&ranges).map(within).collect(),
+            within: vectors
+                .iter()
+                .zip(&ranges)
+                .map(|(vector, &range)| within(vector, weights, range))
+                .collect(),
             ranges,
             gaps,
         }
+    }
+
+    /// As [`Embedding::is_local`], of another vector (`m`, `uᵀ W u = 1`) with these weights.
+    pub(super) fn would_be_local(vector: &[f64], weights: &[f64]) -> bool {
+        within(vector, weights, range(vector, weights)) < LOCAL
     }
 
     /// Leaves out all eigenvectors but the first `count`.
@@ -93,6 +99,11 @@ impl Embedding {
     pub fn local(&self) -> usize {
         (0..self.within.len()).filter(|&index| self.is_local(index)).count()
     }
+}
+
+/// The weighted squared norm of a vector that is clamped to a range.
+fn within(vector: &[f64], weights: &[f64], (low, high): (f64, f64)) -> f64 {
+    vector.iter().zip(weights).map(|(u, weight)| weight * u.max(low).min(high).powi(2)).sum()
 }
 
 /// The factor of an eigenvector with the gap `1 − λ`, which is known only up to the `residual`: an unresolved vector is divided by no less. The

@@ -264,10 +264,12 @@ impl Confirmation<'_> {
 }
 
 /// The largest eigenvalue on the complement of known vectors.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Beside {
     /// The largest Ritz value, a lower bound.
     pub value: f64,
+    /// Its Ritz vector (`n`), of norm 1.
+    pub vector: Vec<f64>,
     /// An upper bound, as the limit of a confirmed search.
     pub completeness: Completeness,
     /// The products that it took.
@@ -301,17 +303,19 @@ pub fn largest_beside(
         confirmation.expand(&mut process, steps)?;
     }
     let [slack_of_value, slack] = confirmation.slack(&process, &[]);
-    let outermost =
-        |which| -> Result<f64> { Ok(process.ritz(which, 1)?.first().map_or(0.0, |pair| pair.value)) };
-    let (value, bottom) = (outermost(Which::LargestAlgebraic)?, outermost(Which::SmallestAlgebraic)?);
+    let [top, bottom] =
+        [Which::LargestAlgebraic, Which::SmallestAlgebraic].map(|which| process.ritz(which, 1));
+    let (Some(top), Some(bottom)) = (top?.pop(), bottom?.pop()) else { return Ok(None) };
+    let value = top.value;
     let (margin, chance) = if steps == free {
         (slack_of_value, 0.0)
     } else {
-        (share * (value - bottom) + slack, confirm.chance)
+        (share * (value - bottom.value) + slack, confirm.chance)
     };
     let limits = [None, Some(value + margin)];
     let completeness = Completeness::Confirmed(Confirmed { limits, share, chance });
-    Ok(Some(Beside { value, completeness, products: confirmation.products }))
+    let vector = process.ritz_vector(&top);
+    Ok(Some(Beside { value, vector, completeness, products: confirmation.products }))
 }
 
 /// The entries of these indices, each of which occurs once.
