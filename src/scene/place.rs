@@ -143,7 +143,9 @@ mod tests {
     fn the_median_power_goes_with_the_scale() {
         let power = |scale: f64| {
             let mut distances = Distances::new();
-            [0.0, 0.3, 1.2, 1.9, 1e9, f64::NAN, 0.1, 1.0].map(|distance| distances.add(scale * distance));
+            for distance in [0.0, 0.3, 1.2, 1.9, 1e9, f64::NAN, 0.1, 1.0] {
+                distances.add(scale * distance);
+            }
             distances.median_power()
         };
         // Of 0.1, 0.3, 1, 1.2, 1.9 and 1e9 the third is in [1, 2).

@@ -66,7 +66,8 @@ impl Checked {
             },
             "vn" => match *line.numbers()? {
                 [x, y, z] => {
-                    self.normals.push(DVec3::new(x.into(), y.into(), z.into()).normalize_or_zero().as_vec3())
+                    let normal = DVec3::new(x.into(), y.into(), z.into());
+                    self.normals.push(normal.normalize_or_zero().as_vec3());
                 }
                 _ => return Err(line.fault("`vn` takes three numbers")),
             },
