@@ -5,7 +5,7 @@
 #import parameters
 #import warp
 
-// A point of the aperture, uniform over its area, in metres and in the endpoint's frame. `u` is uniform in
+// A point of the aperture, uniform over its area, in the endpoint's frame. `u` is uniform in
 // the unit square.
 fn endpoint_lens_point(endpoint: Endpoint, u: vec2f) -> vec2f {
     if (!LENSES) {

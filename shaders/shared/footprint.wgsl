@@ -22,7 +22,7 @@ fn footprint_at_endpoint(endpoint: Endpoint, direction: vec3f) -> Footprint {
     return Footprint(vec3f(0.0), vec3f(0.0), endpoint_to_world(endpoint, turn_u), endpoint_to_world(endpoint, turn_v));
 }
 
-// The footprint after `distance` metres along `direction`, on a plane with this normal.
+// The footprint after `distance` along `direction`, on a plane with this normal.
 fn footprint_travel(before: Footprint, distance: f32, direction: vec3f, normal: vec3f) -> Footprint {
     var after = before;
     let along = 1.0 / dot(direction, normal);

@@ -6,7 +6,7 @@
 struct Medium {
     // Refractive index.
     ior: f32,
-    // Absorption per metre.
+    // Absorption per unit of length.
     absorption: vec3f,
 }
 
@@ -15,7 +15,7 @@ const AIR = Medium(1.0, vec3f(0.0));
 // The most surfaces in a row that light passes straight through; whatever lies behind them is dark.
 const MAX_PASSES = 16u;
 
-// The share of light that remains after `distance` metres, by Beer and Lambert's law.
+// The share of light that remains after `distance`, by Beer and Lambert's law.
 fn medium_transmittance(medium: Medium, distance: f32) -> vec3f {
     if (!MEDIA || all(medium.absorption == vec3f(0.0))) {
         return vec3f(1.0);

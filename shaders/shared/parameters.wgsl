@@ -5,10 +5,10 @@
 struct Endpoint {
     // Its axes in that frame: right, up, and backwards along the optical axis.
     right: vec3f,
-    // Radius of the aperture in metres; 0 is a pinhole.
+    // Radius of the aperture; 0 is a pinhole. Lengths are in the unit of all geometry (`render::unit`).
     radius: f32,
     up: vec3f,
-    // Distance of the plane of focus along the optical axis, in metres.
+    // Distance of the plane of focus along the optical axis.
     focus: f32,
     back: vec3f,
     padding: f32,
@@ -38,10 +38,9 @@ struct Parameters {
     mark: u32,
     // Path samples per image-plane area from `end`, divided by those from `start`.
     end_to_start: f32,
-    // Turns the estimate of a path from the projector into an estimate per camera sample; 1 for paths from
-    // the camera.
+    // Turns the estimate of a path, in units of length, into one per camera sample, in metres.
     scale: f32,
-    // Radius in metres within which photons of specular chains are gathered, and 1 / (2 radius).
+    // Radius within which photons of specular chains are gathered, and 1 / (2 radius).
     gather_radius: f32,
     inverse_cell: f32,
     // Buckets of the photons' hash grid (a power of two) minus 1; 0 without photons.

@@ -160,7 +160,7 @@ fn path_meets(path: ptr<function, Path>, hit: Hit) -> bool {
     return path_scatter(path, vertex);
 }
 
-// Carries the path over `distance` metres of its medium, to a surface with this normal.
+// Carries the path over `distance` in its medium, to a surface with this normal.
 fn path_travel(path: ptr<function, Path>, distance: f32, normal: vec3f) {
     if (MEDIA) {
         let clear = medium_transmittance(path.medium, distance);
@@ -200,7 +200,8 @@ fn path_collect(path: ptr<function, Path>, vertex: ptr<function, Vertex>) {
         density = footprint_density(path.footprint);
     }
     if (vertex.is_direct && vertex.scatters && path.surfaces + path.chain <= parameters.max_bounces) {
-        path.direct += path.throughput * path.return_throughput * bsdf_eval(vertex.surface.bsdf, vertex.wo, vertex.wo) * density;
+        path.direct += path.throughput * path.return_throughput * bsdf_eval(vertex.surface.bsdf, vertex.wo, vertex.wo)
+            * (density * parameters.scale);
     }
     vertex.first_density = density * path.chain_probability;
 }

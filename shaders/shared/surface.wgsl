@@ -54,7 +54,7 @@ struct Surface {
     black: bool,
     // The ray met the front.
     front: bool,
-    // Absorption per metre of the medium behind the front; 0 without a medium.
+    // Absorption per unit of length of the medium behind the front; 0 without a medium.
     absorption: vec3f,
     // Refractive index of that medium; 1 for thin walls and for opaque surfaces.
     ior: f32,

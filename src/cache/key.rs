@@ -9,7 +9,7 @@ use crate::transport::{Channels, RigShape};
 /// same paths give another matrix, when the file format changes, or when the host prepares a scene
 /// differently for the tracer (the pairing of triangles affects the last bits). Changes of the shaders need
 /// no new version, since their sources are hashed.
-const OPERATOR_VERSION: u32 = 3;
+const OPERATOR_VERSION: u32 = 4;
 
 /// The number of hexadecimal digits of a key, which has 128 bits.
 pub(super) const HEX_DIGITS: usize = 32;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::DVec3;
 use indicatif::HumanCount;
 use serde_json::json;
 
@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         });
     }
     if let (Some(scene), Some(file)) = (&scene, &args.write_camera) {
-        atomic::write_bytes(file, scene.camera.to_toml().as_bytes())?;
+        atomic::write_bytes(file, scene.camera.to_toml(scene.origin).as_bytes())?;
         console.say(format_args!("wrote     {}", file.display()))?;
     }
     let team = console.team();
@@ -129,7 +129,8 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
         console.say(format_args!("  box     from {low:.3} to {high:.3} m"))?;
         console.say(format_args!(
             "  camera  none; --auto-camera places one at {:.3} that looks along {:.3}, and --write-camera FILE writes it",
-            camera.position, camera.forward
+            scene.origin + camera.position.as_dvec3(),
+            camera.forward
         ))?;
     } else {
         console
@@ -182,7 +183,10 @@ fn picture(scene: &Scene, size: Resolution) -> Result<Raster> {
 }
 
 fn describe(scene: &Scene) -> serde_json::Value {
-    let (low, high) = bounds(scene);
+    let bounds = match scene.origin == DVec3::ZERO {
+        true => json!(scene.bounds().map(|corner| corner.to_array())),
+        false => json!([bounds(scene).0.to_array(), bounds(scene).1.to_array()]),
+    };
     json!({
         "path": scene.path,
         "triangles": scene.triangles.len(),
@@ -192,12 +196,13 @@ fn describe(scene: &Scene) -> serde_json::Value {
         "projector": scene.projector.as_ref().map(|projector| &projector.name),
         "regions": scene.regions,
         "regions_are_labels": scene.regions_are_labels,
-        "bounds": [low.to_array(), high.to_array()],
+        "bounds": bounds,
         "warnings": scene.warnings,
     })
 }
 
-fn bounds(scene: &Scene) -> (Vec3, Vec3) {
-    let corners = || scene.triangles.iter().flat_map(|triangle| triangle.positions);
-    (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max))
+/// The least and the greatest coordinates, as in the file.
+fn bounds(scene: &Scene) -> (DVec3, DVec3) {
+    let [low, high] = scene.bounds().map(|corner| corner.as_dvec3() + scene.origin);
+    (low, high)
 }

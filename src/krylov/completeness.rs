@@ -6,6 +6,7 @@
 
 use std::fmt;
 
+use super::powers::scaled;
 use crate::error::{Error, Result};
 
 /// How a search is confirmed: a Gaussian vector, orthogonal to all eigenvectors that were found, starts another Lanczos process. If
@@ -121,6 +122,13 @@ impl Completeness {
                 Self::Confirmed(Confirmed { chance: claim.chance * (others + 1) as f64, ..claim })
             }
             other => other,
+        }
+    }
+
+    /// Multiplies the limits by `2^power`.
+    pub(super) fn multiply(&mut self, power: i32) {
+        if let Self::Confirmed(claim) = self {
+            claim.limits = claim.limits.map(|limit| limit.map(|limit| scaled(limit, power)));
         }
     }
 

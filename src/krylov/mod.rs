@@ -38,6 +38,7 @@ mod kernels;
 mod linear;
 mod methods;
 mod orthogonalize;
+mod powers;
 mod precondition;
 mod singular;
 mod start;

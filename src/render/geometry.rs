@@ -6,6 +6,7 @@ use super::features::SceneFeatures;
 use super::materials::{MIN_ALPHA, NONE, pack_materials};
 use super::pairs::{Pair, pair_up};
 use super::textures::{pack_normal, pack_texels, srgb_table};
+use super::unit::Unit;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::TEXTURE_WIDTH;
@@ -27,6 +28,8 @@ pub(super) struct GpuScene {
     pub(super) srgb_table: wgpu::Buffer,
     /// The triangles in the camera's frame, in the order of the tree's leaves.
     pub(super) pairs_in_order: Vec<Pair>,
+    /// The unit of their coordinates.
+    pub(super) unit: Unit,
     /// Whether any surface emits light.
     pub(super) ambient: bool,
     /// The features that a kernel for these surfaces needs.
@@ -39,7 +42,8 @@ impl GpuScene {
     /// # Errors
     /// [`crate::Error::Device`] where the scene does not fit.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
-        let frame = CameraFrame::of(&scene.camera);
+        let unit = Unit::of(scene);
+        let frame = CameraFrame::of(&scene.camera, unit);
         let positions: Vec<[Vec3; 3]> =
             scene.triangles.iter().map(|t| t.positions.map(|p| frame.point(p))).collect();
         let pairs = pair_up(&scene.triangles, &positions);
@@ -47,7 +51,7 @@ impl GpuScene {
         let pairs: Vec<Pair> = bvh.order.iter().map(|&index| pairs[index as usize].clone()).collect();
 
         let (texels, corners) = pack_pairs(scene, &frame, &pairs);
-        let (materials, textures) = pack_materials(scene);
+        let (materials, textures) = pack_materials(scene, unit);
         let mut features = features(scene, pairs.len(), !corners.is_empty());
         let (mut nodes, mut row) = (bvh.nodes, TEXTURE_WIDTH);
         let spread_out = (8 * nodes.len() / 5).max(texels.len());
@@ -67,6 +71,7 @@ impl GpuScene {
             texels: gpu.texel_array("textures", &pack_texels(scene))?,
             srgb_table: gpu.storage("sRGB table", &srgb_table())?,
             pairs_in_order: pairs,
+            unit,
             ambient: scene.materials.iter().any(|m| m.emission != Vec3::ZERO),
             features,
         })
@@ -105,23 +110,23 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     }
 }
 
-/// The camera's frame: the camera at the origin, looking along −z. `f32` is most precise near the origin, so
-/// that a scene whose own origin is far away loses nothing. The change of frame is computed in `f64`, so that
-/// it does not round twice.
+/// The camera's frame: the camera at the origin, looking along −z, with coordinates in units. The change of frame is computed in `f64`, so
+/// that it does not round twice.
 struct CameraFrame {
     rotation: DMat3,
     origin: DVec3,
+    unit: Unit,
 }
 
 impl CameraFrame {
-    fn of(camera: &Camera) -> Self {
+    fn of(camera: &Camera, unit: Unit) -> Self {
         let Camera { position, right, up, forward, .. } = camera;
         let rotation = DMat3::from_cols(right.as_dvec3(), up.as_dvec3(), -forward.as_dvec3()).transpose();
-        Self { rotation, origin: position.as_dvec3() }
+        Self { rotation, origin: position.as_dvec3(), unit }
     }
 
     fn point(&self, point: Vec3) -> Vec3 {
-        (self.rotation * (point.as_dvec3() - self.origin)).as_vec3()
+        self.unit.vector(self.rotation * (point.as_dvec3() - self.origin))
     }
 
     fn direction(&self, direction: Vec3) -> Vec3 {
@@ -132,8 +137,9 @@ impl CameraFrame {
 /// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are
 /// white, and its normals are those of the plane, to the precision of 16-bit coordinates.
 fn is_plain(triangle: &Triangle) -> bool {
-    let [a, b, c] = triangle.positions;
-    let normal = (b - a).cross(c - a).normalize_or_zero();
+    // Single precision cannot hold the square of a small area.
+    let [a, b, c] = triangle.positions.map(|corner| corner.as_dvec3());
+    let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
     let flat = |n: &Vec3| *n == Vec3::ZERO || n.distance_squared(normal) < 1e-9;
     triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
 }

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::textures::GpuTexture;
+use super::unit::Unit;
 use crate::scene::{AlphaMode, Material, Scene};
 
 /// A surface with a smaller microfacet width `α` counts as smooth.
@@ -82,8 +83,8 @@ impl GpuMaterial {
     }
 }
 
-/// All materials of a scene as texels, and the list of their textures in the order of the materials.
-pub(super) fn pack_materials(scene: &Scene) -> (Vec<[u32; 4]>, Vec<GpuTexture>) {
+/// All materials of a scene as texels, with absorption per unit of length, and the list of their textures in the order of the materials.
+pub(super) fn pack_materials(scene: &Scene, unit: Unit) -> (Vec<[u32; 4]>, Vec<GpuTexture>) {
     let mut textures = Vec::new();
     let materials: Vec<GpuMaterial> = scene
         .materials
@@ -91,7 +92,9 @@ pub(super) fn pack_materials(scene: &Scene) -> (Vec<[u32; 4]>, Vec<GpuTexture>) 
         .map(|material| {
             let begin = textures.len() as u32;
             textures.extend(GpuTexture::of(scene, material));
-            GpuMaterial::new(material, [begin, textures.len() as u32])
+            let mut packed = GpuMaterial::new(material, [begin, textures.len() as u32]);
+            packed.absorption *= unit.metres as f32;
+            packed
         })
         .collect();
     (bytemuck::cast_slice(&materials).to_vec(), textures)

@@ -30,6 +30,7 @@ mod summary;
 mod tests;
 mod textures;
 mod tracer;
+mod unit;
 
 pub(crate) use batch::Recorded;
 pub use batch::{Batch, Run};

@@ -32,7 +32,7 @@ pub(super) struct PhotonMap {
     pub(super) bucket_mask: u32,
     /// Number of photons.
     pub(super) photons: u32,
-    /// Radius of gathering, in metres.
+    /// Radius of gathering, in units of length.
     pub(super) radius: f32,
 }
 

@@ -18,6 +18,7 @@ const CELLS: f32 = 1000.0;
 /// The error about light paths that never finished.
 pub(super) fn unfinished(unfinished: u64, total: u64, scene: &GpuScene) -> Error {
     let (pile, size) = highest(&scene.pairs_in_order);
+    let size = size * scene.unit.metres;
     let help = if pile >= PILE {
         format!(
             "{pile} triangles lie in one place, {size:.3} m wide, and a ray has to test all of them, but software Vulkan ends a path \

@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::parameters::GpuEndpoint;
 use super::settings::TraceSettings;
+use super::unit::Unit;
 use crate::image::Resolution;
 use crate::scene::{Camera, Scene};
 
@@ -12,12 +13,13 @@ use crate::scene::{Camera, Scene};
 pub(super) struct Rig {
     camera: Camera,
     projector: Option<Camera>,
+    unit: Unit,
 }
 
 impl Rig {
-    /// The rig of a scene. A scene without a projector has a coaxial rig.
-    pub(super) fn new(scene: &Scene) -> Self {
-        Self { camera: scene.camera.clone(), projector: scene.projector.clone() }
+    /// The rig of a scene, with lengths in `unit`. A scene without a projector has a coaxial rig.
+    pub(super) fn new(scene: &Scene, unit: Unit) -> Self {
+        Self { camera: scene.camera.clone(), projector: scene.projector.clone(), unit }
     }
 
     /// Whether camera and projector share one lens and one image plane, so that transport is symmetric.
@@ -55,12 +57,12 @@ impl Rig {
         let shape = resolution.width as f32 / resolution.height as f32;
         GpuEndpoint {
             right,
-            radius: endpoint.lens.radius,
+            radius: self.unit.length(endpoint.lens.radius),
             up,
-            focus: endpoint.lens.focus,
+            focus: self.unit.length(endpoint.lens.focus),
             back,
             padding: 0.0,
-            position: position.as_vec3(),
+            position: self.unit.vector(position),
             padding2: 0.0,
             tangent: [endpoint.tan_half_fov * shape, endpoint.tan_half_fov],
             resolution: [resolution.width as u32, resolution.height as u32],

@@ -109,6 +109,7 @@ impl StrategyBuilder<'_> {
             },
         };
         let mut parameters = parameters(settings, [start, end], [samples, end_samples], from_camera, coaxial);
+        parameters.scale *= self.scene.unit.radiance();
         let chains = if self.scene.features.chains {
             let request = ChainRequest { features, endpoint: end, gather: settings.gather, base: parameters };
             self.chains.map(self.gpu, self.scene, request, self.dispatches)?
@@ -164,7 +165,7 @@ fn parameters(
         seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
         mark: 0,
         end_to_start,
-        // An estimate per projector sample, converted to one per camera sample.
+        // An estimate per projector sample, converted to one per camera sample, for lengths in metres.
         scale: if from_camera { 1.0 } else { end_to_start },
         gather_radius: 0.0,
         inverse_cell: 0.0,

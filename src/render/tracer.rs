@@ -92,10 +92,11 @@ impl Tracer {
 
     fn on(gpu: Gpu, scene: &Scene) -> Result<Self> {
         let uploaded = GpuScene::upload(&gpu, scene)?;
+        let rig = Rig::new(scene, uploaded.unit);
         Ok(Self {
             gpu,
             scene: uploaded,
-            rig: Rig::new(scene),
+            rig,
             kernels: HashMap::new(),
             dispatches: Dispatches::default(),
             light_buffers: LightBuffers::default(),

@@ -1,6 +1,6 @@
 //! The geometry of a camera or a projector: its pose, its image plane and its lens.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{Material, Triangle};
 use crate::image::Resolution;
@@ -80,6 +80,22 @@ pub(super) fn tan_half(field: f64) -> Option<f32> {
     (field > 0.0 && field < std::f64::consts::PI && (1e-6..1e6).contains(&tangent)).then_some(tangent as f32)
 }
 
+/// A camera whose position is that of its file, in double precision.
+#[derive(Clone)]
+pub(super) struct Posed {
+    /// The camera, at any position.
+    pub camera: Camera,
+    /// The position in the file's coordinates.
+    pub position: DVec3,
+}
+
+impl Posed {
+    /// The camera in coordinates whose origin lies at `origin`.
+    pub(super) fn around(self, origin: DVec3) -> Camera {
+        Camera { position: (self.position - origin).as_vec3(), ..self.camera }
+    }
+}
+
 impl Camera {
     /// The name of a camera that was placed because the scene has none.
     pub const PLACED: &str = "auto";
@@ -90,7 +106,7 @@ impl Camera {
         let corners = || triangles.iter().flat_map(|triangle| triangle.positions);
         let low = corners().fold(Vec3::INFINITY, Vec3::min);
         let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
-        let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(1e-3));
+        let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(f32::MIN_POSITIVE));
         let half_field = 20.0_f32.to_radians();
         let forward = -side_to_see(triangles, materials);
         // The sphere around the scene touches the picture's edges.
@@ -101,12 +117,17 @@ impl Camera {
         Self { name, position, right, up, forward, tan_half_fov, aspect: None, lens }
     }
 
-    /// The `[camera]` table of a camera file that places this camera.
-    pub fn to_toml(&self) -> String {
+    /// The `[camera]` table of a camera file that places this camera of a scene whose coordinates have their origin at `origin`
+    /// ([`Scene::origin`](super::Scene::origin)).
+    pub fn to_toml(&self, origin: DVec3) -> String {
         let vector = |v: Vec3| format!("[{}, {}, {}]", v.x, v.y, v.z);
         let mut text = format!(
             "[camera]\nposition = {}\nforward = {}\nup = {}\nvertical_fov_degrees = {}\n",
-            vector(self.position),
+            if origin == DVec3::ZERO {
+                vector(self.position)
+            } else {
+                (origin + self.position.as_dvec3()).to_string()
+            },
             vector(self.forward),
             vector(self.up),
             2.0 * f64::from(self.tan_half_fov).atan().to_degrees()
@@ -118,13 +139,14 @@ impl Camera {
         text
     }
 
-    /// Whether `other` has the same pose, field of view and lens, up to the rounding of transforms.
-    pub fn coincides(&self, other: &Self) -> bool {
-        let close = |a: Vec3, b: Vec3| a.distance(b) <= 1e-6 * (1.0 + a.length());
-        close(self.position, other.position)
-            && close(self.right, other.right)
-            && close(self.up, other.up)
-            && close(self.forward, other.forward)
+    /// Whether `other` has the same pose, field of view and lens, up to the rounding of transforms. The surfaces that they see are about
+    /// `distance` metres away.
+    pub fn coincides(&self, other: &Self, distance: f32) -> bool {
+        let close = |a: Vec3, b: Vec3, unit: f32| a.distance(b) <= 1e-6 * (unit + a.length());
+        close(self.position, other.position, distance)
+            && close(self.right, other.right, 1.0)
+            && close(self.up, other.up, 1.0)
+            && close(self.forward, other.forward, 1.0)
             && (self.tan_half_fov - other.tan_half_fov).abs() <= 1e-6 * self.tan_half_fov
             && self.lens == other.lens
     }

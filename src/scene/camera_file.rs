@@ -25,7 +25,8 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::Deserialize;
 
-use super::camera::tan_half;
+use super::camera::{Posed, tan_half};
+use super::place::Place;
 use super::source::fault;
 use super::triangle::MAX_COORDINATE;
 use super::{Camera, Lens, LoadOptions};
@@ -35,22 +36,20 @@ use crate::image::Resolution;
 
 /// The camera and the projector of a scene.
 pub(super) struct CameraPair {
-    pub camera: Camera,
+    pub camera: Posed,
     /// `None` in a coaxial rig, where the projector's geometry is the camera's.
-    pub projector: Option<Camera>,
+    pub projector: Option<Posed>,
     pub projector_resolution: Option<Resolution>,
 }
 
 impl CameraPair {
-    /// The pair of `camera` and `projector`. A projector that coincides with the camera is dropped: the rig
-    /// is coaxial.
-    pub(super) fn new(
-        camera: Camera,
-        projector: Option<Camera>,
-        projector_resolution: Option<Resolution>,
-    ) -> Self {
-        let projector = projector.filter(|projector| !projector.coincides(&camera));
-        Self { camera, projector, projector_resolution }
+    /// Camera and projector in the coordinates of a scene at `place`. A projector that coincides with the camera is dropped: the rig is
+    /// coaxial.
+    pub(super) fn at(self, place: &Place) -> (Camera, Option<Camera>) {
+        let camera = self.camera.around(place.origin);
+        let projector = self.projector.map(|projector| projector.around(place.origin));
+        let projector = projector.filter(|projector| !projector.coincides(&camera, place.distance() as f32));
+        (camera, projector)
     }
 }
 
@@ -59,8 +58,8 @@ impl CameraPair {
 pub(super) struct CameraFile {
     /// The file's bytes, which enter the scene's hash.
     pub bytes: Vec<u8>,
-    pub camera: Option<Camera>,
-    pub projector: Option<Camera>,
+    pub camera: Option<Posed>,
+    pub projector: Option<Posed>,
     pub projector_resolution: Option<Resolution>,
 }
 
@@ -140,7 +139,7 @@ impl Reader<'_> {
     }
 
     /// The camera that a table describes, and the resolution that it states.
-    fn view(&self, table: &str, view: Option<View>) -> Result<(Option<Camera>, Option<Resolution>)> {
+    fn view(&self, table: &str, view: Option<View>) -> Result<(Option<Posed>, Option<Resolution>)> {
         let Some(view) = view else { return Ok((None, None)) };
         let [right, up, forward] = self.axes(table, &view)?;
         let position = DVec3::from_array(view.position);
@@ -166,10 +165,10 @@ impl Reader<'_> {
                 return Err(self.fault(table, &what, "give 1 to 16384 pixels a side"));
             }
         };
-        let position = position.as_vec3();
+        let (name, anywhere) = (table.into(), Vec3::ZERO);
         let camera =
-            Camera { name: table.into(), position, right, up, forward, tan_half_fov, aspect: None, lens };
-        Ok((Some(camera), resolution))
+            Camera { name, position: anywhere, right, up, forward, tan_half_fov, aspect: None, lens };
+        Ok((Some(Posed { camera, position }), resolution))
     }
 
     /// Right, up and forward as an orthonormal frame.

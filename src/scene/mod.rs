@@ -11,6 +11,7 @@ mod gltf;
 pub mod material;
 mod obj;
 mod picture;
+pub(crate) mod place;
 mod repeated;
 mod shape;
 mod source;
@@ -28,6 +29,8 @@ pub use triangle::Triangle;
 pub use watch::Watcher;
 
 use std::path::{Path, PathBuf};
+
+use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -90,6 +93,9 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 pub struct Scene {
     /// The file that the scene was loaded from, or a name if the scene was made in memory.
     pub path: PathBuf,
+    /// Where the origin of all coordinates here lies in those of the file, in metres. It is the file's origin, except for scenes that lie far
+    /// from it: single precision would be too coarse there.
+    pub origin: DVec3,
     /// All surfaces, in world space. A loaded scene has at least one triangle.
     pub triangles: Vec<Triangle>,
     /// Materials, indexed by [`Triangle::material`].
@@ -112,4 +118,12 @@ pub struct Scene {
     pub hash: [u8; 32],
     /// One sentence for each thing in the files that was ignored.
     pub warnings: Vec<String>,
+}
+
+impl Scene {
+    /// The least and the greatest coordinates of all surfaces.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        let corners = || self.triangles.iter().flat_map(|triangle| triangle.positions);
+        [corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max)]
+    }
 }

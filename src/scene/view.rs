@@ -117,9 +117,10 @@ fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option
     if !seen.is_empty() {
         return far_away(seen);
     }
-    let Camera { name, position, forward, .. } = camera;
-    let low = corners().fold(Vec3::INFINITY, Vec3::min);
-    let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let Camera { name, forward, .. } = camera;
+    let in_file = |place: Vec3| place.as_dvec3() + scene.origin;
+    let [low, high] = scene.bounds().map(in_file);
+    let position = in_file(camera.position);
     Some(format!(
         "no surface in view: none of {rays} rays meets one. The camera `{name}` stands at {position:.3} and looks along \
          {forward:.3}; the scene lies between {low:.3} and {high:.3}"

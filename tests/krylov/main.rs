@@ -18,6 +18,7 @@ mod estimators;
 mod lanczos;
 mod linear;
 mod orthogonal;
+mod powers;
 mod save;
 mod scipy;
 mod singular;

@@ -10,4 +10,5 @@ mod lenses;
 mod peers;
 mod reference_photos;
 mod reference_spectrum;
+mod scales;
 mod specular;

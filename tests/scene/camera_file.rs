@@ -230,9 +230,9 @@ fn invalid_extras_are_refused() {
 fn cameras_coincide_up_to_rounding() {
     let camera = load(&document()).camera;
     let moved = |by: f32| Camera { position: camera.position + by * Vec3::X, ..camera.clone() };
-    assert!(camera.coincides(&moved(1e-7)));
-    assert!(!camera.coincides(&moved(1e-4)));
-    assert!(!camera.coincides(&Camera { tan_half_fov: 1.01 * camera.tan_half_fov, ..camera.clone() }));
+    assert!(camera.coincides(&moved(1e-7), 1.0));
+    assert!(!camera.coincides(&moved(1e-4), 1.0));
+    assert!(!camera.coincides(&Camera { tan_half_fov: 1.01 * camera.tan_half_fov, ..camera.clone() }, 1.0));
     assert_eq!(load(&document()).projector, None);
     // The camera of the same scene in another file is the same.
     assert_eq!(scene::load(&write(&document()).path, None).expect("it loads").camera, camera);
@@ -257,10 +257,10 @@ fn a_scene_without_a_camera_gets_one_where_that_is_asked_for() {
         }
         // The file that `info --write-camera` writes places the same camera.
         let file = path.with_file_name("written.toml");
-        std::fs::write(&file, scene.camera.to_toml()).expect("the folder is ours");
+        std::fs::write(&file, scene.camera.to_toml(scene.origin)).expect("the folder is ours");
         let again =
             scene::load_with(path, &LoadOptions { camera_file: Some(&file), ..LoadOptions::default() });
         let again = again.expect("it is a camera file").camera;
-        assert!(again.coincides(&scene.camera), "{again:?} {:?}", scene.camera);
+        assert!(again.coincides(&scene.camera, 1.0), "{again:?} {:?}", scene.camera);
     }
 }

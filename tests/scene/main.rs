@@ -17,4 +17,5 @@ mod gltf_meshes;
 mod gltf_textures;
 mod obj;
 mod obj_fuzz;
+mod place;
 mod wild;

@@ -3,6 +3,7 @@
 use super::super::basis::dot;
 use super::super::linear::SolveOptions;
 use super::super::linear::system::{System, same_length};
+use super::super::powers::{exponent, power, scale, scaled};
 use super::super::vectors::{update, update2};
 use crate::error::{Error, Result};
 use crate::operator::Adjoint;
@@ -27,6 +28,9 @@ impl Bounds {
 /// A diagonal entry below this share of the largest belongs to a pixel without light, and is raised to it:
 /// steps would be unbounded there.
 const DARK: f64 = 1e-3;
+
+/// The most powers of two between the right-hand side and the products of the patterns in the box. Far below it already, no step changes a residual.
+const REACH: i32 = 200;
 
 /// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or
 /// `clip(b / D)`.
@@ -56,7 +60,12 @@ impl Boxed {
         let mut boxed = Self { system, bounds, diagonal: Vec::new(), given_start: options.x0.is_some() };
         if let Some(diagonal) = &options.diagonal {
             same_length("the diagonal's length", b.len(), diagonal.len())?;
-            boxed.set_diagonal(diagonal.clone())?;
+            let mut diagonal = diagonal.clone();
+            let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
+            let operator_power = power(exponent(largest));
+            boxed.system.tally.operator_power = (largest > 0.0).then_some(operator_power);
+            scale(&mut diagonal, -operator_power);
+            boxed.set_diagonal(diagonal)?;
         } else {
             boxed.start();
         }
@@ -75,6 +84,7 @@ impl Boxed {
         Ok(true)
     }
 
+    /// Sets `D`, divided as products are.
     fn set_diagonal(&mut self, mut diagonal: Vec<f64>) -> Result<()> {
         let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
         if !largest.is_finite() || diagonal.iter().any(|d| d.is_nan()) {
@@ -86,7 +96,32 @@ impl Boxed {
             *d = d.abs().max(floor);
         }
         self.diagonal = diagonal;
+        self.divide(exponent(largest), largest > 0.0)?;
         self.start();
+        Ok(())
+    }
+
+    /// Divides the right-hand side, the bounds and the first iterate so that products of patterns in the box are of ordinary size. The largest entry
+    /// of `D` has this exponent, if there is any light.
+    fn divide(&mut self, largest: i32, is_light: bool) -> Result<()> {
+        let Self { system, bounds, .. } = self;
+        let operator_power = system.tally.operator_power.unwrap_or(0);
+        let image = |bound: f64| largest + operator_power + exponent(bound);
+        let Bounds { lower, upper } = *bounds;
+        // The pattern in the box that is nearest to black, and the one that is furthest from it.
+        let (least, most) = (lower.max(0.0).max(-upper), lower.abs().max(upper));
+        let rhs = exponent(system.tally.rhs_norm) + system.rhs_power;
+        let products = image(least).max(rhs.min(image(most)));
+        let rhs_power = power(products);
+        if is_light && rhs - rhs_power > REACH {
+            return Err(Error::Numerical(format!(
+                "the right-hand side is about 2^{} times as large as all that patterns inside the bounds give: lower it, or raise the upper bound",
+                rhs - products
+            )));
+        }
+        system.multiply_rhs(system.rhs_power - rhs_power);
+        let shift = system.divide()?;
+        *bounds = Bounds { lower: scaled(lower, shift), upper: scaled(upper, shift) };
         Ok(())
     }
 

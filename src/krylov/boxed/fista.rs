@@ -132,10 +132,10 @@ impl Solver for Fista {
     }
 
     fn tally(&self) -> Tally {
-        self.boxed.system.tally
+        self.boxed.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best().to_vec()
+        self.boxed.system.best()
     }
 }

@@ -68,10 +68,10 @@ impl Solver for ProjectedJacobi {
     }
 
     fn tally(&self) -> Tally {
-        self.boxed.system.tally
+        self.boxed.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best().to_vec()
+        self.boxed.system.best()
     }
 }

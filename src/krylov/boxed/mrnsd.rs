@@ -98,10 +98,10 @@ impl Solver for Mrnsd {
     }
 
     fn tally(&self) -> Tally {
-        self.boxed.system.tally
+        self.boxed.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best().to_vec()
+        self.boxed.system.best()
     }
 }

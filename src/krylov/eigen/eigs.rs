@@ -2,6 +2,7 @@
 
 use super::super::completeness::Confirm;
 use super::super::factor::{Arnoldi, BlockLanczos, Factorization, Lanczos};
+use super::super::powers::{Rescaled, multiply_eigs, scaled};
 use super::confirm::confirm_dyn;
 use super::driver::drive;
 use super::options::{Eigs, EigsMethod, EigsOptions};
@@ -22,8 +23,13 @@ use crate::operator::Operator;
 /// [`Factorization::expand`](super::super::Factorization::expand). To keep what was taken before an operator
 /// failed, hold the factorization yourself and use [`eigs_from`](super::eigs_from).
 pub fn eigs<O: Operator + ?Sized>(operator: &mut O, options: &EigsOptions) -> Result<Eigs> {
-    let mut operator = operator;
-    eigs_of(&mut operator, options)
+    let mut operator = Rescaled::new(operator);
+    let found = eigs_of(&mut operator, options);
+    let Some(power) = operator.begins_again() else { return found };
+    let options = EigsOptions { noise: scaled(options.noise, -power), ..options.clone() };
+    let mut found = eigs_of(&mut operator, &options)?;
+    multiply_eigs(&mut found, power)?;
+    Ok(found)
 }
 
 fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {

@@ -67,10 +67,10 @@ impl Cg {
 }
 
 /// The departure from symmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`, where the product with `v` was
-/// just taken and has this length. Rounding causes departures of 1e-16 times a growth that stays small before
+/// just taken and has this standard error and this length. Rounding causes departures of 1e-16 times a growth that stays small before
 /// convergence, so anything above 1e-6 is not rounding. Noise causes departures of the size of the noise.
-pub(super) fn symmetry_tolerance(noise: f64, operator: &dyn Adjoint, length: f64) -> f64 {
-    (10.0 * noise.max(operator.standard_error() / length)).max(1e-6)
+pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
+    (10.0 * noise.max(error / length)).max(1e-6)
 }
 
 impl Solver for Cg {
@@ -102,7 +102,7 @@ impl Solver for Cg {
         let curvature = dot(&self.p, &system.work);
         let asymmetry = (dot(&self.z, &system.work) - curvature).abs();
         let length = norm(&system.work);
-        let tolerance = symmetry_tolerance(self.noise, operator, length);
+        let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
         if asymmetry > tolerance * norm(&self.z) * length {
             return Ok(Advance::Ended(Status::NotSymmetric));
         }
@@ -119,10 +119,10 @@ impl Solver for Cg {
     }
 
     fn tally(&self) -> Tally {
-        self.system.tally
+        self.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.system.best().to_vec()
+        self.system.best()
     }
 }

@@ -90,10 +90,10 @@ impl Solver for Cgs {
     }
 
     fn tally(&self) -> Tally {
-        self.shared.system.tally
+        self.shared.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.shared.system.best().to_vec()
+        self.shared.system.best()
     }
 }

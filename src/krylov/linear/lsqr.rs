@@ -101,10 +101,10 @@ impl Solver for Lsqr {
     }
 
     fn tally(&self) -> Tally {
-        self.process.system.tally
+        self.process.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.process.system.best().to_vec()
+        self.process.system.best()
     }
 }

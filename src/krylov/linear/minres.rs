@@ -140,7 +140,7 @@ impl Solver for Minres {
         let length = norm(next);
         let alpha = dot(next, &self.z);
         let asymmetry = if self.beta > 0.0 { (dot(next, &self.z_old) - self.beta).abs() } else { 0.0 };
-        let tolerance = symmetry_tolerance(self.noise, operator, length);
+        let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
         if asymmetry > tolerance * length * norm(&self.z_old) {
             return Ok(Advance::Ended(Status::NotSymmetric));
         }
@@ -195,10 +195,10 @@ impl Solver for Minres {
     }
 
     fn tally(&self) -> Tally {
-        self.system.tally
+        self.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.system.best().to_vec()
+        self.system.best()
     }
 }

@@ -3,6 +3,7 @@
 
 use std::ops::ControlFlow;
 
+use super::super::basis::norm;
 use super::super::stats::{Stats, Status};
 use super::options::SolveOptions;
 use super::system::Tally;
@@ -105,8 +106,17 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
         }
     };
     let tally = solver.tally();
+    let x = solver.solution();
+    // An answer that leaves the range of double precision is none.
+    let size = norm(&x);
+    if !size.is_finite() || size < f64::MIN_POSITIVE / f64::EPSILON && tally.best < tally.rhs_norm {
+        let (what, help) = if size < 1.0 { ("small", "multiply") } else { ("large", "divide") };
+        return Err(Error::Numerical(format!(
+            "the solution is too {what} for double precision: {help} the right-hand side by a power of ten"
+        )));
+    }
     Ok(Solution {
-        x: solver.solution(),
+        x,
         residual: tally.relative(tally.best),
         history,
         stats: Stats { products: tally.products, status },

@@ -2,6 +2,7 @@
 //! and checked.
 
 use super::super::basis::norm;
+use super::super::powers::{exponent, finite_norm, power, scale, scaled};
 use super::super::vectors::{axpy, update};
 use super::options::SolveOptions;
 use crate::error::{Error, Result};
@@ -21,7 +22,17 @@ pub struct Tally {
     /// The relative noise `‖y − A v‖ / ‖y‖` of the least noisy product so far, from the errors that the operator
     /// states ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 where it states none.
     pub noise: f64,
+    /// Products are divided by 2 to this power; `None` before the first one that is not zero.
+    pub(crate) operator_power: Option<i32>,
+    /// The last product was multiplied by 2 to this power.
+    multiplied: i32,
 }
+
+/// Vectors from `2^-NEAR` to `2^NEAR` are multiplied as they are, until the size of the operator is known.
+const NEAR: i32 = 32;
+
+/// A product whose length is beyond `2^±FAR` is near the ends of double precision.
+const FAR: i32 = 900;
 
 impl Tally {
     /// `residual / ‖b‖`, or the residual itself for `b = 0`.
@@ -29,37 +40,73 @@ impl Tally {
         if self.rhs_norm > 0.0 { residual / self.rhs_norm } else { residual }
     }
 
-    /// Takes `y = A x`, counts it and checks it for NaN. A product that fails is not counted.
+    /// Takes `y = A x`, counts it, checks it for NaN and divides it by the operator's power of two. A product that fails is not counted.
     pub(crate) fn product(&mut self, operator: &mut dyn Adjoint, x: &[f64], y: &mut [f64]) -> Result<()> {
-        operator.apply(x, y)?;
-        self.count(operator, y)
+        self.take(operator, x, y, |operator, x, y| operator.apply(x, y))
     }
 
     /// Takes `x = Aᵀ y`, as [`Tally::product`].
     pub(crate) fn adjoint(&mut self, operator: &mut dyn Adjoint, y: &[f64], x: &mut [f64]) -> Result<()> {
-        operator.apply_adjoint(y, x)?;
-        self.count(operator, x)
+        self.take(operator, y, x, |operator, y, x| operator.apply_adjoint(y, x))
     }
 
-    fn count(&mut self, operator: &dyn Adjoint, product: &[f64]) -> Result<()> {
-        let length = norm(product);
-        if !length.is_finite() {
-            return Err(Error::Numerical(format!(
-                "product {} with the operator holds a NaN or an infinity",
-                self.products + 1
-            )));
+    /// Takes a product with `of`. Where the operator is not of ordinary size, and where that is not known yet and the vector is not, the vector has about
+    /// the length 1 meanwhile: the product would leave the range of double precision otherwise.
+    fn take(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        of: &[f64],
+        product: &mut [f64],
+        apply: fn(&mut dyn Adjoint, &[f64], &mut [f64]) -> Result<()>,
+    ) -> Result<()> {
+        let mut multiply = |shift: i32, product: &mut [f64]| {
+            if shift == 0 {
+                return apply(operator, of, product);
+            }
+            let mut unit = of.to_vec();
+            scale(&mut unit, -shift);
+            apply(operator, &unit, product)
+        };
+        let size = if self.operator_power == Some(0) { 0 } else { exponent(norm(of)) };
+        let is_zero = size < -2 * FAR;
+        let mut shift = match self.operator_power {
+            _ if is_zero => 0,
+            None if size.abs() <= NEAR => 0,
+            _ => size,
+        };
+        multiply(shift, product)?;
+        if self.operator_power.is_none() && shift != size && !is_zero {
+            let length = exponent(norm(product));
+            if length > FAR || (-2 * FAR..-FAR).contains(&length) {
+                shift = size;
+                multiply(shift, product)?;
+            }
         }
+        let length = finite_norm(&format!("product {} with the operator", self.products + 1), product)?;
         self.products += 1;
         let error = operator.standard_error();
         if error > 0.0 && length > 0.0 {
             let noise = error / length;
             self.noise = if self.noise > 0.0 { self.noise.min(noise) } else { noise };
         }
+        if length > 0.0 {
+            self.operator_power.get_or_insert(power(exponent(length) - (size - shift)));
+        }
+        self.multiplied = shift - self.operator_power.unwrap_or(0);
+        scale(product, self.multiplied);
         Ok(())
+    }
+
+    /// The standard error of the last product, as that was divided.
+    pub(crate) fn standard_error(&self, operator: &dyn Adjoint) -> f64 {
+        scaled(operator.standard_error(), self.multiplied)
     }
 }
 
 /// The system `A x = b`, the iterate and its residual `r = b − A x`, and the best iterate so far.
+///
+/// `A` and `b` are divided by powers of two, each by its own, so that their numbers are of ordinary size: the iterate is then `x · 2^(a − b)`, for
+/// these powers `a` and `b`. Both are 0 for systems of ordinary size.
 #[derive(Clone, Debug)]
 pub(crate) struct System {
     pub(crate) b: Vec<f64>,
@@ -70,6 +117,10 @@ pub(crate) struct System {
     /// Whether the residual of `x0` has yet to be taken.
     pub(crate) pending: bool,
     best: Vec<f64>,
+    /// `b`, `r` and the norms of the tally are divided by 2 to this power.
+    pub(crate) rhs_power: i32,
+    /// Whether the iterate is divided as well. A first iterate is not before the operator's power is known.
+    is_divided: bool,
     /// A product, of length `rows`.
     pub(crate) work: Vec<f64>,
 }
@@ -78,29 +129,60 @@ impl System {
     /// For `b` of length `rows` and `x` of length `cols`.
     pub(crate) fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         options.check()?;
-        let rhs_norm = norm(b);
-        if !rhs_norm.is_finite() {
-            return Err(Error::Numerical("the right-hand side holds a NaN or an infinity".into()));
-        }
+        let rhs_power = power(exponent(finite_norm("the right-hand side", b)?));
+        let mut b = b.to_vec();
+        scale(&mut b, -rhs_power);
+        let rhs_norm = norm(&b);
         if let Some(size) = options.preconditioner.as_ref().and_then(|m| m.size()) {
             same_length("the preconditioner's size", cols, size)?;
         }
         let pending = options.x0.is_some();
         let x = options.x0.clone().unwrap_or_else(|| vec![0.0; cols]);
         same_length("the first iterate's length", cols, x.len())?;
-        if !norm(&x).is_finite() {
-            return Err(Error::Numerical("the first iterate holds a NaN or an infinity".into()));
-        }
+        finite_norm("the first iterate", &x)?;
         let residual = if pending { f64::INFINITY } else { rhs_norm };
         Ok(Self {
-            b: b.to_vec(),
-            r: b.to_vec(),
+            r: b.clone(),
+            work: vec![0.0; b.len()],
+            b,
             best: x.clone(),
             x,
-            tally: Tally { products: 0, rhs_norm, residual, best: residual, noise: 0.0 },
+            tally: Tally {
+                products: 0,
+                rhs_norm,
+                residual,
+                best: residual,
+                noise: 0.0,
+                operator_power: None,
+                multiplied: 0,
+            },
+            rhs_power,
+            is_divided: !pending,
             pending,
-            work: vec![0.0; b.len()],
         })
+    }
+
+    /// Divides the first iterate, once the operator's power is known; of an operator whose products were zero so far it is 0 from now on. Returns the
+    /// power by which it is multiplied.
+    pub(crate) fn divide(&mut self) -> Result<i32> {
+        let shift = *self.tally.operator_power.get_or_insert(0) - self.rhs_power;
+        if !std::mem::replace(&mut self.is_divided, true) {
+            scale(&mut self.x, shift);
+            finite_norm("the first iterate, relative to the right-hand side,", &self.x)?;
+            self.best.copy_from_slice(&self.x);
+        }
+        Ok(shift)
+    }
+
+    /// Multiplies everything of the size of `b` by a power of two.
+    pub(crate) fn multiply_rhs(&mut self, power: i32) {
+        self.rhs_power -= power;
+        scale(&mut self.b, power);
+        scale(&mut self.r, power);
+        let Tally { rhs_norm, residual, best, .. } = &mut self.tally;
+        for size in [rhs_norm, residual, best] {
+            *size = scaled(*size, power);
+        }
     }
 
     /// Refuses an operator of another shape.
@@ -119,6 +201,10 @@ impl System {
     /// The residual of the first iterate: one product.
     pub(crate) fn first_residual(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         self.tally.product(operator, &self.x, &mut self.work)?;
+        if !self.is_divided {
+            let shift = self.divide()?;
+            scale(&mut self.work, shift);
+        }
         self.r.copy_from_slice(&self.b);
         axpy(-1.0, &self.work, &mut self.r);
         self.pending = false;
@@ -137,9 +223,24 @@ impl System {
         }
     }
 
-    /// The best iterate.
-    pub(crate) fn best(&self) -> &[f64] {
-        &self.best
+    /// The best iterate, in the caller's units.
+    pub(crate) fn best(&self) -> Vec<f64> {
+        self.undivided(self.best.clone())
+    }
+
+    /// An iterate in the caller's units.
+    pub(crate) fn undivided(&self, mut x: Vec<f64>) -> Vec<f64> {
+        if self.is_divided {
+            scale(&mut x, self.rhs_power - self.tally.operator_power.unwrap_or(0));
+        }
+        x
+    }
+
+    /// The tally in the caller's units.
+    pub(crate) fn tally(&self) -> Tally {
+        let [rhs_norm, residual, best] = [self.tally.rhs_norm, self.tally.residual, self.tally.best]
+            .map(|size| scaled(size, self.rhs_power));
+        Tally { rhs_norm, residual, best, ..self.tally }
     }
 }
 

@@ -10,6 +10,7 @@ use super::completeness::{Completeness, Confirm};
 use super::confirmation::Confirmation;
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
+use super::powers::{Rescaled, multiply_singular, scaled};
 use super::start::Start;
 use super::stats::{Stats, Status};
 use crate::error::{Error, Result};
@@ -87,6 +88,17 @@ pub use confirm::confirm_singular;
 /// # References
 /// Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
 pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
+    let mut operator = Rescaled::new(operator);
+    let found = singular_of(&mut operator, options);
+    let Some(power) = operator.begins_again() else { return found };
+    let options = SingularOptions { noise: scaled(options.noise, -power), ..options.clone() };
+    let mut found = singular_of(&mut operator, &options)?;
+    multiply_singular(&mut found, power)?;
+    Ok(found)
+}
+
+/// As [`singular`], for an operator of ordinary size.
+fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     options.check()?;
     let mut process = GolubKahan::new(operator.rows(), operator.cols(), options)?;
     let mut confirmation = Confirmation::new(operator.cols());

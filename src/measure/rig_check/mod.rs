@@ -31,6 +31,7 @@
 
 mod brightness;
 mod calibration;
+mod colours;
 mod devices;
 mod disk;
 mod finding;
@@ -121,7 +122,7 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
 }
 
 /// What the devices of an open rig do without being asked, and what lies in the way of their light: an automatic iris, stray light, limited-range
-/// video, pulses of a lamp or colour wheel, a rolling shutter, overscan, blur, and ghosts. These are the last findings of [`check`]; an audit names
+/// video, pulses of a lamp or colour wheel, a rolling shutter, overscan, blur, ghosts, and a white segment. These are the last findings of [`check`]; an audit names
 /// them, too. There are none where white cannot be seen; an error of the devices is a finding.
 ///
 /// # Errors
@@ -154,7 +155,8 @@ pub fn faults(
 }
 
 /// Looks for what benches have and menus hide: an automatic iris, stray light, limited-range video, pulses of light, a rolling shutter,
-/// overscan, blur, and ghosts. That takes 23 photos; twice as many of patterns where they have not settled.
+/// overscan, blur, ghosts, and a white segment. That takes 23 photos, and eight more of a colour projector; twice as many of patterns where they
+/// have not settled.
 fn imperfections(
     setup: &Setup<'_>,
     seen: &Seen,
@@ -169,7 +171,8 @@ fn imperfections(
     brightness::brightness(&mut probe, setup.settle, recorder)?;
     timing::pulses(&mut probe, recorder)?;
     timing::shutter(&mut probe, setup.settle, recorder)?;
-    picture::picture(&mut probe, recorder)
+    picture::picture(&mut probe, recorder)?;
+    colours::colours(&mut probe, recorder)
 }
 
 /// Keeps the findings, and reports each.

@@ -97,6 +97,16 @@ impl<'a> Probe<'a> {
         self.above_black(frame)
     }
 
+    /// The light above black of a frame of one of the projector's three colours alone, at a share of its highest level.
+    pub(super) fn colour(&mut self, colour: usize, share: f64) -> Result<Vec<f64>> {
+        let info = self.frames.projector();
+        let level = (share * f64::from(info.highest())).round() as u16;
+        let samples =
+            (0..3 * info.resolution.pixels()).map(|sample| if sample % 3 == colour { level } else { 0 });
+        let frame = Frame::new(info.resolution, 3, samples.collect())?;
+        self.above_black(frame)
+    }
+
     fn above_black(&mut self, frame: Frame) -> Result<Vec<f64>> {
         let frame = Arc::new(frame);
         let mut photo = self.capture(&frame, self.exposure)?;

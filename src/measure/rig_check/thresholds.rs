@@ -57,6 +57,12 @@ pub const IRIS: f64 = 0.02;
 /// As [`IRIS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 4 %.
 pub const IRIS_UNCALIBRATED: f64 = 0.05;
 
+/// The white segment of a colour wheel: red, green and blue may differ from gray by this share.
+pub const COLOURS: f64 = 0.02;
+
+/// As [`COLOURS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 5.6 % where the camera has no colours.
+pub const COLOURS_UNCALIBRATED: f64 = 0.07;
+
 /// A warning when this share of white's light reaches all pixels evenly, and follows the pattern.
 pub const STRAY: f64 = 0.02;
 

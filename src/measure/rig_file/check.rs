@@ -88,6 +88,7 @@ impl Check {
                 ("blur", spec.blur, 0.0, 100.0),
                 ("latency", spec.latency, 0.0, 60.0),
                 ("frame_time", spec.frame_time, 0.0, 60.0),
+                ("white_segment", spec.white_segment, 0.0, 10.0),
                 ("overscan", spec.overscan, 0.0, 0.5),
                 ("iris.dimming", spec.iris.dimming, -1.0, 0.95),
                 ("iris.time", spec.iris.time, 0.0, 3600.0),

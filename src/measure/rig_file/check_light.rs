@@ -12,6 +12,12 @@ impl Check {
         splitter: &Splitter,
     ) -> Checked {
         self.projector(projector)?;
+        if projector.white_segment > 0.0 && projector.channels != 3 {
+            return Err(self.fault(
+                "projector.white_segment adds to what three colours have in common, but the projector has one channel",
+                "give the projector channels = 3, or leave white_segment out",
+            ));
+        }
         self.camera(camera)?;
         self.crosstalk(projector, camera)?;
         self.splitter(splitter)

@@ -217,7 +217,8 @@ fn media_lie_behind_the_front() {
     let found = look(&gpu, &scene(solid.clone()), &[FRONT, BACK]);
     assert_eq!((found[0].eta, found[1].eta), ([1.0, 1.25], [1.25, 1.0]));
     for side in found {
-        assert_eq!((side.ior, side.absorption), (1.25, volume.absorption()));
+        // The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::unit`).
+        assert_eq!((side.ior, side.absorption), (1.25, 2.0 * volume.absorption()));
     }
     for thin in [Material { volume: None, ..solid.clone() }, Material { transmission: 0.0, ..solid }] {
         let found = look(&gpu, &scene(thin), &[FRONT, BACK]);

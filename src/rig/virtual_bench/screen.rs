@@ -9,6 +9,8 @@ use crate::rig::Frame;
 pub(super) struct Screen {
     /// The light of each level, relative to white.
     light: Vec<f64>,
+    /// What the white segment adds to the light that a pixel's colours have in common.
+    white_segment: f64,
     /// The part of the frame that each pixel shows; none where it shows its own.
     overscan: Option<Optics>,
     vignette: Vec<f64>,
@@ -33,22 +35,36 @@ impl Screen {
         let centre = [resolution.width as f64 / 2.0, resolution.height as f64 / 2.0];
         let shown = |at: [f64; 2]| [0, 1].map(|i| centre[i] + (at[i] - centre[i]) * (1.0 - spec.overscan));
         let overscan = (spec.overscan > 0.0).then(|| Optics::new(resolution, resolution, &shown));
-        Self { light, overscan, vignette, kernel: gaussian(spec.blur), resolution }
+        let (white_segment, kernel) = (spec.white_segment, gaussian(spec.blur));
+        Self { light, white_segment, overscan, vignette, kernel, resolution }
+    }
+
+    /// The light of each of a frame's samples, relative to white.
+    fn light(&self, frame: &Frame) -> Vec<f64> {
+        let mut light: Vec<f64> =
+            frame.levels().iter().map(|&level| self.light[usize::from(level)]).collect();
+        if self.white_segment > 0.0 {
+            for pixel in light.chunks_exact_mut(frame.channels()) {
+                let gray = pixel.iter().copied().fold(f64::INFINITY, f64::min);
+                for light in pixel {
+                    *light = (*light + self.white_segment * gray) / (1.0 + self.white_segment);
+                }
+            }
+        }
+        light
     }
 
     /// The mean light of a frame, relative to white.
     pub(super) fn mean(&self, frame: &Frame) -> f64 {
-        let light = frame.levels().iter().map(|&level| self.light[usize::from(level)]);
-        light.sum::<f64>() / frame.levels().len() as f64
+        self.light(frame).iter().sum::<f64>() / frame.levels().len() as f64
     }
 
     /// The light of a frame, which must fit the screen, as a pattern.
     pub(super) fn emit(&self, frame: &Frame) -> Image {
-        let channels = frame.channels();
+        let (channels, all) = (frame.channels(), self.light(frame));
         let mut pattern = Image::filled(self.resolution, channels, 0.0);
         for channel in 0..channels {
-            let levels = frame.levels().iter().skip(channel).step_by(channels);
-            let light: Vec<f64> = levels.map(|&level| self.light[usize::from(level)]).collect();
+            let light: Vec<f64> = all.iter().skip(channel).step_by(channels).copied().collect();
             let light = match &self.overscan {
                 Some(overscan) => overscan.resample(|pixel| light[pixel]),
                 None => light,
@@ -123,6 +139,20 @@ mod tests {
         let light = Screen::new(&spec, resolution).emit(&frame);
         for (found, expected) in light.samples().iter().zip([0.1, 0.2, 0.5, 1.0]) {
             assert!((found - expected).abs() < 1e-7, "{found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn a_white_segment_brightens_what_colours_have_in_common() {
+        let resolution = Resolution::new(4, 1);
+        let spec = VirtualProjector { channels: 3, white_segment: 1.0, ..VirtualProjector::default() };
+        let levels = vec![255, 255, 255, 255, 0, 0, 51, 51, 51, 255, 51, 0];
+        let frame = Frame::new(resolution, 3, levels).expect("three levels for each pixel");
+        let light = Screen::new(&spec, resolution).emit(&frame);
+        // White is 1, grays are in proportion to it, and red alone is half of white's red.
+        let expected = [1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.2, 0.2, 0.2, 0.5, 0.1, 0.0];
+        for (found, expected) in light.samples().iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{:?}", light.samples());
         }
     }
 

@@ -94,6 +94,9 @@ pub struct VirtualProjector {
     pub latency: f64,
     /// Seconds from one refresh to the next, which is the time that showing a frame takes.
     pub frame_time: f64,
+    /// What the white segment of a colour wheel adds to gray: this share of the light that red, green and blue have in common in a pixel. White is
+    /// then so much brighter than red, green and blue together; light is still relative to white.
+    pub white_segment: f64,
     /// How the brightness follows the frame.
     pub iris: Iris,
     /// How the light of a frame is spread over time.
@@ -116,6 +119,7 @@ impl Default for VirtualProjector {
             blur: 0.0,
             latency: 0.0,
             frame_time: 0.0,
+            white_segment: 0.0,
             iris: Iris::default(),
             pulse: Pulse::default(),
             limited_range: false,

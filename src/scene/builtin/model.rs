@@ -86,6 +86,7 @@ impl Model {
         }
         let mut scene = Scene {
             path: self.name.into(),
+            origin: glam::DVec3::ZERO,
             triangles,
             materials: self.materials.clone(),
             textures: Vec::new(),

@@ -1,6 +1,6 @@
 //! The rig's camera and projector, from the file's camera nodes or a camera file.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use gltf_json as json;
 use gltf_json::validation::Checked;
 
@@ -8,7 +8,7 @@ use super::extras::Extras;
 use super::nodes::Placed;
 use super::{Document, object_name};
 use crate::error::Result;
-use crate::scene::camera::tan_half;
+use crate::scene::camera::{Posed, tan_half};
 use crate::scene::camera_file::{CameraFile, CameraPair};
 use crate::scene::triangle::MAX_COORDINATE;
 use crate::scene::{Camera, LoadOptions};
@@ -108,7 +108,7 @@ pub(super) fn pair(
             ));
         }
     };
-    Ok(CameraPair::new(camera, projector, resolution))
+    Ok(CameraPair { camera, projector, projector_resolution: resolution })
 }
 
 /// The camera nodes of the scene: the cameras, and those that are marked as projectors.
@@ -185,7 +185,7 @@ fn choose<'a>(
 }
 
 /// Converts a camera node.
-fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
+fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Posed> {
     let Candidate { name, camera, placed, extras } = candidate;
     let Some(perspective) = &camera.perspective else {
         let fault = match camera.type_ {
@@ -211,23 +211,24 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
         ));
     }
     let [right, up, forward] = axes(document, name, placed)?;
-    let position = placed.transform.translation.as_vec3();
-    if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
+    let position = placed.transform.translation;
+    if !position.is_finite() || position.abs().max_element() > f64::from(MAX_COORDINATE) {
         return Err(document.fault(
             format!("camera `{name}` stands more than {MAX_COORDINATE:e} m from the origin"),
             "glTF lengths are metres: scale the scene",
         ));
     }
-    Ok(Camera {
+    let camera = Camera {
         name: name.clone(),
-        position,
+        position: Vec3::ZERO,
         right: right.as_vec3(),
         up: up.as_vec3(),
         forward: forward.as_vec3(),
         tan_half_fov,
         aspect: perspective.aspect_ratio,
         lens: extras.lens(document, name)?,
-    })
+    };
+    Ok(Posed { camera, position })
 }
 
 /// Right, up and forward of a camera node as an orthonormal frame. The node's scale is ignored.

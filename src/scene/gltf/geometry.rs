@@ -19,6 +19,7 @@ use super::vertices::Vertices;
 use super::{Document, instancing, object_name};
 use crate::error::{Error, Result};
 use crate::scene::Watcher;
+use crate::scene::place::Place;
 use crate::scene::triangle::Triangle;
 
 /// What primitives without triangles consist of.
@@ -34,13 +35,42 @@ pub(super) struct Surface {
     pub triangles: Vec<Triangle>,
 }
 
-/// Assembles all surfaces of the scene, in the order of the nodes.
+/// Assembles all surfaces of the scene, in the order of the nodes. A scene that moves is assembled again, around its new origin.
 pub(super) fn assemble(
     document: &mut Document,
     placed: &[Placed],
     materials: &mut Materials,
     watcher: Watcher<'_>,
+    place: &mut Place,
 ) -> Result<Vec<Surface>> {
+    let mut assembly = assembly(document, placed, materials, watcher, place)?;
+    if place.settle(&document.path)? {
+        assembly = self::assembly(document, placed, materials, watcher, place)?;
+    }
+    document.warnings.list.extend(place.warning());
+    if assembly.degenerate > 0 {
+        document.warnings.add(format!("{} triangles without area were dropped", assembly.degenerate));
+    }
+    if assembly.surfaces.is_empty() {
+        let what = match document.warnings.list.iter().any(|warning| warning.contains(NO_AREA)) {
+            true => "no triangles in the scene, but points or lines, which have no area and show nothing",
+            false => "no triangles in the scene",
+        };
+        return Err(
+            document.fault(what, "export meshes with faces, in the scene that the file shows by default")
+        );
+    }
+    Ok(assembly.surfaces)
+}
+
+/// All surfaces of a scene at `place`, which notes their corners.
+fn assembly(
+    document: &mut Document,
+    placed: &[Placed],
+    materials: &mut Materials,
+    watcher: Watcher<'_>,
+    place: &mut Place,
+) -> Result<Assembly> {
     let mut assembly = Assembly {
         surfaces: Vec::new(),
         skins: Skins::new(document, placed),
@@ -76,25 +106,13 @@ pub(super) fn assemble(
                 .label(document, &placement.what, index, Some(primitive))?
                 .or_else(|| mesh_label.clone())
                 .or_else(|| node.label.clone());
-            let triangles = assembly.place(document, &placement, &poses, materials, progress)?;
+            let triangles = assembly.place(document, &placement, &poses, materials, (progress, place))?;
             if !triangles.is_empty() {
                 assembly.surfaces.push(Surface { placed: position, label, triangles });
             }
         }
     }
-    if assembly.degenerate > 0 {
-        document.warnings.add(format!("{} triangles without area were dropped", assembly.degenerate));
-    }
-    if assembly.surfaces.is_empty() {
-        let what = match document.warnings.list.iter().any(|warning| warning.contains(NO_AREA)) {
-            true => "no triangles in the scene, but points or lines, which have no area and show nothing",
-            false => "no triangles in the scene",
-        };
-        return Err(
-            document.fault(what, "export meshes with faces, in the scene that the file shows by default")
-        );
-    }
-    Ok(assembly.surfaces)
+    Ok(assembly)
 }
 
 /// One primitive of one mesh at one node.
@@ -167,7 +185,7 @@ impl Assembly {
         placement: &Placement,
         poses: &Poses,
         materials: &mut Materials,
-        progress: Progress<'_>,
+        (progress, place): (Progress<'_>, &mut Place),
     ) -> Result<Vec<Triangle>> {
         let what = &placement.what;
         let primitive = &document.root.meshes[placement.mesh].primitives[placement.primitive];
@@ -208,7 +226,7 @@ impl Assembly {
                 done += 1;
                 progress.at(done, count)?;
                 let indices = corners.vertices(index).ok_or_else(|| cut_short(document, what))?;
-                let triangle = placer.triangle(indices)?;
+                let triangle = placer.triangle(indices, place)?;
                 if triangle.has_area() {
                     triangles.push(triangle.with_normals_in_front());
                 } else {

@@ -37,8 +37,11 @@ use std::cell::RefCell;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use gltf_json as json;
 
+use super::camera::Posed;
+use super::place::Place;
 use super::source::{self, ContentHash, Warnings, fault};
 use super::{Camera, LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
@@ -69,27 +72,32 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
         _ => Some(cameras::pair(&document, &placed, &wanted, camera_file.take())?),
     };
     let mut materials = materials::Materials::default();
-    let surfaces = geometry::assemble(&mut document, &placed, &mut materials, options.watcher)?;
+    let mut place = Place::of(pair.as_ref().map(|pair| pair.camera.position));
+    let surfaces = geometry::assemble(&mut document, &placed, &mut materials, options.watcher, &mut place)?;
     let (triangles, regions, regions_are_labels) = regions::name(&mut document, &placed, surfaces)?;
     let cameras = match pair.take() {
         Some(pair) => pair,
         None => {
             let mut file = camera_file.unwrap_or_default();
-            file.camera = Some(Camera::in_front_of(&triangles, &materials.list));
+            let camera = Camera::in_front_of(&triangles, &materials.list);
+            file.camera = Some(Posed { position: place.origin + camera.position.as_dvec3(), camera });
             cameras::pair(&document, &placed, &wanted, Some(file))?
         }
     };
 
     // The hash is part of cache keys, and another camera of the same file gives another matrix.
-    document.hash.add(cameras.camera.name.as_bytes());
+    document.hash.add(cameras.camera.camera.name.as_bytes());
+    let projector_resolution = cameras.projector_resolution;
+    let (camera, projector) = cameras.at(&place);
     Ok(Scene {
         path: path.to_path_buf(),
+        origin: place.origin,
         triangles,
         materials: materials.list,
         textures: materials.textures.list,
-        camera: cameras.camera,
-        projector: cameras.projector,
-        projector_resolution: cameras.projector_resolution,
+        camera,
+        projector,
+        projector_resolution,
         regions,
         regions_are_labels,
         hash: document.hash.finish(),
@@ -101,6 +109,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 struct Document {
     path: PathBuf,
     root: json::Root,
+    /// The translation of each node, as [`nodes::translations`] reads it.
+    translations: Vec<Option<DVec3>>,
     /// The binary chunk of a `.glb`, until [`buffers::load`] moves it to the first buffer.
     chunk: Option<Vec<u8>>,
     /// The bytes of each buffer of `root.buffers`.
@@ -119,11 +129,14 @@ impl Document {
         let mut hash = ContentHash::default();
         hash.add(bytes);
         let (text, chunk) = container::split(path, bytes)?;
+        // Some programs write a byte order mark.
+        let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
         let root = read_root(path, text)?;
         let chunk = chunk.map(<[u8]>::to_vec);
         Ok(Self {
             path: path.to_path_buf(),
             root,
+            translations: nodes::translations(text),
             chunk,
             buffers: Vec::new(),
             checked_sparse: RefCell::default(),
@@ -158,8 +171,6 @@ impl Document {
 
 /// Parses the JSON of a glTF 2.0 file.
 fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
-    // Some programs write a byte order mark.
-    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let error = match json::Root::from_slice(text) {
         Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
         Ok(root) => return Err(container::other_version(path, &root.asset.version)),

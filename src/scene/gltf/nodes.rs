@@ -2,10 +2,32 @@
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use gltf_json as json;
+use serde::Deserialize;
 
 use super::labels::{self, Label};
 use super::{Document, object_name};
 use crate::error::Result;
+
+/// Where the text of a file places each of its nodes relative to its parent, in double precision: the crate `gltf` reads single precision. Empty
+/// for a text that cannot be read.
+pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
+    #[derive(Deserialize)]
+    struct File {
+        #[serde(default)]
+        nodes: Vec<Node>,
+    }
+    #[derive(Deserialize)]
+    struct Node {
+        translation: Option<[f64; 3]>,
+        matrix: Option<[f64; 16]>,
+    }
+    let of = |node: Node| match (node.matrix, node.translation) {
+        (Some(matrix), _) => Some(DVec3::from_slice(&matrix[12..15])),
+        (None, translation) => translation.map(DVec3::from_array),
+    };
+    serde_json::from_slice(text)
+        .map_or_else(|_| Vec::new(), |File { nodes }| nodes.into_iter().map(of).collect())
+}
 
 /// A node of the scene and its world transform.
 pub(super) struct Placed {
@@ -188,6 +210,7 @@ fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
 
 /// The transform from the frame of a node to that of its parent.
 fn local_transform(document: &Document, index: usize, node: &json::Node) -> Result<DAffine3> {
+    let stated = document.translations.get(index).copied().flatten();
     if let Some(matrix) = node.matrix {
         let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
         let last = matrix.row(3);
@@ -198,10 +221,12 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
                 "the last row of a node's matrix must be 0 0 0 1",
             ));
         }
-        return Ok(DAffine3 { matrix3: DMat3::from_mat4(matrix), translation: matrix.w_axis.truncate() });
+        let translation = stated.unwrap_or(matrix.w_axis.truncate());
+        return Ok(DAffine3 { matrix3: DMat3::from_mat4(matrix), translation });
     }
     let scale = node.scale.map_or(DVec3::ONE, |scale| DVec3::from_array(scale.map(f64::from)));
-    let translation = node.translation.map_or(DVec3::ZERO, |to| DVec3::from_array(to.map(f64::from)));
+    let read = node.translation.map_or(DVec3::ZERO, |to| DVec3::from_array(to.map(f64::from)));
+    let translation = stated.unwrap_or(read);
     let rotation = node.rotation.map_or(DQuat::IDENTITY, |turn| DQuat::from_array(turn.0.map(f64::from)));
     let length = rotation.length();
     if !(length.is_finite() && length > 1e-6) {

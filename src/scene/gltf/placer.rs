@@ -6,6 +6,7 @@ use super::Document;
 use super::pose::Pose;
 use super::vertices::Vertices;
 use crate::error::{Error, Result};
+use crate::scene::place::Place;
 use crate::scene::triangle::{MAX_COORDINATE, Triangle};
 
 /// Makes world-space triangles of a primitive at one pose.
@@ -19,12 +20,12 @@ pub(super) struct Placer<'a> {
 }
 
 impl Placer<'_> {
-    /// The triangle whose corners are the vertices `indices`.
-    pub(super) fn triangle(&self, indices: [u32; 3]) -> Result<Triangle> {
+    /// The triangle whose corners are the vertices `indices`, in the coordinates of a scene at `place`, which notes them.
+    pub(super) fn triangle(&self, indices: [u32; 3], place: &mut Place) -> Result<Triangle> {
         let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
         let mut mirrors = false;
         for (corner, index) in indices.into_iter().enumerate() {
-            mirrors = self.place(index, corner, &mut triangle)?;
+            mirrors = self.place(index, corner, &mut triangle, place)?;
         }
         // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front
         // where it was.
@@ -33,7 +34,7 @@ impl Placer<'_> {
 
     /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's
     /// transform mirrors.
-    fn place(&self, index: u32, corner: usize, triangle: &mut Triangle) -> Result<bool> {
+    fn place(&self, index: u32, corner: usize, triangle: &mut Triangle, place: &mut Place) -> Result<bool> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
             document.fault(
@@ -48,7 +49,7 @@ impl Placer<'_> {
             )
         })?;
         let world = transform.point(vertex.position);
-        if !world.is_finite() || world.abs().max_element() > MAX_COORDINATE {
+        if !world.is_finite() || world.abs().max_element() > f64::from(MAX_COORDINATE) {
             return Err(bad_position(document, what, index, vertex.position));
         }
         if !vertex.texcoords.iter().all(|coordinates| coordinates.is_finite()) {
@@ -57,7 +58,8 @@ impl Placer<'_> {
                 "correct the mesh's texture coordinates",
             ));
         }
-        triangle.positions[corner] = world;
+        place.note(world, vertex.position.as_dvec3(), transform.stretch());
+        triangle.positions[corner] = (world - place.origin).as_vec3();
         triangle.normals[corner] = transform.normal(vertex.normal);
         triangle.texcoords[corner] = vertex.texcoords;
         triangle.colors[corner] = vertex.color;

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use glam::{DAffine3, DMat3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::skin::Influences;
 
@@ -27,8 +27,14 @@ impl Transform {
     }
 
     /// Transforms a point.
-    pub(super) fn point(&self, point: Vec3) -> Vec3 {
-        self.points.transform_point3(point.as_dvec3()).as_vec3()
+    pub(super) fn point(&self, point: Vec3) -> DVec3 {
+        self.points.transform_point3(point.as_dvec3())
+    }
+
+    /// How much longer a vector can become.
+    pub(super) fn stretch(&self) -> f64 {
+        let DMat3 { x_axis, y_axis, z_axis } = self.points.matrix3;
+        [x_axis, y_axis, z_axis].map(|axis| axis.length_squared()).into_iter().fold(0.0, f64::max).sqrt()
     }
 
     /// Transforms a normal to a unit vector, or to zero if it has no direction.

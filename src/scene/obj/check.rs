@@ -1,18 +1,15 @@
-//! Validation of an `.obj` file, statement by statement, before `tobj` reads its geometry.
+//! The geometry of an `.obj` file, statement by statement. Errors name the line.
 //!
-//! `tobj` reports errors without line numbers, accepts numbers that are not finite and indices that do not exist, invents texture
-//! coordinates and normals for corners without them, and mixes up colours if only some vertices have one. Therefore valid
-//! statements are copied, word by word, into unambiguous text for `tobj`: `v x y z r g b`, `vt u v`, `vn x y z` and `f`. Groups and
-//! materials are recorded here, because `tobj` ignores materials that no library defines.
+//! `tobj` is not used for it: it reads positions in single precision, which is too coarse for scenes far from the origin, accepts indices that do
+//! not exist, and reports errors without line numbers.
 
-use std::borrow::Cow;
-
+use glam::{DVec3, Vec2, Vec3};
 use indexmap::IndexSet;
 
 use super::line::{Line, shortened};
 use crate::error::Result;
 use crate::scene::source::{Warnings, fault};
-use crate::scene::triangle::MAX_TRIANGLES;
+use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
 /// Maximum number of unknown statement kinds that warnings name.
 const MAX_UNKNOWN: usize = 16;
@@ -33,10 +30,16 @@ pub(super) struct Run {
 /// The content of the statements read so far.
 #[derive(Default)]
 pub(super) struct Checked {
-    /// The geometry as plain text for `tobj`.
-    pub plain: String,
-    /// Whether each corner has a texture coordinate and a normal.
-    pub given: Vec<[bool; 2]>,
+    /// Positions in the file's coordinates, and their colours.
+    pub vertices: Vec<(DVec3, [u16; 4])>,
+    /// Texture coordinates with `v` pointing downwards, as pictures are stored.
+    pub texcoords: Vec<Vec2>,
+    /// Unit vectors; zero where the file's normal has no direction.
+    pub normals: Vec<Vec3>,
+    /// The vertex, texture coordinate and normal of each corner of the faces, counted from 1; 0 for none.
+    pub corners: Vec<[u32; 3]>,
+    /// The number of corners of each face.
+    pub sizes: Vec<u32>,
     pub runs: Vec<Run>,
     /// Names of the groups that have faces.
     pub groups: IndexSet<String>,
@@ -46,8 +49,6 @@ pub(super) struct Checked {
     pub libraries: IndexSet<String>,
     group: String,
     material: Option<u32>,
-    /// Number of elements of each kind so far.
-    counts: [usize; 3],
     triangles: usize,
     unknown: usize,
     /// Whether there are points or lines.
@@ -59,12 +60,15 @@ impl Checked {
         match line.keyword {
             "v" => self.vertex(line, warnings)?,
             "vt" => match *line.numbers()? {
-                [_] => self.element(1, line, 1, " 0"),
-                [_, _] | [_, _, _] => self.element(1, line, 2, ""),
+                [u] => self.texcoords.push(Vec2::new(u, 1.0)),
+                [u, v] | [u, v, _] => self.texcoords.push(Vec2::new(u, 1.0 - v)),
                 _ => return Err(line.fault("`vt` takes one to three numbers")),
             },
             "vn" => match *line.numbers()? {
-                [_, _, _] => self.element(2, line, 3, ""),
+                [x, y, z] => {
+                    let normal = DVec3::new(x.into(), y.into(), z.into());
+                    self.normals.push(normal.normalize_or_zero().as_vec3());
+                }
                 _ => return Err(line.fault("`vn` takes three numbers")),
             },
             "f" => self.face(line, warnings)?,
@@ -92,46 +96,38 @@ impl Checked {
     }
 
     fn vertex(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
-        let (words, color) = match *line.numbers()? {
-            [_, _, _] | [_, _, _, 1.0] => (3, " 1 1 1"),
+        let color = match *line.numbers()? {
+            [_, _, _] | [_, _, _, 1.0] => Triangle::WHITE,
             [_, _, _, _] => {
                 warnings.add("weights of vertices are ignored: only free-form surfaces have a use for them");
-                (3, " 1 1 1")
+                Triangle::WHITE
             }
-            [_, _, _, _, _, _] | [_, _, _, _, _, _, _] => (6, ""),
+            [_, _, _, red, green, blue] | [_, _, _, red, green, blue, _] => {
+                Triangle::quantized([red, green, blue, 1.0])
+            }
             [] | [_] | [_, _] => return Err(line.fault("`v` takes at least three numbers")),
             _ => return Err(line.fault("`v` takes three numbers, or six with a colour")),
         };
-        self.element(0, line, words, color);
+        let mut position = DVec3::ZERO;
+        for (axis, word) in line.words().take(3).enumerate() {
+            // They are numbers, as was found above.
+            position[axis] = word.parse().unwrap_or_default();
+        }
+        self.vertices.push((position, color));
         Ok(())
     }
 
-    /// Copies the first words of an element's line, which are numbers, and appends what the file leaves out.
-    fn element(&mut self, kind: usize, line: &Line<'_>, words: usize, rest: &str) {
-        self.counts[kind] += 1;
-        self.plain.push_str(line.keyword);
-        for word in line.words().take(words) {
-            self.plain.push(' ');
-            self.plain.push_str(word);
-        }
-        self.plain.push_str(rest);
-        self.plain.push('\n');
-    }
-
     fn face(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
-        self.plain.push('f');
-        let mut corners = 0_usize;
+        let before = self.corners.len();
         for word in line.words() {
-            let (given, plain) = self.corner(line, word, warnings)?;
-            self.given.push(given);
-            self.plain.push(' ');
-            self.plain.push_str(&plain);
-            corners += 1;
+            let corner = self.corner(line, word, warnings)?;
+            self.corners.push(corner);
         }
-        self.plain.push('\n');
+        let corners = self.corners.len() - before;
         if corners < 3 {
             return Err(line.fault("a face has fewer than three corners"));
         }
+        self.sizes.push(corners as u32);
         self.triangles += corners - 2;
         if self.triangles > MAX_TRIANGLES {
             return Err(fault(
@@ -149,47 +145,41 @@ impl Checked {
         Ok(())
     }
 
-    /// Checks a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Returns whether it has a texture coordinate and a normal, and the corner without those
-    /// that the file does not have: exporters that leave them out may still count them.
-    fn corner<'b>(
-        &self,
-        line: &Line<'_>,
-        word: &'b str,
-        warnings: &mut Warnings,
-    ) -> Result<([bool; 2], Cow<'b, str>)> {
-        let mut kept = [""; 3];
-        let mut is_whole = true;
+    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. Texture coordinates and normals that the file does not have
+    /// are left out: exporters that leave them out may still count them.
+    fn corner(&self, line: &Line<'_>, word: &str, warnings: &mut Warnings) -> Result<[u32; 3]> {
+        let counts = [self.vertices.len(), self.texcoords.len(), self.normals.len()];
+        let mut found = [0; 3];
         let mut indices = word.split('/');
-        for ((kept, count), element) in kept.iter_mut().zip(self.counts).zip(ELEMENTS) {
+        for ((found, count), element) in found.iter_mut().zip(counts).zip(ELEMENTS) {
             let index = indices.next().unwrap_or("");
-            if index.is_empty() || exists(index, count) {
-                *kept = index;
-            } else if element != ELEMENTS[0] && index.parse::<i64>().is_ok_and(|at| at != 0) {
+            if index.is_empty() {
+                continue;
+            }
+            let number = index.parse::<i64>().ok();
+            if let Some(existing) = number.and_then(|number| existing(number, count)) {
+                *found = existing;
+            } else if element != ELEMENTS[0] && number.is_some_and(|number| number != 0) {
                 let consequence =
                     if element == ELEMENTS[2] { "they are flat" } else { "they show no texture" };
                 warnings.add(format!("faces refer to {element}s that the file does not have: {consequence}"));
-                is_whole = false;
             } else {
                 let word = shortened(word);
                 return Err(line.fault(&format!("`{word}`: there is no such {element}; there are {count}")));
             }
         }
-        let [vertex, texcoord, normal] = kept;
-        if vertex.is_empty() || indices.next().is_some() {
+        if found[0] == 0 || indices.next().is_some() {
             return Err(line.fault(&format!("`{}` is no corner of a face", shortened(word))));
         }
-        let plain = match (is_whole, normal) {
-            (true, _) => Cow::Borrowed(word),
-            (false, "") => Cow::Owned(format!("{vertex}/{texcoord}").trim_end_matches('/').to_owned()),
-            (false, normal) => Cow::Owned(format!("{vertex}/{texcoord}/{normal}")),
-        };
-        Ok(([!texcoord.is_empty(), !normal.is_empty()], plain))
+        Ok(found)
     }
 }
 
-/// Whether an index, counted from 1 or backwards from −1, refers to one of `count` elements.
-fn exists(index: &str, count: usize) -> bool {
-    index.parse::<i64>().is_ok_and(|index| (1..=count as u64).contains(&index.unsigned_abs()))
+/// The element of `count` that an index refers to, which counts from 1 or backwards from −1; the result counts from 1.
+fn existing(index: i64, count: usize) -> Option<u32> {
+    let count = i64::try_from(count).ok()?;
+    let index = if index < 0 { count + 1 + index } else { index };
+    (1..=count).contains(&index).then(|| u32::try_from(index).ok())?
 }
 
 /// The index of a name in `names`; a new name is added.

@@ -1,4 +1,4 @@
-//! Loads Wavefront `.obj` files with `.mtl` libraries, using `tobj` after validation (see [`check`]).
+//! Loads Wavefront `.obj` files with `.mtl` libraries.
 //!
 //! | statement | here |
 //! |---|---|
@@ -22,8 +22,10 @@ mod polygon;
 
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
+use super::camera::Posed;
+use super::place::Place;
 use super::source::{self, ContentHash, Warnings, fault};
 use super::triangle::{MAX_COORDINATE, Triangle};
 use super::{Camera, LoadOptions, Material, Scene, camera_file};
@@ -45,26 +47,32 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     hash.add(&bytes);
     let mut warnings = Warnings::default();
     let mut checked = Checked::default();
-    checked.plain.reserve(bytes.len());
-    let (watcher, mut lines) = (options.watcher, 0_usize);
+    let (watcher, mut lines, mut read) = (options.watcher, 0_usize, 0_usize);
     line::statements(path, &source::text(&bytes), |line| {
         lines += 1;
-        // What is copied is about as long as what was read.
-        watcher.count(lines, || READING * checked.plain.len() as f32 / bytes.len() as f32)?;
+        // With a blank and the line's end.
+        read += line.keyword.len() + line.rest.len() + 2;
+        watcher.count(lines, || READING * (read as f32 / bytes.len() as f32).min(1.0))?;
         checked.statement(line, &mut warnings)
     })?;
     drop(bytes);
     let mut materials = materials::load(path, &checked, options.strict, &mut hash, &mut warnings)?;
-    let triangles = triangles(path, &checked, &mut materials, options, &mut warnings)?;
-    let rig = find_rig(path, options, &triangles, &materials.list, &mut hash)?;
+    let given = camera_file::find(path, options)?;
+    let place = place(path, &checked, given.as_ref().and_then(|given| given.camera.as_ref()))?;
+    let triangles = triangles(path, &checked, &mut materials, (options, place.origin), &mut warnings)?;
+    let rig = find_rig(path, (options, given), (&triangles, place.origin), &materials.list, &mut hash)?;
+    let projector_resolution = rig.projector_resolution;
+    let (camera, projector) = rig.at(&place);
+    warnings.list.extend(place.warning());
     Ok(Scene {
         path: path.to_path_buf(),
+        origin: place.origin,
         triangles,
         materials: materials.list,
         textures: materials.textures,
-        camera: rig.camera,
-        projector: rig.projector,
-        projector_resolution: rig.projector_resolution,
+        camera,
+        projector,
+        projector_resolution,
         regions: checked.groups.into_iter().collect(),
         regions_are_labels: false,
         hash: hash.finish(),
@@ -72,10 +80,28 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     })
 }
 
+/// The place of the scene's corners.
+fn place(path: &Path, checked: &Checked, camera: Option<&Posed>) -> Result<Place> {
+    let mut place = Place::of(camera.map(|camera| camera.position));
+    for [vertex, ..] in &checked.corners {
+        let (position, _) = checked.vertices[*vertex as usize - 1];
+        if position.abs().max_element() > f64::from(MAX_COORDINATE) {
+            return Err(fault(
+                path,
+                format!("a vertex at {position} lies more than {MAX_COORDINATE:e} m from the origin"),
+                "lengths are metres: scale the scene",
+            ));
+        }
+        place.note(position, position, 1.0);
+    }
+    place.settle(path)?;
+    Ok(place)
+}
+
 fn find_rig(
     path: &Path,
-    options: &LoadOptions<'_>,
-    triangles: &[Triangle],
+    (options, given): (&LoadOptions<'_>, Option<camera_file::CameraFile>),
+    (triangles, origin): (&[Triangle], DVec3),
     materials: &[Material],
     hash: &mut ContentHash,
 ) -> Result<camera_file::CameraPair> {
@@ -86,7 +112,6 @@ fn find_rig(
             "leave out --camera, and give a camera file by --camera-file",
         ));
     }
-    let given = camera_file::find(path, options)?;
     let missing = || {
         let sidecar = path.with_extension("rig.toml");
         fault(
@@ -100,29 +125,31 @@ fn find_rig(
     };
     if options.auto_camera && given.as_ref().is_none_or(|given| given.camera.is_none()) {
         let camera = Camera::in_front_of(triangles, materials);
+        let camera = Posed { position: origin + camera.position.as_dvec3(), camera };
         let given = given.inspect(|given| hash.add(&given.bytes));
         let (projector, resolution) =
             given.map_or((None, None), |of| (of.projector, of.projector_resolution));
-        return Ok(camera_file::CameraPair::new(camera, projector, resolution));
+        return Ok(camera_file::CameraPair { camera, projector, projector_resolution: resolution });
     }
     let given = given.ok_or_else(missing)?;
     hash.add(&given.bytes);
     let camera = given.camera.ok_or_else(missing)?;
-    Ok(camera_file::CameraPair::new(camera, given.projector, given.projector_resolution))
+    let (projector, projector_resolution) = (given.projector, given.projector_resolution);
+    Ok(camera_file::CameraPair { camera, projector, projector_resolution })
 }
 
 fn triangles(
     path: &Path,
     checked: &Checked,
     materials: &mut materials::Materials,
-    options: &LoadOptions<'_>,
+    (options, origin): (&LoadOptions<'_>, DVec3),
     warnings: &mut Warnings,
 ) -> Result<Vec<Triangle>> {
     let mut triangles = Vec::new();
     let mut degenerate = 0_usize;
     let mut polygons = Triangulator::default();
     let count: usize = checked.runs.iter().map(|run| run.faces).sum();
-    for (index, face) in mesh::faces(path, checked)?.enumerate() {
+    for (index, face) in mesh::faces(checked, origin).enumerate() {
         options.watcher.count(index, || READING + (1.0 - READING) * index as f32 / count as f32)?;
         let is_bare = face.corners.iter().any(|corner| corner.texcoord.is_none());
         let material = materials.of(face.material);
@@ -131,7 +158,7 @@ fn triangles(
             false => material,
         };
         for corners in polygons.split(face.corners.iter().map(|corner| corner.position)) {
-            let triangle = triangle(path, &corners.map(|at| face.corners[at]), material, face.group)?;
+            let triangle = triangle(&corners.map(|at| face.corners[at]), material, face.group);
             if triangle.has_area() {
                 triangles.push(triangle.with_normals_in_front());
             } else {
@@ -158,18 +185,10 @@ fn triangles(
     Ok(triangles)
 }
 
-fn triangle(path: &Path, corners: &[Corner; 3], material: u32, group: u32) -> Result<Triangle> {
-    let positions = corners.map(|corner| corner.position);
-    let mut triangle = Triangle::flat(positions, material, group);
-    if let Some(position) = positions.iter().find(|position| position.abs().max_element() > MAX_COORDINATE) {
-        return Err(fault(
-            path,
-            format!("a vertex at {position} lies more than {MAX_COORDINATE:e} m from the origin"),
-            "lengths are metres: scale the scene",
-        ));
-    }
+fn triangle(corners: &[Corner; 3], material: u32, group: u32) -> Triangle {
+    let mut triangle = Triangle::flat(corners.map(|corner| corner.position), material, group);
     triangle.texcoords = corners.map(|corner| [corner.texcoord.unwrap_or(Vec2::ZERO), Vec2::ZERO]);
     triangle.normals = corners.map(|corner| corner.normal.unwrap_or(Vec3::ZERO));
     triangle.colors = corners.map(|corner| corner.color);
-    Ok(triangle)
+    triangle
 }

@@ -7,7 +7,7 @@ use krylux::Error;
 use krylux::image::Resolution;
 use krylux::measure::rig_check::{self, Finding, Grade, RigToCheck};
 use krylux::measure::{FrameSource, LiveFrames, RigFile, RigKind};
-use krylux::rig::{Iris, Pulse, Splitter, VirtualRig};
+use krylux::rig::{Iris, Pulse, Splitter, VirtualProjector, VirtualRig};
 
 use super::realistic;
 use super::scene::Folded;
@@ -159,4 +159,31 @@ fn overscan_is_named() {
 #[test]
 fn blur_of_the_camera_is_named() {
     alone("sharpness", |rig| rig.camera.blur = 1.5);
+}
+
+#[test]
+fn a_white_segment_is_named_and_none_where_colours_add_up() {
+    let scene = scene().coloured();
+    for camera in [1, 3] {
+        for (segment, expected) in [(0.0, &[][..]), (0.8, &["colours"][..])] {
+            let mut rig = realistic(&scene);
+            rig.projector.channels = 3;
+            rig.projector.white_segment = segment;
+            rig.camera.channels = camera;
+            assert_eq!(
+                named(&rig, &scene),
+                expected,
+                "a camera of {camera} channels, a segment of {segment}"
+            );
+        }
+    }
+    // A colour wheel's pulses hide what colours add up to.
+    let mut rig = realistic(&scene);
+    rig.projector = VirtualProjector {
+        channels: 3,
+        white_segment: 0.8,
+        pulse: Pulse { period: 1.0 / 120.0, duty: 1.0, wheel: true },
+        ..rig.projector
+    };
+    assert_eq!(named(&rig, &scene), ["pulses"]);
 }

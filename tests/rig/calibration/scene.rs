@@ -11,6 +11,7 @@ pub struct Folded {
     resolution: Resolution,
     direct: Vec<f64>,
     exchange: Vec<Vec<f64>>,
+    channels: Channels,
 }
 
 impl Folded {
@@ -37,7 +38,12 @@ impl Folded {
         let sums: f64 = exchange.iter().map(|u| u.iter().sum::<f64>().powi(2)).sum();
         let scale = (global / (1.0 - global) * direct.iter().sum::<f64>() / sums).sqrt();
         exchange.iter_mut().flatten().for_each(|value| *value *= scale);
-        Self { resolution, direct, exchange }
+        Self { resolution, direct, exchange, channels: Channels::Luma }
+    }
+
+    /// The same for each of three colours.
+    pub fn coloured(self) -> Self {
+        Self { channels: Channels::Rgb, ..self }
     }
 
     /// `A x`.
@@ -66,11 +72,16 @@ impl Transport for Folded {
     }
 
     fn channels(&self) -> Channels {
-        Channels::Luma
+        self.channels
     }
 
     fn photograph(&mut self, pattern: &Image) -> krylux::Result<Image> {
-        let photo = self.apply(&pattern.plane(0));
-        Image::new(self.resolution, 1, photo.into_iter().map(|value| value as f32).collect())
+        let channels = self.channels.count();
+        // A gray pattern lights all colours.
+        let plane = |channel: usize| pattern.plane(channel.min(pattern.channels() - 1));
+        let photos: Vec<Vec<f64>> = (0..channels).map(|channel| self.apply(&plane(channel))).collect();
+        let pixels = 0..self.resolution.pixels();
+        let samples = pixels.flat_map(|pixel| photos.iter().map(move |photo| photo[pixel] as f32));
+        Image::new(self.resolution, channels, samples.collect())
     }
 }

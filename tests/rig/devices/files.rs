@@ -145,6 +145,11 @@ fn values_out_of_range_are_named_with_their_range() {
             "projector.pulse.wheel shows three colours, but the projector has one channel",
             "give the projector channels = 3, or leave wheel out",
         ),
+        (
+            "[projector]\nwhite_segment = 0.5\n",
+            "projector.white_segment adds to what three colours have in common, but the projector has one channel",
+            "give the projector channels = 3, or leave white_segment out",
+        ),
         ("[camera]\nblur = -1\n", "camera.blur is -1", "give 0 to 100"),
         ("[camera]\nrolling_shutter = nan\n", "camera.rolling_shutter is NaN", "give 0 to 60"),
         ("[splitter]\nstray = -0.1\n", "splitter.stray is -0.1", "give 0 to 10"),

@@ -220,17 +220,17 @@ impl Solver for Gmres {
     }
 
     fn tally(&self) -> Tally {
-        self.system.tally
+        self.system.tally()
     }
 
     fn solution(&self) -> Vec<f64> {
         let mut x = self.system.x.clone();
         if !self.started {
-            return x;
+            return self.system.undivided(x);
         }
         if !self.is_hatted() {
             self.cycle.combine(self.flexible, 1.0, &mut x);
-            return x;
+            return self.system.undivided(x);
         }
         let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         self.cycle.combine(self.flexible, 1.0, &mut sum);
@@ -238,6 +238,6 @@ impl Solver for Gmres {
         if precondition(self.preconditioner.as_ref(), &sum, &mut hat).is_ok() {
             axpy(1.0, &hat, &mut x);
         }
-        x
+        self.system.undivided(x)
     }
 }

@@ -1,0 +1,176 @@
+//! Numbers of any size: systems and operators are divided by powers of two, so that no square or product of a few of their numbers overflows or
+//! vanishes.
+//!
+//! Division by a power of two is exact, so that an answer is that of the same problem at ordinary size, to rounding. Numbers of ordinary size are not
+//! touched.
+
+use super::basis::norm;
+use super::eigen::{Eigs, HistoryRow};
+use super::singular::Singular;
+use crate::error::{Error, Result};
+use crate::operator::{Adjoint, Operator, delegate};
+
+/// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from the ends of double precision, at `2^±1022`.
+const SAFE: i32 = 96;
+
+/// The power of two of a number that is not below it; that of zero is far below, and that of an infinity far above all others.
+pub(super) fn exponent(size: f64) -> i32 {
+    match size {
+        0.0 => -1_000_000,
+        _ if size.is_finite() => size.abs().log2().floor() as i32,
+        _ => 1_000_000,
+    }
+}
+
+/// The power of two by which numbers of this exponent are divided: 0 for those of ordinary size, and for zero and infinity.
+pub(super) fn power(exponent: i32) -> i32 {
+    if (SAFE + 1..10_000).contains(&exponent.abs()) { exponent } else { 0 }
+}
+
+/// `value · 2^power`.
+pub(super) fn scaled(mut value: f64, mut power: i32) -> f64 {
+    while power != 0 && value != 0.0 && value.is_finite() {
+        let step = power.clamp(-1000, 1000);
+        // The bits of the exponent of 2^step.
+        value *= f64::from_bits(((1023 + step) as u64) << 52);
+        power -= step;
+    }
+    value
+}
+
+/// `values · 2^power`.
+pub(super) fn scale(values: &mut [f64], power: i32) {
+    if power != 0 {
+        values.iter_mut().for_each(|value| *value = scaled(*value, power));
+    }
+}
+
+/// The length of a vector of finite numbers.
+///
+/// # Errors
+/// [`Error::Numerical`] that says what `what` holds instead.
+pub(super) fn finite_norm(what: &str, vector: &[f64]) -> Result<f64> {
+    let length = norm(vector);
+    if length.is_finite() {
+        return Ok(length);
+    }
+    Err(Error::Numerical(if vector.iter().any(|value| value.is_nan()) {
+        format!("{what} holds a NaN")
+    } else {
+        format!(
+            "{what} holds numbers too large for double precision, which ends at 1.8e308: divide them by a power of ten"
+        )
+    }))
+}
+
+/// An operator divided by a power of two. The first product that is not zero chooses it. Where it is not 1, that product ends with an error, and the
+/// caller begins again: what it was asked in the operator's own unit then has the other one.
+pub(super) struct Rescaled<'a, O: ?Sized> {
+    operator: &'a mut O,
+    power: Option<i32>,
+    begins: bool,
+    /// Vectors and products of the beginning, which need not be taken again.
+    taken: Vec<[Vec<f64>; 2]>,
+}
+
+impl<'a, O: Operator + ?Sized> Rescaled<'a, O> {
+    pub(super) fn new(operator: &'a mut O) -> Self {
+        Self { operator, power: None, begins: true, taken: Vec::new() }
+    }
+
+    /// The power of two to begin again with, where the first product was of no ordinary size.
+    pub(super) fn begins_again(&mut self) -> Option<i32> {
+        let begun = std::mem::replace(&mut self.begins, false);
+        self.power.filter(|&power| begun && power != 0)
+    }
+
+    /// Writes the products with `xs` to `ys` if the beginning took them.
+    fn recall(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> bool {
+        let taken = std::mem::take(&mut self.taken);
+        let is_same = taken.len() == xs.len() && taken.iter().zip(xs).all(|([of, _], x)| of == x);
+        if is_same {
+            ys.iter_mut().zip(&taken).for_each(|(y, [_, product])| y.copy_from_slice(product));
+        }
+        is_same
+    }
+
+    fn divide(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        for (x, y) in xs.iter().zip(&*ys) {
+            let length = finite_norm("a product with the operator", y)?;
+            if length > 0.0 {
+                self.power.get_or_insert_with(|| power(exponent(length) - exponent(norm(x))));
+            }
+        }
+        let power = self.power.unwrap_or(0);
+        if self.begins && power != 0 {
+            self.taken = xs.iter().zip(&*ys).map(|(x, y)| [x.to_vec(), y.to_vec()]).collect();
+            return Err(Error::Numerical(format!("the operator is of the order of 2^{power}")));
+        }
+        ys.iter_mut().for_each(|y| scale(y, -power));
+        Ok(())
+    }
+}
+
+impl<O: Operator + ?Sized> Operator for Rescaled<'_, O> {
+    delegate!(operator: rows, cols, symmetry, block_size, observer, frames, confirming);
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        if !self.recall(&[x], &mut [&mut *y]) {
+            self.operator.apply(x, y)?;
+        }
+        self.divide(&[x], &mut [y])
+    }
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        if !self.recall(xs, ys) {
+            self.operator.apply_block(xs, ys)?;
+        }
+        self.divide(xs, ys)
+    }
+    fn standard_errors(&self) -> Vec<f64> {
+        let mut errors = self.operator.standard_errors();
+        scale(&mut errors, -self.power.unwrap_or(0));
+        errors
+    }
+    fn common_error(&mut self, x: &[f64]) -> Result<f64> {
+        Ok(scaled(self.operator.common_error(x)?, -self.power.unwrap_or(0)))
+    }
+}
+
+impl<O: Adjoint + ?Sized> Adjoint for Rescaled<'_, O> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.operator.apply_adjoint(y, x)?;
+        self.divide(&[y], &mut [x])
+    }
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.operator.apply_adjoint_block(ys, xs)?;
+        self.divide(ys, xs)
+    }
+}
+
+/// Multiplies the eigenvalues, and all that has their unit, by `2^power`.
+pub(super) fn multiply_eigs(found: &mut Eigs, power: i32) -> Result<()> {
+    found.completeness.multiply(power);
+    let Eigs { values, imaginary_values, residuals, standard_errors, bounds, gap_bounds, history, .. } =
+        found;
+    for numbers in [&mut *imaginary_values, residuals, standard_errors, bounds, gap_bounds] {
+        scale(numbers, power);
+    }
+    multiply(values, history, power)
+}
+
+/// Multiplies the singular values, and all that has their unit, by `2^power`.
+pub(super) fn multiply_singular(found: &mut Singular, power: i32) -> Result<()> {
+    scale(&mut found.residuals, power);
+    scale(&mut found.standard_errors, power);
+    found.completeness.multiply(power);
+    multiply(&mut found.values, &mut found.history, power)
+}
+
+fn multiply(values: &mut [f64], history: &mut [HistoryRow], power: i32) -> Result<()> {
+    for row in history {
+        scale(&mut row.values, power);
+        scale(&mut row.residuals, power);
+    }
+    scale(values, power);
+    finite_norm("the answer", values).map(|_| ())
+}

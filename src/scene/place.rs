@@ -1,0 +1,158 @@
+//! Where a scene lies in the coordinates of its file, and how far its surfaces are from the camera.
+//!
+//! Single precision knows a coordinate to one part in 2²⁴. A scene of one metre that lies 500 km from the origin of its file, as survey
+//! coordinates do, would be known to 3 cm. Therefore a loader notes all corners in double precision first, and moves a scene that lies far away
+//! to its camera before its coordinates become single.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::source::fault;
+use crate::error::Result;
+
+/// How many times the distance between camera and surfaces a coordinate of the camera may be before the scene is moved. At this ratio single
+/// precision knows coordinates to a millionth of that distance, which is less than the tracer's own offsets. Nearer scenes keep their coordinates
+/// to the bit.
+const FAR: f64 = 8.0;
+
+/// The steps of a file's numbers that matter, relative to the distance from the camera: several times the tracer's own offsets.
+const COARSE: f64 = 1.0 / 16384.0;
+
+/// The least distance between camera and surfaces. Nearer by a few powers of two, radiance overflows single precision.
+const NEAREST: f64 = 1e-12;
+
+/// Counts of distances by their powers of two.
+pub(crate) struct Distances(Vec<u64>);
+
+impl Distances {
+    /// No distances.
+    pub(crate) fn new() -> Self {
+        Self(vec![0; 2048])
+    }
+
+    /// Adds a distance; zero and NaN do not count.
+    pub(crate) fn add(&mut self, distance: f64) {
+        if distance > 0.0 {
+            // The bits of the exponent.
+            self.0[(distance.to_bits() >> 52) as usize] += 1;
+        }
+    }
+
+    /// The largest power of two that the median is not below; 0 without distances. Distances that are `2^k` times as large have one that is larger
+    /// by `k`.
+    pub(crate) fn median_power(&self) -> i32 {
+        let half = self.0.iter().sum::<u64>().div_ceil(2);
+        let mut below = 0;
+        let reaches = |count: &u64| {
+            below += count;
+            below >= half
+        };
+        let median = self.0.iter().position(reaches).filter(|_| half > 0);
+        median.map_or(0, |exponent| exponent as i32 - 1023)
+    }
+}
+
+/// The corners of a scene as its file has them.
+pub(super) struct Place {
+    /// The place of the camera, or the first corner.
+    anchor: Option<DVec3>,
+    /// Where the origin of the scene's coordinates lies in those of the file. It is that of the file until [`Place::settle`] moves it.
+    pub(super) origin: DVec3,
+    distances: Distances,
+    is_settled: bool,
+    /// Coordinates; those whose steps in single precision are coarse; how many of these are single, and of them odd multiples of the step.
+    numbers: [u64; 4],
+    /// The largest of these steps in metres.
+    step: f64,
+}
+
+impl Place {
+    /// For a camera at this place; `None` for one that is placed in front of the scene.
+    pub(super) fn of(camera: Option<DVec3>) -> Self {
+        let (origin, distances) = (DVec3::ZERO, Distances::new());
+        Self { anchor: camera, origin, distances, is_settled: false, numbers: [0; 4], step: 0.0 }
+    }
+
+    /// Notes a corner at `at`. The file states it by the numbers `stated`, in units of `unit` metres.
+    pub(super) fn note(&mut self, at: DVec3, stated: DVec3, unit: f64) {
+        if self.is_settled {
+            return;
+        }
+        let distance = at.distance(*self.anchor.get_or_insert(at));
+        self.distances.add(distance);
+        for number in stated.to_array() {
+            let single = number as f32;
+            let step = unit * f64::from(single.abs().next_up() - single.abs());
+            self.numbers[0] += 1;
+            if distance > 0.0 && step > COARSE * distance {
+                let is_single = f64::from(single) == number;
+                self.numbers[1] += 1;
+                self.numbers[2] += u64::from(is_single);
+                self.numbers[3] += u64::from(is_single && single.to_bits() & 1 == 1);
+                self.step = self.step.max(step);
+            }
+        }
+    }
+
+    /// A power of two about the distance between camera and surfaces, in metres.
+    pub(super) fn distance(&self) -> f64 {
+        2_f64.powi(self.distances.median_power())
+    }
+
+    /// Chooses the origin when all corners of the file at `path` are noted. Returns whether the scene moves.
+    ///
+    /// # Errors
+    /// [`Error::Scene`](crate::Error::Scene) for a scene that is too small to be traced.
+    pub(super) fn settle(&mut self, path: &Path) -> Result<bool> {
+        self.is_settled = true;
+        if self.distance() < NEAREST {
+            let what = format!("its surfaces lie {:.1e} m from the camera", self.distance());
+            return Err(fault(path, what, "lengths are metres: scale the scene"));
+        }
+        let anchor = self.anchor.unwrap_or_default();
+        let moves = anchor.abs().max_element() > FAR * self.distance();
+        self.origin = if moves { anchor } else { DVec3::ZERO };
+        Ok(moves)
+    }
+
+    /// A warning where the file's own numbers are too coarse: where many of them are that large, all of these are single precision, and at least an
+    /// eighth are odd multiples of its step, as numbers are that were rounded to it.
+    pub(super) fn warning(&self) -> Option<String> {
+        let [all, coarse, single, odd] = self.numbers;
+        (8 * coarse > all && single == coarse && 8 * odd > coarse).then(|| {
+            format!(
+                "the file's coordinates are single precision, in steps of {} m where the scene lies, and its surfaces are rounded to them: move the \
+                 scene near the origin before it is exported",
+                short(self.step)
+            )
+        })
+    }
+}
+
+/// A length in metres with two digits.
+fn short(length: f64) -> String {
+    if length < 0.01 { format!("{length:.1e}") } else { format!("{length:.2}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_power_goes_with_the_scale() {
+        let power = |scale: f64| {
+            let mut distances = Distances::new();
+            for distance in [0.0, 0.3, 1.2, 1.9, 1e9, f64::NAN, 0.1, 1.0] {
+                distances.add(scale * distance);
+            }
+            distances.median_power()
+        };
+        // Of 0.1, 0.3, 1, 1.2, 1.9 and 1e9 the third is in [1, 2).
+        assert_eq!(power(1.0), 0);
+        for k in [-300, -20, -1, 1, 7, 300] {
+            assert_eq!(power(2_f64.powi(k)), k);
+        }
+        assert_eq!(Distances::new().median_power(), 0);
+    }
+}
