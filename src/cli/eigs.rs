@@ -13,6 +13,7 @@ use super::singular;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
+use crate::finding::Grade;
 use crate::krylov::{EigsMethod, EigsOptions, SingularOptions, Start, Which};
 use crate::lab::text::{percent, rounded, with_error};
 use crate::lab::{Eigenpairs, Lab};
@@ -193,9 +194,9 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
         })).collect::<Vec<_>>(),
     });
     // Only a tolerance that was asked for can be missed.
-    let is_good = args.question.tolerance.is_none() || pairs.is_good();
+    let demands = args.question.tolerance.map(|_| pairs.finding(Grade::Fails)).into_iter().collect();
     let kept = Kept { groups: None, eigenvectors: Some(Answer::from(&found)) };
-    let ending = Ending { run: &args.run, is_good, summary, kept };
+    let ending = Ending { run: &args.run, demands, summary, kept };
     Ok(finish(lab, console, &pairs, ending)?.1)
 }
 

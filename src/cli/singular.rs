@@ -7,6 +7,7 @@ use super::console::Console;
 use super::opening::{Ending, finish};
 use super::options::RunArgs;
 use crate::error::Result;
+use crate::finding::Grade;
 use crate::krylov::SingularOptions;
 use crate::lab::text::{percent, rounded, with_error};
 use crate::lab::{Lab, SingularTriplets};
@@ -40,9 +41,9 @@ pub(super) fn answer(asked: &Asked, run: &RunArgs, lab: &mut Lab, console: &Cons
         "statuses": triplets.statuses(),
         "disagreement": found.disagreement,
     });
-    let is_good = !asked.is_strict || triplets.is_good();
+    let demands = asked.is_strict.then(|| triplets.finding(Grade::Fails)).into_iter().collect();
     let kept = Kept { groups: None, eigenvectors: None };
-    Ok(finish(lab, console, &triplets, Ending { run, is_good, summary, kept })?.1)
+    Ok(finish(lab, console, &triplets, Ending { run, demands, summary, kept })?.1)
 }
 
 fn say(triplets: &SingularTriplets<'_>, console: &Console) -> Result<()> {

@@ -6,6 +6,7 @@ use super::spectrum;
 use super::text::with_error;
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
+use crate::finding::{Finding, Grade};
 use crate::image::{Image, Resolution};
 use crate::io::exr;
 use crate::krylov::{Eigs, PairStatus};
@@ -31,6 +32,16 @@ impl<'a> Eigenpairs<'a> {
     pub fn is_good(&self) -> bool {
         self.found.statuses.iter().all(|&status| status == PairStatus::Converged)
             && self.found.values.len() == self.wanted
+    }
+
+    /// Whether all that were wanted converged, as a finding. Only a tolerance that was asked for can be missed: else it is a warning.
+    pub fn findings(&self) -> Vec<Finding> {
+        vec![self.finding(Grade::Warning)]
+    }
+
+    /// The same with this grade where some did not converge.
+    pub fn finding(&self, otherwise: Grade) -> Finding {
+        converged("eigenpairs", self.is_good(), &self.found.statuses, self.wanted, otherwise)
     }
 
     /// The status of each pair, in words.
@@ -115,8 +126,22 @@ impl<'a> Eigenpairs<'a> {
             ],
         });
         sections.extend(run.photos("")?);
-        Ok(run.page((self.is_good(), sentence), found.stats.products, [], sections))
+        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
     }
+}
+
+/// Whether so many wanted pairs or triplets converged.
+pub(super) fn converged(
+    name: &'static str,
+    is_good: bool,
+    statuses: &[PairStatus],
+    wanted: usize,
+    otherwise: Grade,
+) -> Finding {
+    let count = statuses.iter().filter(|&&status| status == PairStatus::Converged).count();
+    let grade = if is_good { Grade::Ok } else { otherwise };
+    let help = "give more --photos, or ask for fewer";
+    Finding::graded(name, grade, format!("{count} of {wanted} converged"), "all that are wanted", help)
 }
 
 pub(super) fn in_words(status: PairStatus) -> &'static str {

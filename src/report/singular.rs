@@ -1,10 +1,11 @@
 //! Files and report page of a run that computed singular values.
 
-use super::eigenpairs::{in_words, write_vectors};
+use super::eigenpairs::{converged, in_words, write_vectors};
 use super::html::{Block, Report, Section};
 use super::run::{Files, Run};
 use super::spectrum;
 use crate::error::Result;
+use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
 use crate::krylov::{PairStatus, Singular};
 
@@ -22,6 +23,16 @@ impl SingularTriplets<'_> {
     pub fn is_good(&self) -> bool {
         self.found.statuses.iter().all(|&status| status == PairStatus::Converged)
             && self.found.values.len() == self.wanted
+    }
+
+    /// As [`Eigenpairs::findings`](super::eigenpairs::Eigenpairs::findings).
+    pub fn findings(&self) -> Vec<Finding> {
+        vec![self.finding(Grade::Warning)]
+    }
+
+    /// The same with this grade where some did not converge.
+    pub fn finding(&self, otherwise: Grade) -> Finding {
+        converged("singular values", self.is_good(), &self.found.statuses, self.wanted, otherwise)
     }
 
     /// The status of each triplet, in words.
@@ -89,6 +100,6 @@ impl SingularTriplets<'_> {
             ],
         });
         sections.extend(run.photos("")?);
-        Ok(run.page((self.is_good(), sentence), found.stats.products, [], sections))
+        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
     }
 }
