@@ -94,14 +94,14 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, image, machine, error
+//! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, machine, error
 //! paper     → lab, report, analysis, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
 //! paint     → lab, report, analysis, transport, krylov, io, sparse, operator, image, error
-//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, image, file, machine, error
-//! report    → analysis, measure, rig, krylov, io, image, error
-//! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error
+//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
+//! report    → analysis, measure, rig, krylov, io, finding, image, error
+//! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
 //! cache     → transport, render, scene, gpu, io, image, file, error
-//! measure   → rig, transport, render, io, operator, journal, image, file, error
+//! measure   → rig, transport, render, io, operator, journal, finding, image, file, error
 //! rig       → transport, image, error
 //! transport → render, scene, gpu, team, io, sparse, operator, journal, observer, image, error
 //! render    → scene, gpu, team, observer, image, error
@@ -109,11 +109,12 @@
 //! gpu       → machine, error
 //! team      → error
 //! krylov    → operator, observer, error
-//! io        → sparse, image, file, machine, error
+//! io        → sparse, finding, image, file, machine, error
 //! sparse    → operator, error
 //! operator  → observer, error
 //! journal   → file, error
 //! observer  →
+//! finding   → error
 //! image     → error
 //! file      → machine, error
 //! machine   →
@@ -126,6 +127,7 @@ pub mod cache;
 pub mod cli;
 pub mod error;
 mod file;
+pub mod finding;
 pub mod gpu;
 pub mod image;
 pub mod io;

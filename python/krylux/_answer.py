@@ -12,12 +12,22 @@ class Answer:
         Photos that it took.
     status : str
         What was found, or why the method ended, as a sentence.
+    findings : list of dict
+        What was found of the answer and of the rig whose photos it is from: ``name``, ``grade`` (``"ok"``, ``"unmeasured"``,
+        ``"warning"`` or ``"fails"``), ``found``, and where there are such ``value``, ``error``, ``bound``, ``expected`` and ``help``.
+        Empty without a laboratory.
     """
 
     def __init__(self, fields, native=None, lab=None):
         self.__dict__.update(fields)
         self._native = native
         self._lab = lab
+        self.findings = [] if lab is None or native is None else lab._findings(native)
+
+    @property
+    def passed(self):
+        """Whether no finding fails. The exit status of the command line says the same."""
+        return all(finding["grade"] != "fails" for finding in self.findings)
 
     def save(self, folder=None, *, overwrite=False):
         """Writes what the verb of the command line leaves: arrays, pictures, ``run.json`` and ``report.html``.

@@ -7,6 +7,9 @@ from ._krylux import Answer as _Native
 class Answer:
     photos: int
     status: str
+    findings: list[dict[str, Any]]
+    @property
+    def passed(self) -> bool: ...
     # `lab` is a Lab. Its type is not imported here, since the type of a Lab names those of its answers.
     def __init__(self, fields: dict[str, Any], native: _Native | None = None, lab: object | None = None) -> None: ...
     def save(self, folder: str | PathLike[str] | None = None, *, overwrite: bool = False) -> Path: ...

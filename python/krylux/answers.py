@@ -221,8 +221,8 @@ class Probing(Answer):
         The exact photo, where the matrix is known.
     paths : str
         Which paths were let through.
-    noise : float
-        The norm of the standard errors, relative to that of the photo.
+    noise : float or None
+        The norm of the standard errors, relative to that of the photo. None where no such light can be measured.
     error : float or None
         The relative error, where the exact photo is known.
     """
@@ -269,16 +269,15 @@ class Audit(Answer):
     Attributes
     ----------
     checks : list of dict
-        ``name``, ``verdict``, ``figure``, ``error``, ``bound`` and ``meaning`` of each check.
-    passed : bool
-        Whether no check fails.
+        ``name``, ``grade`` and ``found`` of each check, and where it has them ``value``, ``error``, ``bound``, ``expected`` and ``help``.
+        They are the audit's findings: it has ``passed`` if none fails.
     white, direct_share, additivity : numpy.ndarray or None
         ``float64[H, W]``: the white photo, the share of direct light, and the departure from additivity.
     """
 
     def _repr_html_(self):
         rows = "".join(
-            f"<tr><td>{check['name']}</td><td>{check['verdict']}</td><td>{check['figure']:.3g}</td></tr>"
+            f"<tr><td>{check['name']}</td><td>{check['grade']}</td><td>{_display.text(check['found'])}</td></tr>"
             for check in self.checks
         )
         return _display.page("Audit", self.status, f"<table>{rows}</table>")

@@ -91,7 +91,7 @@ class Probing(Answer):
     standard_errors: NDArray[np.float64]
     truth: NDArray[np.float64] | None
     paths: str
-    noise: float
+    noise: float | None
     error: float | None
 
 class Relighting(Answer):
@@ -108,7 +108,6 @@ class Relighting(Answer):
 
 class Audit(Answer):
     checks: list[dict[str, Any]]
-    passed: bool
     white: NDArray[np.float64] | None
     direct_share: NDArray[np.float64] | None
     additivity: NDArray[np.float64] | None

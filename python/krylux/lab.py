@@ -207,6 +207,9 @@ class Lab(OnRigs):
     def _save(self, answer, folder, overwrite):
         return self._native.save(answer, None if folder is None else os.fspath(folder), overwrite)
 
+    def _findings(self, answer):
+        return self._native.findings(answer)["findings"]
+
     def _check(self, answer):
         return self._native.check(answer)
 

@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use krylux::analysis::EigenpairEstimate;
 use krylux::analysis::audit::Audit;
 use krylux::analysis::segment::{SegmentRequest, Segmented, Truth};
+use krylux::finding::Finding;
 use krylux::image::Image;
 use krylux::io::manifest::Verification;
 use krylux::krylov::{Eigs, Method, Singular, Solution};
@@ -47,6 +48,28 @@ pub(crate) enum Kept {
     },
 }
 
+impl Kept {
+    /// Lets `work` use the answer as its report shows it.
+    fn shown<T>(&self, work: impl FnOnce(&dyn krylux::lab::Answer) -> T) -> T {
+        match self {
+            Self::Audit(found) => work(found),
+            Self::Compensate(request, answer) => {
+                let shown = Compensated::new(&answer.found, &request.options);
+                work(&Compensated { methods: &answer.methods, ..shown })
+            }
+            Self::Eigs { found, wanted, .. } => work(&Eigenpairs::new(found, *wanted)),
+            Self::Probe(found) => work(found),
+            Self::Relight(found) => work(&**found),
+            Self::Segment { found, truth, scores, .. } => {
+                work(&Scored { segmented: found, truth: truth.as_ref(), scores, estimates: &[] })
+            }
+            Self::Separate(found) => work(&**found),
+            Self::Singular { found, wanted } => work(&SingularTriplets { found, wanted: *wanted }),
+            Self::Solve { found, method } => work(&Solved { found, method: *method }),
+        }
+    }
+}
+
 /// What independent light says of an answer.
 pub(crate) struct Checked {
     pub(crate) verification: Verification,
@@ -64,27 +87,18 @@ impl Answer {
     /// Writes the answer into the folder of the open run.
     pub(crate) fn finish(&self, lab: &mut Lab) -> krylux::Result<Saved> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match &mut *kept {
-            Kept::Audit(found) => lab.finish(found),
-            Kept::Compensate(request, answer) => {
-                let shown = Compensated::new(&answer.found, &request.options);
-                lab.finish(&Compensated { methods: &answer.methods, ..shown })
-            }
-            Kept::Eigs { found, wanted, .. } => lab.finish(&Eigenpairs::new(found, *wanted)),
-            Kept::Probe(found) => lab.finish(found),
-            Kept::Relight(found) => {
-                let saved = lab.finish(&**found)?;
-                // Another folder gets a model of its own.
-                found.files = None;
-                Ok(saved)
-            }
-            Kept::Segment { found, truth, scores, .. } => {
-                lab.finish(&Scored { segmented: found, truth: truth.as_ref(), scores, estimates: &[] })
-            }
-            Kept::Separate(found) => lab.finish(&**found),
-            Kept::Singular { found, wanted } => lab.finish(&SingularTriplets { found, wanted: *wanted }),
-            Kept::Solve { found, method } => lab.finish(&Solved { found, method: *method }),
+        let saved = kept.shown(|answer| lab.finish(answer))?;
+        if let Kept::Relight(found) = &mut *kept {
+            // Another folder gets a model of its own.
+            found.files = None;
         }
+        Ok(saved)
+    }
+
+    /// What was found of the answer and of the rig whose photos it is from.
+    pub(crate) fn findings(&self, lab: &Lab) -> Vec<Finding> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.shown(|answer| lab.findings_of(answer))
     }
 
     /// Compares the photos that the answer predicts with independent ones: `None` where there are none, or where the answer predicts no photos.

@@ -248,6 +248,14 @@ impl Lab {
         })
     }
 
+    /// What was found of an answer and of the rig whose photos it is from.
+    fn findings<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Bound<'py, PyDict>> {
+        let found = self.with(py, |lab| Ok(answer.findings(lab)))?;
+        let fields = Fields::new(py);
+        fields.record("findings", &found)?;
+        Ok(fields.0)
+    }
+
     /// Compares the photos that an answer predicts with independent ones.
     fn check<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(found) = self.with(py, |lab| answer.check(lab))? else { return Ok(None) };

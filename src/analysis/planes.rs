@@ -1,11 +1,19 @@
 //! Light per pixel, with one plane per channel.
 
+use crate::finding::Ratio;
+
 /// Values of each channel: `[channel][pixel]`.
 pub type Planes = Vec<Vec<f64>>;
 
-/// `‖found − truth‖ / ‖truth‖` over all channels.
-pub fn relative_error(found: &Planes, truth: &Planes) -> f64 {
-    norm(&difference(found, truth)) / norm(truth)
+/// `‖found − truth‖ / ‖truth‖` over all channels; nothing where the truth is dark.
+pub fn relative_error(found: &Planes, truth: &Planes) -> Ratio {
+    Ratio::of(norm(&difference(found, truth)), norm(truth), 0.0)
+}
+
+/// `numerator / ‖values‖` for values with these standard errors; nothing where they are noise alone.
+pub fn relative_to(numerator: f64, values: &Planes, errors: &Planes) -> Ratio {
+    let measured = values.iter().flatten().zip(errors.iter().flatten());
+    Ratio::to_length(numerator, measured.map(|(&value, &error)| [value, error * error]))
 }
 
 /// The Euclidean norm over all channels.
@@ -35,7 +43,8 @@ mod tests {
     #[test]
     fn the_error_is_relative_to_the_truth_over_all_channels() {
         let (found, truth) = (vec![vec![3.0, 0.0], vec![0.0, 5.0]], vec![vec![3.0, 0.0], vec![0.0, 4.0]]);
-        assert_eq!(relative_error(&found, &truth), 0.2);
+        assert_eq!(relative_error(&found, &truth).value(), Some(0.2));
+        assert_eq!(relative_error(&found, &vec![vec![0.0; 2]; 2]).value(), None);
         assert_eq!(sum(&truth, &difference(&found, &truth)), found);
     }
 }

@@ -60,7 +60,7 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     };
     let found = lab.audit(&options)?;
     for check in &found.checks {
-        console.say(check.line())?;
+        console.say(check)?;
     }
     for finding in &found.devices {
         console.say(finding)?;
@@ -71,7 +71,7 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
         lab,
         console,
         &found,
-        Ending { run: &args.run, is_good: found.passed(), summary, kept: Kept::default() },
+        Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() },
     )?
     .1)
 }

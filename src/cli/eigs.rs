@@ -201,9 +201,10 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
             "residual": of.residual,
         })).collect::<Vec<_>>(),
     });
-    let is_good = pairs.is_good(args.question.tolerance.is_some());
+    // A tolerance that was asked for is not met by what is within the noise.
+    let demands = args.question.tolerance.map(|_| pairs.finding(true)).into_iter().collect();
     let kept = Kept { groups: None, eigenvectors: Some(Answer::from(&found)) };
-    let ending = Ending { run: &args.run, is_good, summary, kept };
+    let ending = Ending { run: &args.run, demands, summary, kept };
     Ok(finish(lab, console, &pairs, ending)?.1)
 }
 

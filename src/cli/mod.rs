@@ -48,6 +48,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::error::Error;
+use crate::finding::{Finding, Grade, worst};
 use crate::machine;
 use console::Console;
 use options::GlobalArgs;
@@ -105,6 +106,13 @@ pub fn command() -> clap::Command {
 enum Outcome {
     Done,
     NotGoodEnough,
+}
+
+impl Outcome {
+    /// The outcome that findings give: a verb is done where none of them fails.
+    fn of(findings: &[Finding]) -> Self {
+        if worst(findings) == Grade::Fails { Self::NotGoodEnough } else { Self::Done }
+    }
 }
 
 /// Parses the command line, runs the verb, and reports: the program's `main`.

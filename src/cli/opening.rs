@@ -12,6 +12,7 @@ use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use super::{embedded_page, opener, options::KeepArgs};
 use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade};
 use crate::lab::{
     Answer, ChannelChoice, Lab, LabBuilder, RunOptions, Saved, Settings, SharedObserver, SourceKind,
 };
@@ -149,8 +150,8 @@ pub(super) fn in_journal<T>(
 /// How an answer is reported in the end.
 pub(super) struct Ending<'a> {
     pub(super) run: &'a RunArgs,
-    /// Whether the answer is as good as was asked for.
-    pub(super) is_good: bool,
+    /// Whether the answer is what was asked for, beside what it says of itself.
+    pub(super) demands: Vec<Finding>,
     /// What the machine-readable summary has beside what all verbs have in common.
     pub(super) summary: Value,
     /// What the painting page shows without asking.
@@ -175,7 +176,10 @@ pub(super) fn finish(
         }
         None => [Value::Null, Value::Null, Value::Null],
     };
-    let saved = lab.finish(answer)?;
+    let saved = lab.finish_with(answer, ending.demands)?;
+    for finding in saved.findings.iter().filter(|finding| finding.grade != Grade::Ok) {
+        console.say(format_args!("finding   {finding}"))?;
+    }
     console.say(format_args!("report    {}", saved.report.display()))?;
     let mut summary = json!({
         "verb": answer.verb(),
@@ -184,6 +188,7 @@ pub(super) fn finish(
         "noise": noise,
         "rig": rig,
         "verification": verification,
+        "findings": saved.findings,
         "seconds": saved.seconds,
     });
     if ending.run.paint {
@@ -195,7 +200,8 @@ pub(super) fn finish(
     if ending.run.open {
         opener::open(&saved.report, console);
     }
-    Ok((saved, if ending.is_good { Outcome::Done } else { Outcome::NotGoodEnough }))
+    let outcome = Outcome::of(&saved.findings);
+    Ok((saved, outcome))
 }
 
 /// Adds the fields of `more`, which replace those of the same name.

@@ -13,6 +13,7 @@ use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::{Error, Result};
+use crate::finding::Grade;
 use crate::image::Image;
 use crate::io::picture;
 use crate::lab::{ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind, text::percent};
@@ -70,7 +71,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         let taken = lab.single_photo(&pattern)?;
         write(args, &files, lab, &pattern, &taken, console)?;
         lab.end_run(1, "photographed")?;
-        Ok(Outcome::Done)
+        let found = taken.rig.map_or(Vec::new(), |rig| rig.findings);
+        for finding in found.iter().filter(|finding| finding.grade != Grade::Ok) {
+            console.say(format_args!("finding   {finding}"))?;
+        }
+        Ok(Outcome::of(&found))
     })
 }
 

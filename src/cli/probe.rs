@@ -99,7 +99,7 @@ fn answer(args: &Args, probing: Probing, lab: &mut Lab, console: &Console) -> Re
         lab,
         console,
         &found,
-        Ending { run: &args.run, is_good: true, summary, kept: Kept::default() },
+        Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() },
     )?
     .1)
 }

@@ -14,6 +14,7 @@ use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::planes::Planes;
 use crate::error::{Error, Result};
+use crate::finding::Ratio;
 use crate::image::{Image, LUMINANCE, Resolution};
 use crate::io::picture;
 use crate::lab::{
@@ -203,7 +204,7 @@ fn conclude(args: &Args, found: &Relighting, lab: &mut Lab, console: &Console) -
         })).collect::<Vec<_>>(),
         "matrix": found.curve.last(),
     });
-    let ending = Ending { run: &args.run, is_good: found.is_good(), summary, kept: Kept::default() };
+    let ending = Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() };
     let (_, outcome) = finish(lab, console, found, ending)?;
     if let (Outcome::NotGoodEnough, Some(worst), Some(most)) = (outcome, found.worst(), args.max_error) {
         console.note(format_args!("the error of a relit photo, {worst:.5}, is above {most}"));
@@ -236,7 +237,8 @@ fn say(found: &Relighting, console: &Console) -> Result<()> {
     }
     let Some(row) = found.curve.last() else { return Ok(()) };
     let optimal = row.optimal.map(|optimal| {
-        format!("; the best of rank {} {} %, ratio {:.3}", row.photos, percent(optimal), row.error / optimal)
+        let of = Ratio::of(row.error, optimal, 0.0);
+        format!("; the best of rank {} {} %, of which it is {of}", row.photos, percent(optimal))
     });
     console.say(format_args!("matrix    within {} %{}", percent(row.error), optimal.unwrap_or_default()))
 }

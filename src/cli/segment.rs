@@ -13,6 +13,7 @@ use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::segment::{SegmentRequest, Truth};
 use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade, Ratio};
 use crate::lab::text::{rounded, with_error};
 use crate::lab::{Lab, Scored};
 use crate::paint::Answer;
@@ -83,10 +84,11 @@ fn answer(args: &Args, request: &SegmentRequest, lab: &mut Lab, console: &Consol
         ));
     }
     let kept = Kept { groups: Some(Answer::from(&segmented.segmentation)), eigenvectors: None };
-    let (_, outcome) =
-        finish(lab, console, &answer, Ending { run: &args.run, is_good: true, summary, kept })?;
-    let is_good = is_good(args.min_rand_index, &scores, truth.as_ref(), console)?;
-    Ok(if is_good { outcome } else { Outcome::NotGoodEnough })
+    // What is wrong with the option is told once the answer is written.
+    let agreement = agreement(args.min_rand_index, &scores, truth.as_ref());
+    let demands = agreement.as_ref().ok().cloned().flatten().into_iter().collect();
+    let (_, outcome) = finish(lab, console, &answer, Ending { run: &args.run, demands, summary, kept })?;
+    agreement.map(|_| outcome)
 }
 
 fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {
@@ -136,13 +138,9 @@ fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
     let Scored { segmented, scores, estimates, .. } = answer;
     let segmentation = &segmented.segmentation;
     if let Some(direct) = &segmented.direct {
-        let share = direct.direct.iter().sum::<f64>()
-            / direct.direct.iter().zip(&direct.global).map(|(d, g)| d + g).sum::<f64>();
-        console.say(format_args!(
-            "direct    {:.1} % of the light, from {} photos",
-            100.0 * share,
-            direct.photos
-        ))?;
+        let [own, global] = [&direct.direct, &direct.global].map(|light| light.iter().sum::<f64>());
+        let share = Ratio::of(own, own + global, 0.0);
+        console.say(format_args!("direct    {share} of the light, from {} photos", direct.photos))?;
     }
     console.say(format_args!("photos    {}", segmentation.status))?;
     if segmented.there_and_back {
@@ -194,13 +192,8 @@ fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
 }
 
 /// Whether the groups agree with the true labels as well as the user demands.
-fn is_good(
-    least: Option<f64>,
-    scores: &[(usize, f64)],
-    truth: Option<&Truth>,
-    console: &Console,
-) -> Result<bool> {
-    let Some(least) = least else { return Ok(true) };
+fn agreement(least: Option<f64>, scores: &[(usize, f64)], truth: Option<&Truth>) -> Result<Option<Finding>> {
+    let Some(least) = least else { return Ok(None) };
     let refuse =
         |fault: String, help: String| Err(Error::Option { option: "--min-rand-index".into(), fault, help });
     let Some(truth) = truth else {
@@ -217,9 +210,8 @@ fn is_good(
         );
     };
     // A bound that is not a number is missed, not passed.
-    let is_good = score >= least;
-    if !is_good {
-        console.note(format_args!("the adjusted Rand index {score:.4} is below {least}"));
-    }
-    Ok(is_good)
+    let grade = if score >= least { Grade::Ok } else { Grade::Fails };
+    let found = format!("the adjusted Rand index against the true labels is {score:.4}");
+    let help = "give more --photos or --spp";
+    Ok(Some(Finding::graded("agreement", grade, found, format!("at least {least}"), help)))
 }

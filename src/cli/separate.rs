@@ -155,7 +155,7 @@ fn answer(args: &Args, request: &SeparateRequest, lab: &mut Lab, console: &Conso
         "near_indirect_error": near_far.and_then(|near_far| near_far.error),
         "comparison": found.comparison,
     });
-    let ending = Ending { run: &args.run, is_good: found.is_good(), summary, kept: Kept::default() };
+    let ending = Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() };
     let (_, outcome) = finish(lab, console, &found, ending)?;
     if let (Outcome::NotGoodEnough, Some(error), Some(most)) = (outcome, found.error(), args.max_error) {
         console.note(format_args!("the error of the direct light, {error:.5}, is above {most}"));

@@ -43,9 +43,9 @@ pub(super) fn answer(asked: &Asked, run: &RunArgs, lab: &mut Lab, console: &Cons
         "completeness": found.completeness,
         "confirming": found.confirming,
     });
-    let is_good = triplets.is_good(asked.is_strict);
+    let demands = asked.is_strict.then(|| triplets.finding(true)).into_iter().collect();
     let kept = Kept { groups: None, eigenvectors: None };
-    Ok(finish(lab, console, &triplets, Ending { run, is_good, summary, kept })?.1)
+    Ok(finish(lab, console, &triplets, Ending { run, demands, summary, kept })?.1)
 }
 
 fn say(triplets: &SingularTriplets<'_>, console: &Console) -> Result<()> {

@@ -96,6 +96,6 @@ fn answer(args: &Args, lab: &mut Lab, rhs: &[f64], console: &Console) -> Result<
         "status": found.stats.status.to_string(),
         "relative_residual": found.residual,
     });
-    let ending = Ending { run: &args.run, is_good: solved.is_good(), summary, kept: Kept::default() };
+    let ending = Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() };
     Ok(finish(lab, console, &solved, ending)?.1)
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{atomic, clock};
 use crate::error::{Error, Result};
 use crate::file;
+use crate::finding::Finding;
 
 /// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
@@ -66,6 +67,9 @@ pub struct Manifest<R> {
     /// How far the answer is from light that it was not computed from.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub verification: Option<Verification>,
+    /// What was found of the rig and of the answer: from this follow the colour of the page and the exit status.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub findings: Vec<Finding>,
     /// The photo budget of the method. A replay of the run with another analysis may use this number of
     /// photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -203,6 +207,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
             products: None,
             rig: None,
             verification: None,
+            findings: Vec::new(),
             photos_allowed: None,
             photos: 0,
             timings: Vec::new(),

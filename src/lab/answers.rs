@@ -7,6 +7,7 @@ use crate::analysis::Segmentation;
 use crate::analysis::audit::Audit;
 use crate::analysis::segment::Segmented;
 use crate::error::Result;
+use crate::finding::Finding;
 use crate::krylov::{Eigs, Singular};
 use crate::report;
 use crate::report::compensation::Compensated;
@@ -30,6 +31,11 @@ pub trait Answer {
     /// One sentence that says what was found, for the run's record.
     fn sentence(&self) -> String;
 
+    /// What the answer says of itself: whether it is good enough, and what could not be measured.
+    fn findings(&self) -> Vec<Finding> {
+        Vec::new()
+    }
+
     /// Whether the white photo of a rig is known, so that noise and drift can be recorded without a further photo.
     fn has_white(&self) -> bool {
         true
@@ -51,6 +57,8 @@ pub struct Saved {
     pub report: PathBuf,
     /// The sentence of the run's record.
     pub message: String,
+    /// All that was found of the answer and of the rig.
+    pub findings: Vec<Finding>,
     /// Seconds that the run took.
     pub seconds: f64,
 }
@@ -88,6 +96,10 @@ impl Answer for Audit {
         !self.white.is_empty()
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         report::audit::write(self, &lab.page("audit", run, seconds))
     }
@@ -105,6 +117,10 @@ impl Answer for Compensated<'_> {
 
     fn sentence(&self) -> String {
         Self::sentence(self)
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
     }
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
@@ -131,6 +147,10 @@ impl Answer for Eigenpairs<'_> {
         format!("{} photos: {}", self.found.stats.products, self.found.stats.status)
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         let run = lab.page("eigenpairs", run, seconds);
         let has_pictures = lab.kind() != SourceKind::Matrix;
@@ -151,6 +171,10 @@ impl Answer for Eigs {
         Eigenpairs::new(self, self.values.len()).sentence()
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        Eigenpairs::new(self, self.values.len()).findings()
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         Answer::write(&Eigenpairs::new(self, self.values.len()), lab, run, seconds)
     }
@@ -167,6 +191,10 @@ impl Answer for SingularTriplets<'_> {
 
     fn sentence(&self) -> String {
         format!("{} photos there and back: {}", self.found.stats.products, self.found.stats.status)
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
     }
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
@@ -189,6 +217,10 @@ impl Answer for Singular {
         SingularTriplets { found: self, wanted: self.values.len() }.sentence()
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        SingularTriplets { found: self, wanted: self.values.len() }.findings()
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         Answer::write(&SingularTriplets { found: self, wanted: self.values.len() }, lab, run, seconds)
     }
@@ -207,6 +239,10 @@ impl Answer for ProbedLight {
         Self::sentence(self)
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         Self::write(self, &lab.page("probing of light transport", run, seconds))
     }
@@ -223,6 +259,10 @@ impl Answer for Relighting {
 
     fn sentence(&self) -> String {
         Self::sentence(self)
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
     }
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
@@ -251,6 +291,10 @@ impl Answer for Scored<'_> {
         self.segmented.segmentation.status.clone()
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         let white = lab.white()?;
         Self::write(self, &white, &lab.page("light transport segmentation", run, seconds))
@@ -268,6 +312,10 @@ impl Answer for Segmented {
 
     fn sentence(&self) -> String {
         self.segmentation.status.clone()
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        self.segmentation.findings()
     }
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
@@ -292,6 +340,10 @@ impl Answer for Segmentation {
         self.status.clone()
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         Segmented::from(self.clone()).write(lab, run, seconds)
     }
@@ -310,6 +362,10 @@ impl Answer for Separated {
         Self::sentence(self)
     }
 
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
+    }
+
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         Self::write(self, &lab.page("direct and global light", run, seconds))
     }
@@ -326,6 +382,10 @@ impl Answer for Solved<'_> {
 
     fn sentence(&self) -> String {
         format!("{} products: {}", self.found.stats.products, self.found.stats.status)
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        Self::findings(self)
     }
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {

@@ -65,15 +65,16 @@ impl Lab {
         Ok(self.transport.insert(transport))
     }
 
-    /// Refuses a rig that was not calibrated and whose light is not in proportion to its levels and counts: its answers would be wrong, and
-    /// nothing would say so. An audit finds that itself.
+    /// Refuses a rig that does not see its projector, and one that was not calibrated and whose light is not in proportion to its levels and
+    /// counts: its answers would be wrong, and nothing would say so. An audit finds that itself.
     fn trusted(&self, mut transport: LightTransport) -> Result<LightTransport> {
-        if let Source::Rig(rig) = &self.source
-            && !rig.is_calibrated
-            && !self.audits
-            && let Some(rig) = transport.rig()
-        {
-            rig.measurement.check_proportional()?;
+        let Some(measured) = transport.rig().filter(|_| !self.audits) else { return Ok(transport) };
+        measured.measurement.sight()?.require()?;
+        // A run that is asked again has the findings of its own photos.
+        if let Source::Rig(rig) = &self.source {
+            let map = measured.measurement.check_pattern(rig.is_calibrated)?;
+            map.require()?;
+            measured.map = Some(map);
         }
         Ok(transport)
     }

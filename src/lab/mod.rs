@@ -80,6 +80,7 @@ pub use verification::{VerifiedCompensation, VerifiedEigenpairs};
 
 pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
+use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 pub use crate::report::compensation::Compensated;
@@ -125,6 +126,8 @@ pub struct Lab {
     /// Whether the question is what is wrong with a rig, so that a rig whose light is not in proportion is answered as well.
     audits: bool,
     run: Option<RunFolder>,
+    /// What the photos of the last verb say of the rig.
+    findings: Vec<Finding>,
 }
 
 impl Lab {
@@ -164,7 +167,7 @@ impl Lab {
     }
 
     fn new(source: Source, settings: Settings, observer: SharedObserver) -> Self {
-        let channels = source.channels(settings.channels);
+        let (channels, findings) = (source.channels(settings.channels), source.findings());
         let sizes = [source.projector_resolution(), source.resolution()];
         let sheet = Arc::new(Mutex::new(ContactSheet::new(sizes, channels.count())));
         Self {
@@ -178,6 +181,7 @@ impl Lab {
             keeps_photos: true,
             audits: false,
             run: None,
+            findings,
         }
     }
 

@@ -5,6 +5,7 @@ use super::source::Source;
 use super::transport::LightTransport;
 use super::{Lab, Log};
 use crate::error::Result;
+use crate::finding::{Finding, merge};
 use crate::image::Image;
 use crate::measure::{Measurement, RigRecord};
 use crate::observer::{Estimate, Step};
@@ -89,7 +90,11 @@ impl Lab {
             Some(transport) => lock(transport).record(is_complete)?,
             None => None,
         };
-        if let Some(rig) = record {
+        // A run that is asked again has the findings of its own photos, which include some that this question does not need.
+        self.findings = self.source.findings();
+        if let Some(mut rig) = record {
+            merge(&mut self.findings, std::mem::take(&mut rig.findings));
+            rig.findings.clone_from(&self.findings);
             self.observer.costs(&rig);
             if let Some(run) = &mut self.run {
                 run.manifest.rig = Some(rig);
@@ -104,6 +109,12 @@ impl Lab {
     /// As [`Lab::operator`].
     pub fn costs(&mut self) -> Result<Option<RigRecord>> {
         lock(self.transport()?).record(true)
+    }
+
+    /// What the photos of the last verb say of the rig: whether it sees the projector, whether its light is steady, and whether light takes every
+    /// way in both directions alike. Empty for other sources.
+    pub fn findings(&self) -> &[Finding] {
+        &self.findings
     }
 
     /// Lets `work` use the rig's measurement, where photos are of a rig.

@@ -8,6 +8,7 @@ use super::folder::{RunFolder, RunOptions};
 use super::lock::lock;
 use super::{Lab, Log};
 use crate::error::{Error, Result};
+use crate::finding::{Finding, merge};
 
 impl Lab {
     /// Begins a run: makes the folder, whose journal keeps every photo from now on. Where the options name no folder it is
@@ -50,7 +51,7 @@ impl Lab {
     ///
     /// # Errors
     /// [`Error::Option`] where the folder holds another run; [`Error::Write`]; those of the photos that the report shows.
-    pub fn save(&mut self, folder: impl AsRef<Path>, answer: &impl Answer) -> Result<Saved> {
+    pub fn save(&mut self, folder: impl AsRef<Path>, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
         let folder = folder.as_ref();
         if self.run.as_ref().is_none_or(|run| run.path != folder) {
             let options = RunOptions { folder: Some(folder.to_path_buf()), ..RunOptions::default() };
@@ -59,11 +60,26 @@ impl Lab {
         self.finish(answer)
     }
 
+    /// All that was found of an answer and of the rig whose photos it is from. The colour of its page and the exit status follow from these.
+    pub fn findings_of(&self, answer: &(impl Answer + ?Sized)) -> Vec<Finding> {
+        let mut all = self.findings.clone();
+        merge(&mut all, answer.findings());
+        all
+    }
+
     /// Writes an answer into the folder of the open run, and ends the run.
     ///
     /// # Errors
     /// [`Error::Option`] where no run is open; otherwise as [`Lab::save`].
-    pub fn finish(&mut self, answer: &impl Answer) -> Result<Saved> {
+    pub fn finish(&mut self, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
+        self.finish_with(answer, Vec::new())
+    }
+
+    /// As [`Lab::finish`], with findings beside those of the answer and of the rig: whether the answer is what was asked for.
+    ///
+    /// # Errors
+    /// As [`Lab::finish`].
+    pub fn finish_with(&mut self, answer: &(impl Answer + ?Sized), more: Vec<Finding>) -> Result<Saved> {
         let Some(mut run) = self.run.take() else {
             return Err(Error::Option {
                 option: "-o".into(),
@@ -71,7 +87,7 @@ impl Lab {
                 help: "name the folder: lab.save(folder, &answer)".into(),
             });
         };
-        let written = self.write(answer, &mut run);
+        let written = self.write(answer, more, &mut run);
         match &written {
             Ok(saved) => run.close(Ok(&saved.message))?,
             Err(error) => self.closed_by(error, &mut run),
@@ -79,14 +95,19 @@ impl Lab {
         written
     }
 
-    fn write(&mut self, answer: &impl Answer, run: &mut RunFolder) -> Result<Saved> {
+    fn write(
+        &mut self,
+        answer: &(impl Answer + ?Sized),
+        more: Vec<Finding>,
+        run: &mut RunFolder,
+    ) -> Result<Saved> {
         run.manifest.photos = answer.photos() as u64;
-        if run.manifest.rig.is_none() {
-            run.manifest.rig = match &self.transport {
-                Some(transport) => lock(transport).record(answer.has_white())?,
-                None => None,
-            };
+        if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
+            run.manifest.rig = lock(transport).record(answer.has_white())?;
+            merge(&mut self.findings, run.manifest.rig.iter().flat_map(|rig| rig.findings.clone()));
         }
+        run.manifest.findings = self.findings_of(answer);
+        merge(&mut run.manifest.findings, more);
         let seconds = run.seconds();
         let start = Instant::now();
         let files = answer.write(self, run, seconds)?;
@@ -96,6 +117,7 @@ impl Lab {
             report: run.path.join("report.html"),
             folder: run.path.clone(),
             message: answer.sentence(),
+            findings: run.manifest.findings.clone(),
             seconds: run.seconds(),
         })
     }
@@ -110,6 +132,7 @@ impl Lab {
         if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
             run.manifest.rig = lock(transport).record(true)?;
         }
+        run.manifest.findings = run.manifest.rig.as_ref().map_or(Vec::new(), |rig| rig.findings.clone());
         run.close(Ok(message))
     }
 

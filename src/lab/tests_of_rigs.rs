@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use crate::analysis::audit::{AuditOptions, Verdict};
+use crate::analysis::audit::AuditOptions;
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, adjusted_rand_index};
 use crate::error::Result;
+use crate::finding::Grade;
 use crate::image::Image;
 use crate::krylov::norm;
 use crate::lab::Lab;
@@ -157,7 +158,7 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     let meant = ["black_takes = 16", "black_takes = 16\nresponse = false"];
     assert!(before(&exact, 2.5, &[meant])?.white().is_ok(), "the file says that counts are used as they are");
     let audit = before(&exact, 2.5, &[])?.audit(&AuditOptions::default())?;
-    assert!(audit.checks.iter().any(|check| check.verdict == Verdict::Fails), "an audit finds it");
+    assert!(audit.checks.iter().any(|check| check.grade == Grade::Fails), "an audit finds it");
     let mut rig = before(&exact, 2.5, &[])?;
     rig.calibrate(&Default::default())?;
     assert!(rig.white().is_ok());

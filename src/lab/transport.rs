@@ -159,7 +159,11 @@ impl LightTransport {
             Ok(operator.standard_errors())
         };
         let Some(journal) = journal else {
-            return engine.with_operator(part, channel, |operator| apply(operator, ys));
+            let errors = engine.with_operator(part, channel, |operator| apply(operator, ys))?;
+            if let (Engine::Measured(rig), Direction::Forward) = (engine, direction) {
+                rig.products.keep((part, channel), xs, ys, &errors);
+            }
+            return Ok(errors);
         };
         let name = product_name(part, channel);
         if let Engine::JournalOnly = engine {

@@ -22,6 +22,8 @@ pub(super) struct AveragedExposure {
     pub(super) mean: Vec<f64>,
     /// The variance that rounding to counts adds to one take, in linear DN².
     pub(super) rounding: Vec<f64>,
+    /// The variance of one take, from the differences between the takes, in linear DN². 0 where there is one take.
+    pub(super) scatter: Vec<f64>,
     /// Which samples were saturated in at least one take. Their mean has no meaning.
     pub(super) saturated: Vec<bool>,
 }
@@ -42,6 +44,7 @@ pub(super) fn average(
         takes: count,
         mean: vec![0.0; samples],
         rounding: vec![0.0; samples],
+        scatter: vec![0.0; samples],
         saturated: vec![false; samples],
     };
     for take in takes.clone() {
@@ -57,8 +60,15 @@ pub(super) fn average(
         if take == takes.start {
             (sum.started, sum.exposure) = (raw.started, raw.exposure);
         }
+        // The sums of squared differences to the mean so far (Welford 1962).
+        let before = f64::from(take - takes.start);
         for (sample, &count) in raw.counts.iter().enumerate() {
-            sum.mean[sample] += curve.linear(count);
+            let light = curve.linear(count);
+            if before > 0.0 {
+                let off = light - sum.mean[sample] / before;
+                sum.scatter[sample] += off * off * before / (before + 1.0);
+            }
+            sum.mean[sample] += light;
             sum.rounding[sample] += curve.rounding(count);
             sum.saturated[sample] |= curve.is_saturated(count);
         }
@@ -67,6 +77,7 @@ pub(super) fn average(
     for value in sum.mean.iter_mut().chain(&mut sum.rounding) {
         *value *= share;
     }
+    sum.scatter.iter_mut().for_each(|squares| *squares /= f64::from(count.max(2) - 1));
     Ok(sum)
 }
 

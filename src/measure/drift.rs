@@ -10,6 +10,8 @@
 pub(super) struct Drift {
     /// Times in seconds on the rig's clock, and brightnesses relative to the first white photo.
     sentinels: Vec<[f64; 2]>,
+    /// The largest standard error of a brightness.
+    error: f64,
 }
 
 /// The drift that was measured.
@@ -20,16 +22,19 @@ pub struct DriftReport {
     pub sentinels: Vec<[f64; 2]>,
     /// The largest relative change since the first white photo.
     pub largest: f64,
+    /// The largest relative change from one photo of white to the next, and its standard error.
+    pub step: [f64; 2],
 }
 
 impl Drift {
     /// The drift after the first white photo, which was taken at this time.
     pub(super) fn new(started: f64) -> Self {
-        Self { sentinels: vec![[started, 1.0]] }
+        Self { sentinels: vec![[started, 1.0]], error: 0.0 }
     }
 
-    /// Adds a sentinel: its time, and the brightness of the lamp relative to the first white photo.
-    pub(super) fn add(&mut self, started: f64, light: f64) {
+    /// Adds a sentinel: its time, and the brightness of the lamp relative to the first white photo with its standard error.
+    pub(super) fn add(&mut self, started: f64, [light, error]: [f64; 2]) {
+        self.error = self.error.max(error);
         let at = self.sentinels.partition_point(|&[time, _]| time <= started);
         self.sentinels.insert(at, [started, light]);
     }
@@ -60,7 +65,9 @@ impl Drift {
     /// The drift so far.
     pub(super) fn report(&self) -> DriftReport {
         let largest = self.sentinels.iter().map(|[_, light]| (light - 1.0).abs()).fold(0.0, f64::max);
-        DriftReport { sentinels: self.sentinels.clone(), largest }
+        let changes = self.sentinels.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs());
+        let step = [changes.fold(0.0, f64::max), std::f64::consts::SQRT_2 * self.error];
+        DriftReport { sentinels: self.sentinels.clone(), largest, step }
     }
 }
 
@@ -72,7 +79,7 @@ mod tests {
     fn brightness_is_interpolated_between_sentinels_and_extrapolated_after_them() {
         let mut drift = Drift::new(10.0);
         assert_eq!(drift.light(99.0), 1.0);
-        drift.add(20.0, 1.1);
+        drift.add(20.0, [1.1, 0.01]);
         let close = |time: f64, light: f64| assert!((drift.light(time) - light).abs() < 1e-12, "{time}");
         close(5.0, 1.0);
         close(15.0, 1.05);
@@ -81,5 +88,8 @@ mod tests {
         close(30.0, 1.2);
         close(80.0, 1.2);
         assert_eq!(drift.report().sentinels, [[10.0, 1.0], [20.0, 1.1]]);
+        drift.add(30.0, [0.9, 0.02]);
+        let [step, error] = drift.report().step;
+        assert!((step - 0.2).abs() < 1e-12 && (error - 0.02 * 2.0_f64.sqrt()).abs() < 1e-12);
     }
 }

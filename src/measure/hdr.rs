@@ -189,6 +189,7 @@ mod tests {
             takes: 1,
             mean: vec![mean],
             rounding: vec![0.0],
+            scatter: vec![0.0],
             saturated: vec![false],
         }
     }

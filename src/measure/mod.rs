@@ -19,6 +19,7 @@
 //! | `exposure`, `hdr` | exposures are chosen, and merged by inverse variance | 7.2 |
 //! | `ambient` | the black photo is subtracted, and nothing is clipped | 8.2 |
 //! | `drift` | photos are divided by the lamp's brightness, which a sentinel measures | |
+//! | `sight` | whether white is seen at all, and whether it is steady | |
 //! | `registration` | camera pixels to projector pixels, with the noise of any sum of photos | 8.1 |
 //! | `flat_field` | patterns are divided by the projector's uneven brightness, photos by the camera's | |
 //! | `display`, [`bit_planes`] | patterns to levels, and sums of frames for more levels | 7.2 |
@@ -69,6 +70,7 @@ pub mod rig_check;
 mod rig_file;
 mod rows;
 mod sharp_weights;
+mod sight;
 mod signed;
 #[cfg(test)]
 mod simulated;

@@ -14,6 +14,7 @@ use super::hdr::{RateFrame, merge};
 use super::options::{MOST_TAKES, MeasureOptions};
 use super::response::CameraCurve;
 use crate::error::Result;
+use crate::finding::Ratio;
 use crate::rig::Frame;
 
 /// Takes photos with drift correction. Which frames it captures depends only on the options, on the frames
@@ -40,6 +41,8 @@ pub(super) struct ReferencePhotos {
     pub(super) drift: Drift,
     /// White at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
+    /// The take of the last sentinel at an end.
+    last: Option<u32>,
 }
 
 /// Captures frames at several exposures, and merges them.
@@ -85,12 +88,29 @@ impl PhotoPipeline {
             return Ok(Arc::clone(&references.white));
         }
         if sentinel_is_due {
-            camera.take_sentinel(references)?;
+            let take = MOST_TAKES + references.drift.count() as u32;
+            camera.take_sentinel(references, take)?;
         }
         let mut seen = camera.see(frame, &references.exposures, &references.blacks)?.0;
         seen.scale(1.0 / references.drift.light(seen.started));
         self.since_white = if sentinel_is_due { 1 } else { self.since_white + 1 };
         Ok(Arc::new(seen))
+    }
+
+    /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that goes on with more patterns takes
+    /// its sentinels as if this one had not been.
+    pub(super) fn look_again(&mut self) -> Result<()> {
+        if self.since_white == 0 {
+            return Ok(());
+        }
+        let (references, camera) = self.parts()?;
+        let take = 2 * MOST_TAKES + camera.shown.len() as u32;
+        if references.last == Some(take) {
+            return Ok(());
+        }
+        camera.take_sentinel(references, take)?;
+        references.last = Some(take);
+        Ok(())
     }
 }
 
@@ -113,7 +133,15 @@ impl HdrCamera {
         let saturated = self.saturated(&exposed);
         let drift = Drift::new(seen.started);
         let reference = exposed.swap_remove(0);
-        Ok(ReferencePhotos { exposures, blacks, white: Arc::new(seen), saturated, drift, reference })
+        Ok(ReferencePhotos {
+            exposures,
+            blacks,
+            white: Arc::new(seen),
+            saturated,
+            drift,
+            reference,
+            last: None,
+        })
     }
 
     /// The share of the used samples that are saturated in at least one exposure.
@@ -142,22 +170,24 @@ impl HdrCamera {
         Ok((merged, exposed))
     }
 
-    /// Takes a sentinel, a photo of white, and adds the brightness of the lamp to the drift.
-    fn take_sentinel(&mut self, references: &mut ReferencePhotos) -> Result<()> {
-        let take = MOST_TAKES + references.drift.count() as u32;
+    /// Takes a sentinel, a photo of white with this take's number, and adds the brightness of the lamp to the drift.
+    fn take_sentinel(&mut self, references: &mut ReferencePhotos, take: u32) -> Result<()> {
         let white = Arc::clone(&self.white);
         let now = average(&mut *self.frames, &self.curve, &white, references.exposures[0], take..take + 1)?;
         let black = references.blacks.exposed.first();
         let channels = self.frames.camera().channels;
-        let (mut sum, mut reference) = (0.0, 0.0);
+        let [mut sum, mut reference, mut variance] = [0.0; 3];
         for sample in (0..now.mean.len()).filter(|sample| self.used[sample / channels]) {
             if !now.saturated[sample] {
                 let black = black.map_or(self.curve.zero, |black| black.mean[sample]);
                 sum += now.mean[sample] - black;
                 reference += references.reference.mean[sample] - black;
+                variance += now.variance(&self.curve, sample, now.mean[sample]);
             }
         }
-        references.drift.add(now.started, if reference > 0.0 { sum / reference } else { 1.0 });
+        let light = Ratio::of(sum, reference, 0.0).value().unwrap_or(1.0);
+        let error = Ratio::of(variance.sqrt(), reference, 0.0).value().unwrap_or(1.0);
+        references.drift.add(now.started, [light, error]);
         Ok(())
     }
 

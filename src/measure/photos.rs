@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
 use super::photo::{Photo, Plane};
@@ -9,11 +12,64 @@ use super::product::Term;
 use super::registration::combine;
 use super::rows::merged;
 use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
+use crate::operator::Symmetry;
 use crate::transport::Part;
 
 /// Half of the light may be off by this share of white before a rig that was not calibrated is refused.
 const PROPORTIONAL: f64 = 0.03;
+
+/// A photo must correlate so much with the pattern that was shown. Without a pixel map that fits, the correlation is 0 but for chance: ± 0.13
+/// with 64 squares.
+const LEAST_CORRELATION: f64 = 0.5;
+
+/// Sums that tell how a photo correlates with the pattern that was shown, both relative to white: of the products of white `w`, pattern `w h` and
+/// photo `y` at all pixels.
+#[derive(Default)]
+struct Likeness {
+    ww: f64,
+    wh: f64,
+    wy: f64,
+    hh: f64,
+    hy: f64,
+    yy: f64,
+}
+
+impl Likeness {
+    fn add(&mut self, white: &[f64], pattern: &[f64], photo: &[f64]) {
+        for ((&w, share), &y) in white.iter().zip(pattern).zip(photo) {
+            let h = w * share;
+            self.ww += w * w;
+            self.wh += w * h;
+            self.wy += w * y;
+            self.hh += h * h;
+            self.hy += h * y;
+            self.yy += y * y;
+        }
+    }
+
+    /// The correlation of pattern and photo beside what both have in common with white.
+    fn finding(&self) -> Finding {
+        let rest = |both: f64, a: f64, b: f64| both - Ratio::of(a * b, self.ww, 0.0).value().unwrap_or(0.0);
+        let [hh, hy, yy] = [
+            rest(self.hh, self.wh, self.wh),
+            rest(self.hy, self.wh, self.wy),
+            rest(self.yy, self.wy, self.wy),
+        ];
+        let Some(value) = Ratio::of(hy, (hh * yy).max(0.0).sqrt(), 0.0).value() else {
+            return Finding::unmeasured("pixel map", "the photo shows no pattern");
+        };
+        let grade = if value >= LEAST_CORRELATION { Grade::Ok } else { Grade::Fails };
+        let found = format!("the photo of random squares correlates by {value:.2} with what was projected");
+        let help = "turn the camera to what the projector lights, and calibrate with `krylux rig calibrate`: the pixel map does not fit";
+        Finding::graded("pixel map", grade, found, format!("at least {LEAST_CORRELATION}"), help).measured(
+            value,
+            0.0,
+            LEAST_CORRELATION,
+        )
+    }
+}
 
 impl Measurement {
     /// The white photo, `A 1`. It is taken once.
@@ -85,40 +141,59 @@ impl Measurement {
         Ok(self.photo(&planes))
     }
 
-    /// Tests by the photo of half the light whether photos are in proportion to what is shown. Nothing is tested where the responses are
-    /// switched off: then levels and counts are meant to be used as they are.
+    /// Looks at the photo of one pattern: whether it shows that pattern where the pixel map says so, and, of a rig that was not calibrated,
+    /// whether it is in proportion to what was shown. The pattern is one of random squares; of half of the light everywhere where projector and
+    /// camera stand apart, since each pixel then sees others. Proportion is not tested where the responses are switched off: then levels and
+    /// counts are meant to be used as they are.
     ///
     /// # Errors
-    /// [`Error::Rig`] when they are not; those of taking the photos.
-    pub fn check_proportional(&mut self) -> Result<()> {
-        if !self.options.response {
-            return Ok(());
-        }
-        let half = self.masked(&vec![0.5; self.resolution().pixels()]);
+    /// [`Error::Rig`] when photos are not in proportion; those of taking the photos.
+    pub fn check_pattern(&mut self, is_calibrated: bool) -> Result<Finding> {
+        let squares = match self.symmetry() {
+            Symmetry::Symmetric => self.squares(),
+            Symmetry::General => vec![0.5; self.resolution().pixels()],
+        };
         let mut terms = Vec::new();
-        self.capture(1.0, &[half], Part::Full, &mut terms)?;
+        self.capture(1.0, &[self.masked(&squares)], Part::Full, &mut terms)?;
         let [mut shown, mut seen, mut white, mut error] = [0.0; 4];
+        let mut likeness = Likeness::default();
         let whole = self.full_white()?;
         for (channel, full) in whole.iter().enumerate() {
             let photo = self.sum(&terms, 0.0, channel)?;
             let lit = self.shown(&terms, 0.0, channel);
+            likeness.add(&full.values, &lit, &photo.values);
             shown += full.values.iter().zip(&lit).map(|(light, share)| light * share).sum::<f64>();
             seen += photo.values.iter().sum::<f64>();
             white += full.values.iter().sum::<f64>();
             error += photo.variance.iter().sum::<f64>();
         }
-        if (seen - shown).abs() <= PROPORTIONAL * white + 5.0 * error.sqrt() {
-            return Ok(());
+        let map = match self.symmetry() {
+            Symmetry::Symmetric => likeness.finding(),
+            Symmetry::General => Finding::unmeasured("pixel map", "projector and camera stand apart"),
+        };
+        let is_tested = self.options.response && !is_calibrated && map.grade != Grade::Fails;
+        if !is_tested || (seen - shown).abs() <= PROPORTIONAL * white + 5.0 * error.sqrt() {
+            return Ok(map);
         }
+        let [shown, seen] = [shown, seen].map(|light| Ratio::of(light, white, 0.0));
         Err(Error::Rig {
             device: "rig".into(),
             fault: format!(
-                "it was not calibrated, and its light is not in proportion to its levels: {:.1} % of white was shown, {:.1} % was seen",
-                100.0 * shown / white,
-                100.0 * seen / white
+                "it was not calibrated, and its light is not in proportion to its levels: {shown} of white was shown, {seen} was seen"
             ),
             help: "calibrate it with `krylux rig calibrate RIG --use`; or say in the rig file, as `response = false` in [measurement], that levels and counts are to be used as they are".into(),
         })
+    }
+
+    /// Random squares of a quarter and of three quarters of the light, at least eight along each side where there are so many pixels.
+    fn squares(&self) -> Vec<f64> {
+        let size = self.resolution();
+        let side = (size.width.min(size.height) / 8).max(1);
+        let (across, down) = (size.width.div_ceil(side), size.height.div_ceil(side));
+        let mut random = Pcg64::seed_from_u64(0);
+        let signs: Vec<f64> = (0..across * down).map(|_| if random.random() { 1.0 } else { -1.0 }).collect();
+        let square = |pixel: usize| pixel / size.width / side * across + pixel % size.width / side;
+        (0..size.pixels()).map(|pixel| 0.5 + 0.25 * signs[square(pixel)]).collect()
     }
 
     /// The matrix of the direct light of one channel, `n × n` for `n` pixels, by rows: columns in ascending order, and their weights. It is a

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Effort, MeasureOptions};
+use crate::finding::Finding;
 
 /// How the photos of a run on a rig were made, and what they cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,6 +23,10 @@ pub struct RigRecord {
     /// The largest relative change of white during the run, as the sentinels measured it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub drift: Option<f64>,
+    /// What the photos say of the rig: whether it sees the projector, whether its light is steady, and whether light takes every way in both
+    /// directions alike.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub findings: Vec<Finding>,
 }
 
 /// The record of a run, `run.json`. A run on a scene has one without a [`RigRecord`].

@@ -2,10 +2,9 @@
 
 use super::colormap::{paint_sequential, paint_signed, robust_range, sequential_color};
 use super::html::{Block, Figure, Kind, Legend, Report, Section, Swatch, Values};
-use super::run::{Files, Run};
-use crate::analysis::audit::{self, Audit};
+use super::run::{Files, Run, table};
+use crate::analysis::audit::Audit;
 use crate::error::{Error, Result};
-use crate::measure::rig_check::Grade;
 
 /// Writes `audit.json`, arrays, pictures and `report.html` into the run's folder and returns their names.
 ///
@@ -87,63 +86,19 @@ fn pictures(found: &Audit, unit: &str) -> Result<Vec<(&'static str, Figure)>> {
 }
 
 fn page(found: &Audit, run: &Run<'_>, figures: Vec<Figure>) -> Report {
-    let percent =
-        |share: f64| if share.is_finite() { format!("{:.3} %", 100.0 * share) } else { "–".into() };
-    let rows = found.checks.iter().map(|check| {
-        let verdict = match check.verdict {
-            audit::Verdict::Passes => "passes",
-            audit::Verdict::Fails => "fails",
-            audit::Verdict::Told => "",
-        };
-        vec![
-            check.name.to_owned(),
-            verdict.to_owned(),
-            percent(check.figure),
-            percent(check.error),
-            percent(check.bound),
-            check.meaning.clone(),
-        ]
-    });
-    let headers = ["Check", "Verdict", "Figure", "Standard error", "At most", "What it means"];
-    let mut sections = vec![
-        Section {
-            title: "Checks".into(),
-            text: "A check fails when its figure lies beyond the bound by more than three standard errors."
-                .into(),
-            blocks: vec![Block::Table {
-                headers: headers.map(str::to_owned).to_vec(),
-                rows: rows.collect(),
-                caption: String::new(),
-            }],
-        },
-        Section { title: "Pictures".into(), text: String::new(), blocks: vec![Block::Figures(figures)] },
-    ];
+    let mut sections = vec![Section {
+        title: "Pictures".into(),
+        text: String::new(),
+        blocks: vec![Block::Figures(figures)],
+    }];
     if !found.devices.is_empty() {
-        sections.insert(1, devices(found));
+        sections.push(Section {
+            title: "Devices".into(),
+            text: "What projector and camera do without being asked, and what is in the way of their light. It may be why a check fails; it does not \
+                   fail the audit by itself."
+                .into(),
+            blocks: vec![table(&found.devices)],
+        });
     }
-    run.page((found.passed(), found.sentence()), found.photos, [], sections)
-}
-
-/// What the devices do without being asked.
-fn devices(found: &Audit) -> Section {
-    let rows = found.devices.iter().map(|finding| {
-        let verdict = match finding.grade {
-            Grade::Ok => "as it should be",
-            Grade::Warning => "warning",
-            Grade::Fails => "fails",
-        };
-        let cells = [finding.name, verdict, &finding.found, &finding.expected, &finding.help];
-        cells.map(str::to_owned).to_vec()
-    });
-    Section {
-        title: "Devices".into(),
-        text: "What projector and camera do without being asked, and what is in the way of their light. It may be why a check fails; it does not \
-               fail the audit by itself."
-            .into(),
-        blocks: vec![Block::Table {
-            headers: ["Examined", "Verdict", "Found", "Expected", "What to do"].map(str::to_owned).to_vec(),
-            rows: rows.collect(),
-            caption: String::new(),
-        }],
-    }
+    run.page((found.findings(), found.sentence()), found.photos, [], sections)
 }

@@ -6,6 +6,7 @@ use super::spectrum;
 use super::text::with_error;
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
+use crate::finding::{Finding, Grade};
 use crate::image::{Image, Resolution};
 use crate::io::exr;
 use crate::krylov::{Eigs, PairStatus};
@@ -27,9 +28,14 @@ impl<'a> Eigenpairs<'a> {
         Self { found, wanted, estimates: &[] }
     }
 
-    /// Whether all that were wanted were found, and are within the tolerance; or, unless it is `strict`, within the noise of the photos.
-    pub fn is_good(&self, strict: bool) -> bool {
-        are_good(&self.found.statuses, self.wanted, strict)
+    /// Whether all that were wanted were found, and are within the tolerance or the noise of the photos.
+    pub fn findings(&self) -> Vec<Finding> {
+        vec![self.finding(false)]
+    }
+
+    /// The same; a `strict` one does not count what is within the noise, but not within the tolerance.
+    pub fn finding(&self, strict: bool) -> Finding {
+        converged("eigenpairs", &self.found.statuses, self.wanted, strict)
     }
 
     /// The status of each pair, in words.
@@ -115,18 +121,22 @@ impl<'a> Eigenpairs<'a> {
             ],
         });
         sections.extend(run.photos("")?);
-        Ok(run.page((self.is_good(false), sentence), found.stats.products, [], sections))
+        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
     }
 }
 
-/// Whether so many pairs of these statuses are as many and as good as was asked for.
-pub(super) fn are_good(statuses: &[PairStatus], wanted: usize, strict: bool) -> bool {
-    let is_good = |status: &PairStatus| match status {
+/// Whether all wanted pairs or triplets were found and are within the tolerance; or, unless it is `strict`, within the noise of the photos.
+pub(super) fn converged(name: &'static str, statuses: &[PairStatus], wanted: usize, strict: bool) -> Finding {
+    let is_good = |status: &&PairStatus| match status {
         PairStatus::Converged => true,
         PairStatus::LimitedByNoise => !strict,
         PairStatus::NotResolved => false,
     };
-    statuses.len() == wanted && statuses.iter().all(is_good)
+    let count = statuses.iter().filter(is_good).count();
+    let grade = if count == wanted { Grade::Ok } else { Grade::Fails };
+    let within = if strict { "converged" } else { "converged, or are within the noise" };
+    let help = "give more --photos, or ask for fewer";
+    Finding::graded(name, grade, format!("{count} of {wanted} {within}"), "all that are wanted", help)
 }
 
 pub(super) fn in_words(status: PairStatus) -> &'static str {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::html::{Block, Outcome, Report, RunCard, Section, Verdict};
+use super::run::outcome as of_findings;
 use crate::error::{Error, Result};
 use crate::io::manifest::Status;
 use crate::measure::RunManifest;
@@ -96,7 +97,9 @@ fn page(folder: &Path, runs: &[FoundRun]) -> Report {
 
 fn outcome(run: &FoundRun) -> Outcome {
     match run.record.as_ref().map(|record| record.status) {
-        Ok(Status::Done) => Outcome::Good,
+        Ok(Status::Done) => {
+            run.record.as_ref().map_or(Outcome::Failed, |record| of_findings(&record.findings))
+        }
         Ok(Status::Running | Status::Interrupted) => Outcome::Short,
         Ok(Status::Failed) | Err(_) => Outcome::Failed,
     }

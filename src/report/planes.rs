@@ -1,5 +1,7 @@
 //! Planes of values, one per channel: their mean and difference.
 
+use crate::finding::Ratio;
+
 /// The mean over the channels, for each pixel.
 pub(super) fn mean(planes: &[Vec<f64>]) -> Vec<f64> {
     let pixels = planes.first().map_or(0, Vec::len);
@@ -14,8 +16,9 @@ pub(super) fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
     mean(&a.iter().zip(b).map(less).collect::<Vec<_>>())
 }
 
-/// A percentage with three digits, such as `3.14 %`.
-pub(super) fn percent(share: f64) -> String {
+/// A percentage with three digits, such as `3.14 %`; `–` where there is nothing to measure.
+pub(super) fn percent(share: impl Into<Ratio>) -> String {
+    let Some(share) = share.into().value() else { return "–".into() };
     let percent = 100.0 * share;
     let decimals = match percent {
         100.0.. => 0,

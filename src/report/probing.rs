@@ -5,9 +5,10 @@ use super::figure;
 use super::html::{Block, Figure, Section};
 use super::planes::{difference, mean, percent};
 use super::run::{Files, Run};
-use crate::analysis::planes::{Planes, norm, relative_error};
+use crate::analysis::planes::{Planes, norm, relative_error, relative_to};
 use crate::analysis::{Probed, Probing};
 use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
 use crate::io::picture;
 use crate::io::tone::exposure;
@@ -38,7 +39,7 @@ impl ProbedLight {
 
     /// The relative error, where the exact photo is known.
     pub fn error(&self) -> Option<f64> {
-        self.truth.as_ref().map(|truth| relative_error(&self.values, truth))
+        self.truth.as_ref().and_then(|truth| relative_error(&self.values, truth).value())
     }
 
     /// Writes `probed`, `standard-error`, `exact` (if known) and `report.html` into the run's folder and returns their names.
@@ -79,7 +80,7 @@ impl ProbedLight {
         }];
         sections.extend(run.photos("")?);
         let more = [("Paths", self.probing.in_words())];
-        files.finish(run.page((true, self.sentence()), self.photos, more, sections))
+        files.finish(run.page((self.findings(), self.sentence()), self.photos, more, sections))
     }
 
     /// The result in one or two sentences.
@@ -96,9 +97,23 @@ impl ProbedLight {
         text
     }
 
-    /// The root mean square of the standard errors relative to that of the values (the exact ones if known).
-    pub fn noise(&self) -> f64 {
-        norm(&self.standard_errors) / norm(self.truth.as_ref().unwrap_or(&self.values))
+    /// The root mean square of the standard errors relative to that of the values (the exact ones if known); nothing where there is no such light.
+    pub fn noise(&self) -> Ratio {
+        let errors = norm(&self.standard_errors);
+        match &self.truth {
+            Some(truth) => Ratio::of(errors, norm(truth), 0.0),
+            None => relative_to(errors, &self.values, &self.standard_errors),
+        }
+    }
+
+    /// Whether any light was let through.
+    pub fn findings(&self) -> Vec<Finding> {
+        let is_dark = self.noise().value().is_none();
+        let found = format!("no {} to measure: it is no more than its error", self.probing.in_words());
+        is_dark
+            .then(|| Finding::graded("light let through", Grade::Unmeasured, found, "", ""))
+            .into_iter()
+            .collect()
     }
 
     fn error_figures(&self, run: &Run<'_>) -> Result<Vec<Figure>> {
@@ -110,5 +125,37 @@ impl ProbedLight {
             figures.push(figure::signed(run.resolution, &error, range, run.unit, "Found less exact")?);
         }
         Ok(figures)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_that_is_not_there_is_a_finding_and_no_number() {
+        let of = |values: Vec<f64>, error: f64, truth: Option<Vec<f64>>| {
+            let standard_errors = vec![error; values.len()];
+            let probed = Probed { values, standard_errors, photos: 3 };
+            ProbedLight::new(Probing::Indirect, vec![probed], truth.map(|truth| vec![truth]))
+        };
+        let (noise, nothing) = (vec![0.1, -0.1, 0.1, -0.1], Some(vec![0.0; 4]));
+        for dark in
+            [of(vec![0.0; 4], 0.0, nothing.clone()), of(noise.clone(), 0.1, None), of(noise, 0.1, nothing)]
+        {
+            let [finding] = &dark.findings()[..] else { unreachable!("a finding") };
+            assert!(
+                finding.grade == Grade::Unmeasured && finding.found.contains("no indirect light to measure")
+            );
+            assert!(
+                !dark.sentence().contains("NaN") && !dark.sentence().contains("inf"),
+                "{}",
+                dark.sentence()
+            );
+        }
+        let lit = of(vec![1.0; 4], 0.1, None);
+        assert!(
+            lit.findings().is_empty() && lit.noise().value().is_some_and(|noise| (noise - 0.1).abs() < 1e-3)
+        );
     }
 }

@@ -1,10 +1,12 @@
 //! Parts that the pages and folders of all runs share.
 
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::contact_sheet::ContactSheet;
-use super::html::{Figure, FileLink, Outcome, Report, Section, Verdict};
+use super::html::{Block, Figure, FileLink, Outcome, Report, Section, Verdict};
 use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio, merge, worst};
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{Independent, ProductsOn};
 use crate::io::{atomic, npy, picture};
@@ -43,23 +45,62 @@ impl Run<'_> {
         }
     }
 
-    /// The page: whether the answer is `good`, in one sentence, from so many photos; `more` are facts of the command itself.
+    /// The page of an answer, in one sentence, from so many photos; `findings` are those of the answer, and `more` are facts of the command itself.
+    /// Its colour follows from the findings of the answer and of the run.
     pub(super) fn page(
         &self,
-        (good, sentence): (bool, String),
+        (findings, sentence): (Vec<Finding>, String),
         photos: usize,
         more: impl IntoIterator<Item = (&'static str, String)>,
-        sections: Vec<Section>,
+        mut sections: Vec<Section>,
     ) -> Report {
+        let mut all = self.manifest.findings.clone();
+        merge(&mut all, findings);
+        let found = Section {
+            title: "What was found".into(),
+            text: "The colour of this page and the exit status follow from these findings.".into(),
+            blocks: vec![table(&all)],
+        };
+        match outcome(&all) {
+            _ if all.is_empty() => {}
+            Outcome::Good => sections.push(found),
+            _ => sections.insert(0, found),
+        }
         Report {
             title: self.title.clone(),
-            verdict: Verdict { outcome: if good { Outcome::Good } else { Outcome::Short }, sentence },
+            verdict: Verdict { outcome: outcome(&all), sentence: sentence_of(sentence, &all) },
             facts: facts(self.manifest, photos, more, self.seconds),
             sections,
             footer: self.manifest.command.join(" "),
             paint: if self.has_paint() { PAINT.to_owned() } else { String::new() },
             ..Report::default()
         }
+    }
+}
+
+/// The colour that findings give: good where each is as expected.
+pub(super) fn outcome(findings: &[Finding]) -> Outcome {
+    if worst(findings) == Grade::Ok { Outcome::Good } else { Outcome::Short }
+}
+
+/// The sentence of an answer, and what fails.
+fn sentence_of(mut sentence: String, findings: &[Finding]) -> String {
+    for finding in findings.iter().filter(|finding| finding.grade == Grade::Fails) {
+        let _ = write!(sentence, " {} fails: {}.", finding.name, finding.found);
+    }
+    sentence
+}
+
+/// Findings as a table.
+pub(super) fn table(findings: &[Finding]) -> Block {
+    let row = |finding: &Finding| {
+        let cells = [&*finding.name, finding.grade.word(), &finding.found, &finding.expected, &finding.help];
+        cells.map(str::to_owned).to_vec()
+    };
+    Block::Table {
+        headers: ["Examined", "Verdict", "Found", "Expected", "What to do"].map(str::to_owned).to_vec(),
+        rows: findings.iter().map(row).collect(),
+        caption: String::new(),
     }
 }
 
@@ -201,7 +242,6 @@ pub(crate) fn facts(
 /// Facts of a rig: its effort, and how it measured its photos.
 fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     let effort = &rig.effort;
-    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let mut facts = vec![
         ("Patterns", rig.patterns.to_string()),
         ("Frames", format!("{} shown, {} taken", effort.shown, effort.taken)),
@@ -224,8 +264,8 @@ fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     }
     facts.push(("Calibration", rig.calibration.clone().unwrap_or("none: devices taken as ideal".into())));
     facts.push(("Stages", stages(&rig.measurement)));
-    facts.extend(rig.noise.map(|noise| ("Noise of the white photo", percent(noise))));
-    facts.extend(rig.drift.map(|drift| ("Drift of the lamp", percent(drift))));
+    facts.extend(rig.noise.map(|noise| ("Noise of the white photo", Ratio::from(noise).to_string())));
+    facts.extend(rig.drift.map(|drift| ("Drift of the lamp", Ratio::from(drift).to_string())));
     facts
 }
 

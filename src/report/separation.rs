@@ -8,9 +8,10 @@ use super::html::{Block, Figure, Report, Section};
 use super::planes::{difference, mean, percent};
 use super::plot::{LinePlot, Series};
 use super::run::{Files, Run};
-use crate::analysis::planes::{Planes, norm, relative_error, sum};
+use crate::analysis::planes::{Planes, norm, relative_error, relative_to, sum};
 use crate::analysis::separate::{ComparisonRow, NearFar};
 use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio};
 use crate::image::{Image, Resolution};
 use crate::io::picture;
 use crate::io::tone::exposure;
@@ -47,7 +48,7 @@ pub struct Separated {
 impl Separated {
     /// The relative error of the direct light, where the truth is known.
     pub fn error(&self) -> Option<f64> {
-        self.truth.as_ref().map(|truth| relative_error(&self.direct, truth))
+        self.truth.as_ref().and_then(|truth| relative_error(&self.direct, truth).value())
     }
 
     /// Whether it is as good as was asked for.
@@ -56,6 +57,34 @@ impl Separated {
             (Some(most), Some(error)) => error <= most,
             _ => true,
         }
+    }
+
+    /// Whether there is global light beyond its error, and whether the direct light is as good as was asked for.
+    pub fn findings(&self) -> Vec<Finding> {
+        let share = match &self.global_error {
+            Some(errors) => relative_to(1.0, &self.global, errors),
+            // Photos are products of numbers of single precision.
+            None => Ratio::of(
+                1.0,
+                norm(&self.global),
+                f64::from(f32::EPSILON) * norm(&sum(&self.direct, &self.global)),
+            ),
+        };
+        let mut findings = Vec::new();
+        if share.value().is_none() {
+            let found = "no global light to measure: it is no more than its error";
+            findings.push(Finding::graded("global light", Grade::Unmeasured, found, "", ""));
+        }
+        findings.extend(self.max_error.map(|most| match self.error() {
+            Some(error) => {
+                let grade = if self.is_good() { Grade::Ok } else { Grade::Fails };
+                let found = format!("within {} of the exact first bounce", percent(error));
+                let expected = format!("within {}", percent(most));
+                Finding::graded("direct light", grade, found, expected, "give more photos, or another --by")
+            }
+            None => Finding::unmeasured("direct light", "there is none, or its true value is not known"),
+        }));
+        findings
     }
 
     /// Writes images, `errors.csv` and `report.html` into the run's folder and returns their names. The `.png` files of direct and
@@ -99,9 +128,12 @@ impl Separated {
     }
 
     /// The standard errors of direct and of global light over all pixels, relative to each light, where they are known.
-    pub fn relative_errors(&self) -> Option<[f64; 2]> {
+    pub fn relative_errors(&self) -> Option<[Ratio; 2]> {
         let (direct, global) = (self.standard_error.as_ref()?, self.global_error.as_ref()?);
-        Some([norm(direct) / norm(&self.direct), norm(global) / norm(&self.global)])
+        Some(
+            [(direct, &self.direct), (global, &self.global)]
+                .map(|(errors, light)| relative_to(norm(errors), light, errors)),
+        )
     }
 
     /// The photos of the method, and those that tell near from far.
@@ -111,7 +143,7 @@ impl Separated {
 
     /// The result in one sentence.
     pub fn sentence(&self) -> String {
-        let share = norm(&self.global) / norm(&sum(&self.direct, &self.global));
+        let share = Ratio::of(norm(&self.global), norm(&sum(&self.direct, &self.global)), 0.0);
         let mut text = format!(
             "By {}{}: global light is {} of all that is seen under white.",
             self.method,
@@ -163,11 +195,10 @@ impl Separated {
         let mut text = "method,setting,photos,direct_error,global_error\n".to_owned();
         for row in &self.comparison {
             // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "{},\"{}\",{},{:e},{:e}",
-                row.method, row.setting, row.photos, row.error, row.global_error
-            );
+            // A field is empty where there is nothing to measure.
+            let field = |error: Ratio| error.value().map_or(String::new(), |error| format!("{error:e}"));
+            let [direct, global] = [row.error, row.global_error].map(field);
+            let _ = writeln!(text, "{},\"{}\",{},{direct},{global}", row.method, row.setting, row.photos);
         }
         text
     }
@@ -198,7 +229,7 @@ impl Separated {
             }
             more.push(("Near indirect light by probing", text));
         }
-        Ok(run.page((self.is_good(), self.sentence()), self.all_photos(), more, sections))
+        Ok(run.page((self.findings(), self.sentence()), self.all_photos(), more, sections))
     }
 
     fn error_figures(&self, run: &Run<'_>) -> Result<Vec<Figure>> {
@@ -227,7 +258,7 @@ impl Separated {
         }
         let points = |name: &str| {
             let rows = self.comparison.iter().filter(|row| row.method == name);
-            rows.map(|row| (row.photos as f64, row.error)).collect()
+            rows.filter_map(|row| Some((row.photos as f64, row.error.value()?))).collect()
         };
         let plot = LinePlot {
             x_label: "photos".into(),

@@ -1,10 +1,11 @@
 //! Files and report page of a run that computed singular values.
 
-use super::eigenpairs::{are_good, in_words, write_vectors};
+use super::eigenpairs::{converged, in_words, write_vectors};
 use super::html::{Block, Report, Section};
 use super::run::{Files, Run};
 use super::spectrum;
 use crate::error::Result;
+use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::krylov::Singular;
 
@@ -18,9 +19,14 @@ pub struct SingularTriplets<'a> {
 }
 
 impl SingularTriplets<'_> {
-    /// As [`Eigenpairs::is_good`](super::Eigenpairs::is_good).
-    pub fn is_good(&self, strict: bool) -> bool {
-        are_good(&self.found.statuses, self.wanted, strict)
+    /// Whether all that were wanted were found, and are within the tolerance or the noise of the photos.
+    pub fn findings(&self) -> Vec<Finding> {
+        vec![self.finding(false)]
+    }
+
+    /// The same; a `strict` one does not count what is within the noise, but not within the tolerance.
+    pub fn finding(&self, strict: bool) -> Finding {
+        converged("singular values", &self.found.statuses, self.wanted, strict)
     }
 
     /// The status of each triplet, in words.
@@ -91,6 +97,6 @@ impl SingularTriplets<'_> {
             ],
         });
         sections.extend(run.photos("")?);
-        Ok(run.page((self.is_good(false), sentence), found.stats.products, [], sections))
+        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
     }
 }

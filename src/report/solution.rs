@@ -4,6 +4,7 @@ use super::html::Section;
 use super::residuals;
 use super::run::{Files, Run};
 use crate::error::Result;
+use crate::finding::{Finding, Grade};
 use crate::krylov::{Method, Solution, Status};
 
 /// A solution and the method that found it.
@@ -28,6 +29,13 @@ impl Solved<'_> {
         )
     }
 
+    /// Whether it is good, as a finding.
+    pub fn findings(&self) -> Vec<Finding> {
+        let grade = if self.is_good() { Grade::Ok } else { Grade::Fails };
+        let status = self.found.stats.status.to_string();
+        vec![Finding::graded("solution", grade, status, "a residual within --rtol", "give more --photos")]
+    }
+
     /// Writes `solution.npy`, `residuals.csv` and `report.html` into the run's folder and returns their names.
     ///
     /// # Errors
@@ -50,6 +58,6 @@ impl Solved<'_> {
             found.stats.products, found.stats.status, found.residual
         );
         let sections = vec![Section { title: "Convergence".into(), text: String::new(), blocks: vec![plot] }];
-        files.finish(run.page((self.is_good(), sentence), found.stats.products, [], sections))
+        files.finish(run.page((self.findings(), sentence), found.stats.products, [], sections))
     }
 }

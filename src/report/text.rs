@@ -1,16 +1,10 @@
 //! Numbers as text.
 
-/// A share as a percentage of three digits.
-pub fn percent(share: f64) -> String {
-    let percent = 100.0 * share;
-    let decimals = if percent >= 100.0 {
-        0
-    } else if percent >= 10.0 {
-        1
-    } else {
-        2
-    };
-    format!("{percent:.decimals$}")
+use crate::finding::Ratio;
+
+/// A share as a percentage of three digits, without its unit; `–` where there is nothing to measure.
+pub fn percent(share: impl Into<Ratio>) -> String {
+    share.into().percent()
 }
 
 /// A value with its standard error, of which two digits are shown, and no digit of the value beyond them: `0.0971 ±0.0012`. Without an error the

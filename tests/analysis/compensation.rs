@@ -11,6 +11,7 @@ use krylux::analysis::{CompensateOptions, Compensation, CompensationRow, Precond
 use krylux::image::{Image, Resolution};
 use krylux::krylov::{METHODS, Method, SolveOptions, Status, dot, norm, solve_adjoint};
 use krylux::operator::{Adjoint, Operator, Symmetry};
+use krylux::sparse::{Csr, SparseOperator};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Transport};
 
 const SIDE: usize = 64;
@@ -336,4 +337,42 @@ fn wishes_that_make_no_sense_are_refused() {
     );
     let error = compensate(&mut channels, &black.unwrap(), &default()).unwrap_err();
     assert!(error.to_string().contains("nothing to do"), "{error}");
+}
+
+/// Walls that send no light to themselves, of every brightness: the target itself is the answer, and no method is blamed for being no better.
+#[test]
+fn flat_walls_are_compensated_by_every_method_and_need_none() -> Result<()> {
+    let side = 8;
+    let dark = Image::filled(Resolution::new(side, side), 1, 0.0);
+    for (seed, level) in [1e-6, 0.3, 1.0, 4e5].into_iter().enumerate() {
+        let wish = 0.1 + 0.4 * ((seed * 7 % 5) as f64 / 5.0);
+        let target = Target::new(&gray(&vec![wish; side * side], side), &dark)?;
+        for facts in METHODS {
+            let pixels = side * side;
+            let diagonal =
+                Csr::new(pixels, (0..=pixels).collect(), (0..pixels as u32).collect(), vec![level; pixels])?;
+            let options = CompensateOptions {
+                method: facts.method,
+                photos: 60,
+                rtol: 1e-4,
+                ..CompensateOptions::default()
+            };
+            let found = compensate(&mut [SparseOperator::new(diagonal)], &target, &options)?;
+            assert!(
+                found.good && found.residual < 1e-3,
+                "{} {level}: {} {}",
+                facts.name,
+                found.residual,
+                found.status
+            );
+            let warning = found.clamping.as_ref().and_then(krylux::analysis::Clamping::warning);
+            assert!(
+                found.is_needless() == (found.residual + 1e-6 >= found.uncompensated_residual),
+                "{}",
+                facts.name
+            );
+            assert_eq!(warning, None, "{}", facts.name);
+        }
+    }
+    Ok(())
 }

@@ -318,7 +318,7 @@ fn crosstalk_of_a_colour_rig_is_measured_by_three_photos_and_taken_out() {
     let found: serde_json::Value = serde_json::from_slice(&found.stdout).expect("JSON");
     let checks = found["checks"].as_array().expect("a list");
     let crosstalk = checks.iter().find(|check| check["name"] == "crosstalk").expect("it is there");
-    assert!((number(&crosstalk["figure"]) - 0.3).abs() < 0.01, "12 and 16 bits, no noise: {crosstalk}");
+    assert!((number(&crosstalk["value"]) - 0.3).abs() < 0.01, "12 and 16 bits, no noise: {crosstalk}");
     bench.assert_error(
         &[&["compensate", &rig, "--crosstalk", "1,2,3", "-o", &out], &asked[..]].concat(),
         &["--crosstalk", "3 numbers"],

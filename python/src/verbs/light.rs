@@ -45,7 +45,7 @@ impl Lab {
             None => fields.put("truth", py.None())?,
         };
         fields.put("paths", paths)?.put("photos", found.photos)?.put("status", found.sentence())?;
-        fields.put("noise", found.noise())?.put("error", found.error())?;
+        fields.put("noise", found.noise().value())?.put("error", found.error())?;
         Ok((fields.0, Answer::new(Kept::Probe(found))))
     }
 
@@ -63,7 +63,7 @@ impl Lab {
             lab.audit(&options)
         })?;
         let fields = Fields::new(py);
-        fields.record("checks", &found.checks)?.put("passed", found.passed())?;
+        fields.record("checks", &found.checks)?;
         fields.put("status", found.sentence())?.put("photos", found.photos)?;
         let size = found.resolution;
         let share = &found.direct_share;

@@ -90,7 +90,7 @@ fn fields<'py>(py: Python<'py>, found: &Separated, size: Resolution) -> PyResult
         };
     }
     fields.put("method", found.name)?.put("photos", found.all_photos())?.put("error", found.error())?;
-    fields.put("near_noise", found.near_far.as_ref().map(|of| of.noise))?;
+    fields.put("near_noise", found.near_far.as_ref().and_then(|of| of.noise.value()))?;
     fields.put("near_error", found.near_far.as_ref().and_then(|of| of.error))?;
     fields.record("comparison", &found.comparison)?;
     fields.put("status", found.sentence())?.put("good", found.is_good())?;

@@ -23,8 +23,8 @@ pub use disparity::{Cell, Disparity};
 pub use offset::CameraOffset;
 pub use shadow::Sight;
 
-use crate::analysis::audit::Check;
 use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
 use crate::measure::calibrate::StructuredLight;
 
@@ -63,7 +63,7 @@ pub struct Alignment {
     /// The camera offset; none if no cells are displaced from the map.
     pub stand: Option<CameraOffset>,
     /// The symmetry score; none if it is not judged.
-    pub symmetry: Option<Check>,
+    pub symmetry: Option<Finding>,
 }
 
 /// A round: its result, or why there is none.
@@ -88,8 +88,7 @@ impl Alignment {
 
     /// Whether no figure contradicts a common centre of projection.
     pub fn is_aligned(&self, options: &AlignOptions) -> bool {
-        use crate::analysis::audit::Verdict;
-        let is_symmetric = self.symmetry.as_ref().is_none_or(|check| check.verdict != Verdict::Fails);
+        let is_symmetric = self.symmetry.as_ref().is_none_or(|found| found.grade == Grade::Ok);
         self.stand.is_none() && self.shadow <= options.share && is_symmetric
     }
 }

@@ -4,8 +4,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::AlignOptions;
-use crate::analysis::audit::{Check, Seen, symmetry as score};
+use crate::analysis::audit::{Seen, symmetry as score};
 use crate::error::Result;
+use crate::finding::Finding;
 use crate::measure::Registration;
 use crate::measure::calibrate::{Decoded, Fit, StructuredLight};
 
@@ -16,7 +17,7 @@ pub(super) fn symmetry(
     decoded: &Decoded,
     fit: &Fit,
     options: &AlignOptions,
-) -> Result<Option<Check>> {
+) -> Result<Option<Finding>> {
     let used: Vec<bool> =
         decoded.lit.iter().zip(&decoded.saturated).map(|(lit, over)| *lit && !over).collect();
     let map = fit.footprints(&used);

@@ -1,8 +1,8 @@
 //! The checks of an audit, one function each.
 
-use super::check::{Check, Verdict};
 use super::subject::Seen;
 use crate::analysis::Crosstalk;
+use crate::finding::{Finding, Grade, Ratio};
 
 /// A pixel is in shadow if less than this share of its light under white is direct.
 const SHADOW: f64 = 0.05;
@@ -10,16 +10,24 @@ const SHADOW: f64 = 0.05;
 /// Pixels with less than this share of the brightest pixel's light are too dark to be judged.
 const DARK: f64 = 0.02;
 
+/// A share of the length of a photo.
+fn of_length(numerator: f64, seen: &Seen) -> Ratio {
+    Ratio::to_length(
+        numerator,
+        seen.values.iter().zip(&seen.variance).map(|(&value, &variance)| [value, variance]),
+    )
+}
+
 /// `√(Σ r² − Σ var) / ‖reference‖`: the relative deviation without the expected noise, and its standard error.
-fn deviation(residual: &[f64], variance: &[f64], reference: &[f64]) -> (f64, f64) {
-    let norm: f64 = reference.iter().map(|value| value * value).sum();
+fn deviation(residual: &[f64], variance: &[f64], reference: &Seen) -> (Ratio, f64) {
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
     // The sum of squares of n noisy values has a standard error of √(2 Σ var²), its root one of half of that over the root.
     let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
     let excess = (squares - noise).max(0.0);
     let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());
-    ((excess / norm).sqrt(), if spread > 0.0 { error / norm.sqrt() } else { 0.0 })
+    let [figure, error] = [excess.sqrt(), error].map(|length| of_length(length, reference));
+    (figure, if spread > 0.0 { error.value().unwrap_or(0.0) } else { 0.0 })
 }
 
 /// Root mean square of the residuals in units of their predicted standard errors; none where there is no noise.
@@ -30,29 +38,31 @@ fn z(residual: &[f64], variance: &[f64]) -> Option<f64> {
     (count > 0).then(|| (sum / f64::from(count)).sqrt())
 }
 
-pub(super) fn additivity(lit: &Seen, rest: &Seen, white: &Seen, bound: f64) -> Check {
+pub(super) fn additivity(lit: &Seen, rest: &Seen, white: &Seen, bound: f64) -> Finding {
     let pixels = 0..white.values.len();
     let residual: Vec<f64> =
         pixels.clone().map(|i| lit.values[i] + rest.values[i] - white.values[i]).collect();
     let variance: Vec<f64> = pixels.map(|i| lit.variance[i] + rest.variance[i] + white.variance[i]).collect();
-    let (figure, error) = deviation(&residual, &variance, &white.values);
+    let (figure, error) = deviation(&residual, &variance, white);
     let z = z(&residual, &variance).map_or(String::new(), |z| format!(" (z {z:.2})"));
-    Check::judged(
+    Finding::judged(
         "additivity",
         figure,
         error,
         bound,
-        &format!("two halves of white add up to it{z}"),
-        &format!(
-            "two halves of white do not add up to it{z}: look for saturation, a black level or ambient light that is not \
-             subtracted, or a camera response that is not undone (`krylux rig calibrate`)"
-        ),
+        [
+            &format!("two halves of white add up to it{z}"),
+            &format!(
+                "two halves of white do not add up to it{z}: look for saturation, a black level or ambient light that is not \
+                 subtracted, or a camera response that is not undone (`krylux rig calibrate`)"
+            ),
+        ],
     )
 }
 
-pub(super) fn homogeneity(photo: &Seen, scaled: &[(f64, Seen)], bound: f64) -> Check {
+pub(super) fn homogeneity(photo: &Seen, scaled: &[(f64, Seen)], bound: f64) -> Finding {
     let norm: f64 = photo.values.iter().map(|value| value * value).sum();
-    let mut worst = (0.0_f64, 0.0, 0.0);
+    let mut worst = (Ratio::from(0.0), 0.0, 0.0);
     for (share, dimmed) in scaled {
         let (mut dot, mut variance) = (0.0, 0.0);
         for pixel in 0..photo.values.len() {
@@ -60,40 +70,45 @@ pub(super) fn homogeneity(photo: &Seen, scaled: &[(f64, Seen)], bound: f64) -> C
             variance += photo.values[pixel].powi(2)
                 * (dimmed.variance[pixel] / (share * share) + photo.variance[pixel]);
         }
-        let off = (dot / norm / share - 1.0).abs();
-        if off >= worst.0 || off.is_nan() {
+        let off = Ratio::of((dot / share - norm).abs(), norm, variance.sqrt());
+        // Where there is nothing to measure, no other share can tell more.
+        if off.value() >= worst.0.value() || off.value().is_none() {
             worst = (off, variance.sqrt() / norm, *share);
         }
     }
     let (figure, error, share) = worst;
-    Check::judged(
+    Finding::judged(
         "homogeneity",
         figure,
         error,
         bound,
-        "a share of a pattern gives that share of its photo",
-        &format!(
-            "{share} of a pattern does not give {share} of its photo: the projector's response (gamma) is not undone; \
-             calibrate the rig with `krylux rig calibrate` and name the calibration"
-        ),
+        [
+            "a share of a pattern gives that share of its photo",
+            &format!(
+                "{share} of a pattern does not give {share} of its photo: the projector's response (gamma) is not undone; \
+                 calibrate the rig with `krylux rig calibrate` and name the calibration"
+            ),
+        ],
     )
 }
 
-pub(super) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Check {
+pub(super) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Finding {
     let (mut dot, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for pixel in 0..first.values.len() {
         dot += first.values[pixel] * last.values[pixel];
         norm += first.values[pixel].powi(2);
         variance += first.values[pixel].powi(2) * (first.variance[pixel] + last.variance[pixel]);
     }
-    Check::judged(
+    Finding::judged(
         "repeatability",
-        (dot / norm - 1.0).abs(),
+        Ratio::of((dot - norm).abs(), norm, variance.sqrt()),
         variance.sqrt() / norm,
         bound,
-        "the first photo, taken again at the end, is the same",
-        "the first photo, taken again at the end, is brighter or darker: the light drifts; let the lamp warm up, or have the \
-         drift sentinel correct it (sentinel_every in [measurement])",
+        [
+            "the first photo, taken again at the end, is the same",
+            "the first photo, taken again at the end, is brighter or darker: the light drifts; let the lamp warm up, or have the \
+             drift sentinel correct it (sentinel_every in [measurement])",
+        ],
     )
 }
 
@@ -104,7 +119,7 @@ pub(in crate::analysis) fn symmetry(
     white: &Seen,
     mask: &[bool],
     bound: f64,
-) -> Check {
+) -> Finding {
     let sign = |pattern: &[f64], pixel: usize| if mask[pixel] { 2.0 * pattern[pixel] - 1.0 } else { 0.0 };
     let product = |with: &[f64], photo: &Seen| -> f64 {
         (0..mask.len())
@@ -127,22 +142,24 @@ pub(in crate::analysis) fn symmetry(
             pairs += 1.0;
         }
     }
-    let figure = ((squares - noise).max(0.0) / energy).sqrt();
+    let figure = Ratio::of((squares - noise).max(0.0).sqrt(), energy.sqrt(), 0.0);
     // A mean of squares of `pairs` Gaussians has a relative error of √(2/pairs), and its root one of half of that.
     let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
-    Check::judged(
+    Finding::judged(
         "symmetry",
         figure,
         error,
         bound,
-        &format!("light takes every way in both directions alike ({pairs} pairs of patterns)"),
-        "light does not take every way in both directions alike: the pixel map is off (calibrate the rig with \
-         `krylux rig calibrate`), or camera and projector do not look from one point, or one's lens darkens its corners",
+        [
+            &format!("light takes every way in both directions alike ({pairs} pairs of patterns)"),
+            "light does not take every way in both directions alike: the pixel map is off (calibrate the rig with \
+             `krylux rig calibrate`), or camera and projector do not look from one point, or one's lens darkens its corners",
+        ],
     )
 }
 
 /// Finds pixels that see light, but hardly any straight from their own projector pixel.
-pub(super) fn shadows(direct: &Seen, white: &Seen, mask: &[bool], bound: f64) -> (Check, Vec<bool>) {
+pub(super) fn shadows(direct: &Seen, white: &Seen, mask: &[bool], bound: f64) -> (Finding, Vec<bool>) {
     let brightest = white.values.iter().copied().fold(0.0, f64::max);
     let lit = |pixel: usize| {
         mask[pixel] && white.values[pixel] > (DARK * brightest).max(5.0 * white.variance[pixel].sqrt())
@@ -153,70 +170,69 @@ pub(super) fn shadows(direct: &Seen, white: &Seen, mask: &[bool], bound: f64) ->
             lit(pixel) && direct.values[pixel] + certain < SHADOW * white.values[pixel]
         })
         .collect();
-    let lit = (0..mask.len()).filter(|&pixel| lit(pixel)).count().max(1) as f64;
-    let share = shadow.iter().filter(|&&shadow| shadow).count() as f64 / lit;
-    let check = Check::judged(
+    let lit = (0..mask.len()).filter(|&pixel| lit(pixel)).count() as f64;
+    let share = Ratio::of(shadow.iter().filter(|&&shadow| shadow).count() as f64, lit, 0.0);
+    let check = Finding::judged(
         "direct light",
         share,
         0.0,
         bound,
-        "what the camera sees, the projector lights: no shadows",
-        "the camera sees what the projector does not light: they do not look from one point; move the beam splitter until the \
-         shadows in shadow.png are gone",
+        [
+            "what the camera sees, the projector lights: no shadows",
+            "the camera sees what the projector does not light: they do not look from one point; move the beam splitter until the \
+             shadows in shadow.png are gone",
+        ],
     );
     (check, shadow)
 }
 
-pub(super) fn ambient(ambient: &Seen, white: &Seen) -> Check {
+pub(super) fn ambient(ambient: &Seen, white: &Seen) -> Finding {
     let sum = |seen: &Seen| seen.values.iter().sum::<f64>();
     let total = sum(white);
-    let error = ambient.variance.iter().sum::<f64>().sqrt() / total;
+    let error = |seen: &Seen| seen.variance.iter().sum::<f64>().sqrt();
     let meaning = "of white's light is there without a pattern: ambient light and the projector's black";
-    Check::told("black", sum(ambient) / total, error, meaning.into())
+    let share = Ratio::of(sum(ambient), total, error(white));
+    Finding::told("black", share, error(ambient) / total, meaning)
 }
 
-pub(super) fn noise_floor(white: &Seen) -> Check {
-    let norm: f64 = white.values.iter().map(|value| value * value).sum();
+pub(super) fn noise_floor(white: &Seen) -> Finding {
     let noise: f64 = white.variance.iter().sum();
     let meaning = "noise of the white photo: no answer is better than that without more photos";
-    Check::told("noise floor", (noise / norm).sqrt(), 0.0, meaning.into())
+    Finding::told("noise floor", of_length(noise.sqrt(), white), 0.0, meaning)
 }
 
-pub(super) fn drift(largest: f64) -> Check {
+pub(super) fn drift(largest: f64) -> Finding {
     let meaning =
         "the most that the lamp's light has changed since the first white; photos are corrected for it";
-    Check::told("drift", largest, 0.0, meaning.into())
+    Finding::told("drift", largest.into(), 0.0, meaning)
 }
 
 /// The largest share of another projector colour that a camera channel sees, relative to its own colour.
-pub(super) fn crosstalk(crosstalk: &Crosstalk) -> Check {
+pub(super) fn crosstalk(crosstalk: &Crosstalk) -> Finding {
     let others = crosstalk.matrix().iter().enumerate().flat_map(|(channel, row)| {
         row.iter().enumerate().filter(move |(color, _)| *color != channel).map(|(_, entry)| *entry)
     });
     let most = others.fold(0.0, f64::max);
     let meaning = "of the light of its colour is the most that a camera channel sees of another of the projector's colours; \
                    compensate takes that into account by --crosstalk measure";
-    Check::told("crosstalk", most, 0.0, meaning.into())
+    Finding::told("crosstalk", most.into(), 0.0, meaning)
 }
 
 /// Reports samples that some exposures saturate, but not all.
-pub(super) fn saturation(share: f64) -> Check {
+pub(super) fn saturation(share: f64) -> Finding {
     let meaning =
         "of the camera's samples of white are saturated in some exposure: the shorter ones count there";
-    Check::told("saturation", share, 0.0, meaning.into())
+    Finding::told("saturation", share.into(), 0.0, meaning)
 }
 
 /// The failed check when the white photo could not be taken.
-pub(super) fn saturated(fault: &str) -> Check {
-    Check {
-        name: "saturation",
-        verdict: Verdict::Fails,
-        figure: 1.0,
-        error: 0.0,
-        bound: 0.0,
-        meaning: format!(
-            "the white photo is saturated, and nothing else can be told ({fault}); give shorter exposures, close the aperture, \
-             or dim the projector"
-        ),
-    }
+pub(super) fn saturated(fault: &str) -> Finding {
+    Finding::graded(
+        "saturation",
+        Grade::Fails,
+        format!("the white photo is saturated, and nothing else can be told ({fault})"),
+        "",
+        "give shorter exposures, close the aperture, or dim the projector",
+    )
+    .measured(1.0, 0.0, 0.0)
 }

@@ -15,11 +15,9 @@
 //!
 //! O'Toole and Kutulakos, section 8.
 
-mod check;
 mod checks;
 mod subject;
 
-pub use check::{Check, Verdict};
 pub(in crate::analysis) use checks::symmetry;
 pub use subject::{Audited, Exact, Seen};
 
@@ -28,8 +26,8 @@ use rand_pcg::Pcg64;
 
 use crate::analysis::Crosstalk;
 use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
-use crate::measure::rig_check::{Finding, Grade};
 
 /// The options of an audit.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +54,7 @@ impl Default for AuditOptions {
 #[derive(Clone, Debug)]
 pub struct Audit {
     /// The checks, in the order of the report.
-    pub checks: Vec<Check>,
+    pub checks: Vec<Finding>,
     /// The resolution of all images.
     pub resolution: Resolution,
     /// The white photo; empty if it could not be taken.
@@ -77,12 +75,17 @@ pub struct Audit {
 impl Audit {
     /// The faults of the devices that were found.
     pub fn faults(&self) -> impl Iterator<Item = &Finding> {
-        self.devices.iter().filter(|finding| finding.grade != Grade::Ok)
+        self.devices.iter().filter(|finding| finding.grade >= Grade::Warning)
+    }
+
+    /// The findings of the audit: its checks.
+    pub fn findings(&self) -> Vec<Finding> {
+        self.checks.clone()
     }
 
     /// Whether no check fails.
     pub fn passed(&self) -> bool {
-        self.checks.iter().all(|check| check.verdict != Verdict::Fails)
+        self.checks.iter().all(|check| check.grade != Grade::Fails)
     }
 
     /// The result as a sentence.
@@ -90,14 +93,17 @@ impl Audit {
         let failed: Vec<&str> = self
             .checks
             .iter()
-            .filter(|check| check.verdict == Verdict::Fails)
-            .map(|check| check.name)
+            .filter(|check| check.grade == Grade::Fails)
+            .map(|check| &*check.name)
             .collect();
-        let faults: Vec<&str> = self.faults().map(|finding| finding.name).collect();
+        let faults: Vec<&str> = self.faults().map(|finding| &*finding.name).collect();
         let faults = match faults.as_slice() {
             [] => String::new(),
             names => format!(" Faults of the devices: {}.", names.join(", ")),
         };
+        if failed == [LIGHT] {
+            return format!("There is nothing to measure: white gives no light beyond its noise.{faults}");
+        }
         if failed.is_empty() {
             return format!("The source is a linear operator, as far as these photos tell.{faults}");
         }
@@ -107,6 +113,9 @@ impl Audit {
         )
     }
 }
+
+/// The name of the finding that there is light to measure.
+const LIGHT: &str = "light";
 
 /// Audits `subject`. A camera that is saturated in every exposure gives a failed check, not an error.
 ///
@@ -139,6 +148,18 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
         }
         Err(error) => return Err(error),
     };
+    let light = subject.sight()?;
+    let is_dark = light.grade == Grade::Fails;
+    audit.checks.push(light);
+    if is_dark {
+        let names = ["additivity", "homogeneity", "repeatability", "symmetry", "direct light"];
+        audit
+            .checks
+            .extend(names.map(|name| Finding::unmeasured(name, "white gives no light beyond its noise")));
+        audit.photos = 1;
+        audit.white = white.values;
+        return Ok(audit);
+    }
     let mask = subject.seen();
     let mut random = Pcg64::seed_from_u64(options.seed);
     let mut patterns: Vec<Vec<f64>> = Vec::new();

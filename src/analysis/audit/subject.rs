@@ -1,6 +1,7 @@
 //! The interface between an audit and a source.
 
 use crate::error::Result;
+use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
 use crate::measure::{Measurement, Photo, Plane};
 use crate::operator::Operator;
@@ -24,6 +25,12 @@ pub trait Audited {
     /// # Errors
     /// Any error of taking the photo.
     fn photograph(&mut self, pattern: &[f64]) -> Result<Seen>;
+
+    /// Whether white gives any light to measure: a finding of the name `light`. It is asked after the white photo was taken.
+    ///
+    /// # Errors
+    /// Any error of taking that photo.
+    fn sight(&mut self) -> Result<Finding>;
 
     /// Which pixels the camera sees; the others are never lit.
     fn seen(&self) -> Vec<bool>;
@@ -82,6 +89,16 @@ impl Audited for Exact<'_> {
         Ok(exact(values))
     }
 
+    fn sight(&mut self) -> Result<Finding> {
+        let mut white = vec![0.0; self.full.rows()];
+        self.full.apply(&vec![1.0; self.full.cols()], &mut white)?;
+        let lit = white.iter().filter(|light| **light > 0.0).count();
+        let grade = if lit == 0 { Grade::Fails } else { Grade::Ok };
+        let found = format!("{lit} of {} pixels have light under white", white.len());
+        let help = "light the scene, or turn the camera to it";
+        Ok(Finding::graded("light", grade, found, "one or more", help))
+    }
+
     fn seen(&self) -> Vec<bool> {
         vec![true; self.resolution.pixels()]
     }
@@ -116,6 +133,10 @@ impl Audited for Measurement {
         let samples = pattern.iter().map(|&value| value as f32).collect();
         let image = crate::image::Image::new(Self::resolution(self), 1, samples)?;
         first(Self::photograph(self, &image)?)
+    }
+
+    fn sight(&mut self) -> Result<Finding> {
+        Self::sight(self)
     }
 
     fn seen(&self) -> Vec<bool> {

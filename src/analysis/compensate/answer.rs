@@ -7,6 +7,9 @@ use crate::analysis::similarity::similarity;
 use crate::error::Result;
 use crate::krylov::{Constraint, Status};
 
+/// Residuals that differ by less are equal: patterns and photos of numbers of single precision tell no more.
+pub(super) const ROUNDING: f64 = 1e-6;
+
 /// A projected pattern and the photos that it gives, taken or modelled; one plane per channel, without ambient light.
 pub(super) struct Answer<'a> {
     pub(super) target: &'a Target,
@@ -22,15 +25,16 @@ pub(super) struct Answer<'a> {
 }
 
 impl Answer<'_> {
-    /// Completes the result with what the method reports. It is good if it is better than no compensation, and within the
-    /// tolerance, the optimum inside the box, or all that its photos allowed where no tolerance was asked for. Preparation and comparisons are left empty.
+    /// Completes the result with what the method reports. It is good within the tolerance, whatever the target itself would do; else if it is no
+    /// worse than no compensation and the optimum inside the box, or better than no compensation and all that its photos allowed where no
+    /// tolerance was asked for. Preparation and comparisons are left empty.
     pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
         let Self { target, options, peak, b, pattern, observed, uncompensated } = self;
         let scale = norm_of(b);
         let residual = residual_norm(b, &observed) / scale;
         let uncompensated_residual = residual_norm(b, &uncompensated) / scale;
         // The method's recurrence agrees with a photo only up to rounding.
-        let reached = residual <= options.rtol * (1.0 + 1e-6);
+        let reached = residual <= options.rtol * (1.0 + ROUNDING);
         let boxed = options.method.facts().constraint == Constraint::Box;
         let optimal = boxed && solved.status == Status::ConstrainedOptimum;
         let spent = !options.must_reach
@@ -56,7 +60,9 @@ impl Answer<'_> {
             preparation: 0,
             clamping: None,
             status: solved.status,
-            good: residual < uncompensated_residual && (reached || optimal || spent),
+            good: reached
+                || (optimal && residual <= uncompensated_residual + ROUNDING)
+                || (spent && residual < uncompensated_residual),
         })
     }
 }

@@ -1,6 +1,8 @@
 //! The cost of clamping an answer that leaves the projector's range.
 
 use super::CompensationRow;
+use super::answer::ROUNDING;
+use crate::finding::Ratio;
 
 /// An unconstrained method, clamped after each photo, beside a box-constrained one.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,19 +28,19 @@ impl Clamping {
 
     /// Whether projecting the target without compensation would have been better.
     pub fn is_worse_than_nothing(&self) -> bool {
-        self.last() >= self.uncompensated
+        self.last() > self.uncompensated + ROUNDING
     }
 
-    /// The residual after clamping over that of the box-constrained method.
-    pub fn price(&self) -> f64 {
-        self.last() / self.inside()
+    /// The residual after clamping over that of the box-constrained method; nothing where the latter is no more than rounding.
+    pub fn price(&self) -> Ratio {
+        Ratio::of(self.last(), self.inside(), ROUNDING)
     }
 
     /// The photo after which further photos made the clamped result worse, if there is one.
     pub fn turning_point(&self) -> Option<usize> {
         let best = self.displayed.iter().min_by(|a, b| a.residual.total_cmp(&b.residual))?;
         // A difference of 1 % is not counted as worse.
-        (self.last() > 1.01 * best.residual).then_some(best.photo)
+        (self.last() > 1.01 * best.residual + ROUNDING).then_some(best.photo)
     }
 
     /// A warning with figures if clamping raises the residual by more than a tenth; none otherwise.
@@ -52,7 +54,7 @@ impl Clamping {
                 "clamping leaves a residual of {last:.4}, worse than {nothing:.4} of the target projected as it is; krylov-box leaves {inside:.4} with as many photos{turn}"
             ));
         }
-        (self.price() > 1.1).then(|| {
+        self.price().value().is_some_and(|price| price > 1.1).then(|| {
             format!(
                 "clamping leaves a residual of {last:.4}, krylov-box {inside:.4} with as many photos{turn}"
             )

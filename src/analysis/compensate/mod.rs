@@ -85,8 +85,15 @@ pub struct Compensation {
     pub clamping: Option<Clamping>,
     /// Why the method ended; of several channels, the least successful status.
     pub status: Status,
-    /// Whether the pattern is better than no compensation, and within the tolerance or the optimum inside the box.
+    /// Whether the pattern is within the tolerance, or the optimum inside the box, or better than no compensation and all that its photos allowed.
     pub good: bool,
+}
+
+impl Compensation {
+    /// Whether the target itself, projected without compensation, would be seen as well.
+    pub fn is_needless(&self) -> bool {
+        self.residual >= self.uncompensated_residual - answer::ROUNDING
+    }
 }
 
 /// Knowledge beside the photos; none by default.

@@ -2,6 +2,7 @@
 
 use super::{ErrorRow, LowRank, LowRankCapture, capture, error_curve, optimal_errors};
 use crate::error::{Error, Result};
+use crate::finding::Ratio;
 use crate::krylov::{LowRankOptions, Start, randomized_svd};
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
@@ -129,7 +130,7 @@ fn best_errors<O: Adjoint>(operator: &mut O, total: f64, ranks: usize) -> Result
     let values = randomized_svd(operator, &options)?.values;
     let after = |value: &f64| {
         rest -= value * value;
-        (rest.max(0.0)).sqrt() / total
+        Ratio::of(rest.max(0.0).sqrt(), total, 0.0).value().unwrap_or(0.0)
     };
     Ok(values.iter().map(after).collect())
 }

@@ -2,6 +2,7 @@
 
 use super::LowRank;
 use crate::error::Result;
+use crate::finding::Ratio;
 use crate::krylov::{EigsOptions, Start, Which, dot, eigs};
 use crate::operator::Operator;
 
@@ -22,7 +23,8 @@ pub struct ErrorRow {
 /// ‖T‖²`, in the Frobenius norm.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
-    let share = |square: f64| (square.max(0.0) / total).sqrt();
+    // Without global light the model is exact.
+    let share = |square: f64| Ratio::of(square.max(0.0).sqrt(), frobenius, 0.0).value().unwrap_or(0.0);
     let (mut photos_square, mut projected_square) = (0.0, 0.0);
     let mut rows = Vec::with_capacity(model.rank());
     for k in 0..model.rank() {
@@ -60,14 +62,13 @@ pub fn optimal_errors(
         ..EigsOptions::default()
     };
     let found = eigs(operator, &options)?;
-    let total = frobenius * frobenius;
-    let mut rest = total;
+    let mut rest = frobenius * frobenius;
     Ok(found
         .values
         .iter()
         .map(|value| {
             rest -= value * value;
-            (rest.max(0.0) / total).sqrt()
+            Ratio::of(rest.max(0.0).sqrt(), frobenius, 0.0).value().unwrap_or(0.0)
         })
         .collect())
 }

@@ -3,6 +3,7 @@
 use super::{SavedModel, cancel_interreflections};
 use crate::analysis::planes::{Planes, norm, relative_error};
 use crate::error::{Error, Result};
+use crate::finding::Ratio;
 use crate::image::Image;
 use crate::operator::Adjoint;
 use crate::transport::Squares;
@@ -21,7 +22,7 @@ pub struct Relit {
     pub relit: Image,
     /// The relative error that the rank of the model leaves, as its own photos tell it ([`LowRank::error_of_rank`](super::LowRank::error_of_rank)); their
     /// noise is not in it.
-    pub stated: f64,
+    pub stated: Ratio,
     /// The true photo, if the scene is simulated.
     pub truth: Option<Image>,
     /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1, without the noise of the true photo that its operator
@@ -78,7 +79,7 @@ impl SavedModel {
         let found = by_rank(ranks);
         let each = self.channels.iter().enumerate();
         let errors = each.map(|(channel, of)| of.error_of_rank(&plane(&pattern, channel)));
-        let stated = norm(&vec![errors.collect()]) / norm(&found).max(f64::MIN_POSITIVE);
+        let stated = Ratio::of(norm(&vec![errors.collect()]), norm(&found), 0.0);
         let mut noise = 0.0;
         let truth = products(full, |operator, channel| {
             let mut photo = vec![0.0; operator.rows()];
@@ -157,7 +158,7 @@ impl SavedModel {
             name,
             photo: image(photo)?,
             direct: image(&found)?,
-            error: truth.as_ref().map(|truth| relative_error(&found, truth)),
+            error: truth.as_ref().and_then(|truth| relative_error(&found, truth).value()),
             truth: truth.as_ref().map(image).transpose()?,
             residual,
         })

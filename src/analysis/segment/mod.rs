@@ -39,7 +39,7 @@ pub use laplacian::NegativeLaplacian;
 pub use options::{Cut, SegmentOptions};
 pub use regions::{KEPT, Regions};
 pub use request::{DirectLight, SegmentRequest, Segmented};
-pub use segmentation::{MASKED, SURE, Segmentation};
+pub use segmentation::{MASKED, SURE, Segmentation, possible};
 pub use truth::Truth;
 
 use crate::error::Result;

@@ -8,6 +8,7 @@ use super::options::{Cut, SegmentOptions};
 use super::{NegativeLaplacian, NormalizedAdjacency, Regions};
 use crate::analysis::kmeans::{Clusters, KmeansOptions, kmeans};
 use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio, SIGMAS};
 use crate::krylov::{HistoryRow, RitzPair, Status};
 
 /// Labels are bytes, of which 255 is that of masked pixels.
@@ -16,7 +17,7 @@ const MOST_GROUPS: usize = 254;
 /// The label of a masked pixel.
 pub const MASKED: u8 = 255;
 
-/// An eigenvalue of a normalized cut is at most 1; this much more is a fault of the photos and not of rounding or a little noise.
+/// An eigenvalue is at most as large as the largest row sum; this much more is a fault of the photos and not of rounding or a little noise.
 const IMPOSSIBLE: f64 = 0.05;
 
 /// A label of this confidence is sure.
@@ -52,6 +53,8 @@ pub struct Segmentation {
     pub degree: Vec<f64>,
     /// True on masked pixels (`n`).
     pub mask: Vec<bool>,
+    /// The cut that the eigenvalues are of.
+    pub cut: Cut,
     /// Photos taken, those of the degree included.
     pub photos: usize,
     /// One row per Lanczos photo: photos so far, eigenvalues and residuals (without the known pair).
@@ -85,6 +88,23 @@ impl Segmentation {
         let (_, confidence) = self.confidence.iter().find(|(of, _)| *of == groups)?;
         let seen = self.mask.iter().filter(|masked| !**masked).count();
         Some(confidence.iter().filter(|value| **value >= SURE).count() as f64 / seen.max(1) as f64)
+    }
+
+    /// Whether the eigenvalues are such as light can have: those of `D^-½ G D^-½` are at most 1 in size, and those of `D − G` lie between 0 and twice
+    /// the largest degree.
+    pub fn findings(&self) -> Vec<Finding> {
+        let values = self.eigenvalues.iter().copied();
+        // Each as its distance from the middle of its range, relative to half of this.
+        let half = self.degree.iter().copied().fold(0.0, f64::max);
+        let sizes = values.map(|value| match self.cut {
+            Cut::Normalized => value.abs().into(),
+            Cut::Average => Ratio::of((value - half).abs(), half, 0.0),
+        });
+        let sizes: Option<Vec<f64>> = sizes.map(Ratio::value).collect();
+        let Some(largest) = sizes.map(|sizes| sizes.into_iter().fold(0.0, f64::max)) else {
+            return vec![Finding::unmeasured("eigenvalues", "there is no light between the pixels")];
+        };
+        vec![possible(largest, 0.0)]
     }
 
     pub(super) fn from_vectors(
@@ -150,21 +170,32 @@ impl Segmentation {
             regions,
             degree: graph.scatter(graph.degree(), 0.0),
             mask: graph.mask(),
+            cut: options.cut,
             photos: taken.photos,
             history: taken.history.to_vec(),
             status: format!(
                 "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}{}",
                 taken.photos,
                 options.eigenvectors.max(kept),
-                remarks(
-                    &embedding,
-                    &pairs.iter().map(|pair| sign * pair.value).collect::<Vec<f64>>(),
-                    options.cut
-                ),
+                match embedding.local() {
+                    0 => String::new(),
+                    local => format!(", and {local} are localized"),
+                }
             ),
             embedding,
         })
     }
+}
+
+/// Whether eigenvalues of a matrix of light are possible: `largest` is the largest of their sizes, relative to the largest row sum, and `error` its
+/// standard error. All entries of such a matrix are at least 0, so that no eigenvalue is larger.
+pub fn possible(largest: f64, error: f64) -> Finding {
+    let bound = 1.0 + IMPOSSIBLE;
+    let grade = if largest - SIGMAS * error <= bound { Grade::Ok } else { Grade::Fails };
+    let found = format!("the largest has {largest:.3} of the size that light can give it");
+    let help = "what is measured is not light alone: look for noise, drift, or direct light that is not removed (`krylux audit`)";
+    Finding::graded("eigenvalues", grade, found, format!("at most {bound}"), help)
+        .measured(largest, error, bound)
 }
 
 /// The eigenvector that is known in advance, its eigenvalue, and a bound on its residual.
@@ -177,23 +208,6 @@ fn known_pair(cut: Cut, graph: &Graph) -> (Vec<f64>, f64, f64) {
             (NegativeLaplacian::known_vector(graph), 0.0, NegativeLaplacian::known_residual(graph))
         }
     }
-}
-
-/// What the status sentence ends with: localized eigenvectors, and eigenvalues that light cannot have.
-fn remarks(embedding: &Embedding, values: &[f64], cut: Cut) -> String {
-    let mut text = match embedding.local() {
-        0 => String::new(),
-        local => format!(", and {local} are localized"),
-    };
-    let impossible =
-        values.iter().filter(|value| cut == Cut::Normalized && **value > 1.0 + IMPOSSIBLE).count();
-    if impossible > 0 {
-        let largest = values.iter().copied().fold(0.0, f64::max);
-        text += &format!(
-            "; {impossible} eigenvalues are above one, up to {largest:.2}, as no light can be: noise or direct light in the photos"
-        );
-    }
-    text
 }
 
 /// As many groups as there are regions. A group whose coordinates show two is divided: the eigenvalues do not count a region before its

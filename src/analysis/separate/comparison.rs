@@ -4,6 +4,7 @@ use super::{SeparateBy, Separation, from_capture, separate};
 use crate::analysis::low_rank::{LowRankCapture, capture};
 use crate::analysis::planes::{Planes, relative_error, sum};
 use crate::error::Result;
+use crate::finding::Ratio;
 use crate::image::Resolution;
 use crate::krylov::Start;
 use crate::operator::Operator;
@@ -17,10 +18,10 @@ pub struct ComparisonRow {
     pub setting: String,
     /// Number of photos.
     pub photos: usize,
-    /// The relative error `‖direct − exact‖ / ‖exact‖`.
-    pub error: f64,
-    /// The relative error of the global light.
-    pub global_error: f64,
+    /// The relative error `‖direct − exact‖ / ‖exact‖`; nothing without direct light.
+    pub error: Ratio,
+    /// The relative error of the global light; nothing without global light.
+    pub global_error: Ratio,
 }
 
 /// Compares all methods. `full` are operators of all of the light (`n × n`), one per channel; `exact` is the light of one bounce,

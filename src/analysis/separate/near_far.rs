@@ -1,8 +1,9 @@
 //! The split of global light by the distance at which it returns.
 
-use crate::analysis::planes::{Planes, difference, norm, relative_error};
+use crate::analysis::planes::{Planes, difference, norm, relative_error, relative_to};
 use crate::analysis::probe::{Probing, probe};
 use crate::error::Result;
+use crate::finding::Ratio;
 use crate::image::Resolution;
 use crate::operator::Operator;
 use crate::sparse::Csr;
@@ -18,8 +19,8 @@ pub struct NearFar {
     pub sigma: f64,
     /// Number of photos of random patterns.
     pub photos: usize,
-    /// The norm of the standard errors of `near` relative to the norm of `near`.
-    pub noise: f64,
+    /// The norm of the standard errors of `near` relative to the norm of `near`; nothing where `near` is noise alone.
+    pub noise: Ratio,
     /// The relative error of `near` against the matrix, if it is known.
     pub error: Option<f64>,
 }
@@ -53,10 +54,10 @@ pub fn near_far<O: Operator>(
     let found = global.iter_mut().map(one).collect::<Result<Vec<_>>>()?;
     let near: Planes = found.iter().map(|found| found.values.clone()).collect();
     let errors: Planes = found.into_iter().map(|found| found.standard_errors).collect();
-    let error = matrices.map(|matrices| {
+    let error = matrices.and_then(|matrices| {
         let truth: Planes = matrices.iter().map(|matrix| probing.exact(matrix, resolution)).collect();
-        relative_error(&near, &truth)
+        relative_error(&near, &truth).value()
     });
     let far = difference(light, &near);
-    Ok(NearFar { far, noise: norm(&errors) / norm(&near), near, sigma, photos, error })
+    Ok(NearFar { far, noise: relative_to(norm(&errors), &near, &errors), near, sigma, photos, error })
 }

@@ -179,7 +179,7 @@ fn conclude(args: &Args, answer: &Compensated<'_>, lab: &mut Lab, console: &Cons
         &mut summary,
         json!({ "residual_by_independent_light": verified.as_ref().map(|verified| verified.residual) }),
     );
-    let ending = Ending { run: &args.run, is_good: answer.found.good, summary, kept: Kept::default() };
+    let ending = Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() };
     Ok(finish(lab, console, answer, ending)?.1)
 }
 
@@ -224,8 +224,9 @@ fn say(answer: &Compensated<'_>, console: &Console) -> Result<()> {
     }
     if let Some(warning) = found.clamping.as_ref().and_then(Clamping::warning) {
         console.note(format_args!("warning: {warning}"));
-    } else if found.residual >= found.uncompensated_residual {
-        console.note("this is no better than projecting the target itself; use --method krylov-box");
+    } else if found.good && found.is_needless() {
+        console
+            .say("          the target itself, projected, is seen as well: there is nothing to compensate")?;
     }
     Ok(())
 }

@@ -40,5 +40,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let shape = (traced.matrix.channels(), traced.matrix.resolution(), traced.matrix.projector_resolution());
     let mut more = of_paths(Some(traced.summary.paths), traced.noise.as_ref());
     merge(&mut more, json!({ "verb": "matrix join", "shards": args.shards.len() }));
-    write(&file, &matrices, shape, more, console)
+    write(&file, &matrices, shape, more, console)?;
+    Ok(Outcome::Done)
 }

@@ -15,6 +15,7 @@ use super::options::{ChannelsArg, KeepArgs, ViewArgs, count, free_file};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
+use crate::finding::Grade;
 use crate::image::Resolution;
 use crate::io::{manifest, sparse};
 use crate::lab::{Lab, MatrixRequest, SourceKind, TracedShard, text};
@@ -142,10 +143,13 @@ fn write_matrix(args: &Args, source: &Path, console: &Console) -> Result<Outcome
             json!({ "rig": lab.costs()? })
         };
         let shape = (lab.channels(), lab.resolution(), lab.projector_resolution());
-        let is_complete = write(&file, &matrices, shape, more, console)?;
+        write(&file, &matrices, shape, more, console)?;
         let photos = lab.resolution().pixels() * lab.channels().count();
         lab.end_run(photos, "every column photographed")?;
-        Ok(is_complete)
+        for finding in lab.findings().iter().filter(|finding| finding.grade != Grade::Ok) {
+            console.say(format_args!("finding   {finding}"))?;
+        }
+        Ok(Outcome::of(lab.findings()))
     })
 }
 
@@ -182,7 +186,7 @@ fn write(
     (channels, resolution, projector): (Channels, Resolution, Resolution),
     more: Value,
     console: &Console,
-) -> Result<Outcome> {
+) -> Result<()> {
     let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
     for (channel, suffix) in matrices.iter().zip(channel_suffixes(channels)) {
         for (bounces, matrix) in channel {
@@ -203,8 +207,7 @@ fn write(
         "nonzeros": nonzeros,
     });
     merge(&mut summary, more);
-    console.summary(&summary)?;
-    Ok(Outcome::Done)
+    console.summary(&summary)
 }
 
 /// What the summary says of the light paths.

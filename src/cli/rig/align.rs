@@ -129,10 +129,9 @@ fn say(number: u64, round: &Round, options: &AlignOptions, console: &Console) ->
         }
     };
     let disparity = &found.disparity;
-    let symmetry = found
-        .symmetry
-        .as_ref()
-        .map_or_else(String::new, |check| format!(", asymmetry {:.3} ± {:.3}", check.figure, check.error));
+    let symmetry = found.symmetry.as_ref().and_then(|check| Some((check.value?, check.error?)));
+    let symmetry =
+        symmetry.map_or_else(String::new, |(value, error)| format!(", asymmetry {value:.3} ± {error:.3}"));
     // Something black, or a shadow that no light falls into.
     let dark = match found.dark {
         dark if dark < 5e-4 => String::new(),

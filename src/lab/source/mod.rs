@@ -10,6 +10,7 @@ mod virtual_scene;
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::io::model as saved_model;
 use crate::journal::Journal;
@@ -96,6 +97,15 @@ impl Source {
             SourceKind::Run => Self::Run(Box::new(RunSource::open(path)?)),
             SourceKind::Matrix => Self::Matrix(MatrixSource::open(path)?),
         })
+    }
+
+    /// What the photos of a finished run said of its rig; empty for other sources.
+    pub(in crate::lab) fn findings(&self) -> Vec<Finding> {
+        match self {
+            Self::Run(run) => run.findings.clone(),
+            Self::Model(model) => model.findings.clone(),
+            _ => Vec::new(),
+        }
     }
 
     /// A short name, for folders and titles.

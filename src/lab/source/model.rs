@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use crate::analysis::LowRank;
 use crate::analysis::low_rank::SavedModel;
 use crate::error::Result;
+use crate::finding::Finding;
 use crate::image::Image;
 use crate::io::{manifest, model};
+use crate::lab::layout::RECORD;
 use crate::measure::RunManifest;
 use crate::operator::{Adjoint, Operator, delegate};
 use crate::sparse::{Csr, SparseOperator};
@@ -16,11 +18,15 @@ use crate::transport::Part;
 pub(in crate::lab) struct ModelSource {
     pub(in crate::lab) model: SavedModel,
     pub(in crate::lab) folder: PathBuf,
+    /// What the photos of the run said of its rig.
+    pub(in crate::lab) findings: Vec<Finding>,
 }
 
 impl ModelSource {
     pub(in crate::lab) fn open(folder: &Path) -> Result<Self> {
-        Ok(Self { model: SavedModel::read(folder)?, folder: folder.to_path_buf() })
+        let record = RunManifest::read(&folder.join(RECORD)).ok().and_then(|record| record.rig);
+        let findings = record.map_or(Vec::new(), |rig| rig.findings);
+        Ok(Self { model: SavedModel::read(folder)?, folder: folder.to_path_buf(), findings })
     }
 
     /// Notes what a run depends on.

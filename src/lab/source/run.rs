@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::finding::Finding;
 use crate::image::Image;
 use crate::io::manifest::{self, Status};
 use crate::journal::Journal;
@@ -26,6 +27,8 @@ pub(in crate::lab) struct RunSource {
     pub(in crate::lab) truth: Option<Truth>,
     /// Photos that the run was allowed to take, if it came to its end.
     pub(in crate::lab) photos: Option<usize>,
+    /// What its photos said of the rig.
+    pub(in crate::lab) findings: Vec<Finding>,
 }
 
 /// The photos of a run: patterns with their photos, for each channel, without ambient light.
@@ -56,8 +59,9 @@ impl RunSource {
         let truth = read(&mut journal, notes::TRUTH)?;
         let record = RunManifest::read(&run.join(RECORD));
         let record = record.ok().filter(|record| record.status == Status::Done);
-        let photos = record.and_then(|record| record.photos_allowed);
-        Ok(Self { folder: run.to_path_buf(), note, truth, photos })
+        let photos = record.as_ref().and_then(|record| record.photos_allowed);
+        let findings = record.and_then(|record| record.rig).map_or(Vec::new(), |rig| rig.findings);
+        Ok(Self { folder: run.to_path_buf(), note, truth, photos, findings })
     }
 
     /// The journal, to be read.

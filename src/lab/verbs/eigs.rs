@@ -1,6 +1,8 @@
 //! Eigenvalues and eigenvectors.
 
+use crate::analysis::segment::possible;
 use crate::error::Result;
+use crate::finding::{Finding, Ratio, merge};
 use crate::krylov::{Confirm, Eigs, EigsOptions, Singular, SingularOptions, eigs, singular};
 use crate::lab::lock::lock;
 use crate::lab::{Lab, LabOperator};
@@ -23,7 +25,32 @@ impl Lab {
         if lock(self.transport()?).is_model() {
             found.standard_errors.clone_from(&found.bounds);
         }
+        let finding = self.possible(part, &found)?;
+        merge(&mut self.findings, finding);
         Ok(found)
+    }
+
+    /// Whether the eigenvalues of a rig's light are possible: none is larger than the largest row sum, which white tells.
+    fn possible(&mut self, part: Part, found: &Eigs) -> Result<Option<Finding>> {
+        let most = self.with_measurement(|measurement| {
+            let mut sums = measurement.white()?.planes.swap_remove(0).values;
+            if part != Part::Full {
+                let direct = measurement.direct()?.planes.swap_remove(0).values;
+                let rest = |(sum, direct): (&mut f64, f64)| {
+                    *sum = if part == Part::Direct { direct } else { *sum - direct }
+                };
+                sums.iter_mut().zip(direct).for_each(rest);
+            }
+            Ok(sums.into_iter().fold(0.0, f64::max))
+        })?;
+        let Some(most) = most else { return Ok(None) };
+        let pairs = found.values.iter().zip(&found.imaginary_values).zip(&found.standard_errors);
+        let sizes = pairs.map(|((real, imaginary), error)| [real.hypot(*imaginary), *error]);
+        let [size, error] = sizes.fold([0.0; 2], |most, one| if one[0] > most[0] { one } else { most });
+        Ok(Some(match Ratio::of(size, most, 0.0).value() {
+            Some(largest) => possible(largest, error / most),
+            None => Finding::unmeasured("eigenvalues", "there is no light of this part"),
+        }))
     }
 
     /// Singular values of one part of the light transport matrix, with the patterns and their photos. Every second photo is one of the transpose.

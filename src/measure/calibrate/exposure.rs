@@ -66,6 +66,10 @@ pub(super) fn search(
     let black = session.filled(0);
     let dark = session.capture(&black, shortest)?;
     let floor = percentile(dark.counts.iter().map(|&count| count.into()), 0.5);
+    if floor > 0.9 * full {
+        // The camera is saturated without a pattern: no exposure fills a range that is not there.
+        return Ok((shortest, WhiteExposure::TooBright));
+    }
     let target = floor + FILL * (full - floor);
     let mut exposure = session.allowed((shortest * longest).sqrt());
     for _ in 0..24 {

@@ -5,6 +5,7 @@ use super::probe::{Probe, average, binned};
 use super::thresholds::{CLIPPED, IRIS, IRIS_UNCALIBRATED, STRAY};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
+use crate::finding::Ratio;
 use crate::image::percentile;
 
 /// Levels by which limited-range video is recognized, as shares of the highest.
@@ -33,7 +34,11 @@ pub(super) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
     recorder.add(stray(probe, &quadrants))?;
     if probe.frames.projector().bits >= 6 {
         let ends = [probe.gray(VIDEO_ENDS[0])?, probe.gray(VIDEO_ENDS[1])?];
-        recorder.add(levels(probe, ends.map(|light| average(&light) / average(&probe.white))))?;
+        let white = average(&probe.white);
+        recorder.add(match ends.map(|light| Ratio::of(average(&light), white, 0.0).value()) {
+            [Some(low), Some(high)] => levels(probe, [low, high]),
+            _ => Finding::unmeasured("levels", "white has no more light than black"),
+        })?;
     }
     Ok(())
 }
@@ -60,10 +65,13 @@ fn quadrants(probe: &mut Probe<'_>) -> Result<Quadrants> {
 fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) -> Finding {
     let sum: f64 = quadrants.iter().map(|light| average(light)).sum();
     let white = 0.5 * (before + after);
-    let off = sum / white - 1.0;
+    let shares = [sum - white, before - after].map(|off| Ratio::of(off, white, 0.0).value());
+    let [Some(off), Some(change)] = shares else {
+        return Finding::unmeasured("iris", "white has no more light than black");
+    };
     let bound = if probe.is_known { IRIS } else { IRIS_UNCALIBRATED };
     // Pulses and flicker change each photo by the scatter, and the sum of four by half of that.
-    let scatter = (0.5 * probe.scatter).max((before - after).abs() / white);
+    let scatter = (0.5 * probe.scatter).max(change.abs());
     let is_off = off.abs() - 1.5 * scatter > bound;
     let found = match (is_off, off < 0.0) {
         (false, _) => format!("the quadrants of white add up to it within {:.2} %", 100.0 * off.abs()),
@@ -101,7 +109,7 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     let unit = average(&white);
     // A quadrant of a frame has a quarter of the mean light of white.
     let least =
-        |block: usize| quadrants.iter().map(|light| 4.0 * light[block] / unit).fold(f64::MAX, f64::min);
+        |block: usize| quadrants.iter().map(|light| 4.0 * light[block]).fold(f64::MAX, f64::min) / unit;
     let floor: Vec<f64> = (0..white.len()).map(least).collect();
     let share = percentile(floor.iter().copied(), 0.02).max(0.0);
     let limit = percentile(floor.iter().copied(), 0.25);
@@ -348,7 +356,7 @@ mod tests {
                 let mut recorder = Recorder::new(&mut report);
                 brightness(probe, 0.1, &mut recorder).expect("it never fails");
                 let all = recorder.findings.all;
-                assert_eq!(all.iter().map(|finding| finding.name).collect::<Vec<_>>(), names);
+                assert_eq!(all.iter().map(|finding| &*finding.name).collect::<Vec<_>>(), names);
                 assert!(all.iter().all(|finding| finding.grade == Grade::Ok), "{all:?}");
             });
         }

@@ -52,16 +52,17 @@ fn age(folder: &Path) -> String {
     }
 }
 
-/// Photographs random squares, and measures how far the calibration's pixel map is off. Nothing is done
-/// without a calibration.
+/// Photographs random squares, and measures how far the pixel map is off: the calibration's, or without one that of two rasters of the same
+/// field, which a run would take.
 pub(super) fn pixel_map(
     known: Option<&Calibration>,
     frames: &mut dyn FrameSource,
     exposure: f64,
     recorder: &mut Recorder<'_, '_>,
 ) -> Result<()> {
-    let Some(known) = known else { return Ok(()) };
-    let help = "align and calibrate again: something has moved since the calibration";
+    let ideal = Calibration::ideal(frames.projector(), frames.camera());
+    let known = known.unwrap_or(&ideal);
+    let help = "align the bench and calibrate it: the pixel map does not fit, or something has moved since the calibration";
     let expected = format!("within {MAP_OFFSET_WARNING} pixels, beyond noise");
     let finding = match map_check(frames, known, exposure) {
         Err(Error::Numerical(fault)) => {
@@ -69,16 +70,16 @@ pub(super) fn pixel_map(
             Finding::graded("pixel map", Grade::Fails, fault, expected, help)
         }
         Err(error) => return Err(error),
-        Ok(found) if found.agreement < MIN_CORRELATION => Finding::graded(
-            "pixel map",
-            Grade::Fails,
-            format!(
-                "the photo does not show the pattern that was projected (correlation {:.2})",
-                found.agreement
-            ),
-            expected,
-            help,
-        ),
+        // No shift at all that fits gives no correlation.
+        Ok(found) if found.agreement < MIN_CORRELATION || found.agreement.is_nan() => {
+            let by = if found.agreement.is_finite() {
+                format!(" (correlation {:.2})", found.agreement)
+            } else {
+                String::new()
+            };
+            let text = format!("the photo does not show the pattern that was projected{by}");
+            Finding::graded("pixel map", Grade::Fails, text, expected, help)
+        }
         Ok(found) => {
             let grade = offset_grade(found.off, found.error);
             let [right, down] = found.shift;

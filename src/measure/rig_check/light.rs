@@ -4,8 +4,11 @@ use super::sequence::{Photos, mean, percentile};
 use super::thresholds::{AMBIENT, DIM_WHITE, INVISIBLE_WHITE, SATURATED_FAILURE, SATURATED_WARNING};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
-use crate::measure::Calibration;
+use crate::finding::Ratio;
 use crate::measure::calibrate::WhiteExposure;
+use crate::measure::sight::judged;
+use crate::measure::{Calibration, Registration};
+use crate::rig::RawFrame;
 
 /// How white was exposed.
 pub(super) struct Exposure {
@@ -17,10 +20,11 @@ pub(super) struct Exposure {
     pub(super) bits: u32,
 }
 
-/// Examines exposure, saturation and ambient light. Returns whether white can be seen at all, and whether hardly any
-/// of its samples is saturated.
+/// Examines exposure, saturation, and whether the camera sees the projector where the pixel map says so; if it does, ambient light. Returns
+/// whether white can be seen at all, and whether hardly any of its samples is saturated.
 pub(super) fn light(
     known: Option<&Calibration>,
+    map: &Registration,
     photos: &Photos,
     exposure: Exposure,
     recorder: &mut Recorder<'_, '_>,
@@ -28,13 +32,41 @@ pub(super) fn light(
     let full = f64::from((1_u32 << exposure.bits) - 1);
     let limit = known.map_or(full, |known| known.camera.saturation);
     let (dark, white) = (photos.dark_count, &photos.whites[0][1]);
-    let reached = (percentile(white, 0.98) - dark) / (full - dark);
+    // A camera that is saturated without a pattern has no range left.
+    let reached = Ratio::of(percentile(white, 0.98) - dark, full - dark, 0.0).value().unwrap_or(0.0);
     recorder.add(range(reached, &exposure))?;
     let saturated = white.counts.iter().filter(|&&count| f64::from(count) >= limit).count() as f64;
     let saturated = saturated / white.counts.len() as f64;
     recorder.add(saturation(saturated))?;
-    recorder.add(ambient((mean(&photos.black) - dark) / (mean(white) - dark).max(1.0)))?;
-    Ok((reached >= INVISIBLE_WHITE, saturated <= SATURATED_WARNING))
+    let sight = judged(map, white.channels, &above_black(photos));
+    let is_seen = sight.grade == Grade::Ok && reached >= INVISIBLE_WHITE;
+    recorder.add(sight)?;
+    recorder.add(match Ratio::of(mean(&photos.black) - dark, mean(white) - dark, 0.0).value() {
+        Some(share) if is_seen => ambient(share),
+        _ => Finding::unmeasured("ambient", "the camera does not see the projector's white"),
+    })?;
+    Ok((is_seen, saturated <= SATURATED_WARNING))
+}
+
+/// White less black in each sample, and the variance that this would have without any light of the projector: that of white less black from
+/// round to round.
+fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
+    let rounds = photos.whites.len() as f64;
+    let sample = |sample: usize| {
+        let of = |frame: &RawFrame| f64::from(frame.counts[sample]);
+        let white = photos.whites.iter().map(|[_, again]| of(again)).sum::<f64>() / rounds;
+        let steps: Vec<f64> = photos
+            .whites
+            .iter()
+            .zip(&photos.blacks)
+            .map(|([_, white], black)| of(white) - of(black))
+            .collect();
+        let mean = steps.iter().sum::<f64>() / rounds;
+        let scatter = steps.iter().map(|step| (step - mean).powi(2)).sum::<f64>() / (rounds - 1.0).max(1.0);
+        // A difference has the noise of two photos, and the rounding of two counts.
+        [white - of(&photos.black), 0.5 * scatter.max(1.0 / 6.0) * (1.0 + 1.0 / rounds)]
+    };
+    (0..photos.black.counts.len()).map(sample).collect()
 }
 
 /// The part of the camera's range that white fills: `reached` is its 98th percentile above black, as a share
@@ -137,11 +169,13 @@ mod tests {
             let exposure = Exposure { seconds: 0.5, outcome: WhiteExposure::Filled, bits: 8 };
             let mut report = |_: &Finding| ControlFlow::Continue(());
             let mut recorder = Recorder::new(&mut report);
-            let seen = light(None, &photos, exposure, &mut recorder).expect("nobody stops it");
+            let map = Registration::by_area(size, size);
+            let seen = light(None, &map, &photos, exposure, &mut recorder).expect("nobody stops it");
             assert_eq!(seen, (true, in_range), "{saturated}");
             let all = recorder.findings.all;
-            assert_eq!(all.len(), 3);
-            let (range, saturation, ambient) = (&all[0], &all[1], &all[2]);
+            assert_eq!(all.len(), 4);
+            let (range, saturation, ambient) = (&all[0], &all[1], &all[3]);
+            assert_eq!((&*all[2].name, all[2].value), ("light", Some(1.0)));
             let share = if saturated > 2 { 100 } else { 60 };
             assert!(
                 range.found.contains(&format!("white reaches {share} % of the range in 0.5000 s")),

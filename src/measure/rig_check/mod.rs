@@ -34,7 +34,6 @@ mod calibration;
 mod colours;
 mod devices;
 mod disk;
-mod finding;
 mod ghost;
 mod light;
 mod photos;
@@ -47,10 +46,9 @@ mod timing;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-pub use finding::{Finding, Findings, Grade};
-
 use super::{Calibration, FrameSource, RigFile};
 use crate::error::{Error, Result};
+pub use crate::finding::{Finding, Findings, Grade};
 use crate::rig::Helper;
 use photos::{Seen, Setup};
 use probe::Probe;
@@ -111,7 +109,7 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
     };
     frames.set_settle(setup.settle);
     let examined = photos::photos(&setup, frames.as_mut(), recorder).and_then(|seen| match seen {
-        Some(seen) => calibration::pixel_map(setup.known, frames.as_mut(), seen.exposure, recorder)
+        Some(seen) => map(&setup, &seen, frames.as_mut(), recorder)
             .and_then(|()| imperfections(&setup, &seen, frames.as_mut(), recorder))
             .map(|()| true),
         None => Ok(false),
@@ -119,6 +117,21 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
     // The devices are free again before anything else is reported.
     drop(frames);
     examined.or_else(|error| recorder.failure("frames", error))
+}
+
+/// Measures how far the pixel map is off, where the photos of white allow that.
+fn map(
+    setup: &Setup<'_>,
+    seen: &Seen,
+    frames: &mut dyn FrameSource,
+    recorder: &mut Recorder<'_, '_>,
+) -> Result<()> {
+    let because = match (seen.settled, seen.in_range) {
+        (true, true) => return calibration::pixel_map(setup.known, frames, seen.exposure, recorder),
+        (false, _) => "the light of a frame has not settled in its photo",
+        (true, false) => "white is saturated",
+    };
+    recorder.add(Finding::unmeasured("pixel map", because))
 }
 
 /// What the devices of an open rig do without being asked, and what lies in the way of their light: an automatic iris, stray light, limited-range
@@ -164,8 +177,10 @@ fn imperfections(
     recorder: &mut Recorder<'_, '_>,
 ) -> Result<()> {
     if !seen.in_range {
-        let why = "iris, levels, pulses and picture are not examined, because white is saturated";
-        return recorder.add(Finding::ok("devices", why));
+        for name in ["devices", "picture"] {
+            recorder.add(Finding::unmeasured(name, "white is saturated"))?;
+        }
+        return Ok(());
     }
     let mut probe = Probe::new(frames, setup.known, &seen.photos, seen.exposure, seen.settled);
     brightness::brightness(&mut probe, setup.settle, recorder)?;

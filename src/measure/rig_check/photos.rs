@@ -1,12 +1,18 @@
 //! The check by photos of black and white: what they show of frames, settling, repeatability and noise.
 
+use std::borrow::Cow;
+
 use super::light::{Exposure, light};
 use super::sequence::{Photos, mean, take};
 use super::thresholds::{NOISE_RATIO, REPEATABILITY, SETTLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
+use crate::finding::Ratio;
 use crate::measure::calibrate::{StructuredLight, WhiteExposure};
-use crate::measure::{Calibration, Effort, FrameSource, noise_ratio};
+use crate::measure::{Calibration, Effort, FrameSource, Registration, noise_ratio};
+
+/// Why a share of white's light is not known.
+const NO_WHITE: &str = "white has no more light than black";
 
 /// How the photos of the check are taken.
 pub(super) struct Setup<'a> {
@@ -42,9 +48,20 @@ pub(super) fn photos(
     };
     let photos = take(frames, seconds)?;
     let bits = frames.camera().bits;
-    let (is_visible, in_range) = light(setup.known, &photos, Exposure { seconds, outcome, bits }, recorder)?;
+    let [projector, camera] = [frames.projector().resolution, frames.camera().resolution];
+    let map = match setup.known {
+        Some(known) => Cow::Borrowed(&known.registration),
+        // A run without a calibration takes this map.
+        None => Cow::Owned(Registration::by_area(projector, camera)),
+    };
+    let exposure = Exposure { seconds, outcome, bits };
+    let (is_visible, in_range) = light(setup.known, &map, &photos, exposure, recorder)?;
     recorder.add(sequence(&photos.effort))?;
     if !is_visible {
+        let because = "the camera does not see the projector's white";
+        for name in ["settling", "repeatability", "devices", "picture"] {
+            recorder.add(Finding::unmeasured(name, because))?;
+        }
         return Ok(None);
     }
     let means: Vec<[f64; 2]> = photos
@@ -97,7 +114,9 @@ fn sequence(effort: &Effort) -> Finding {
 /// Whether all light of white is there when it is photographed right after black. `means` are the mean counts
 /// of the two photos of white in each round.
 fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
-    let missing: Vec<f64> = means.iter().map(|[first, again]| 1.0 - first / again).collect();
+    let missing: Option<Vec<f64>> =
+        means.iter().map(|[first, again]| Ratio::of(again - first, *again, 0.0).value()).collect();
+    let Some(missing) = missing else { return Finding::unmeasured("settling", NO_WHITE) };
     let (average, error) = average(&missing);
     let is_short = average.abs() - SIGMAS * error > SETTLING;
     Finding::graded(
@@ -117,7 +136,10 @@ fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
 fn repeatability(means: &[[f64; 2]]) -> Finding {
     let repeated: Vec<f64> = means.iter().map(|[_, again]| *again).collect();
     let (middle, _) = average(&repeated);
-    let most = repeated.iter().map(|value| (value / middle - 1.0).abs()).fold(0.0, f64::max);
+    let off = repeated.iter().map(|value| (value - middle).abs()).fold(0.0, f64::max);
+    let Some(most) = Ratio::of(off, middle, 0.0).value() else {
+        return Finding::unmeasured("repeatability", NO_WHITE);
+    };
     Finding::graded(
         "repeatability",
         if most > REPEATABILITY { Grade::Warning } else { Grade::Ok },

@@ -6,6 +6,7 @@ use super::probe::{Probe, average};
 use super::thresholds::{BLUR, BORDER};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
+use crate::finding::Ratio;
 
 /// A projector with fewer pixels along an axis has no room for the patterns of sharpness and ghost.
 const LEAST_PIXELS: usize = 24;
@@ -87,7 +88,10 @@ fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     let [even, odd, reference] = [stripes(fine, 0)?, stripes(fine, fine / 4)?, stripes(coarse, 0)?];
     let amplitudes: Vec<f64> = even.iter().zip(&odd).map(|(a, b)| a.hypot(*b)).collect();
     let reference = average(&reference.iter().map(|value| value.abs()).collect::<Vec<_>>());
-    let contrast = average(&amplitudes) / reference.max(f64::MIN_POSITIVE);
+    let contrast = Ratio::of(average(&amplitudes), reference, 0.0).value().filter(|&contrast| contrast > 0.0);
+    let Some(contrast) = contrast else {
+        return Ok(Finding::unmeasured("sharpness", "the photo shows no stripes"));
+    };
     // The first harmonic of sharp stripes, averaged over a camera pixel.
     let pixel = std::f64::consts::PI / (fine as f64 * ratio);
     let sharp = 4.0 / std::f64::consts::PI * pixel.sin() / pixel;
@@ -280,7 +284,7 @@ mod tests {
                 picture(probe, &mut recorder)?;
                 Ok(recorder.findings.all)
             });
-            assert_eq!(all.iter().map(|finding| finding.name).collect::<Vec<_>>(), names);
+            assert_eq!(all.iter().map(|finding| &*finding.name).collect::<Vec<_>>(), names);
         }
     }
 }

@@ -14,6 +14,8 @@ const ROUNDS: u32 = 4;
 pub(super) struct Photos {
     /// Black at the exposure of white.
     pub(super) black: RawFrame,
+    /// Black, photographed right after white, of each round.
+    pub(super) blacks: Vec<RawFrame>,
     /// White: the first photo after black, and the next one, of each round.
     pub(super) whites: Vec<[RawFrame; 2]>,
     /// The count without light: the median of black at the shortest exposure.
@@ -36,9 +38,9 @@ pub(super) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
     };
     let dark = capture(&black, shortest, 0)?;
     let dark_count = percentile(&dark, 0.5);
-    let mut whites = Vec::new();
+    let (mut blacks, mut whites) = (Vec::new(), Vec::new());
     for round in 0..ROUNDS {
-        capture(&black, exposure, round)?;
+        blacks.push(capture(&black, exposure, round)?);
         whites.push([capture(&white, exposure, 2 * round)?, capture(&white, exposure, 2 * round + 1)?]);
     }
     // After a wait that is too short some of white's light is left in the first photo of black. That is not
@@ -55,7 +57,7 @@ pub(super) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
         resent: after.resent - before.resent,
         ..after
     };
-    Ok(Photos { black, whites, dark_count, dark, effort })
+    Ok(Photos { black, blacks, whites, dark_count, dark, effort })
 }
 
 /// The mean count of a frame.

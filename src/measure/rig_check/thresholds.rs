@@ -89,5 +89,4 @@ pub const BLUR: f64 = 0.6;
 /// 8 bits have made 1.2 %.
 pub const GHOST: f64 = 0.02;
 
-/// A measured value counts as outside of its bound when it lies this many standard errors beyond it.
-pub const SIGMAS: f64 = 3.0;
+pub use crate::finding::SIGMAS;

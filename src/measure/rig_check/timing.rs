@@ -1,15 +1,19 @@
 //! The check of light within the time of a frame: pulses of the projector (PWM, colour wheel), and the camera's rolling shutter.
 
 use super::probe::{Probe, average};
-use super::thresholds::{PULSES, PULSES_UNCALIBRATED, ROLLING};
+use super::thresholds::{PULSES, PULSES_UNCALIBRATED, ROLLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
+use crate::finding::Ratio;
 
 /// Exposures in refreshes of the projector that are not whole multiples of it, or of its usual parts.
 const EXPOSURES: [f64; 3] = [0.63, 1.37, 1.63];
 
 /// A refresh in seconds, where the projector's is not known.
 const REFRESH: f64 = 1.0 / 60.0;
+
+/// Rows with less than this share of the mean light are too dark to be compared.
+const LEAST_LIGHT: f64 = 0.02;
 
 /// By how many counts rounding may change the mean of a photo.
 const ROUNDING: f64 = 0.3;
@@ -45,13 +49,17 @@ pub(super) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
         rates.push((0..light.len()).map(rate).collect());
         error = error.max(ROUNDING / (average(&light) - average(&dark)).max(ROUNDING));
     }
-    let spread = (0..rates[0].len()).map(|channel| {
+    let spread = (0..rates[0].len()).filter_map(|channel| {
         let rates: Vec<f64> = rates.iter().map(|rates| rates[channel]).collect();
         let (least, most) =
             rates.iter().fold((f64::MAX, f64::MIN), |(low, high), &rate| (low.min(rate), high.max(rate)));
-        (most - least) / average(&rates).max(f64::MIN_POSITIVE)
+        // A channel that sees none of the projector's light has only the rounding of its counts.
+        Ratio::of(most - least, average(&rates), ROUNDING / (EXPOSURES[0] * base)).value()
     });
-    recorder.add(pulsed(probe, spread.fold(0.0, f64::max), error, base))
+    recorder.add(match spread.reduce(f64::max) {
+        Some(spread) => pulsed(probe, spread, error, base),
+        None => Finding::unmeasured("pulses", "the short exposures show none of white's light"),
+    })
 }
 
 /// Whether white has the same light per second at exposures of parts of a refresh.
@@ -88,11 +96,14 @@ pub(super) fn shutter(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorde
     let share = |rows: std::ops::Range<usize>| {
         let pixels = rows.start * width..rows.end * width;
         let shown: f64 = pixels.clone().map(|pixel| light[pixel] - dark[pixel]).sum();
-        shown / probe.white[pixels].iter().sum::<f64>().max(f64::MIN_POSITIVE)
+        let least = LEAST_LIGHT * average(&probe.white) * pixels.len() as f64;
+        Ratio::of(shown, probe.white[pixels].iter().sum(), least / SIGMAS).value()
     };
     let quarter = (rows / 4).max(1);
-    let [first, last] = [share(0..quarter), share(rows - quarter..rows)];
-    recorder.add(rolling(probe, first, last))
+    recorder.add(match (share(0..quarter), share(rows - quarter..rows)) {
+        (Some(first), Some(last)) => rolling(probe, first, last),
+        _ => Finding::unmeasured("shutter", "the first or the last rows of the photo are dark"),
+    })
 }
 
 /// Whether the first rows of a photo see less of a frame that has just been shown than the last rows.

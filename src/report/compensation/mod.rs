@@ -10,11 +10,13 @@ use super::colormap::robust_range;
 use super::html::{Block, Figure, Report, Section};
 use super::run::{Files, Run};
 use super::{figure, residuals};
-use crate::analysis::planes::norm;
+use crate::analysis::planes::{norm, relative_to};
 use crate::analysis::{CompensateOptions, Compensation, MethodRun};
 use crate::error::Result;
+use crate::finding::{Finding, Grade};
 use crate::image::Image;
 use crate::io::tone::exposure;
+use crate::krylov::Method;
 
 /// A compensation with the options that it was found by.
 #[derive(Clone, Copy, Debug)]
@@ -77,6 +79,27 @@ impl<'a> Compensated<'a> {
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
         files.finish(self.page(run, figures)?)
+    }
+
+    /// Whether the compensation is good, as a finding.
+    pub fn findings(&self) -> Vec<Finding> {
+        let found = self.found;
+        let grade = if found.good { Grade::Ok } else { Grade::Fails };
+        let text = match (found.good, found.is_needless()) {
+            (true, true) => {
+                "the target itself, projected, is seen as well: there is nothing to compensate".to_owned()
+            }
+            _ => format!(
+                "a residual of {:.4}, uncompensated {:.4}",
+                found.residual, found.uncompensated_residual
+            ),
+        };
+        let help = match self.options.method {
+            Method::KrylovBox => "give more --photos, or a target that can be reached (--peak)",
+            _ => "use --method krylov-box, or give more --photos",
+        };
+        let expected = "within the tolerance, or better than no compensation";
+        vec![Finding::graded("compensation", grade, text, expected, help)]
     }
 
     /// The result in one or two sentences.
@@ -162,8 +185,8 @@ impl<'a> Compensated<'a> {
         let lift = self.options.lift;
         more.extend((lift > 0.0).then(|| ("Target moved to", format!("[{lift}, 1]"))));
         more.extend(self.checked.map(|(photo, errors)| {
-            let share = norm(&errors.planes()) / norm(&photo.planes()).max(f64::MIN_POSITIVE);
-            ("Standard error of the photo", format!("{:.2} %", 100.0 * share))
+            let (errors, photo) = (errors.planes(), photo.planes());
+            ("Standard error of the photo", relative_to(norm(&errors), &photo, &errors).to_string())
         }));
         let mut sections = vec![Section {
             title: "Seen and projected".into(),
@@ -179,7 +202,7 @@ impl<'a> Compensated<'a> {
             sections.push(figures::methods(self, self.methods));
         }
         sections.extend(run.photos(ORDER)?);
-        Ok(run.page((found.good, self.sentence()), found.photos, more, sections))
+        Ok(run.page((self.findings(), self.sentence()), found.photos, more, sections))
     }
 }
 

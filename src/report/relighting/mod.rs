@@ -11,6 +11,7 @@ use super::planes::{difference, percent};
 use super::run::{Files, Run};
 use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit, SavedModel};
 use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
 use crate::io::tone::exposure;
 
@@ -63,6 +64,20 @@ impl Relighting {
         }
     }
 
+    /// Whether it is as good as was asked for, as a finding.
+    pub fn findings(&self) -> Vec<Finding> {
+        let (Some(most), Some(worst)) = (self.max_error, self.worst()) else { return Vec::new() };
+        let grade = if worst <= most { Grade::Ok } else { Grade::Fails };
+        let found = format!("within {} of the true photos", percent(worst));
+        vec![Finding::graded(
+            "relit photos",
+            grade,
+            found,
+            format!("within {}", percent(most)),
+            "give more --photos",
+        )]
+    }
+
     /// Writes images, `error-curve.csv`, `relighting-errors.csv` and `report.html` into the run's folder and returns
     /// their names. Relit and true photos share one exposure.
     ///
@@ -82,7 +97,7 @@ impl Relighting {
         }
         sections.extend(run.photos(ORDER)?);
         let more = [("Rank of the model", self.model.rank().to_string())];
-        files.finish(run.page((self.is_good(), self.sentence()), self.photos, more, sections))
+        files.finish(run.page((self.findings(), self.sentence()), self.photos, more, sections))
     }
 
     /// The result in one or two sentences.
@@ -104,11 +119,9 @@ impl Relighting {
         if let Some(row) = self.curve.last()
             && let Some(optimal) = row.optimal
         {
-            let _ = write!(
-                text,
-                " Its error as a matrix is {:.3} of the best that any matrix of that rank has.",
-                row.error / optimal
-            );
+            let of = Ratio::of(row.error, optimal, 0.0);
+            let _ =
+                write!(text, " Its error as a matrix is {of} of the best that any matrix of that rank has.");
         }
         text
     }

@@ -13,6 +13,7 @@ use super::{figure, spectrum};
 use crate::analysis::segment::{Segmented, Truth};
 use crate::analysis::{EigenpairEstimate, MASKED};
 use crate::error::Result;
+use crate::finding::Finding;
 use crate::image::{Image, Resolution};
 use crate::io::exr;
 use crate::io::tone::exposure;
@@ -152,6 +153,11 @@ impl Scored<'_> {
         }
     }
 
+    /// Whether the eigenvalues are such as light can have.
+    pub fn findings(&self) -> Vec<Finding> {
+        self.segmented.segmentation.findings()
+    }
+
     fn page(&self, run: &Run<'_>, pictures: Pictures) -> Result<Report> {
         let found = &self.segmented.segmentation;
         let figures =
@@ -203,7 +209,7 @@ impl Scored<'_> {
         }
         let lit: usize = self.segmented.evidence.iter().map(|of| of.photos.len()).sum();
         more.extend((lit > 0).then(|| ("Photos of groups lit alone", lit.to_string())));
-        Ok(run.page((true, self.sentence()), found.photos, more, sections))
+        Ok(run.page((self.findings(), self.sentence()), found.photos, more, sections))
     }
 
     /// Further table columns: the eigenvalues of the scene, and which eigenvectors are localized, where there are any.

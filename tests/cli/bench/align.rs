@@ -37,7 +37,7 @@ fn the_remedy_for_a_camera_beside_the_projector_is_its_direction() {
         let share = shadow / 1024.0;
         // Pixels at the border of the shadow are half lit.
         assert!((figure(&last["shadow"]) - share).abs() < 0.4 * share, "{} for {share}", last["shadow"]);
-        assert!(figure(&last["symmetry"]["figure"]) > 0.1, "{}", last["symmetry"]);
+        assert!(figure(&last["symmetry"]["value"]) > 0.1, "{}", last["symmetry"]);
         let (_, picture) = pixels(&file);
         let count = |color: [u8; 3]| picture.iter().filter(|&&pixel| pixel == color).count() as f64;
         assert!((count(SHADOW) / picture.len() as f64 - share).abs() < 0.5 * share);

@@ -1,6 +1,7 @@
 //! Audits of virtual rigs: each fault is named with its value, and nothing else is.
 
-use krylux::analysis::audit::{Audit, AuditOptions, Exact, Verdict, audit};
+use krylux::analysis::audit::{Audit, AuditOptions, Exact, audit};
+use krylux::finding::Grade;
 use krylux::image::Resolution;
 use krylux::measure::calibrate::CalibrateOptions;
 use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
@@ -24,13 +25,13 @@ fn ideal(rig: &VirtualRig) -> Calibration {
     Calibration::ideal(&rig.projector_info(), &rig.camera_info())
 }
 
-fn failed(audit: &Audit) -> Vec<&'static str> {
-    audit.checks.iter().for_each(|check| println!("{}", check.line()));
-    audit.checks.iter().filter(|check| check.verdict == Verdict::Fails).map(|check| check.name).collect()
+fn failed(audit: &Audit) -> Vec<&str> {
+    audit.checks.iter().for_each(|check| println!("{check}"));
+    audit.checks.iter().filter(|check| check.grade == Grade::Fails).map(|check| &*check.name).collect()
 }
 
 fn figure(audit: &Audit, name: &str) -> f64 {
-    audit.checks.iter().find(|check| check.name == name).map_or(f64::NAN, |check| check.figure)
+    audit.checks.iter().find(|check| check.name == name).and_then(|check| check.value).unwrap_or(f64::NAN)
 }
 
 #[test]
@@ -140,4 +141,41 @@ fn a_camera_beside_the_projector_fails_symmetry_and_shows_shadows() {
     assert_eq!(failed(&audit), ["symmetry", "direct light"]);
     assert!((figure(&audit, "direct light") - 0.25).abs() < 0.01, "a quarter of the columns");
     assert!(figure(&audit, "additivity") < 1e-12 && figure(&audit, "homogeneity") < 1e-12);
+}
+
+/// A scene without light: nothing is accused of what was never measured.
+#[test]
+fn an_audit_of_darkness_has_nothing_to_measure() {
+    struct Dark;
+    impl Operator for Dark {
+        fn rows(&self) -> usize {
+            SIZE.pixels()
+        }
+
+        fn cols(&self) -> usize {
+            SIZE.pixels()
+        }
+
+        fn symmetry(&self) -> Symmetry {
+            Symmetry::Symmetric
+        }
+
+        fn apply(&mut self, _: &[f64], y: &mut [f64]) -> krylux::Result<()> {
+            y.fill(0.0);
+            Ok(())
+        }
+    }
+    let direct = Some(vec![0.0; SIZE.pixels()]);
+    let mut exact = Exact { full: &mut Dark, direct, resolution: SIZE };
+    let dark = audit(&mut exact, &AuditOptions::default()).expect("an operator can be audited");
+    assert_eq!(failed(&dark), ["light"]);
+    assert!(!dark.passed() && dark.sentence().contains("nothing to measure"), "{}", dark.sentence());
+    assert!(dark.checks.iter().skip(1).all(|check| check.grade == Grade::Unmeasured));
+    // A bench with the lens cap on.
+    let scene = Folded::new(SIZE, 0.3);
+    let mut rig = scene.rig();
+    rig.camera.white_exposure = 1e5;
+    rig.camera.read_noise = 5.0;
+    let capped = audited(&rig, &scene, ideal(&rig), MeasureOptions::default());
+    assert_eq!(failed(&capped), ["light"], "{}", capped.sentence());
 }

@@ -33,7 +33,7 @@ fn told(mut rig: Measurement) -> String {
     let samples = vector().iter().map(|value| (0.5 + 0.4 * value).clamp(0.0, 1.0) as f32).collect();
     let pattern = Image::new(SIZE, 1, samples).expect("a sample for each pixel");
     line("photo", &text(&rig.photograph(&pattern).expect("a photo is taken")));
-    line("proportional", &text(&rig.check_proportional()));
+    line("proportional", &text(&rig.check_pattern(false).map(|_| ())));
     for channel in 0..rig.channels() {
         for part in [Part::Full, Part::Direct, Part::Global] {
             if part != Part::Full && rig.options().direct == DirectBy::None {

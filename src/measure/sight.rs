@@ -1,0 +1,191 @@
+//! Whether a rig sees its projector, and whether its light is steady: findings from the photos of black and white that a run takes anyway.
+//!
+//! | finding | from | frames more |
+//! |---|---|---|
+//! | `light` | white, and repeated black photos, before the first pattern | two of black for each exposure, where fewer were taken |
+//! | `drift` | white, repeated during the run and once more at its end | one |
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::ambient::BlackPhotos;
+use super::averaging::AveragedExposure;
+use super::calibration::Registration;
+use super::hdr::RateFrame;
+use super::measurement::Measurement;
+use super::photo_pipeline::HdrCamera;
+use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade, SIGMAS};
+
+/// A pixel sees the projector where white is brighter than black by this many standard errors of a pixel that sees none of its light.
+const SEEN: f64 = 10.0;
+
+/// The share of the pixels of the pixel map that must see the projector.
+const LEAST: f64 = 0.5;
+
+/// The light of white may change by this share from one photo of it to the next. Photos between them are corrected by a line, and those
+/// after the last one by its continuation, so that an error of this size may be left in them.
+const STEP: f64 = 0.05;
+
+impl Measurement {
+    /// Whether the camera sees the projector where the pixel map says that it does. Noise is taken from the repeated photos of black,
+    /// because the noise of a rig that was not calibrated is not known. A replayed run that lacks these photos is not examined.
+    ///
+    /// # Errors
+    /// Those of taking the photos.
+    pub fn sight(&mut self) -> Result<Finding> {
+        let light = match self.above_black() {
+            Err(Error::NotTaken { .. }) => {
+                return Ok(Finding::unmeasured("light", "the run took no repeated photos of black"));
+            }
+            light => light?,
+        };
+        Ok(judged(&self.registration, self.camera_channels(), &light))
+    }
+
+    /// White less black in each sample of the camera, per second, and the variance that it would have without any light of the projector.
+    fn above_black(&mut self) -> Result<Vec<[f64; 2]>> {
+        let options = self.options.clone();
+        let (references, camera) = self.pipeline.parts()?;
+        let is_repeated = options.ambient && options.black_takes > 1;
+        let blacks = match is_repeated {
+            true => Cow::Borrowed(&references.blacks.exposed),
+            false => Cow::Owned(camera.blacks(&references.exposures)?),
+        };
+        let white: &RateFrame = &references.white;
+        let sample = |sample: usize| {
+            let (mut light, mut variance) = (white.values[sample], 0.0);
+            for (exposure, black) in blacks.iter().enumerate() {
+                let share =
+                    white.shares.as_ref().map_or(1.0, |shares| shares[exposure][sample]) / black.exposure;
+                if !options.ambient {
+                    light -= share * black.mean[sample];
+                }
+                let takes = f64::from(black.takes).recip() + f64::from(options.takes).recip();
+                variance += share * share * takes * black.scatter[sample].max(black.rounding[sample]);
+            }
+            [light, variance]
+        };
+        Ok((0..white.values.len()).map(sample).collect())
+    }
+
+    /// Photographs white once more, and says whether the lamp was steady since the run's first white. Nothing is photographed where no
+    /// pattern was shown since the last white. A replayed run that lacks this photo is judged by those that it has.
+    ///
+    /// # Errors
+    /// Those of taking the photo.
+    pub fn steadiness(&mut self) -> Result<Finding> {
+        match self.pipeline.look_again() {
+            Ok(()) | Err(Error::NotTaken { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        let drift = self.drift()?;
+        if drift.sentinels.len() < 2 {
+            return Ok(Finding::unmeasured("drift", "white was photographed only once"));
+        }
+        let [step, error] = drift.step;
+        let within = step - SIGMAS * error <= STEP;
+        let found = format!(
+            "white changed by {:.1} % from one photo of it to the next, and by {:.1} % in all",
+            100.0 * step,
+            100.0 * drift.largest
+        );
+        let help = "let the lamp warm up, shut out other light, and photograph white more often (sentinel_every in [measurement])";
+        let grade = if within { Grade::Ok } else { Grade::Fails };
+        let finding = Finding::graded("drift", grade, found, format!("at most {:.0} %", 100.0 * STEP), help);
+        Ok(finding.measured(step, error, STEP))
+    }
+}
+
+/// Whether enough pixels of a map see the projector. `light` has, for each sample of a camera of so many channels, white less black, and the variance
+/// that this would have without any light of the projector.
+pub(super) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) -> Finding {
+    let is_lit = |pixel: usize| {
+        (0..channels).any(|channel| {
+            let [mut value, mut variance] = [0.0; 2];
+            for (camera_pixel, weight) in map.row(pixel) {
+                let [sample, noise] = light[camera_pixel * channels + channel];
+                value += weight * sample;
+                variance += weight * weight * noise;
+            }
+            value > SEEN * variance.sqrt()
+        })
+    };
+    let seen = map.seen();
+    let covered = seen.iter().filter(|&&seen| seen).count();
+    let lit = (0..seen.len()).filter(|&pixel| seen[pixel] && is_lit(pixel)).count();
+    let share = lit as f64 / covered.max(1) as f64;
+    let grade = if share < LEAST { Grade::Fails } else { Grade::Ok };
+    let found = format!(
+        "white is brighter than black by {SEEN} standard errors at {lit} of {covered} pixels of the pixel map, {:.1} %",
+        100.0 * share
+    );
+    let help = "take off the lens cap, expose longer, and let the projector light what the camera sees; where the camera sees more than the \
+                projector lights, or much of the scene is black, calibrate with `krylux rig calibrate`: the pixel map then has only what is lit";
+    let expected = format!("at least {:.0} %", 100.0 * LEAST);
+    Finding::graded("light", grade, found, expected, help).measured(share, 0.0, LEAST)
+}
+
+impl HdrCamera {
+    /// Two photos of black at each exposure, whose difference tells the noise without light.
+    fn blacks(&mut self, exposures: &[f64]) -> Result<Vec<AveragedExposure>> {
+        let black = Arc::clone(&self.black);
+        let taken = BlackPhotos::take(&mut *self.frames, &self.curve, &black, exposures, 2)?;
+        Ok(taken.exposed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+    use crate::image::Resolution;
+    use crate::measure::simulated::Simulated;
+    use crate::measure::{Calibration, CaptureRequest, FrameSource, MeasureOptions};
+
+    /// The finding of a bench of eight by eight pixels, with so many counts of noise, of room light and of white; room light changes from photo to
+    /// photo by this share.
+    fn found(seed: u64, [noise, room, white, change]: [f64; 4], options: &MeasureOptions) -> Finding {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let photo = move |request: &CaptureRequest, _| {
+            let lit = if request.frame.levels()[0] > 0 { white } else { 0.0 };
+            let room = room * (1.0 + change * (2.0 * random.random::<f64>() - 1.0));
+            let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+            (0..64)
+                .map(|_| (100.0 + room + lit + noise * normal()).round().clamp(0.0, 4095.0) as u16)
+                .collect()
+        };
+        let size = Resolution::new(8, 8);
+        let frames = Simulated::new(size, size, 12, photo);
+        let ideal = Calibration::ideal(frames.projector(), frames.camera());
+        let mut rig =
+            Measurement::new(Box::new(frames), ideal, options.clone()).expect("options that make sense");
+        rig.sight().expect("it never fails")
+    }
+
+    /// Noise, room light and its changes by chance, with and without a projector that is seen, whatever a run takes of black.
+    #[test]
+    fn a_blind_rig_never_passes_and_one_that_sees_always_does() {
+        for seed in 0..300 {
+            let mut random = Pcg64::seed_from_u64(1000 + seed);
+            let noise = random.random_range(0.0..30.0);
+            let (room, change) = (random.random_range(0.0..2000.0), random.random_range(0.0..0.5));
+            let exposures = vec![0.1];
+            let options = [
+                MeasureOptions { exposures: exposures.clone(), ..MeasureOptions::default() },
+                MeasureOptions { exposures: exposures.clone(), black_takes: 1, ..MeasureOptions::default() },
+                MeasureOptions { exposures, ambient: false, ..MeasureOptions::default() },
+            ];
+            // With two photos of black a change that they have in common by chance is not seen: only the noise of pixels is.
+            let change = if seed % 3 == 0 { change } else { 0.0 };
+            let options = &options[seed as usize % 3];
+            let blind = found(seed, [noise, room, 0.0, change], options);
+            assert_eq!(blind.grade, Grade::Fails, "{seed}: {blind}");
+            assert!(blind.require().is_err_and(|error| error.to_string().contains("lens cap")));
+            let seen = found(seed, [noise, room, 40.0 * noise + 5.0, 0.0], options);
+            assert_eq!(seen.grade, Grade::Ok, "{seed}: {seen}");
+        }
+    }
+}
