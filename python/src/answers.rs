@@ -78,9 +78,14 @@ impl Answer {
                 found.files = None;
                 Ok(saved)
             }
-            Kept::Segment { found, truth, scores, .. } => {
-                lab.finish(&Scored { segmented: found, truth: truth.as_ref(), scores, estimates: &[] })
-            }
+            Kept::Segment { found, truth, scores, .. } => lab.finish(&Scored {
+                segmented: found,
+                truth: truth.as_ref(),
+                scores,
+                estimates: &[],
+                supported: &[],
+                is_undivided: false,
+            }),
             Kept::Separate(found) => lab.finish(&**found),
             Kept::Singular { found, wanted } => lab.finish(&SingularTriplets { found, wanted: *wanted }),
             Kept::Solve { found, method } => lab.finish(&Solved { found, method: *method }),
@@ -92,7 +97,7 @@ impl Answer {
         let whole =
             |verification| Checked { verification, estimates: Vec::new(), residual: None, photo: None };
         let of_pairs =
-            |VerifiedEigenpairs { verification, estimates }| Checked { estimates, ..whole(verification) };
+            |VerifiedEigenpairs { verification, estimates, .. }| Checked { estimates, ..whole(verification) };
         let of_compensation = |found: VerifiedCompensation| Checked {
             residual: Some(found.residual),
             photo: Some([found.photo, found.standard_error]),

@@ -165,11 +165,14 @@ pub(super) fn finish(
     ending: Ending<'_>,
 ) -> Result<(Saved, Outcome)> {
     console.go_on()?;
+    let mut is_good = ending.is_good;
     let [noise, rig, verification] = match lab.run() {
         Some(run) => {
             let manifest = &run.manifest;
             if let Some(found) = &manifest.verification {
                 console.say(format_args!("checked   by {}: {found}", found.by))?;
+                console.say(format_args!("          {}", found.sentence()))?;
+                is_good &= found.is_passed();
             }
             [json!(manifest.noise), json!(manifest.rig), json!(manifest.verification)]
         }
@@ -195,7 +198,7 @@ pub(super) fn finish(
     if ending.run.open {
         opener::open(&saved.report, console);
     }
-    Ok((saved, if ending.is_good { Outcome::Done } else { Outcome::NotGoodEnough }))
+    Ok((saved, if is_good { Outcome::Done } else { Outcome::NotGoodEnough }))
 }
 
 /// Adds the fields of `more`, which replace those of the same name.

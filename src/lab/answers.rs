@@ -274,7 +274,14 @@ impl Answer for Segmented {
         let truth = lab.truth()?;
         let scores = truth.as_ref().map(|truth| truth.scores(&self.segmentation)).transpose()?;
         let scores = scores.unwrap_or_default();
-        let scored = Scored { segmented: self, truth: truth.as_ref(), scores: &scores, estimates: &[] };
+        let scored = Scored {
+            segmented: self,
+            truth: truth.as_ref(),
+            scores: &scores,
+            estimates: &[],
+            supported: &[],
+            is_undivided: false,
+        };
         Answer::write(&scored, lab, run, seconds)
     }
 }

@@ -51,6 +51,12 @@ impl Run<'_> {
         more: impl IntoIterator<Item = (&'static str, String)>,
         sections: Vec<Section>,
     ) -> Report {
+        let missed = self.manifest.verification.as_ref().filter(|found| !found.is_passed());
+        let (good, sentence) = match missed {
+            // An answer that its check does not confirm is no good answer, however well it was computed.
+            Some(found) => (false, format!("{}. The answer: {sentence}", capitalized(&found.sentence()))),
+            None => (good, sentence),
+        };
         Report {
             title: self.title.clone(),
             verdict: Verdict { outcome: if good { Outcome::Good } else { Outcome::Short }, sentence },
@@ -143,6 +149,12 @@ impl<'a> Files<'a> {
 /// The page that holds the matrix of a run, where there is one.
 const PAINT: &str = "paint.html";
 
+/// A sentence with a capital at its beginning.
+fn capitalized(sentence: &str) -> String {
+    let mut letters = sentence.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
 /// The shape of an array: `10 × 128 × 128`.
 fn sizes(shape: &[usize]) -> String {
     shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
@@ -187,7 +199,7 @@ pub(crate) fn facts(
             Independent::AnotherSeed => "Checked by light paths of another seed",
             Independent::AnotherPhoto => "Checked by one more photo",
         };
-        (by, found.to_string())
+        (by, format!("{found}; {}", found.sentence()))
     }));
     facts.extend(more);
     facts.extend(manifest.seed.map(|seed| ("Seed", seed.to_string())));

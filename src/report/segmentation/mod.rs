@@ -28,9 +28,20 @@ pub struct Scored<'a> {
     pub scores: &'a [(usize, f64)],
     /// The eigenvalues of the scene by independent light, without the first, which is known; empty where there are none.
     pub estimates: &'a [EigenpairEstimate],
+    /// What independent light leaves of the confidence of each number of groups; empty where nothing was checked.
+    pub supported: &'a [(usize, f64)],
+    /// Whether one region was divided into two groups only because no number of groups was asked for.
+    pub is_undivided: bool,
 }
 
 impl Scored<'_> {
+    /// The share of the pixels whose label is sure, and no more than independent light supports. `None` for a number of groups that was not asked
+    /// for.
+    pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
+        let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
+        self.segmented.segmentation.share_of_sure(groups).map(|sure| sure * supported)
+    }
+
     /// Writes arrays, pictures and `report.html` into the run's folder and returns their names. `white` is the photo under
     /// a white pattern.
     ///
@@ -146,7 +157,7 @@ impl Scored<'_> {
 
     /// How many labels are sure, as the end of a caption.
     fn sure(&self, groups: usize) -> String {
-        match self.segmented.segmentation.share_of_sure(groups) {
+        match self.share_of_sure(groups) {
             Some(share) => format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share),
             None => String::new(),
         }
@@ -203,7 +214,7 @@ impl Scored<'_> {
         }
         let lit: usize = self.segmented.evidence.iter().map(|of| of.photos.len()).sum();
         more.extend((lit > 0).then(|| ("Photos of groups lit alone", lit.to_string())));
-        Ok(run.page((true, self.sentence()), found.photos, more, sections))
+        Ok(run.page((!self.is_undivided, self.sentence()), found.photos, more, sections))
     }
 
     /// Further table columns: the eigenvalues of the scene, and which eigenvectors are localized, where there are any.
