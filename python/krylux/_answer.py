@@ -68,7 +68,9 @@ class Answer:
         -------
         dict or None
             ``by`` (``"another-seed"`` or ``"another-photo"``); ``of``, what was predicted; ``error``,
-            ``‖p − y‖/‖y‖`` without the noise of the independent photos ``y``, and ``noise``, theirs. Of eigenpairs and
+            ``‖p − y‖/‖y‖`` without the noise of the independent photos ``y``, and ``noise``, theirs; ``verdict``, ``"passed"``,
+            ``"refuted"`` or ``"too-weak"``, with its ``statistic`` in standard errors, its ``p_value``, the relative error
+            ``resolution`` that would have been refuted in 99 of 100 cases, and the ``cause`` where a number tells it. Of eigenpairs and
             segmentations of scenes also ``of_scene``: for each eigenvector (of a segmentation without the first)
             ``value``, the eigenvalue of the scene as opposed to that of its noisy matrix, ``standard_error``,
             ``quotient`` (by independent light alone, with its standard error) and ``residual``. Of compensations

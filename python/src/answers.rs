@@ -60,9 +60,7 @@ impl Kept {
             Self::Eigs { found, wanted, .. } => work(&Eigenpairs::new(found, *wanted)),
             Self::Probe(found) => work(found),
             Self::Relight(found) => work(&**found),
-            Self::Segment { found, truth, scores, .. } => {
-                work(&Scored { segmented: found, truth: truth.as_ref(), scores, estimates: &[] })
-            }
+            Self::Segment { found, truth, scores, .. } => work(&Scored::new(found, truth.as_ref(), scores)),
             Self::Separate(found) => work(&**found),
             Self::Singular { found, wanted } => work(&SingularTriplets { found, wanted: *wanted }),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
@@ -106,7 +104,7 @@ impl Answer {
         let whole =
             |verification| Checked { verification, estimates: Vec::new(), residual: None, photo: None };
         let of_pairs =
-            |VerifiedEigenpairs { verification, estimates }| Checked { estimates, ..whole(verification) };
+            |VerifiedEigenpairs { verification, estimates, .. }| Checked { estimates, ..whole(verification) };
         let of_compensation = |found: VerifiedCompensation| Checked {
             residual: Some(found.residual),
             photo: Some([found.photo, found.standard_error]),

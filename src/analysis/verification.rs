@@ -5,7 +5,164 @@
 //! ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)); on a rig, a photo that was not used.
 
 use crate::krylov::{Eigs, temple_kato};
-use crate::transport::EstimatedProduct;
+use crate::transport::{EstimatedProduct, Squares};
+
+/// One predicted photo beside the independent one.
+#[derive(Clone, Copy, Debug)]
+pub struct Predicted {
+    /// How far they are apart.
+    pub squares: Squares,
+    /// The variance of the prediction's own noise, relative to that of the independent photo.
+    pub own: f64,
+    /// The norm of the errors that the answer states: a residual, or what its photos leave open.
+    pub stated: f64,
+    /// Whether the answer was computed from a frozen matrix, whose noise it fits: its errors have a part of second order.
+    pub is_frozen: bool,
+    /// [`EstimatedProduct::signs`], where the errors of the photo are draws of its noise.
+    pub signs: Option<f64>,
+}
+
+impl Predicted {
+    /// The norm of the errors that the prediction may have beside noise.
+    ///
+    /// An answer that fits the noise of its matrix, of the relative size `ε`, has more of it than another vector has, by about `ε²`. Twice as much is
+    /// allowed: with 24×24 pixels and 64 light paths that covers vectors of `ε = 0.3`.
+    pub fn allowed(&self) -> f64 {
+        let size = (self.squares.product - self.squares.noise).max(f64::MIN_POSITIVE).sqrt();
+        let fitted = if self.is_frozen { 2.0 * self.squares.noise / size } else { 0.0 };
+        self.stated.hypot(fitted)
+    }
+
+    /// The larger excess of both tests: one of the sum of squares, one of signs. The first sees errors of a few pixels, the second errors of
+    /// many pixels behind the noise of a few.
+    pub fn excess(&self) -> f64 {
+        self.squares.excess(self.own, self.allowed()).max(self.signs.unwrap_or(f64::NEG_INFINITY))
+    }
+}
+
+/// What the comparison of an answer's photos says: the largest excess, its place, the chance of any as large if the answer is right, and the
+/// relative error that all together would have shown in 99 of 100 cases.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judged {
+    /// The largest excess, in standard errors.
+    pub statistic: f64,
+    /// Which photo has it.
+    pub at: usize,
+    /// The chance, times the number of tests (Bonferroni).
+    pub p_value: f64,
+    /// The relative error that would have been seen.
+    pub resolution: f64,
+}
+
+/// An excess of 3.1 has a chance of 0.001. An error whose excess is expected to be 2.3 more is found in 99 of 100 cases.
+const SEEN: f64 = 3.1 + 2.3;
+
+/// Judges all photos of an answer. `None` without any.
+pub fn judge(photos: &[Predicted]) -> Option<Judged> {
+    let each = photos.iter().map(Predicted::excess).enumerate();
+    let (at, statistic) = each.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let own = photos.iter().map(|photo| photo.own).fold(0.0, f64::max);
+    let all: Squares = photos.iter().map(|photo| photo.squares).sum();
+    let p_value = (2.0 * photos.len() as f64 * upper_tail(statistic)).min(1.0);
+    // Errors that the answer states itself hide others as noise does.
+    let stated = photos.iter().map(|photo| photo.allowed().powi(2)).sum::<f64>() / (all.product - all.noise);
+    let resolution =
+        if stated >= 0.0 { all.resolution(own, SEEN).hypot(stated.sqrt()) } else { f64::INFINITY };
+    Some(Judged { statistic, at, p_value, resolution })
+}
+
+/// The chance that a normal deviate is above `z`, to a relative error of 1.2e-7 (Press et al., *Numerical Recipes*, `erfcc`).
+fn upper_tail(z: f64) -> f64 {
+    const TERMS: [f64; 10] = [
+        -1.265_512_23,
+        1.000_023_68,
+        0.374_091_96,
+        0.096_784_18,
+        -0.186_288_06,
+        0.278_868_07,
+        -1.135_203_98,
+        1.488_515_87,
+        -0.822_152_23,
+        0.170_872_77,
+    ];
+    let x = z.abs() / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.5 * x);
+    let series = TERMS.iter().rev().fold(0.0, |sum, term| sum * t + term);
+    let above = 0.5 * t * (series - x * x).exp();
+    if z >= 0.0 { above } else { 1.0 - above }
+}
+
+/// What independent light says of the groups of a segmentation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grouped {
+    /// The share of the variance of the coordinates by independent light that lies between the groups.
+    pub explained: f64,
+    /// That of labels that have nothing to do with the light, in 999 of 1000 cases at most.
+    pub by_chance: f64,
+    /// The share of the pixels that the independent coordinates put into the same group, relative to that by the answer's own.
+    pub agreement: f64,
+}
+
+impl Grouped {
+    /// The comparison of `labels` (`None` is masked) with the coordinates `claimed` by the answer and those `seen` by independent light, each with
+    /// one value for each pixel, of these `weights`. Groups that hold no more of the variance than shuffled labels would say nothing of the
+    /// light (an analysis of variance).
+    pub fn new(labels: &[Option<usize>], weights: &[f64], claimed: &[Vec<f64>], seen: &[Vec<f64>]) -> Self {
+        let groups = labels.iter().flatten().max().map_or(0, |last| last + 1);
+        let pixels = labels.iter().flatten().count();
+        let centres = |of: &[Vec<f64>]| -> Vec<Vec<f64>> {
+            let mean = |values: &Vec<f64>| {
+                let mut sums = vec![[0.0; 2]; groups];
+                for ((label, weight), value) in labels.iter().zip(weights).zip(values) {
+                    if let Some(label) = label {
+                        sums[*label][0] += weight;
+                        sums[*label][1] += weight * value;
+                    }
+                }
+                sums.into_iter().map(|[weight, sum]| if weight > 0.0 { sum / weight } else { 0.0 }).collect()
+            };
+            of.iter().map(mean).collect()
+        };
+        let [mut between, mut total] = [0.0; 2];
+        for (values, centres) in seen.iter().zip(centres(seen)) {
+            let all = labels.iter().zip(weights).zip(values).filter(|((label, _), _)| label.is_some());
+            let [weight, sum] =
+                all.clone().fold([0.0; 2], |[w, s], ((_, weight), value)| [w + weight, s + weight * value]);
+            let mean = if weight > 0.0 { sum / weight } else { 0.0 };
+            for ((label, weight), value) in all {
+                total += weight * (value - mean).powi(2);
+                between += weight * (label.map_or(mean, |label| centres[label]) - mean).powi(2);
+            }
+        }
+        let own = centres(claimed);
+        let agreeing = |of: &[Vec<f64>]| {
+            let agrees = |pixel: &usize| {
+                let distance = |group: usize| -> f64 {
+                    of.iter()
+                        .zip(&own)
+                        .map(|(values, centres)| (values[*pixel] - centres[group]).powi(2))
+                        .sum()
+                };
+                let nearest = (0..groups).min_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+                labels[*pixel].is_some() && nearest == labels[*pixel]
+            };
+            (0..labels.len()).filter(agrees).count() as f64
+        };
+        let freedom = groups.saturating_sub(1).max(1) as f64;
+        // Wilson and Hilferty's quantile of χ² at 0.999, per degree of freedom.
+        let most = (1.0 - 2.0 / (9.0 * freedom) + 3.09 * (2.0 / (9.0 * freedom)).sqrt()).powi(3);
+        Self {
+            explained: if total > 0.0 { between / total } else { 0.0 },
+            by_chance: most * freedom / pixels.max(1) as f64,
+            agreement: (agreeing(seen) / agreeing(claimed).max(1.0)).min(1.0),
+        }
+    }
+
+    /// Whether the groups say no more of the light than chance.
+    pub fn is_refuted(&self) -> bool {
+        self.explained <= self.by_chance
+    }
+}
 
 /// An eigenpair of the scene itself, as opposed to that of a matrix with noise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -95,4 +252,89 @@ fn gap(values: &[f64], index: usize) -> f64 {
     let others = values.iter().enumerate().filter(|(other, _)| *other != index);
     let distances = others.map(|(_, value)| (value - values[index]).abs());
     distances.fold(f64::INFINITY, f64::min).max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::StandardNormal;
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    #[test]
+    fn chances_are_those_of_normal_deviates() {
+        for (z, p) in [(0.0, 0.5), (1.0, 0.158_655_3), (3.1, 9.676e-4), (-2.0, 0.977_249_9), (6.0, 9.866e-10)]
+        {
+            assert!((upper_tail(z) / p - 1.0).abs() < 1e-4, "{z}: {}", upper_tail(z));
+        }
+        assert!(upper_tail(f64::INFINITY) == 0.0 && upper_tail(f64::NAN).is_nan());
+        assert!(judge(&[]).is_none());
+    }
+
+    /// A photo of even light with noise, of its prediction too, that is heavy in its tails; the prediction is off by `wrong` times the noise.
+    fn photo(random: &mut Pcg64, wrong: f64) -> Predicted {
+        let mut normal = || random.sample::<f64, _>(StandardNormal);
+        // Noise whose size differs between pixels by a factor of a hundred.
+        let sizes: Vec<f64> = (0..900).map(|_| 0.03 * (1.2 * normal()).exp()).collect();
+        let mut noise = || -> Vec<f64> { sizes.iter().map(|size| size * normal()).collect() };
+        let [own, check, error, off] = [noise(), noise(), noise(), noise()];
+        let prediction: Vec<f64> = own.iter().zip(&off).map(|(own, off)| 1.0 + own + wrong * off).collect();
+        let product = check.iter().map(|check| 1.0 + check).collect();
+        let product = EstimatedProduct { product, error, quadratic: None };
+        let signs = Some(product.signs(&prediction, 1.0, 0.0));
+        Predicted { squares: product.squares(&prediction), own: 1.0, stated: 0.0, is_frozen: false, signs }
+    }
+
+    #[test]
+    fn a_photo_within_its_noise_is_not_refuted_and_one_of_twice_the_noise_is() {
+        let mut random = Pcg64::seed_from_u64(5);
+        let mut refuted = |wrong: f64| {
+            let judged = (0..300).filter_map(|_| judge(&[photo(&mut random, wrong)]));
+            judged.filter(|judged| judged.p_value < 1e-3).count()
+        };
+        // Of 300, three or more have a chance of 0.003 at 0.001 each.
+        assert!(refuted(0.0) <= 2, "right ones");
+        assert_eq!(refuted(2.0), 300, "wrong ones");
+    }
+
+    /// An error of one part of the picture is no more than half of the pixels: the sum of squares sees it.
+    #[test]
+    fn an_error_of_few_pixels_is_seen() {
+        let product = EstimatedProduct { product: vec![1.0; 900], error: vec![0.05; 900], quadratic: None };
+        let prediction: Vec<f64> = (0..900).map(|at| if at < 60 { 1.5 } else { 1.0 }).collect();
+        let signs = product.signs(&prediction, 1.0, 0.0);
+        let photo = Predicted {
+            squares: product.squares(&prediction),
+            own: 1.0,
+            stated: 0.0,
+            is_frozen: true,
+            signs: Some(signs),
+        };
+        assert!(signs < 0.0 && photo.excess() > 5.0, "{signs} {}", photo.excess());
+        // What the answer states is no error of it.
+        assert!(Predicted { stated: 0.5 * 60.0_f64.sqrt(), ..photo }.excess() < 0.0);
+    }
+
+    #[test]
+    fn shuffled_labels_say_nothing_of_the_light_and_groups_do() {
+        let mut random = Pcg64::seed_from_u64(7);
+        let weights = vec![1.0; 600];
+        let mut refuted = [0; 2];
+        for _ in 0..200 {
+            let truth: Vec<usize> = (0..600).map(|_| random.random_range(0..3)).collect();
+            let noisy = |random: &mut Pcg64, noise: f64| -> Vec<f64> {
+                truth.iter().map(|&of| of as f64 + noise * random.sample::<f64, _>(StandardNormal)).collect()
+            };
+            let (claimed, seen) = (vec![noisy(&mut random, 0.1)], vec![noisy(&mut random, 0.5)]);
+            let right: Vec<Option<usize>> = truth.iter().copied().map(Some).collect();
+            let shuffled: Vec<Option<usize>> = (0..600).map(|_| Some(random.random_range(0..3))).collect();
+            let of_right = Grouped::new(&right, &weights, &claimed, &seen);
+            // Half of a unit of noise takes a pixel to the next group in a third of all cases, and in half as many at either end.
+            assert!((0.7..0.85).contains(&of_right.agreement), "{of_right:?}");
+            refuted[0] += usize::from(of_right.is_refuted());
+            refuted[1] += usize::from(Grouped::new(&shuffled, &weights, &claimed, &seen).is_refuted());
+        }
+        assert!(refuted[0] == 0 && refuted[1] >= 198, "{refuted:?}");
+    }
 }

@@ -171,6 +171,7 @@ pub(super) fn finish(
             let manifest = &run.manifest;
             if let Some(found) = &manifest.verification {
                 console.say(format_args!("checked   by {}: {found}", found.by))?;
+                console.say(format_args!("          {}", found.sentence()))?;
             }
             [json!(manifest.noise), json!(manifest.rig), json!(manifest.verification)]
         }

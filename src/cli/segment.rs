@@ -73,15 +73,27 @@ fn answer(args: &Args, request: &SegmentRequest, lab: &mut Lab, console: &Consol
     };
     let at_one = segmented.segmentation.regions.at_one;
     let refuted = verified.as_ref().map_or(0, |verified| verified.refuted(at_one));
-    let estimates = verified.map(|verified| verified.estimates).unwrap_or_default();
-    let answer =
-        Scored { segmented: &segmented, truth: truth.as_ref(), scores: &scores, estimates: &estimates };
+    let (estimates, supported) =
+        verified.map(|verified| (verified.estimates, verified.supported)).unwrap_or_default();
+    let answer = Scored {
+        segmented: &segmented,
+        truth: truth.as_ref(),
+        scores: &scores,
+        estimates: &estimates,
+        supported: &supported,
+        is_undivided: request.options.groups.is_empty() && segmented.segmentation.regions.count < 2,
+    };
     say(&answer, console)?;
     let summary = summary(&answer, refuted);
     if refuted > 0 {
         console.note(format_args!(
             "warning: {refuted} of the {at_one} eigenvectors that were counted as regions are noise: other light paths do not confirm them; give more --spp"
         ));
+    }
+    if answer.is_undivided {
+        console.note(
+            "the light shows one region, which has no groups to tell apart; the two that are shown divide it, as --groups 2 asks for",
+        );
     }
     let kept = Kept { groups: Some(Answer::from(&segmented.segmentation)), eigenvectors: None };
     // What is wrong with the option is told once the answer is written.
@@ -116,7 +128,7 @@ fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {
         "within": segmentation.embedding.within,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
         "share_of_sure": segmentation.labels.iter()
-            .map(|(groups, _)| (groups.to_string(), json!(segmentation.share_of_sure(*groups))))
+            .map(|(groups, _)| (groups.to_string(), json!(answer.share_of_sure(*groups))))
             .collect::<serde_json::Map<_, _>>(),
         "adjusted_rand_index": scores.collect::<serde_json::Map<_, _>>(),
         "evidence": segmented.evidence.iter().map(|of| json!({
@@ -170,7 +182,7 @@ fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
     }
     console.say(format_args!("regions   {}", segmentation.regions.sentence()))?;
     for (groups, _) in &segmentation.labels {
-        let sure = 100.0 * segmentation.share_of_sure(*groups).unwrap_or(0.0);
+        let sure = 100.0 * answer.share_of_sure(*groups).unwrap_or(0.0);
         let score = scores.iter().find(|(of, _)| of == groups);
         let score =
             score.map(|(_, score)| format!("; adjusted Rand index {score:.4} against the true labels"));

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{atomic, clock};
 use crate::error::{Error, Result};
 use crate::file;
-use crate::finding::Finding;
+use crate::finding::{Finding, Grade};
 
 /// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
@@ -126,8 +126,93 @@ pub struct Verification {
     pub of: String,
     /// The relative difference of the predicted photos to independent ones, without the noise of the latter.
     pub error: f64,
-    /// The relative noise of the independent photos. Errors far below it cannot be seen.
+    /// The relative noise of the independent photos.
     pub noise: f64,
+    /// What the comparison says of the answer. Records of earlier programs did not say.
+    #[serde(default)]
+    pub verdict: CheckVerdict,
+    /// By how many of its standard errors the difference exceeds what the noise of both and the stated residuals explain; of several photos the
+    /// largest.
+    #[serde(default)]
+    pub statistic: f64,
+    /// The chance of such a statistic if the answer is right.
+    #[serde(default)]
+    pub p_value: f64,
+    /// The relative error of the predicted photos from which the comparison would have refuted the answer in 99 of 100 cases.
+    #[serde(default)]
+    pub resolution: f64,
+    /// What a refuted answer is likely to suffer from, where a number tells it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub cause: Option<String>,
+}
+
+/// What a comparison with independent light says of an answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CheckVerdict {
+    /// The answer is within its stated noise, and the comparison would have seen an answer that is wrong.
+    Passed,
+    /// The difference has a chance of less than 0.001 if the answer is right.
+    Refuted,
+    /// The noise of the comparison hides whether the answer is right.
+    #[default]
+    TooWeak,
+}
+
+impl Verification {
+    /// The chance below which an answer is refuted.
+    pub const LEVEL: f64 = 1e-3;
+
+    /// The verdict of this chance and this resolution. A comparison is too weak where it would not even tell an answer that has nothing to do with
+    /// the light, whose photos are off by all of their light.
+    pub fn judged(p_value: f64, resolution: f64) -> CheckVerdict {
+        match p_value {
+            // A chance that is not a number refutes, too.
+            p if p < Self::LEVEL || p.is_nan() => CheckVerdict::Refuted,
+            _ if resolution < 1.0 => CheckVerdict::Passed,
+            _ => CheckVerdict::TooWeak,
+        }
+    }
+
+    /// Whether the answer has passed.
+    pub fn is_passed(&self) -> bool {
+        self.verdict == CheckVerdict::Passed
+    }
+
+    /// The verdict as a finding: an answer that the comparison does not confirm fails.
+    pub fn finding(&self) -> Finding {
+        let grade = if self.is_passed() { Grade::Ok } else { Grade::Fails };
+        let expected = format!("a chance of {} or more that a right answer is so far off", Self::LEVEL);
+        Finding::graded("check", grade, self.sentence(), expected, "").measured(
+            self.p_value,
+            0.0,
+            Self::LEVEL,
+        )
+    }
+
+    /// The verdict as a sentence without its full stop.
+    pub fn sentence(&self) -> String {
+        let of = &self.of;
+        match self.verdict {
+            CheckVerdict::Passed => format!(
+                "passed: {of} agree with {} (p = {:.2}); errors from {:.1} % on would have been seen",
+                self.by,
+                self.p_value,
+                100.0 * self.resolution
+            ),
+            CheckVerdict::Refuted => format!(
+                "refuted by {}: {of} are {:.1} standard errors farther off than noise explains (p = {:.0e}); {}",
+                self.by,
+                self.statistic,
+                self.p_value,
+                self.cause.as_deref().unwrap_or("the cause is not proven")
+            ),
+            CheckVerdict::TooWeak => format!(
+                "not proven: the check by {} is too weak to tell, its noise and the residuals that the answer states hide errors of all of the light; give more photos, or more light or light paths",
+                self.by
+            ),
+        }
+    }
 }
 
 /// Light that an answer was not computed from.
@@ -263,10 +348,41 @@ mod tests {
     #[test]
     fn a_verification_says_what_was_predicted_and_how_well() {
         let of = "photos of the eigenvectors".to_owned();
-        let found = Verification { by: Independent::AnotherSeed, of, error: 0.023, noise: 0.0081 };
+        let found = Verification {
+            by: Independent::AnotherSeed,
+            of,
+            error: 0.023,
+            noise: 0.0081,
+            verdict: CheckVerdict::Passed,
+            statistic: 0.5,
+            p_value: 0.31,
+            resolution: 0.0123,
+            cause: None,
+        };
         let said = "photos of the eigenvectors: predicted within 2.3 % (noise of the check 0.8 %)";
         assert_eq!(found.to_string(), said);
         assert_eq!(found.by.to_string(), "light paths of another seed");
         assert_eq!(Independent::AnotherPhoto.to_string(), "one more photo");
+        assert!(
+            found.is_passed() && found.sentence().contains("errors from 1.2 % on"),
+            "{}",
+            found.sentence()
+        );
+        let refuted = Verification { verdict: CheckVerdict::Refuted, p_value: 2e-9, ..found };
+        assert!(refuted.sentence().contains("the cause is not proven"), "{}", refuted.sentence());
+        for (p, resolution, verdict) in [
+            (0.5, 0.1, CheckVerdict::Passed),
+            (0.5, 1.5, CheckVerdict::TooWeak),
+            (0.5, f64::INFINITY, CheckVerdict::TooWeak),
+            (0.5, f64::NAN, CheckVerdict::TooWeak),
+            (1e-4, 1.5, CheckVerdict::Refuted),
+            (f64::NAN, 0.1, CheckVerdict::Refuted),
+        ] {
+            assert_eq!(Verification::judged(p, resolution), verdict, "{p} {resolution}");
+        }
+        // A record of an earlier program proves nothing.
+        let earlier = r#"{"by": "another-photo", "of": "x", "error": 0.1, "noise": 0.1}"#;
+        let earlier: Verification = serde_json::from_str(earlier).expect("it was written so");
+        assert_eq!(earlier.verdict, CheckVerdict::TooWeak);
     }
 }

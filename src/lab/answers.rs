@@ -322,7 +322,7 @@ impl Answer for Segmented {
         let truth = lab.truth()?;
         let scores = truth.as_ref().map(|truth| truth.scores(&self.segmentation)).transpose()?;
         let scores = scores.unwrap_or_default();
-        let scored = Scored { segmented: self, truth: truth.as_ref(), scores: &scores, estimates: &[] };
+        let scored = Scored::new(self, truth.as_ref(), &scores);
         Answer::write(&scored, lab, run, seconds)
     }
 }

@@ -9,6 +9,7 @@ use super::lock::lock;
 use super::{Lab, Log};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, merge};
+use crate::io::manifest::Verification;
 
 impl Lab {
     /// Begins a run: makes the folder, whose journal keeps every photo from now on. Where the options name no folder it is
@@ -64,6 +65,8 @@ impl Lab {
     pub fn findings_of(&self, answer: &(impl Answer + ?Sized)) -> Vec<Finding> {
         let mut all = self.findings.clone();
         merge(&mut all, answer.findings());
+        let verification = self.run.as_ref().and_then(|run| run.manifest.verification.as_ref());
+        merge(&mut all, verification.map(Verification::finding));
         all
     }
 
@@ -107,6 +110,8 @@ impl Lab {
             merge(&mut self.findings, run.manifest.rig.iter().flat_map(|rig| rig.findings.clone()));
         }
         run.manifest.findings = self.findings_of(answer);
+        // The run is not open any more.
+        merge(&mut run.manifest.findings, run.manifest.verification.as_ref().map(Verification::finding));
         merge(&mut run.manifest.findings, more);
         let seconds = run.seconds();
         let start = Instant::now();

@@ -167,6 +167,37 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     Ok(())
 }
 
+/// A camera that looks exactly where the projector does, with 2 or 2.5 pixels to one of it: at the border of what is lit, its pixels see a trace of
+/// projector pixels that are never lit (calibrated), or half of a neighbour (taken as ideal). The index was between 0.0 and 0.23.
+#[test]
+fn an_aligned_camera_finds_the_groups_at_silhouettes_too() -> Result<()> {
+    let exact = traced(builtin::zigzag().to_scene(), 24)?;
+    let aligned = [
+        ["shift = [0.3, 0.4]", "shift = [0.0, 0.0]"],
+        ["rotation = 0.1", "rotation = 0.0"],
+        ["scale = 1.002", "scale = 1.0"],
+        ["distortion = 0.002", "distortion = 0.0"],
+    ];
+    let ideal = |finer: f64| {
+        let text = include_str!("../../assets/rigs/ideal.toml");
+        let side = (finer * 24.0).round();
+        let text = text.replace("[camera] ", &format!("[camera]\nsize = [{side}, {side}]\n"));
+        exact.through_rig(RigFile::from_bytes(Path::new("assets/rigs/ideal.toml"), text.as_bytes())?)
+    };
+    for finer in [2.0, 2.5] {
+        let mut calibrated = before(&exact, finer, &aligned)?;
+        calibrated.calibrate(&Default::default())?;
+        for (name, mut rig) in [("calibrated", calibrated), ("ideal", ideal(finer)?)] {
+            let resolution = Some(exact.resolution());
+            let options = SegmentOptions { photos: 40, resolution, ..SegmentOptions::groups([2]) };
+            let found = segment(&mut rig.operator(Part::Global)?, &options)?;
+            let score = adjusted_rand_index(&found.labels[0].1, &exact.labels()?)?;
+            assert!(score >= 0.99, "{name} {finer}: {score}");
+        }
+    }
+    Ok(())
+}
+
 #[test]
 fn noise_of_a_twelfth_of_the_light_does_not_ruin_a_segmentation() -> Result<()> {
     let exact = traced(builtin::two_sheets().to_scene(), 64)?;

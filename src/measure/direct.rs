@@ -138,8 +138,10 @@ impl DirectPhotos<'_> {
             self.registration.lens.as_ref().map(|lens| Arc::new(Spread::new(self.registration, lens)));
         let channels = self.shown.len();
         let photos: Vec<Vec<Vec<f64>>> = (0..channels).map(|channel| self.photos(channel)).collect();
+        let lit = self.registration.seen();
         let fitted = |channel: usize, blur: Option<&Blur>, steps: usize| {
-            let mut fit = DirectFit::new(&self.shown[channel], blur, spread.as_deref(), &photos[channel]);
+            let mut fit =
+                DirectFit::new(&self.shown[channel], &lit, blur, spread.as_deref(), &photos[channel]);
             fit.improve(steps);
             fit
         };
@@ -153,7 +155,7 @@ impl DirectPhotos<'_> {
                 .iter()
                 .map(|pattern| wider(self.registration.projector, pattern, by))
                 .collect();
-            let mut fit = DirectFit::new(&widened, blur.as_ref(), spread.as_deref(), &photos[channel]);
+            let mut fit = DirectFit::new(&widened, &lit, blur.as_ref(), spread.as_deref(), &photos[channel]);
             fit.improve(STEPS[1]);
             fit
         });

@@ -35,6 +35,17 @@ pub struct LensMap {
 }
 
 impl LensMap {
+    /// The map of two rasters that cover the same field.
+    pub(in crate::measure) fn of_same_field(camera: Resolution, projector: Resolution) -> Self {
+        let unit = half_diagonal(camera) / half_diagonal(projector);
+        let [across, down] = [
+            unit * projector.width as f64 / camera.width as f64,
+            unit * projector.height as f64 / camera.height as f64,
+        ];
+        let homography = [across, 0.0, 0.0, 0.0, down, 0.0, 0.0, 0.0];
+        Self { camera, projector, homography, distortion: [0.0; 2] }
+    }
+
     /// The projector point that a camera point sees.
     pub fn to_projector(&self, camera: [f64; 2]) -> [f64; 2] {
         let (at, _) = evaluate(&self.parameters(), normalized(camera, self.camera));

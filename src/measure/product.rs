@@ -244,9 +244,10 @@ impl Measurement {
             None => DirectPatterns::of(&self.registration),
         };
         let (rate_frames, displayed) = match self.photographs(patterns) {
-            // Earlier programs showed squares of two pixels where codes are shown now: their runs can still be asked.
+            // Earlier programs showed squares of two or four pixels where codes are shown now: their runs can still be asked.
             Err(Error::NotTaken { path, fault, help }) if patterns == DirectPatterns::Codes => self
                 .photographs(DirectPatterns::Squares(2))
+                .or_else(|_| self.photographs(DirectPatterns::Squares(4)))
                 .map_err(|_| Error::NotTaken { path, fault, help })?,
             photos => photos?,
         };

@@ -46,21 +46,49 @@ pub struct Squares {
     pub noise: f64,
     /// Of the photo.
     pub product: f64,
+    /// The sums of the fourth powers of differences and of errors, which tell how many pixels make up their squares.
+    pub fourth: [f64; 2],
 }
 
 impl Squares {
-    /// The sums over the pixels of a prediction and a photo, whose errors have this sum of squares.
+    /// The sums over the pixels of a prediction and a photo, whose errors have this sum of squares, spread over the pixels as the differences
+    /// are.
     pub fn new<'a>(
         prediction: impl IntoIterator<Item = &'a f64>,
         photo: impl IntoIterator<Item = &'a f64>,
         noise: f64,
     ) -> Self {
         let pixels = prediction.into_iter().zip(photo);
-        pixels.fold(Self { noise, ..Self::default() }, |sums, (prediction, photo)| Self {
-            difference: sums.difference + (prediction - photo).powi(2),
-            product: sums.product + photo * photo,
-            ..sums
-        })
+        let sums = pixels.fold(Self { noise, ..Self::default() }, |sums, (prediction, photo)| {
+            let square = (prediction - photo).powi(2);
+            let fourth = [sums.fourth[0] + square * square, 0.0];
+            Self {
+                difference: sums.difference + square,
+                product: sums.product + photo * photo,
+                fourth,
+                ..sums
+            }
+        });
+        let spread = if sums.difference > 0.0 { sums.fourth[0] / sums.difference.powi(2) } else { 1.0 };
+        Self { fourth: [sums.fourth[0], noise * noise * spread], ..sums }
+    }
+
+    /// How much the differences exceed what noise and errors of the norm `allowed` explain, in standard errors. The prediction has noise of its
+    /// own, with `own` times the variance of the photo's. The sum of squares scatters by as much as its pixels are few: heavy tails of light paths
+    /// count by the fourth powers of both, so that a single pixel never makes more than one standard error.
+    pub fn excess(self, own: f64, allowed: f64) -> f64 {
+        let expected = (1.0 + own) * self.noise;
+        let excess = self.difference - expected - allowed * allowed;
+        let scatter = (self.fourth[0] + (1.0 + own).powi(2) * self.fourth[1]).sqrt();
+        if excess <= 0.0 || scatter > 0.0 { excess / scatter.max(f64::MIN_POSITIVE) } else { f64::INFINITY }
+    }
+
+    /// The smallest error of the prediction, relative to the photo, whose [`Squares::excess`] is above `bound` in half of all cases. Infinite where
+    /// the photo is nothing but noise.
+    pub fn resolution(self, own: f64, bound: f64) -> f64 {
+        let size = self.product - self.noise;
+        let scatter = (1.0 + own) * (2.0 * self.fourth[1]).sqrt();
+        if size > 0.0 { (bound * scatter / size).sqrt() } else { f64::INFINITY }
     }
 
     /// The relative difference of the prediction without the noise of the photo, and this noise: `√(‖p − y‖² − ‖e‖²) / ‖y‖` and `‖e‖ / ‖y‖`.
@@ -78,14 +106,37 @@ impl std::iter::Sum for Squares {
             difference: sums.difference + one.difference,
             noise: sums.noise + one.noise,
             product: sums.product + one.product,
+            fourth: [0, 1].map(|of| sums.fourth[of] + one.fourth[of]),
         })
     }
 }
 
 impl EstimatedProduct {
+    /// By how many standard errors more than half of the pixels are farther from a prediction than a draw of the noise of both and errors of the
+    /// norm `allowed`, spread as the noise is and evenly: a sign test. A right prediction's difference and that draw have the same distribution at
+    /// each pixel, however heavy its tails are; single pixels of enormous noise, which hide everything from sums of squares, count once.
+    pub fn signs(&self, prediction: &[f64], own: f64, allowed: f64) -> f64 {
+        let noise = self.error.iter().map(|error| error * error).sum::<f64>();
+        let square = allowed * allowed;
+        let more = 1.0 + own + if noise > 0.0 { square / noise } else { 0.0 };
+        let evenly = square / self.product.len().max(1) as f64;
+        let (mut farther, mut count) = (0.0, 0.0);
+        for ((prediction, photo), error) in prediction.iter().zip(&self.product).zip(&self.error) {
+            let difference = (prediction - photo).powi(2);
+            if *error != 0.0 {
+                count += 1.0;
+                farther += f64::from(u8::from(difference > error * error * more + evenly));
+            }
+        }
+        if count > 0.0 { (farther - 0.5 * count) / (0.25 * count).sqrt() } else { f64::NEG_INFINITY }
+    }
+
     /// How near a prediction of this product is.
     pub fn squares(&self, prediction: &[f64]) -> Squares {
-        Squares::new(prediction, &self.product, self.error.iter().map(|error| error * error).sum())
+        let squares =
+            Squares::new(prediction, &self.product, self.error.iter().map(|error| error * error).sum());
+        let fourth = self.error.iter().map(|error| error.powi(4)).sum();
+        Squares { fourth: [squares.fourth[0], fourth], ..squares }
     }
 }
 

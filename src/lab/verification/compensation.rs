@@ -1,6 +1,6 @@
 //! The check of a compensation: its photo by independent light.
 
-use super::{Predicted, squares};
+use super::{Predicted, photos_compared};
 use crate::analysis::Compensation;
 use crate::error::Result;
 use crate::image::Image;
@@ -49,7 +49,8 @@ impl Lab {
         let errors = Image::from_planes(resolution, &errors)?;
         // A photo of a rig states standard errors, light paths a single draw.
         let standard_error = if by == Independent::AnotherSeed { pooled(&errors)? } else { errors };
-        let verification = self.checked(by, "the photo of the compensation", squares(&predicted, &products));
+        let compared = photos_compared(by, &predicted, &products);
+        let verification = self.checked(by, "the photo of the compensation", &compared, |_| None);
         let residual = (off.max(0.0) / size).sqrt();
         Ok(verification.map(|verification| VerifiedCompensation {
             verification,

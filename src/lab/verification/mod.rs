@@ -1,5 +1,8 @@
 //! Answers are checked with light that they were not computed from: of a scene by light paths of another seed, of a rig by one more photo.
 //! Runs, models and matrices have no such light.
+//!
+//! The null hypothesis is that the answer is right within its own stated errors: those of the independent photo, those of the photos or of the
+//! frozen matrix that the answer was computed from, and the residuals that it states.
 
 mod compensation;
 
@@ -8,19 +11,35 @@ pub use compensation::VerifiedCompensation;
 use super::source::Source;
 use super::{Lab, Relighting, Separated};
 use crate::analysis::Segmentation;
+use crate::analysis::segment::MASKED;
 use crate::analysis::segment::{Cut, KEPT};
-use crate::analysis::verification::{EigenpairEstimate, cut_estimates, eigenpair_estimates};
+use crate::analysis::verification::{
+    EigenpairEstimate, Grouped, Predicted as Compared, cut_estimates, eigenpair_estimates, judge,
+};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::io::manifest::{Independent, Verification};
+use crate::io::manifest::{CheckVerdict, Independent, Verification};
 use crate::krylov::{Eigs, Start};
+use crate::operator::Operator;
 use crate::transport::{EstimatedProduct, Part, Question, Squares};
+
+/// The variance of a prediction's noise relative to that of the independent photo, where both are of as many light paths.
+const AS_MANY_PATHS: f64 = 1.0;
+
+/// The same where both are of a rig's photos. The standard errors that a rig states are true to a factor of 1.3 (`stated_errors_of_rigs`), so that
+/// both together may have 1.3² times the variance.
+const AS_A_RIG_STATES: f64 = 2.0 * 1.3 * 1.3 - 1.0;
+
+/// Residuals with random signs add up to this many times the root of their squares at most, in 999 of 1000 cases.
+const SIGNED: f64 = 3.3;
 
 /// A pattern and the photo that an answer predicts for it, in one channel.
 struct Predicted {
     channel: usize,
     pattern: Vec<f64>,
     photo: Vec<f64>,
+    /// The norm of the errors that the answer states.
+    stated: f64,
 }
 
 /// Eigenpairs to be checked, `P u = λ W u`, with the diagonal matrix `W`.
@@ -31,7 +50,12 @@ struct Eigenpairs<'a> {
     weights: &'a [f64],
     /// The shift of each vector's [`Question`].
     shifts: &'a [f64],
+    /// The residual of each, of a vector of norm 1 in the norm of `W^-½`.
+    residuals: &'a [f64],
 }
+
+/// What independent light says of eigenpairs, the photos that they predict, and the independent ones.
+type PairsWithPhotos = (VerifiedEigenpairs, Vec<Vec<f64>>, Vec<EstimatedProduct>);
 
 /// What independent light says of eigenpairs.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +64,9 @@ pub struct VerifiedEigenpairs {
     pub verification: Verification,
     /// The eigenpairs of the scene, one for each that was found. Empty for a rig, whose one photo tells them all together.
     pub estimates: Vec<EigenpairEstimate>,
+    /// What is left of the confidence of labels, for each number of groups: the share of the pixels that independent light puts into the same
+    /// group. 0 where the check does not pass. Empty for eigenpairs alone.
+    pub supported: Vec<(usize, f64)>,
 }
 
 impl VerifiedEigenpairs {
@@ -67,8 +94,10 @@ impl Lab {
             values: &found.values,
             weights: &vec![1.0; self.projector_resolution().pixels()],
             shifts: &vec![0.0; count],
+            residuals: &found.residuals,
         };
-        self.verify_pairs(part, &pairs, |products| eigenpair_estimates(found, products))
+        let checked = self.verify_pairs(part, &pairs, |products| eigenpair_estimates(found, products))?;
+        Ok(checked.map(|(verified, ..)| verified))
     }
 
     /// Checks a segmentation of the light of `part` by the normalized cut: `G u = λ D u`, as [`Lab::verify_eigenpairs`]. The estimates are of its
@@ -89,9 +118,32 @@ impl Lab {
         // Masked pixels are not in the graph.
         let weights = found.degree.iter().zip(&found.mask);
         let weights: Vec<f64> = weights.map(|(&degree, &masked)| if masked { 0.0 } else { degree }).collect();
-        let pairs =
-            Eigenpairs { vectors: &found.eigenvectors[1..], values, weights: &weights, shifts: values };
-        self.verify_pairs(part, &pairs, |products| cut_estimates(values, &found.residuals[1..], products))
+        let residuals = &found.residuals[1..];
+        let vectors = &found.eigenvectors[1..];
+        let pairs = Eigenpairs { vectors, values, weights: &weights, shifts: values, residuals };
+        let checked =
+            self.verify_pairs(part, &pairs, |products| cut_estimates(values, residuals, products))?;
+        let Some((mut verified, photos, products)) = checked else { return Ok(None) };
+        let [claimed, seen] = coordinates(found, &pairs, (&photos, &products));
+        for (groups, labels) in &found.labels {
+            let labels: Vec<Option<usize>> =
+                labels.iter().map(|&label| (label != MASKED).then_some(usize::from(label))).collect();
+            let grouped = Grouped::new(&labels, &weights, &claimed, &seen);
+            if grouped.is_refuted() {
+                verified.verification.verdict = CheckVerdict::Refuted;
+                verified.verification.cause = Some(format!(
+                    "the {groups} groups explain {:.2} % of what independent light tells apart, and shuffled labels up to {:.2} %",
+                    100.0 * grouped.explained,
+                    100.0 * grouped.by_chance
+                ));
+            }
+            verified.supported.push((*groups, grouped.agreement));
+        }
+        if !verified.verification.is_passed() {
+            verified.supported.iter_mut().for_each(|(_, share)| *share = 0.0);
+        }
+        self.note(&verified.verification);
+        Ok(Some(verified))
     }
 
     /// Checks eigenpairs: each by light paths of another seed, from which `estimates` follow, or their sum with random signs by one photo.
@@ -100,7 +152,7 @@ impl Lab {
         part: Part,
         pairs: &Eigenpairs<'_>,
         estimates: impl FnOnce(&[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>>,
-    ) -> Result<Option<VerifiedEigenpairs>> {
+    ) -> Result<Option<PairsWithPhotos>> {
         let sum = match self.source {
             Source::Scene(_) => None,
             _ => Some(pairs.sum_with_signs(self.seed())),
@@ -114,15 +166,30 @@ impl Lab {
             let entries = product.product.iter_mut().zip(&mut product.error).zip(pairs.weights);
             entries.filter(|(_, weight)| **weight == 0.0).for_each(|((y, e), _)| (*y, *e) = (0.0, 0.0));
         }
-        let (squares, estimates) = match &sum {
-            None => {
-                let each = pairs.photos().zip(&products).map(|(photo, product)| product.squares(&photo));
-                (each.sum(), estimates(&products).unwrap_or_default())
-            }
-            Some(sum) => (squares(std::slice::from_ref(sum), &products), Vec::new()),
+        let (photos, estimates): (Vec<Vec<f64>>, Vec<EigenpairEstimate>) = match &sum {
+            None => (pairs.photos().collect(), estimates(&products).unwrap_or_default()),
+            Some(sum) => (vec![sum.photo.clone()], Vec::new()),
         };
-        let verification = self.checked(by, "photos of the eigenvectors", squares);
-        Ok(verification.map(|verification| VerifiedEigenpairs { verification, estimates }))
+        let stated = match &sum {
+            None => pairs.residuals,
+            Some(sum) => &[sum.stated],
+        };
+        let compared = |((photo, product), &stated): ((&Vec<f64>, &EstimatedProduct), &f64)| {
+            of_product(by, &pairs.normalized(product), &pairs.unit(photo), stated)
+        };
+        let compared: Vec<Compared> = photos.iter().zip(&products).zip(stated).map(compared).collect();
+        let verification = self.checked(by, "photos of the eigenvectors", &compared, |at| {
+            // What the vector keeps of its light tells whether it is noise of its matrix.
+            let estimate: &EigenpairEstimate = estimates.get(at)?;
+            let [kept, error] = estimate.quotient;
+            Some(format!(
+                "by independent light the quotient of eigenvector {} is {kept:.4} ± {error:.4}, and its eigenvalue is stated as {:.4}",
+                at + 1,
+                pairs.values[at]
+            ))
+        });
+        let verified = |verification| VerifiedEigenpairs { verification, estimates, supported: Vec::new() };
+        Ok(verification.map(|verification| (verified(verification), photos, products)))
     }
 
     /// Checks a captured model: the relit photos; on a rig the first one, to take one photo only.
@@ -133,15 +200,20 @@ impl Lab {
         let of = "relit photos";
         if matches!(self.source, Source::Rig(_)) {
             let first = found.relit.iter().take(1).map(|relit| (&relit.pattern, &relit.relit));
-            let predicted = self.predicted(&first.collect::<Vec<_>>(), &found.model.ambient);
+            let mut predicted = self.predicted(&first.collect::<Vec<_>>(), &found.model.ambient);
+            for one in &mut predicted {
+                one.stated = found.relit[0].stated.value().unwrap_or(0.0) * norm(&one.photo);
+            }
             return self.verify(Part::Full, of, &predicted);
         }
         // The answer to each question holds this comparison already.
-        let comparisons: Vec<Squares> = found.relit.iter().filter_map(|relit| relit.comparison).collect();
-        let are_there = !comparisons.is_empty();
-        Ok(are_there
-            .then(|| self.checked(Independent::AnotherSeed, of, comparisons.into_iter().sum()))
-            .flatten())
+        let by = Independent::AnotherSeed;
+        let comparisons = found.relit.iter().filter_map(|relit| {
+            let squares = relit.comparison?;
+            Some(compared(by, squares, relit.stated.value().unwrap_or(0.0) * squares.product.sqrt()))
+        });
+        let comparisons: Vec<Compared> = comparisons.collect();
+        Ok(self.checked(by, of, &comparisons, |_| None))
     }
 
     /// Checks a separation: the photo of a checkerboard of three pixels, which is its direct light and half of the global light.
@@ -154,13 +226,25 @@ impl Lab {
             return Ok(None);
         }
         let pattern = checkerboard(size, 3);
-        let predicted: Vec<Predicted> = (found.direct.iter().zip(&found.global))
-            .enumerate()
-            .map(|(channel, (direct, global))| {
-                let photo = direct.iter().zip(global).zip(&pattern).map(|((d, g), x)| d * x + 0.5 * g);
-                Predicted { channel, photo: photo.collect(), pattern: pattern.clone() }
-            })
-            .collect();
+        // What global light makes of the squares, beyond half of it: a scene's matrix tells it. Of a rig it is not known, and at most as much again.
+        let signs: Vec<f64> = pattern.iter().map(|x| x - 0.5).collect();
+        let mut global = match self.source {
+            Source::Scene(_) => Some(self.reference_operators(Part::Global)?),
+            _ => None,
+        };
+        let mut predicted = Vec::with_capacity(found.direct.len());
+        for (channel, (direct, indirect)) in found.direct.iter().zip(&found.global).enumerate() {
+            let mut resolved = vec![0.0; pattern.len()];
+            if let Some(operators) = &mut global {
+                operators[channel].apply(&signs, &mut resolved)?;
+            }
+            let light = direct.iter().zip(indirect).zip(&pattern).zip(&resolved);
+            let photo = light.map(|(((d, g), x), resolved)| d * x + 0.5 * g + resolved).collect();
+            let of_direct = found.error().unwrap_or(0.0) * norm(direct);
+            let of_global = if global.is_some() { 0.0 } else { 0.5 * norm(indirect) };
+            let stated = of_direct.hypot(of_global);
+            predicted.push(Predicted { channel, photo, pattern: pattern.clone(), stated });
+        }
         self.verify(Part::Full, "the photo of a checkerboard", &predicted)
     }
 
@@ -173,6 +257,7 @@ impl Lab {
                 channel,
                 pattern: pattern.plane(channel.min(pattern.channels() - 1)),
                 photo: photo.iter().zip(&ambient).map(|(photo, ambient)| photo - ambient).collect(),
+                stated: 0.0,
             })
         };
         let mut predicted: Vec<Predicted> = photos.iter().flat_map(of).collect();
@@ -182,7 +267,7 @@ impl Lab {
 
     fn verify(&mut self, part: Part, of: &str, predicted: &[Predicted]) -> Result<Option<Verification>> {
         let Some((by, products)) = self.products_of(part, predicted)? else { return Ok(None) };
-        Ok(self.checked(by, of, squares(predicted, &products)))
+        Ok(self.checked(by, of, &photos_compared(by, predicted, &products), |_| None))
     }
 
     /// Independent photos of the patterns, whose channels ascend.
@@ -204,15 +289,95 @@ impl Lab {
         Ok(by.map(|by| (by, products)))
     }
 
-    /// Notes a comparison in the record of the open run. `None` where the photos are nothing but noise.
-    fn checked(&mut self, by: Independent, of: &str, squares: Squares) -> Option<Verification> {
-        let [error, noise] = squares.relative()?;
-        let verification = Verification { by, of: of.into(), error, noise };
+    /// Judges a comparison, and notes it in the record of the open run; `cause` tells what the photo that is farthest off suffers from. `None`
+    /// where there is no light.
+    fn checked(
+        &mut self,
+        by: Independent,
+        of: &str,
+        photos: &[Compared],
+        cause: impl FnOnce(usize) -> Option<String>,
+    ) -> Option<Verification> {
+        let squares: Squares = photos.iter().map(|photo| photo.squares).sum();
+        let judged = judge(photos).filter(|_| squares.product > 0.0)?;
+        // Photos that are nothing but noise have no light to compare with.
+        let nothing = || [squares.difference, squares.noise].map(|square| (square / squares.product).sqrt());
+        let [error, noise] = squares.relative().unwrap_or_else(nothing);
+        let resolution = judged.resolution.min(f64::MAX);
+        let verdict = Verification::judged(judged.p_value, resolution);
+        let verification = Verification {
+            by,
+            of: of.into(),
+            error,
+            noise,
+            verdict,
+            statistic: judged.statistic.min(f64::MAX),
+            p_value: judged.p_value,
+            resolution,
+            cause: if verdict == CheckVerdict::Refuted { cause(judged.at) } else { None },
+        };
+        self.note(&verification);
+        Some(verification)
+    }
+
+    /// Notes a comparison in the record of the open run.
+    fn note(&mut self, verification: &Verification) {
         if let Some(run) = &mut self.run {
             run.manifest.verification = Some(verification.clone());
         }
-        Some(verification)
     }
+}
+
+/// One predicted photo beside the independent one.
+fn compared(by: Independent, squares: Squares, stated: f64) -> Compared {
+    let (own, is_frozen) = match by {
+        Independent::AnotherSeed => (AS_MANY_PATHS, true),
+        Independent::AnotherPhoto => (AS_A_RIG_STATES, false),
+    };
+    Compared { squares, own, stated, is_frozen, signs: None }
+}
+
+/// A predicted photo beside a product. The errors of light paths are draws of their noise.
+fn of_product(by: Independent, product: &EstimatedProduct, photo: &[f64], stated: f64) -> Compared {
+    let compared = compared(by, product.squares(photo), stated);
+    let signs = compared.is_frozen.then(|| product.signs(photo, compared.own, compared.allowed()));
+    Compared { signs, ..compared }
+}
+
+/// Predicted photos beside the independent ones.
+fn photos_compared(by: Independent, predicted: &[Predicted], products: &[EstimatedProduct]) -> Vec<Compared> {
+    let each = predicted.iter().zip(products);
+    each.map(|(one, product)| of_product(by, product, &one.photo, one.stated)).collect()
+}
+
+/// The coordinates of pixels that a segmentation claims, and those by independent light: of each eigenvector, or of their sum.
+fn coordinates(
+    found: &Segmentation,
+    pairs: &Eigenpairs<'_>,
+    (photos, products): (&[Vec<f64>], &[EstimatedProduct]),
+) -> [Vec<Vec<f64>>; 2] {
+    let per_weight = |photo: &[f64], factor: f64| -> Vec<f64> {
+        let each = photo.iter().zip(pairs.weights);
+        each.map(|(y, &weight)| if weight > 0.0 { factor * y / weight } else { 0.0 }).collect()
+    };
+    if products.len() < pairs.vectors.len() {
+        let claimed = photos.iter().map(|photo| per_weight(photo, 1.0)).collect();
+        return [claimed, products.iter().map(|product| per_weight(&product.product, 1.0)).collect()];
+    }
+    let along = |index: usize, entries: &[f64]| -> Vec<f64> {
+        entries.iter().map(|&entry| found.embedding.coordinate(index + 1, entry)).collect()
+    };
+    let resolved = |index: &usize| pairs.values[*index] > 0.0;
+    let which: Vec<usize> = (0..pairs.vectors.len()).filter(resolved).collect();
+    let claimed = which.iter().map(|&index| along(index, &pairs.vectors[index])).collect();
+    let seen =
+        |&index: &usize| along(index, &per_weight(&products[index].product, 1.0 / pairs.values[index]));
+    [claimed, which.iter().map(seen).collect()]
+}
+
+/// The Euclidean norm.
+fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
 impl Eigenpairs<'_> {
@@ -230,6 +395,21 @@ impl Eigenpairs<'_> {
         self.vectors.iter().zip(self.values).map(photo)
     }
 
+    /// A photo in the norm of `W^-½`, in which a generalized eigenvector has norm 1.
+    fn unit(&self, photo: &[f64]) -> Vec<f64> {
+        let each = photo.iter().zip(self.weights);
+        each.map(|(y, weight)| if *weight > 0.0 { y / weight.sqrt() } else { 0.0 }).collect()
+    }
+
+    /// A product in the norm of `W^-½`.
+    fn normalized(&self, product: &EstimatedProduct) -> EstimatedProduct {
+        EstimatedProduct {
+            product: self.unit(&product.product),
+            error: self.unit(&product.error),
+            quadratic: product.quadratic,
+        }
+    }
+
     /// The sum of the vectors with random signs, and its photo.
     fn sum_with_signs(&self, seed: u64) -> Predicted {
         let signs = Start::Rademacher { seed }.vector(self.vectors.len());
@@ -244,13 +424,10 @@ impl Eigenpairs<'_> {
             channel: 0,
             pattern: sum(&mut self.vectors.iter().cloned()),
             photo: sum(&mut self.photos()),
+            // Residuals may lie along one direction, and then add up as their signs are.
+            stated: (SIGNED * norm(self.residuals)).min(self.residuals.iter().sum()),
         }
     }
-}
-
-/// How near predicted photos are to the independent ones, all together.
-fn squares(predicted: &[Predicted], products: &[EstimatedProduct]) -> Squares {
-    predicted.iter().zip(products).map(|(one, product)| product.squares(&one.photo)).sum()
 }
 
 /// A checkerboard of so many pixels.

@@ -13,7 +13,7 @@ use super::{figure, spectrum};
 use crate::analysis::segment::{Segmented, Truth};
 use crate::analysis::{EigenpairEstimate, MASKED};
 use crate::error::Result;
-use crate::finding::Finding;
+use crate::finding::{Finding, Grade};
 use crate::image::{Image, Resolution};
 use crate::io::exr;
 use crate::io::tone::exposure;
@@ -29,9 +29,25 @@ pub struct Scored<'a> {
     pub scores: &'a [(usize, f64)],
     /// The eigenvalues of the scene by independent light, without the first, which is known; empty where there are none.
     pub estimates: &'a [EigenpairEstimate],
+    /// What independent light leaves of the confidence of each number of groups; empty where nothing was checked.
+    pub supported: &'a [(usize, f64)],
+    /// Whether one region was divided into two groups only because no number of groups was asked for.
+    pub is_undivided: bool,
 }
 
-impl Scored<'_> {
+impl<'a> Scored<'a> {
+    /// A segmentation that was not checked.
+    pub fn new(segmented: &'a Segmented, truth: Option<&'a Truth>, scores: &'a [(usize, f64)]) -> Self {
+        Self { segmented, truth, scores, estimates: &[], supported: &[], is_undivided: false }
+    }
+
+    /// The share of the pixels whose label is sure, and no more than independent light supports. `None` for a number of groups that was not asked
+    /// for.
+    pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
+        let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
+        self.segmented.segmentation.share_of_sure(groups).map(|sure| sure * supported)
+    }
+
     /// Writes arrays, pictures and `report.html` into the run's folder and returns their names. `white` is the photo under
     /// a white pattern.
     ///
@@ -147,7 +163,7 @@ impl Scored<'_> {
 
     /// How many labels are sure, as the end of a caption.
     fn sure(&self, groups: usize) -> String {
-        match self.segmented.segmentation.share_of_sure(groups) {
+        match self.share_of_sure(groups) {
             Some(share) => format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share),
             None => String::new(),
         }
@@ -155,7 +171,17 @@ impl Scored<'_> {
 
     /// Whether the eigenvalues are such as light can have.
     pub fn findings(&self) -> Vec<Finding> {
-        self.segmented.segmentation.findings()
+        let mut findings = self.segmented.segmentation.findings();
+        if self.is_undivided {
+            findings.push(Finding::graded(
+                "groups",
+                Grade::Fails,
+                "the light shows one region, which has no groups to tell apart",
+                "two regions or more, where no number of groups is asked for",
+                "ask for a number: --groups 2",
+            ));
+        }
+        findings
     }
 
     fn page(&self, run: &Run<'_>, pictures: Pictures) -> Result<Report> {
