@@ -200,6 +200,11 @@ impl Verification {
                 self.p_value,
                 100.0 * self.resolution
             ),
+            CheckVerdict::Refuted if self.p_value >= Self::LEVEL => format!(
+                "refuted by {}: the labels are not those of its light; {}",
+                self.by,
+                self.cause.as_deref().unwrap_or("the cause is not proven")
+            ),
             CheckVerdict::Refuted => format!(
                 "refuted by {}: {of} are {:.1} standard errors farther off than noise explains (p = {:.0e}); {}",
                 self.by,

@@ -90,6 +90,11 @@ impl Lab {
         }
     }
 
+    /// From now on a rig answers whatever its light looks like: the question is what it sees, and the answer is compared with the truth.
+    pub(crate) fn unexamined(&mut self) {
+        self.audits = true;
+    }
+
     /// From now on photos are not kept in the journal of the run.
     pub(super) fn without_journal(&mut self) {
         if self.keeps_photos && self.run.is_some() {

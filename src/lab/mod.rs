@@ -123,7 +123,7 @@ pub struct Lab {
     kept_truth: Option<Truth>,
     /// Whether the photos of the run go to its journal.
     keeps_photos: bool,
-    /// Whether the question is what is wrong with a rig, so that a rig whose light is not in proportion is answered as well.
+    /// Whether the question is what is wrong with a rig, so that one is answered whose light is not seen or not in proportion.
     audits: bool,
     run: Option<RunFolder>,
     /// What the photos of the last verb say of the rig.

@@ -77,7 +77,7 @@ impl LabOperator {
     fn products(&mut self, direction: Direction, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         let of = (self.part, self.channel);
         if self.is_confirming {
-            self.errors = lock(&self.transport).products_taken(of, direction, xs, ys)?;
+            self.errors = lock(&self.transport).confirming_products(of, direction, xs, ys)?;
             return Ok(());
         }
         self.errors = lock(&self.transport).products(of, direction, xs, ys)?;

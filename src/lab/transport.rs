@@ -140,11 +140,26 @@ impl LightTransport {
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
     ) -> Result<Vec<f64>> {
-        self.or_by_model(|transport| transport.products_taken(of, direction, xs, ys))
+        let name = product_name(of.0, of.1);
+        self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
     }
 
-    pub(super) fn products_taken(
+    /// The same for products that only confirm an answer. The journal keeps them apart from the photos of the run, of which a model is made.
+    pub(super) fn confirming_products(
         &mut self,
+        of: (Part, usize),
+        direction: Direction,
+        xs: &[&[f64]],
+        ys: &mut [&mut [f64]],
+    ) -> Result<Vec<f64>> {
+        let name = format!("{}, to confirm", product_name(of.0, of.1));
+        self.products_taken(&name, of, direction, xs, ys)
+    }
+
+    /// The products are in the journal under this name.
+    fn products_taken(
+        &mut self,
+        name: &str,
         (part, channel): (Part, usize),
         direction: Direction,
         xs: &[&[f64]],
@@ -165,7 +180,6 @@ impl LightTransport {
             }
             return Ok(errors);
         };
-        let name = product_name(part, channel);
         if let Engine::JournalOnly = engine {
             let size = [shape.photos, shape.patterns].map(Resolution::pixels);
             return apply(&mut JournaledOperator::replay(journal, name, size, shape.symmetry), ys);

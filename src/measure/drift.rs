@@ -39,11 +39,6 @@ impl Drift {
         self.sentinels.insert(at, [started, light]);
     }
 
-    /// The number of sentinels, without the first white photo.
-    pub(super) fn count(&self) -> usize {
-        self.sentinels.len().saturating_sub(1)
-    }
-
     /// The brightness of the lamp at this time, relative to the first white photo.
     pub(super) fn light(&self, time: f64) -> f64 {
         let after = self.sentinels.partition_point(|&[at, _]| at <= time);

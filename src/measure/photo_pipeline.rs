@@ -41,6 +41,8 @@ pub(super) struct ReferencePhotos {
     pub(super) drift: Drift,
     /// White at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
+    /// The sentinels within the run's patterns, without those at an end.
+    sentinels: u32,
     /// The take of the last sentinel at an end.
     last: Option<u32>,
 }
@@ -88,8 +90,8 @@ impl PhotoPipeline {
             return Ok(Arc::clone(&references.white));
         }
         if sentinel_is_due {
-            let take = MOST_TAKES + references.drift.count() as u32;
-            camera.take_sentinel(references, take)?;
+            camera.take_sentinel(references, MOST_TAKES + references.sentinels)?;
+            references.sentinels += 1;
         }
         let mut seen = camera.see(frame, &references.exposures, &references.blacks)?.0;
         seen.scale(1.0 / references.drift.light(seen.started));
@@ -140,6 +142,7 @@ impl HdrCamera {
             saturated,
             drift,
             reference,
+            sentinels: 0,
             last: None,
         })
     }

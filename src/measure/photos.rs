@@ -5,6 +5,7 @@ use std::sync::Arc;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::bit_planes::decompose;
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
 use super::photo::{Photo, Plane};
@@ -238,6 +239,29 @@ impl Measurement {
         self.capture(1.0, &target, Part::Full, &mut terms)?;
         let planes = self.sums(&terms, 0.0)?;
         Ok(self.photo(&planes))
+    }
+
+    /// The norm of the light, in each channel of a photo of this pattern, that is missing or too much because the projector has levels: of what each
+    /// pixel sends back of the difference to the pattern that is shown. It takes no photo but white.
+    ///
+    /// # Errors
+    /// As [`Measurement::photograph`].
+    pub fn rounding(&mut self, pattern: &Image) -> Result<Vec<f64>> {
+        let mut left: Vec<Vec<f64>> =
+            (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
+        let planes = decompose(&self.display, &left, Part::Full, self.options.bit_planes)?;
+        let channels = planes.first().map_or(0, |plane| plane.displayed.light.len());
+        left.resize(channels.max(left.len()), left[0].clone());
+        for plane in planes {
+            for (left, shown) in left.iter_mut().zip(&plane.displayed.light) {
+                left.iter_mut().zip(shown).for_each(|(left, shown)| *left -= plane.weight * shown);
+            }
+        }
+        let most = |pixel: usize| left.iter().map(|left| left[pixel].abs()).fold(0.0, f64::max);
+        let light = |(pixel, white): (usize, &f64)| (white * most(pixel)).powi(2);
+        let white = self.white()?;
+        let of = |plane: &Plane| plane.values.iter().enumerate().map(light).sum::<f64>().sqrt();
+        Ok(white.planes.iter().map(of).collect())
     }
 
     /// The photo of the brightest frame, for each of the camera's channels.

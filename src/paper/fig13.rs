@@ -146,6 +146,8 @@ fn photo(
     };
     let file = RigFile { measurement, kind: RigKind::Virtual(rig.clone()), ..file.clone() };
     let mut lab = lab.through_rig(file)?;
+    // In dim light noise hides white at most pixels, which is what the figure shows.
+    lab.unexamined();
     let pattern = Image::from_planes(lab.resolution(), &[pattern.to_vec()])?;
     // A rig has devices, and its photos are measured.
     let calibration = known(lab.rig().ok_or(Error::Interrupted)?.devices()?);

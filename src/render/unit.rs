@@ -1,13 +1,17 @@
 //! The unit of length of the tracer.
 //!
-//! Offsets of rays, products of lengths and hidden thresholds suit distances of about 1. Therefore all geometry on the device is in units of the
-//! power of two that the median distance between camera and surfaces is not below. Photos of a scene that is `2^k` times as large have the same
-//! bits, times `2^-2k`.
+//! Offsets of rays, products of lengths and hidden thresholds suit distances of about 1. Therefore all geometry on the device is in units of a
+//! power of two: that of the distance within which a quarter of the surfaces lies, as the camera sees them. Far surfaces are offset by their own
+//! coordinates, so that they bear a small unit, and near ones would not bear a large one. Photos of a scene that is `2^k` times as large have the
+//! same bits, times `2^-2k`.
 
 use glam::{DVec3, Vec3};
 
 use crate::scene::Scene;
 use crate::scene::place::Distances;
+
+/// The share of what the camera sees within whose distance the unit is.
+const NEAR: f64 = 0.25;
 
 /// A power of two of metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,10 +25,15 @@ impl Unit {
     pub(super) fn of(scene: &Scene) -> Self {
         let camera = scene.camera.position.as_dvec3();
         let mut distances = Distances::new();
-        for corner in scene.triangles.iter().flat_map(|triangle| triangle.positions) {
-            distances.add(corner.as_dvec3().distance(camera));
+        for triangle in &scene.triangles {
+            let corners = triangle.positions.map(|corner| corner.as_dvec3() - camera);
+            let [a, b, c] = corners;
+            let (area, middle) = (0.5 * (b - a).cross(c - a).length(), (a + b + c) / 3.0);
+            // The solid angle, without the slope: at most that of the sphere.
+            let angle = (area / middle.length_squared()).min(4.0 * std::f64::consts::PI);
+            corners.iter().for_each(|corner| distances.add(corner.length(), angle));
         }
-        Self { metres: 2_f64.powi(distances.median_power()) }
+        Self { metres: 2_f64.powi(distances.power(NEAR)) }
     }
 
     /// A length in units, from metres.

@@ -22,34 +22,34 @@ const COARSE: f64 = 1.0 / 16384.0;
 /// The least distance between camera and surfaces. Nearer by a few powers of two, radiance overflows single precision.
 const NEAREST: f64 = 1e-12;
 
-/// Counts of distances by their powers of two.
-pub(crate) struct Distances(Vec<u64>);
+/// Weights of distances by their powers of two.
+pub(crate) struct Distances(Vec<f64>);
 
 impl Distances {
     /// No distances.
     pub(crate) fn new() -> Self {
-        Self(vec![0; 2048])
+        Self(vec![0.0; 2048])
     }
 
-    /// Adds a distance; zero and NaN do not count.
-    pub(crate) fn add(&mut self, distance: f64) {
-        if distance > 0.0 {
+    /// Adds a distance of this weight; zero and NaN do not count.
+    pub(crate) fn add(&mut self, distance: f64, weight: f64) {
+        if distance > 0.0 && weight > 0.0 {
             // The bits of the exponent.
-            self.0[(distance.to_bits() >> 52) as usize] += 1;
+            self.0[(distance.to_bits() >> 52) as usize] += weight;
         }
     }
 
-    /// The largest power of two that the median is not below; 0 without distances. Distances that are `2^k` times as large have one that is larger
-    /// by `k`.
-    pub(crate) fn median_power(&self) -> i32 {
-        let half = self.0.iter().sum::<u64>().div_ceil(2);
-        let mut below = 0;
-        let reaches = |count: &u64| {
-            below += count;
-            below >= half
+    /// The largest power of two that the distance is not below which this share of the weight is nearer than; 0 without distances. Distances that
+    /// are `2^k` times as large have one that is larger by `k`.
+    pub(crate) fn power(&self, share: f64) -> i32 {
+        let wanted = share * self.0.iter().sum::<f64>();
+        let mut below = 0.0;
+        let reaches = |weight: &f64| {
+            below += weight;
+            below >= wanted
         };
-        let median = self.0.iter().position(reaches).filter(|_| half > 0);
-        median.map_or(0, |exponent| exponent as i32 - 1023)
+        let found = self.0.iter().position(reaches).filter(|_| wanted > 0.0);
+        found.map_or(0, |exponent| exponent as i32 - 1023)
     }
 }
 
@@ -80,7 +80,7 @@ impl Place {
             return;
         }
         let distance = at.distance(*self.anchor.get_or_insert(at));
-        self.distances.add(distance);
+        self.distances.add(distance, 1.0);
         for number in stated.to_array() {
             let single = number as f32;
             let step = unit * f64::from(single.abs().next_up() - single.abs());
@@ -97,7 +97,7 @@ impl Place {
 
     /// A power of two about the distance between camera and surfaces, in metres.
     pub(super) fn distance(&self) -> f64 {
-        2_f64.powi(self.distances.median_power())
+        2_f64.powi(self.distances.power(0.5))
     }
 
     /// Chooses the origin when all corners of the file at `path` are noted. Returns whether the scene moves.
@@ -144,15 +144,24 @@ mod tests {
         let power = |scale: f64| {
             let mut distances = Distances::new();
             for distance in [0.0, 0.3, 1.2, 1.9, 1e9, f64::NAN, 0.1, 1.0] {
-                distances.add(scale * distance);
+                distances.add(scale * distance, 1.0);
             }
-            distances.median_power()
+            distances.power(0.5)
         };
         // Of 0.1, 0.3, 1, 1.2, 1.9 and 1e9 the third is in [1, 2).
         assert_eq!(power(1.0), 0);
         for k in [-300, -20, -1, 1, 7, 300] {
             assert_eq!(power(2_f64.powi(k)), k);
         }
-        assert_eq!(Distances::new().median_power(), 0);
+        assert_eq!(Distances::new().power(0.5), 0);
+    }
+
+    #[test]
+    fn many_distances_of_little_weight_do_not_decide() {
+        let mut distances = Distances::new();
+        distances.add(1.5, 1.0);
+        (0..600).for_each(|_| distances.add(1e4, 1e-4));
+        assert_eq!([0.25, 0.5].map(|share| distances.power(share)), [0, 0]);
+        assert_eq!(distances.power(0.99), 13, "2¹³ is 8192");
     }
 }

@@ -14,8 +14,9 @@ fn eigs(rows: &[Vec<f64>], more: &[&str]) -> (Option<i32>, Value) {
     let (matrix, run) = (inside(&folder, "matrix.npy"), inside(&folder, "run"));
     npy::write_npy(Path::new(&matrix), &[rows.len(), rows[0].len()], &rows.concat()).expect("it is ours");
     let output = krylux(&[&["eigs", &matrix, "--json", "-o", &run], more].concat());
-    let summary = serde_json::from_slice(&output.stdout);
-    (output.status.code(), summary.unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr))))
+    let status = output.status.code();
+    assert!(matches!(status, Some(0 | 1)), "{}", String::from_utf8_lossy(&output.stderr));
+    (status, serde_json::from_slice(&output.stdout).expect("a summary"))
 }
 
 fn values(summary: &Value, name: &str) -> Vec<f64> {

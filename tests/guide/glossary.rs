@@ -14,20 +14,20 @@ const RUNS: &str = r#"
 K="--size 24 --spp 16 --photos 12"
 Z=assets/scenes/zigzag/scene.glb
 krylux photo assets/scenes/corner/scene.glb --size 24 --spp 16 --pattern checker:4 --channels luma -q -o photo.png
-krylux segment $Z $K --groups 2,4 --evidence --features "5,5;20,20" -q -o out/segment
+krylux segment $Z $K --groups 2,4 --evidence --features "5,5;20,20" -q -o out/segment || test $? = 1
 krylux compensate assets/scenes/corner/scene.glb $K --target photo.png --compare-methods -q -o out/compare || test $? = 1
 krylux compensate assets/scenes/corner/scene.glb $K --target photo.png --paper -q -o out/paper || test $? = 1
-krylux eigs $Z $K --count 4 -q -o out/eigs
-krylux relight $Z $K --pattern left --dual -q -o out/relight
-krylux separate $Z --size 24 --spp 16 --compare -q -o out/separate
-krylux separate $Z --size 24 --spp 16 --by checkerboards -q -o out/checkerboards
-krylux probe $Z $K -q -o out/probe
+krylux eigs $Z $K --count 4 -q -o out/eigs || test $? = 1
+krylux relight $Z $K --pattern left --dual -q -o out/relight || test $? = 1
+krylux separate $Z --size 24 --spp 16 --compare -q -o out/separate || test $? = 1
+krylux separate $Z --size 24 --spp 16 --by checkerboards -q -o out/checkerboards || test $? = 1
+krylux probe $Z $K -q -o out/probe || test $? = 1
 krylux matrix $Z --size 8 --spp 16 -q -o matrix.npz
 krylux photo $Z --size 8 --spp 16 --channels luma -q -o photo.npy
 krylux solve matrix.npz photo.npy -q -o out/solve || test $? = 1
 sed 's/size = \[64, 64\]/size = [24, 24]/' assets/rigs/realistic.toml > assets/rigs/small.toml
 krylux rig calibrate assets/rigs/small.toml --use -q
-krylux segment assets/rigs/small.toml --photos 8 --groups 2 --direct patterns -q -o out/rig
+krylux segment assets/rigs/small.toml --photos 8 --groups 2 --direct patterns -q -o out/rig || test $? = 1
 krylux audit assets/rigs/small.toml -q -o out/audit || test $? = 1
 "#;
 

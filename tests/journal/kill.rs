@@ -14,7 +14,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// Eight by eight pixels in two halves that exchange no light, behind devices with all that depends on number and time: noise,
-/// drift, latency, frames that go wrong.
+/// drift, latency, frames that go wrong. Nobody calibrates it, so that its light is in proportion to its levels; and direct light is told by
+/// squares of one pixel, because those of four are as wide as the halves, whose global light would follow them.
 const RIG: &str = r#"
 kind = "virtual"
 seed = 5
@@ -22,7 +23,7 @@ seed = 5
 matrix = "matrix.mtx"
 size = [8, 8]
 [projector]
-gamma = 2.2
+gamma = 1.0
 black_level = 0.002
 latency = 0.01
 frame_time = 0.0167
@@ -45,6 +46,7 @@ late = 0.03
 settle = 0.02
 sentinel_every = 5
 response = false
+direct_square = 1
 "#;
 
 /// Photos with their counts, in the order of the file.

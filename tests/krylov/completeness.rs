@@ -1,5 +1,7 @@
 //! No eigenvalue or singular value is missed in silence: matrices of structured spectra against dense solvers.
 
+#![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
+
 use faer::Side;
 use krylux::krylov::{
     Completeness, Confirm, Eigs, EigsMethod, EigsOptions, PairStatus, SingularOptions, Start, Status, Which,

@@ -101,6 +101,8 @@ pub fn known(rig: &VirtualRig) -> Calibration {
     }
     let registration = &mut calibration.registration;
     (registration.starts, registration.pixels, registration.weights) = (vec![0], Vec::new(), Vec::new());
+    // The lens of an ideal map is not that of this one.
+    registration.lens = None;
     for row in rows {
         // The weights favour camera pixels that lie mostly inside the projector pixel.
         let sum: f64 = row.values().map(|share| share * share).sum();

@@ -18,9 +18,9 @@ use crate::operator::Operator;
 /// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of those that were missed.
 ///
 /// # Errors
-/// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
+/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
 /// or `--which` when its value cannot be used; else as [`Lanczos::new`] and
-/// [`Factorization::expand`](super::super::Factorization::expand). To keep what was taken before an operator
+/// [`Factorization::expand`]. To keep what was taken before an operator
 /// failed, hold the factorization yourself and use [`eigs_from`](super::eigs_from).
 pub fn eigs<O: Operator + ?Sized>(operator: &mut O, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);

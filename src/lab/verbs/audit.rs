@@ -42,7 +42,7 @@ impl Lab {
     pub fn audit(&mut self, options: &AuditOptions) -> Result<Audit> {
         self.check_for_audit()?;
         self.without_journal();
-        self.audits = true;
+        self.unexamined();
         let devices = self.faults_of_devices()?;
         let measured = self.photos_with(
             |found: &Option<Audit>| found.as_ref().is_some_and(|found| !found.white.is_empty()),

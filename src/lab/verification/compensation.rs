@@ -1,5 +1,7 @@
 //! The check of a compensation: its photo by independent light.
 
+use std::f64::consts::SQRT_2;
+
 use super::{Predicted, photos_compared};
 use crate::analysis::Compensation;
 use crate::error::Result;
@@ -30,8 +32,15 @@ impl Lab {
     /// As [`Lab::operator`].
     pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<VerifiedCompensation>> {
         let ambient = self.ambient()?;
-        let predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);
+        let mut predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);
         let target = self.predicted(&[(&found.pattern, &found.target)], &ambient);
+        if matches!(self.source, Source::Rig(_))
+            && let Some(rig) = lock(self.transport()?).rig()
+        {
+            // The prediction and the photo are rounded to the projector's levels, each in its own way.
+            let rounding = rig.measurement.rounding(&found.pattern)?;
+            predicted.iter_mut().zip(rounding).for_each(|(one, norm)| one.stated = SQRT_2 * norm);
+        }
         let Some((by, products)) = self.photo_of(&found.pattern, &predicted)? else { return Ok(None) };
         let [mut off, mut size] = [0.0; 2];
         for (target, product) in target.iter().zip(&products) {

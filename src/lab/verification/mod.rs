@@ -2,7 +2,8 @@
 //! Runs, models and matrices have no such light.
 //!
 //! The null hypothesis is that the answer is right within its own stated errors: those of the independent photo, those of the photos or of the
-//! frozen matrix that the answer was computed from, and the residuals that it states.
+//! frozen matrix that the answer was computed from, the residuals that it states, and of a compensation on a rig
+//! the rounding of its pattern to the projector's levels.
 
 mod compensation;
 

@@ -40,9 +40,10 @@ fn sum(probe: &Probe<'_>, off: [f64; 2]) -> Finding {
     let [full, half] = off.map(|off| 100.0 * off);
     let is_less = off.iter().any(|&off| is_off(off) && off < 0.0);
     let found = match (off.iter().any(|&off| is_off(off)), is_less) {
-        (false, _) => {
-            format!("red, green and blue add up to gray within {:.2} %", full.abs().max(half.abs()))
-        }
+        (false, _) => format!(
+            "red, green and blue add up to gray within {:.2} % at the highest level and at half of it",
+            full.abs().max(half.abs())
+        ),
         (true, true) => format!(
             "gray is brighter than red, green and blue together: they differ by {full:.1} % at the highest level and by {half:.1} % at half of it \
              (a white segment of the colour wheel)"
@@ -77,7 +78,8 @@ mod tests {
                 let gray = colours.iter().copied().fold(1.0, f64::min);
                 colours.iter().sum::<f64>() + 3.0 * segment * (gray - above).max(0.0)
             };
-            let count = |levels: &[u16]| (100.0 + 10_000.0 * light(levels)).round() as u16;
+            // Forty counts for each level, so that none is rounded where no segment shines.
+            let count = |levels: &[u16]| (100.0 + 40.0 * 255.0 * light(levels)).round() as u16;
             request.frame.levels().chunks_exact(request.frame.channels()).map(count).collect()
         };
         let size = Resolution::new(6, 4);
@@ -94,16 +96,17 @@ mod tests {
     #[test]
     fn a_white_segment_is_found_at_the_level_where_it_shines() {
         for (segment, above, grade, text) in [
-            (0.0, 0.0, Grade::Ok, "add up to gray within 0.00 %"),
-            (0.06, 0.0, Grade::Ok, "within 5.6"),
+            (0.0, 0.0, Grade::Ok, "add up to gray within 0.00 % at the highest level and at half of it"),
+            // 1/1.06 − 1.
+            (0.06, 0.0, Grade::Ok, "within 5.66 %"),
             // 1/1.1 − 1 at every level.
             (0.1, 0.0, Grade::Warning, "by -9.1 % at the highest level and by -9.1 % at half of it"),
-            // Half of the segment is used at the highest level, and nothing at half of it.
+            // 1/1.2 − 1 at the highest level, where four tenths of the segment shine, and none of it at half.
             (
                 0.5,
                 0.6,
                 Grade::Warning,
-                "by -16.7 % at the highest level and by -0.0 % at half of it (a white segment",
+                "by -16.7 % at the highest level and by 0.0 % at half of it (a white segment",
             ),
             (-0.1, 0.0, Grade::Warning, "gray is darker than red, green and blue together"),
         ] {

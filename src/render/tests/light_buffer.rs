@@ -1,10 +1,9 @@
 //! The light buffer, and tests of every pair of triangles, against the search tree: all give the same paths,
 //! to the last bit.
 
-use glam::Vec3;
-
 use super::path_records::{PathRecord, path_records};
 use crate::image::Resolution;
+use crate::render::unit::Unit;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
 
@@ -82,12 +81,16 @@ fn the_light_buffer_gives_the_hits_of_the_search_tree() {
 fn small_and_large_tree_layouts_give_the_same_hits() {
     for small in [shipped("cornell"), shipped("carton")] {
         let mut large = small.clone();
-        // Triangles without area, so that no ray meets them, and far from each other, so that the tree is not
-        // too deep.
+        // Triangles with two equal corners, so that no ray meets them, on a lattice, so that the tree is not too deep. Its corners are between
+        // 1.25 and 1.44 units from the camera, so that the unit of length stays the same, and with it every bit of a path.
+        let (unit, camera) = (Unit::of(&small), &small.camera);
         large.triangles.extend((0..20_000).map(|at| {
-            let corner = Vec3::new(10.0 + at as f32, 10.0, 10.0);
-            Triangle::flat([corner, corner + 0.1, corner + 0.2], 0, 0)
+            let [across, up] = [(at % 200) as f32 / 200.0 - 0.5, (at / 200) as f32 / 100.0 - 0.5];
+            let away = across * camera.right + up * camera.up - 1.25 * camera.forward;
+            let corner = |to: f32| camera.position + unit.metres as f32 * (away + to);
+            Triangle::flat([corner(0.0), corner(0.0), corner(0.001)], 0, 0)
         }));
+        assert_eq!(Unit::of(&large), unit);
         let settings = TraceSettings::new(Resolution::new(40, 56), 16);
         let layout = |scene: &Scene| {
             let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a driver");

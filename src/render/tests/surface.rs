@@ -170,7 +170,8 @@ fn each_texture_multiplies_its_own_factor() {
     assert!((found.transmission - 0.5 * 0.4).abs() < tolerance, "{found:?}");
     assert!((found.diffuse_transmission - 0.5 * 0.8).abs() < tolerance, "{found:?}");
     assert_close(found.diffuse_transmission_color, vec3(1.0, 0.5, half), tolerance);
-    assert_close(found.absorption, Vec3::splat(2.0_f32.ln()), tolerance);
+    // Half of the light is left after 1 m. The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::unit`).
+    assert_close(found.absorption, Vec3::splat(2.0 * 2.0_f32.ln()), tolerance);
 }
 
 #[test]

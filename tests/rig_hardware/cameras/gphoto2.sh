@@ -36,6 +36,8 @@ while [ $# -gt 0 ]; do
     --capture-image-and-download)
       if [ -e "$here/hangs" ]; then echo $$ > "$here/pid"; exec sleep 600; fi
       if [ -e "$here/fails" ]; then cat "$here/fails" >&2; exit 1; fi
+      # Whoever plays the scene waits for this, and leaves what is seen now in `taken`.
+      if [ -e "$here/looks" ]; then echo > "$here/looks"; read -r _ < "$here/seen"; fi
       for file in "$here"/taken/*; do
         cp "$file" "${name%%.*}.${file##*.}"
         echo "Saving file as ${name%%.*}.${file##*.}"

@@ -2,6 +2,7 @@
 
 use std::process::Command;
 
+use krylux::image::Resolution;
 use krylux::io::npy;
 
 use super::studio::{SENSOR, Studio, counts};
@@ -20,12 +21,20 @@ fn rig(server: &XServer, more: &str) -> String {
     )
 }
 
-#[test]
-fn a_photo_of_a_window_by_a_still_camera_is_written_to_a_file() {
+/// A still camera before a screen of 64 by 48 pixels, in whose middle the projector shows its patterns.
+fn studio_and_server() -> (Studio, XServer) {
     let (studio, server) = (Studio::new(), XServer::start(64, 48));
     let [width, height] = SENSOR;
-    // The scripts are found on PATH, as installed programs would be. The picture does not depend on the pattern; therefore no black
-    // photo is subtracted.
+    let place = [(64 - width as i16) / 2, (48 - height as i16) / 2];
+    studio.sees(server.view(place, 1, Resolution::new(width, height)));
+    (studio, server)
+}
+
+#[test]
+fn a_photo_of_a_window_by_a_still_camera_is_written_to_a_file() {
+    let (studio, server) = studio_and_server();
+    let [width, height] = SENSOR;
+    // The scripts are found on PATH, as installed programs would be. Nothing is subtracted: the photo has the counts of the file.
     studio.write("rig.toml", rig(&server, ""));
     // The script ignores the options of dcraw, and reads the file that the last argument names.
     let path = std::env::var("PATH").expect("there is one");
@@ -52,7 +61,7 @@ fn a_photo_of_a_window_by_a_still_camera_is_written_to_a_file() {
 
 #[test]
 fn programs_that_a_strangers_rig_file_names_are_run_only_if_that_is_allowed() {
-    let (studio, server) = (Studio::new(), XServer::start(64, 48));
+    let (studio, server) = studio_and_server();
     let spec = studio.spec();
     let named = format!("program = \"{}\"\ndecoder = [\"{}\"]", spec.program, spec.decoder[0]);
     for file in ["rig.toml", "config/krylux/rig.toml"] {

@@ -3,9 +3,10 @@
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::OnceLock;
 
-use krylux::rig::{Gphoto2, Gphoto2Spec, WallClock};
+use krylux::rig::{Frame, Gphoto2, Gphoto2Spec, WallClock};
 use tempfile::TempDir;
 
 /// Width and height of the sensor.
@@ -34,6 +35,13 @@ fn scripts() -> &'static Path {
 /// Counts of 14 bits that differ from photosite to photosite.
 pub fn counts() -> Vec<u16> {
     (0..SENSOR[0] * SENSOR[1]).map(|site| (site * 167 + 20) as u16).collect()
+}
+
+/// The file that the decoder reads.
+fn raw([width, height]: [usize; 2], counts: &[u16]) -> Vec<u8> {
+    let mut bytes = format!("RAWP5\n{width} {height}\n65535\n").into_bytes();
+    counts.iter().for_each(|count| bytes.extend(count.to_be_bytes()));
+    bytes
 }
 
 impl Studio {
@@ -89,11 +97,29 @@ impl Studio {
     }
 
     /// Sets the file that a release of the shutter leaves.
-    pub fn takes(&self, ending: &str, [width, height]: [usize; 2], counts: &[u16]) {
+    pub fn takes(&self, ending: &str, size: [usize; 2], counts: &[u16]) {
         let _ = fs::remove_dir_all(self.path("taken"));
-        let mut bytes = format!("RAWP5\n{width} {height}\n65535\n").into_bytes();
-        counts.iter().for_each(|count| bytes.extend(count.to_be_bytes()));
-        self.write(&format!("taken/photo.{ending}"), bytes);
+        self.write(&format!("taken/photo.{ending}"), raw(size, counts));
+    }
+
+    /// From now on a photo shows what is in view when it is taken: [`counts`] where that is white, and in proportion to gray of 8 bits.
+    pub fn sees(&self, mut view: impl FnMut() -> Option<Frame> + Send + 'static) {
+        for pipe in ["looks", "seen"] {
+            let made = Command::new("mkfifo").arg(self.path(pipe)).status();
+            assert!(made.expect("every system has it").success());
+        }
+        let folder = self.folder.path().to_owned();
+        // Reading and writing wait for the script, at most until the process of the tests ends.
+        std::thread::spawn(move || {
+            while fs::read(folder.join("looks")).is_ok() {
+                let Some(frame) = view() else { break };
+                let shares = counts().into_iter().zip(frame.levels());
+                let seen = shares.map(|(count, &level)| (u32::from(count) * u32::from(level) / 255) as u16);
+                let seen = raw(SENSOR, &seen.collect::<Vec<u16>>());
+                fs::write(folder.join("taken/photo.cr2"), seen).expect("the folder can be written");
+                fs::write(folder.join("seen"), "\n").expect("the script reads it");
+            }
+        });
     }
 
     /// The arguments of each run of the scripts, one run on each line.
