@@ -8,6 +8,7 @@ use std::fmt;
 
 use super::powers::scaled;
 use crate::error::{Error, Result};
+use crate::operator::Operator;
 
 /// How a search is confirmed: a Gaussian vector, orthogonal to all eigenvectors that were found, starts another Lanczos process. If
 /// an eigenvalue beyond the last one found was missed, that process finds one, too, except with a small chance.
@@ -82,6 +83,24 @@ impl Confirm {
             }
         }
         Ok(())
+    }
+}
+
+/// Lets `work` take products that only confirm an answer; it is told whether they cost nothing. Returns that as well, and what `work` found: nothing
+/// where the photos of a run answer, which hold what was asked of the run and confirm nothing else.
+///
+/// # Errors
+/// Those of `work`.
+pub fn confirming<O: Operator + ?Sized, T>(
+    operator: &mut O,
+    work: impl FnOnce(&mut O, bool) -> Result<T>,
+) -> Result<(bool, Option<T>)> {
+    let is_free = operator.confirming(true);
+    let found = work(operator, is_free);
+    operator.confirming(false);
+    match found {
+        Err(Error::NotTaken { .. }) if is_free => Ok((is_free, None)),
+        found => Ok((is_free, Some(found?))),
     }
 }
 

@@ -48,7 +48,7 @@ mod vectors;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
-pub use completeness::{Completeness, Confirm, Confirmed};
+pub use completeness::{Completeness, Confirm, Confirmed, confirming};
 pub use eigen::{
     Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,
 };

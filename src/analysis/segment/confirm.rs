@@ -5,8 +5,8 @@ use super::graph::Graph;
 use super::options::Cut;
 use super::regions::KEPT;
 use super::{NormalizedAdjacency, SegmentOptions};
-use crate::error::{Error, Result};
-use crate::krylov::{BlockLanczos, Completeness, Confirm, Factorization, Which, largest_beside};
+use crate::error::Result;
+use crate::krylov::{BlockLanczos, Completeness, Confirm, Factorization, Which, confirming, largest_beside};
 use crate::operator::Operator;
 
 /// What is known of regions that a capture may have missed.
@@ -28,19 +28,17 @@ pub(super) fn unseen(
     lanczos: &BlockLanczos,
     options: &SegmentOptions,
 ) -> Result<Unseen> {
-    let is_free = global.confirming(true);
-    let how = if is_free { Some(options.confirm.unwrap_or_default()) } else { options.confirm };
-    let found = match how {
-        Some(how) if options.cut == Cut::Normalized => beside(global, graph, lanczos, (options.seed, how)),
-        _ => Ok(Unseen::default()),
-    };
-    global.confirming(false);
-    match found {
-        // The photos of a run answer what was asked of it, and confirm nothing else.
-        Err(Error::NotTaken { .. }) if is_free => Ok(Unseen::default()),
-        Ok(found) if is_free => Ok(Unseen { photos: 0, ..found }),
-        found => found,
-    }
+    let (is_free, found) = confirming(global, |global, is_free| {
+        let how = if is_free { Some(options.confirm.unwrap_or_default()) } else { options.confirm };
+        match how {
+            Some(how) if options.cut == Cut::Normalized => {
+                beside(global, graph, lanczos, (options.seed, how))
+            }
+            _ => Ok(Unseen::default()),
+        }
+    })?;
+    let found = found.unwrap_or_default();
+    Ok(if is_free { Unseen { photos: 0, ..found } } else { found })
 }
 
 /// Localized eigenvectors that are set aside at most.

@@ -1,13 +1,13 @@
 //! `eigs`: a few eigenpairs within a budget of products.
 
-use super::super::completeness::Confirm;
+use super::super::completeness::{Confirm, confirming};
 use super::super::factor::{Arnoldi, BlockLanczos, Factorization, Lanczos};
 use super::super::powers::{Rescaled, multiply_eigs, scaled};
 use super::confirm::confirm_dyn;
 use super::driver::drive;
 use super::options::{Eigs, EigsMethod, EigsOptions};
 use super::power::power;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::operator::Operator;
 
 /// Eigenpairs `A y = θ y` of an operator (`n × n`) by the method of the options, within a budget of products.
@@ -18,7 +18,7 @@ use crate::operator::Operator;
 /// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of those that were missed.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
+/// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
 /// or `--which` when its value cannot be used; else as [`Lanczos::new`] and
 /// [`Factorization::expand`]. To keep what was taken before an operator
 /// failed, hold the factorization yourself and use [`eigs_from`](super::eigs_from).
@@ -50,15 +50,10 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let broke_down = factorization.expansion().broke_down();
     drop(factorization);
     let left = options.products.saturating_sub(found.stats.products);
-    let is_free = operator.confirming(true);
-    let how = Confirm::of(options.confirm, is_free, broke_down, left);
-    let confirmed = how.map_or(Ok(()), |how| confirm_dyn(operator, &mut found, options, &how));
-    operator.confirming(false);
-    match confirmed {
-        // The photos of a run answer what was asked of it, and confirm nothing else.
-        Err(Error::NotTaken { .. }) if is_free => {}
-        confirmed => confirmed?,
-    }
+    let (is_free, _) = confirming(operator, |operator, is_free| {
+        let how = Confirm::of(options.confirm, is_free, broke_down, left);
+        how.map_or(Ok(()), |how| confirm_dyn(operator, &mut found, options, &how))
+    })?;
     if !is_free {
         found.stats.products += found.confirming;
     }

@@ -6,7 +6,7 @@ mod golub_kahan;
 use std::ops::ControlFlow;
 
 use self::golub_kahan::{GolubKahan, Triplet};
-use super::completeness::{Completeness, Confirm};
+use super::completeness::{Completeness, Confirm, confirming};
 use super::confirmation::Confirmation;
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
@@ -128,14 +128,10 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
     };
     let mut found = answer(&process, &triplets, options, history, status);
     let left = options.products.saturating_sub(found.stats.products);
-    let is_free = operator.confirming(true);
-    let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
-    let confirmed = how.map_or(Ok(()), |how| confirm_singular(operator, &mut found, options, &how));
-    operator.confirming(false);
-    match confirmed {
-        Err(Error::NotTaken { .. }) if is_free => {}
-        confirmed => confirmed?,
-    }
+    let (is_free, _) = confirming(operator, |operator, is_free| {
+        let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
+        how.map_or(Ok(()), |how| confirm_singular(operator, &mut found, options, &how))
+    })?;
     if !is_free {
         found.stats.products += found.confirming;
     }
