@@ -99,7 +99,7 @@ fn slurm_runs_an_array_of_shards_and_processes_that_work_together() {
     processes_work_together(&cluster);
 }
 
-/// `srun` starts two processes of one segmentation.
+/// `srun` starts two processes of one segmentation, with light enough that its own check lets it end with 0.
 fn processes_work_together(cluster: &Cluster) {
     let own = cfg!(feature = "mpi").then(|| env!("CARGO_BIN_EXE_krylux").into());
     let Some(program) = std::env::var_os("KRYLUX_MPI_PROGRAM").or(own) else {
@@ -115,7 +115,7 @@ fn processes_work_together(cluster: &Cluster) {
     let segment = |mut command: Command, folder: &str| {
         let scene = scene();
         command.args(["segment", &scene, "--no-cache", "--groups", "2", "--photos", "8", "-o", folder]);
-        command.args(OPTIONS);
+        command.args(["--size", "24x20", "--spp", "256"]);
         succeeded(&cluster.run(command), cluster);
         ["labels-2.npy", "eigenvectors.npy"].map(|name| {
             std::fs::read(cluster.work().join(folder).join(name)).expect("a segmentation leaves it")
