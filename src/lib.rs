@@ -94,11 +94,11 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, machine, error
+//! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
 //! paper     → lab, report, analysis, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
 //! paint     → lab, report, analysis, transport, krylov, io, sparse, operator, image, error
 //! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
-//! report    → analysis, measure, rig, krylov, io, finding, image, error
+//! report    → analysis, measure, rig, krylov, io, finding, image, file, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
 //! cache     → transport, render, scene, gpu, io, image, file, error
 //! measure   → rig, transport, render, io, operator, journal, finding, image, file, error

@@ -156,7 +156,7 @@ fn write_layer(
 
 /// The description of the matrix in a file; `None` if the file cannot be read.
 pub(super) fn label(path: &Path) -> Option<String> {
-    let mut archive = ZipArchive::new(BufReader::new(File::open(path).ok()?)).ok()?;
+    let mut archive = ZipArchive::new(BufReader::new(crate::file::open(path).ok()?)).ok()?;
     Some(read_record(&mut archive).ok()?.label)
 }
 

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::Cache;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::AdapterSummary;
 use crate::{file, io};
 
@@ -33,9 +33,9 @@ impl Cache {
     /// Keeps the kernels that were compiled for this adapter, in place of those before.
     ///
     /// # Errors
-    /// [`Error::Write`].
+    /// [`Error::Write`](crate::Error::Write).
     pub fn store_kernels(&self, adapter: &AdapterSummary, kernels: &[u8]) -> Result<()> {
-        fs::create_dir_all(&self.folder).map_err(Error::writing(&self.folder))?;
+        file::make_folder(&self.folder)?;
         let checksum = blake3::hash(kernels);
         io::atomic::write_bytes(&self.kernel_file(adapter), &[kernels, checksum.as_bytes()].concat())
     }

@@ -19,7 +19,7 @@ mod shard;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, ErrorKind};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -74,9 +74,11 @@ pub fn default_folder() -> Option<PathBuf> {
 }
 
 impl Cache {
-    /// A cache in `folder` of at most `limit` bytes. The folder is created when the first matrix is stored.
+    /// A cache in `folder` of at most `limit` bytes. The folder is created when the first matrix is stored. Links in it are not followed.
     pub fn new(folder: impl Into<PathBuf>, limit: u64) -> Self {
-        Self { folder: folder.into(), limit }
+        let folder = folder.into();
+        crate::file::follow_no_links_below(&folder);
+        Self { folder, limit }
     }
 
     /// The folder of the cache.
@@ -88,10 +90,10 @@ impl Cache {
     pub fn load(&self, key: &Key) -> Found {
         let files = self.files(key);
         // An open file stays readable even if another run removes it from the cache.
-        let open = |path: &PathBuf| Ok((path.clone(), fs::File::open(path)?));
-        let opened = match files.iter().map(open).collect::<io::Result<Vec<_>>>() {
+        let open = |path: &PathBuf| Ok((path.clone(), crate::file::open(path)?));
+        let opened = match files.iter().map(open).collect::<Result<Vec<_>>>() {
             Ok(opened) => opened,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Found::Missing,
+            Err(Error::Read { reason, .. }) if reason.kind() == ErrorKind::NotFound => return Found::Missing,
             Err(error) => return Found::Damaged(error.to_string()),
         };
         match file::read(key, opened) {
@@ -99,7 +101,7 @@ impl Cache {
                 // An error is ignored: the cache also works if it is read-only, but then times of use are not
                 // recorded.
                 let touch = |path: &PathBuf| {
-                    fs::File::options().append(true).open(path)?.set_modified(SystemTime::now())
+                    crate::file::open_to_change(path).map(|file| file.set_modified(SystemTime::now()))
                 };
                 files.iter().for_each(|path| drop(touch(path)));
                 Found::Whole(Box::new(found))
@@ -118,7 +120,7 @@ impl Cache {
         if traced.matrix.bytes() as u64 > self.limit {
             return Ok(false);
         }
-        fs::create_dir_all(&self.folder).map_err(Error::writing(&self.folder))?;
+        crate::file::make_folder(&self.folder)?;
         file::write(key, &self.files(key), traced)?;
         let mut entries = self.entries()?;
         entries.sort_by_key(|entry| (entry.key == key.hex(), entry.used));
@@ -147,7 +149,7 @@ impl Cache {
         for path in self.listing()? {
             let Some(key) = key_of(&path) else { continue };
             // Another run may have removed it meanwhile.
-            let Ok(about) = fs::metadata(&path) else { continue };
+            let Ok(about) = fs::symlink_metadata(&path) else { continue };
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let entry = entries.entry(key.clone()).or_insert(Entry {
                 key,
@@ -217,7 +219,7 @@ fn is_unfinished(path: &Path) -> bool {
 
 /// Whether a file was last written more than an hour ago, so that no run can still be writing it.
 fn is_old(path: &Path) -> bool {
-    let written = fs::metadata(path).and_then(|about| about.modified());
+    let written = fs::symlink_metadata(path).and_then(|about| about.modified());
     written.is_ok_and(|when| when.elapsed().is_ok_and(|age| age > Duration::from_secs(3600)))
 }
 

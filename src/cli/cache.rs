@@ -10,6 +10,7 @@ use super::console::Console;
 use super::operator::CacheArgs;
 use crate::cache::Cache;
 use crate::error::{Error, Result};
+use crate::io::name::Name;
 use crate::lab::text;
 
 /// Show or empty the cache of traced matrices
@@ -77,7 +78,7 @@ fn list(cache: &Cache, console: &Console) -> Result<Outcome> {
     });
     console.summary(&json!({
         "verb": "cache list",
-        "folder": cache.folder(),
+        "folder": Name::from(cache.folder()),
         "bytes": bytes,
         "matrices": listed.collect::<Vec<_>>(),
     }))?;
@@ -93,7 +94,7 @@ fn clear(cache: &Cache, console: &Console) -> Result<Outcome> {
     ))?;
     console.summary(&json!({
         "verb": "cache clear",
-        "folder": cache.folder(),
+        "folder": Name::from(cache.folder()),
         "removed": count,
         "bytes": bytes,
     }))?;

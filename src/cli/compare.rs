@@ -10,6 +10,7 @@ use super::options::number;
 use crate::analysis::similarity::{Similarity, data_range, similarity};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
+use crate::io::name::Name;
 use crate::io::{npy, picture};
 use crate::lab::text::percent;
 use crate::report::colormap::{paint_signed, robust_range};
@@ -66,7 +67,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "psnr": Some(found.psnr).filter(|psnr| psnr.is_finite()),
         "ssim": found.ssim,
         "range": found.range,
-        "files": args.files,
+        "files": args.files.iter().map(Name::from).collect::<Vec<_>>(),
         "alike": misses.is_empty(),
     }))?;
     Ok(if misses.is_empty() { Outcome::Done } else { Outcome::NotGoodEnough })

@@ -10,6 +10,7 @@ use super::console::Console;
 use super::{Cli, Outcome};
 use crate::error::Result;
 use crate::io::atomic;
+use crate::io::name::Name;
 
 /// Print the script by which a shell completes verbs and options
 #[derive(clap::Args)]
@@ -42,7 +43,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.summary(&json!({
         "verb": "completions",
         "shell": args.shell.to_string(),
-        "file": args.file,
+        "file": args.file.as_ref().map(Name::from),
         "script": args.file.is_none().then_some(script),
     }))?;
     Ok(Outcome::Done)

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::console::Console;
 use crate::error::Result;
+use crate::io::name::Name;
 use crate::lab::text::percent;
 use crate::paint::Canvas;
 use crate::paint::page::{EmbedOptions, Embedded, Kept, Precision};
@@ -41,7 +42,7 @@ pub(super) fn write_with(
         ));
     }
     Ok(json!({
-        "file": file,
+        "file": Name::from(file),
         "bytes": page.bytes(),
         "relative_error": page.error,
         "kept_entries": page.kept,

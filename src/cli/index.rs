@@ -8,6 +8,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opener;
 use crate::error::{Error, Result};
+use crate::io::name::Name;
 use crate::report::index::{self, FoundRun};
 
 /// Write a page over the runs in a folder: a picture, the verb, the source, photos, time and status of each, and a link to its report
@@ -27,7 +28,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let page = args.folder.join(index::NAME);
-    if let Ok(old) = std::fs::read(&page)
+    if let Ok(old) = crate::file::read(&page)
         && !args.overwrite
         && !index::is_own(&old)
     {
@@ -50,7 +51,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.say(format_args!("page      {}", page.display()))?;
     console.summary(&json!({
         "verb": "index",
-        "page": page,
+        "page": Name::from(&page),
         "runs": runs.iter().map(summary).collect::<Vec<_>>(),
     }))?;
     if args.open {
@@ -62,13 +63,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn summary(run: &FoundRun) -> serde_json::Value {
     match &run.record {
         Ok(record) => json!({
-            "folder": run.folder,
+            "folder": Name::from(&run.folder),
             "verb": index::verb(record),
             "source": record.scene.as_ref().map(|scene| &scene.path),
             "photos": record.photos,
             "status": record.status,
             "started": record.started,
         }),
-        Err(fault) => json!({ "folder": run.folder, "error": fault }),
+        Err(fault) => json!({ "folder": Name::from(&run.folder), "error": fault }),
     }
 }

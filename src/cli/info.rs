@@ -12,6 +12,7 @@ use super::{Outcome, drawing, rig_info};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::io::atomic;
+use crate::io::name::Name;
 use crate::io::raster::Raster;
 use crate::io::srgb::encode_srgb;
 use crate::lab::{self, SourceKind};
@@ -188,7 +189,7 @@ fn describe(scene: &Scene) -> serde_json::Value {
         false => json!([bounds(scene).0.to_array(), bounds(scene).1.to_array()]),
     };
     json!({
-        "path": scene.path,
+        "path": Name::from(&scene.path),
         "triangles": scene.triangles.len(),
         "materials": scene.materials.iter().map(|material| &material.name).collect::<Vec<_>>(),
         "textures": scene.textures.len(),

@@ -11,6 +11,7 @@ use super::options::{SourceArgs, named_or_free};
 use super::trace::{SizeArgs, TraceArgs};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::io::name::Name;
 use crate::io::{npy, picture};
 use crate::report::palette;
 
@@ -49,7 +50,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     console.summary(&json!({
         "verb": "labels",
-        "files": files,
+        "files": files.iter().map(Name::from).collect::<Vec<_>>(),
         "resolution": resolution,
         "regions": regions,
         "pixels": (0..regions.len()).map(|index| counts(index as u8)).collect::<Vec<_>>(),

@@ -9,6 +9,7 @@ use serde_json::json;
 use super::console::Console;
 use super::{Cli, Outcome};
 use crate::error::{Error, Result};
+use crate::io::name::Name;
 
 /// Print the manual page of krylux, or write those of all verbs into a folder
 #[derive(clap::Args)]
@@ -35,7 +36,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             Vec::new()
         }
     };
-    console.summary(&json!({ "verb": "man", "folder": args.folder, "pages": pages }))?;
+    console
+        .summary(&json!({ "verb": "man", "folder": args.folder.as_ref().map(Name::from), "pages": pages }))?;
     Ok(Outcome::Done)
 }
 

@@ -13,6 +13,7 @@ use super::trace::TraceArgs;
 use super::{embedded_page, opener, options::KeepArgs};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
+use crate::io::name::Name;
 use crate::lab::{
     Answer, ChannelChoice, Lab, LabBuilder, RunOptions, Saved, Settings, SharedObserver, SourceKind,
 };
@@ -184,8 +185,8 @@ pub(super) fn finish(
     console.say(format_args!("report    {}", saved.report.display()))?;
     let mut summary = json!({
         "verb": answer.verb(),
-        "folder": saved.folder,
-        "report": saved.report,
+        "folder": Name::from(&saved.folder),
+        "report": Name::from(&saved.report),
         "noise": noise,
         "rig": rig,
         "verification": verification,

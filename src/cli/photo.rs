@@ -15,6 +15,7 @@ use super::trace::TraceArgs;
 use crate::error::{Error, Result};
 use crate::finding::Grade;
 use crate::image::Image;
+use crate::io::name::Name;
 use crate::io::picture;
 use crate::lab::{ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind, text::percent};
 
@@ -112,8 +113,8 @@ fn write(
     }
     let mut summary = json!({
         "verb": "photo",
-        "files": files,
-        "error_file": args.error,
+        "files": files.iter().map(Name::from).collect::<Vec<_>>(),
+        "error_file": args.error.as_ref().map(Name::from),
         "resolution": photo.resolution(),
         "noise": taken.noise,
         "radiance": { "mean": mean, "min": low, "max": high },

@@ -10,6 +10,7 @@ use super::trace::TraceArgs;
 use super::{Outcome, compensate, eigs, plan_ranks, segment};
 use crate::analysis::plan::Cost;
 use crate::error::{Error, Result};
+use crate::io::name::Name;
 use crate::lab::{ChannelChoice, Lab, Plan, PlanRequest, RigSource, SourceKind};
 use crate::transport::Channels;
 
@@ -93,7 +94,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.summary(&json!({
         "verb": "plan",
         "question": request.verb(),
-        "rig": path,
+        "rig": Name::from(path),
         "photos": of_costs(|cost| cost.photos as f64),
         "patterns": of_costs(|cost| cost.patterns as f64),
         "frames": of_costs(|cost| cost.frames as f64),

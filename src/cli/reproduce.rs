@@ -11,6 +11,7 @@ use super::console::Console;
 use super::opener;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
+use crate::io::name::Name;
 use crate::lab::{RunFolder, SharedObserver};
 use crate::paper::{self, BenchOptions, Figure, Gallery, Reproduced, Rig};
 
@@ -131,8 +132,8 @@ fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(
     let all_met = made.iter().all(Reproduced::is_met);
     console.summary(&json!({
         "verb": "reproduce",
-        "folder": folder.path,
-        "report": report,
+        "folder": Name::from(&folder.path),
+        "report": Name::from(&report),
         "quick": args.quick,
         "met": all_met,
         "figures": gallery.summary(),

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::console::Console;
 use crate::error::Result;
+use crate::io::name::Name;
 use crate::measure::{RigFile, RigKind};
 use crate::report::stages;
 use crate::rig::{VirtualRig, VirtualScene};
@@ -52,7 +53,7 @@ pub(super) fn describe(file: &RigFile) -> Value {
         _ => None,
     };
     json!({
-        "path": file.path,
+        "path": Name::from(&file.path),
         "hash": blake3::Hash::from_bytes(file.hash).to_string(),
         "kind": kind(&file.kind),
         "scene": scene,
@@ -70,7 +71,7 @@ pub(super) fn describe(file: &RigFile) -> Value {
             "bits": camera.bits,
             "exposures": camera.exposures,
         },
-        "calibration": file.calibration,
+        "calibration": file.calibration.as_ref().map(Name::from),
         "measurement": file.measurement,
     })
 }

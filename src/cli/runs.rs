@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Outcome;
 use super::console::Console;
 use crate::error::Result;
+use crate::io::name::Name;
 use crate::lab::{KeptPhotos, KeptRun, text};
 
 /// Show what runs take on the disk, or remove photos that can be computed again
@@ -72,7 +73,7 @@ fn list(args: &ListArgs, console: &Console) -> Result<Outcome> {
     ))?;
     console.summary(&json!({
         "verb": "runs list",
-        "folder": args.folder,
+        "folder": Name::from(&args.folder),
         "bytes": all,
         "journal_bytes": journals,
         "runs": runs.iter().map(described).collect::<Vec<_>>(),
@@ -100,7 +101,7 @@ fn prune(args: &PruneArgs, console: &Console) -> Result<Outcome> {
     })?;
     console.summary(&json!({
         "verb": "runs prune",
-        "folder": args.folder,
+        "folder": Name::from(&args.folder),
         "deleted": args.delete,
         "bytes": bytes,
         "pruned": pruned.iter().map(described).collect::<Vec<_>>(),
@@ -125,7 +126,7 @@ fn in_words(photos: &KeptPhotos) -> String {
 
 fn described(run: &KeptRun) -> Value {
     json!({
-        "path": run.path,
+        "path": Name::from(&run.path),
         "status": run.status,
         "bytes": run.bytes,
         "journal_bytes": run.journal_bytes,

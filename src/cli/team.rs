@@ -24,7 +24,7 @@ const HELPERS: [&str; 2] = ["projector", "describe-camera"];
 /// # Errors
 /// [`crate::Error::Team`] where the processes cannot work together.
 pub(super) fn join() -> Result<Role> {
-    if std::env::args().nth(1).is_some_and(|verb| HELPERS.contains(&verb.as_str())) {
+    if std::env::args_os().nth(1).is_some_and(|verb| HELPERS.iter().any(|helper| verb == *helper)) {
         return Ok(Role::Leader(None));
     }
     joined()

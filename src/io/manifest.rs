@@ -1,12 +1,14 @@
 //! The manifest `run.json`: the record of how a run's results were computed. It is written when the run
 //! starts and again when it ends.
 
+use std::ffi::OsStr;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::name::Name;
 use super::{atomic, clock};
 use crate::error::{Error, Result};
 use crate::file;
@@ -27,7 +29,7 @@ pub struct Manifest<R> {
     /// The program's version.
     pub version: String,
     /// The words of the command line.
-    pub command: Vec<String>,
+    pub command: Vec<Name>,
     /// The state of the run.
     pub status: Status,
     /// The status as a sentence, such as `reached rtol` or the text of an error.
@@ -80,6 +82,9 @@ pub struct Manifest<R> {
     pub timings: Vec<Timing>,
     /// The files written, relative to the run's folder.
     pub outputs: Vec<String>,
+    /// The folders in the run's own that hold the runs which this one replaces, until it is whole.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub replaces: Vec<String>,
 }
 
 /// The state of a run. A manifest of a run that was killed says `running`.
@@ -262,7 +267,7 @@ pub struct Adapter {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scene {
     /// The path as given on the command line.
-    pub path: String,
+    pub path: Name,
     /// The hash of the file and of all files that it refers to, in hexadecimal.
     pub hash: String,
 }
@@ -278,11 +283,11 @@ pub struct Timing {
 
 impl<R: Serialize + DeserializeOwned> Manifest<R> {
     /// The manifest of a run that starts now, with the words of its command line.
-    pub fn new(command: impl IntoIterator<Item = impl Into<String>>) -> Self {
+    pub fn new(command: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Self {
         Self {
             krylux_format: FORMAT,
             version: env!("CARGO_PKG_VERSION").into(),
-            command: command.into_iter().map(Into::into).collect(),
+            command: command.into_iter().map(|word| Name::from(word.as_ref())).collect(),
             status: Status::Running,
             message: "running".into(),
             started: clock::rfc3339(SystemTime::now()),
@@ -302,7 +307,13 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
             photos: 0,
             timings: Vec::new(),
             outputs: Vec::new(),
+            replaces: Vec::new(),
         }
+    }
+
+    /// The command line in one line. What is no Unicode is replaced.
+    pub fn command_line(&self) -> String {
+        self.command.iter().map(Name::to_string).collect::<Vec<_>>().join(" ")
     }
 
     /// Appends the duration of a stage.
@@ -316,7 +327,8 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         self.message = message.into();
     }
 
-    /// Writes the manifest atomically: a reader finds either the old or the new one.
+    /// Writes the manifest atomically: a reader finds either the old or the new one. From then on no link in its folder is followed, as after
+    /// [`Manifest::read`].
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -324,6 +336,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         let mut text =
             serde_json::to_string_pretty(self).map_err(|error| Error::writing(path)(error.into()))?;
         text.push('\n');
+        path.parent().into_iter().for_each(file::follow_no_links_below);
         atomic::write_bytes(path, text.as_bytes())
     }
 
@@ -332,6 +345,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
     /// # Errors
     /// [`Error::Read`]; [`Error::Data`] when the file is not a manifest or has another format version.
     pub fn read(path: &Path) -> Result<Self> {
+        path.parent().into_iter().for_each(file::follow_no_links_below);
         let bytes = file::read(path)?;
         let unusable = |fault: String| Error::Data {
             path: path.to_path_buf(),

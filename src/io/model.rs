@@ -30,7 +30,8 @@ use crate::sparse::Csr;
 
 /// The version of the format.
 const FORMAT: u32 = 2;
-const FOLDER: &str = "model";
+/// The folder of a model in the folder of its run.
+pub const FOLDER: &str = "model";
 const RECORD: &str = "model.json";
 
 /// The arrays of a model, and what is needed to interpret them.
@@ -135,7 +136,8 @@ impl ModelArrays {
     /// [`Error::Write`].
     pub fn write(&self, run: &Path) -> Result<Vec<String>> {
         let folder = folder(run);
-        std::fs::create_dir_all(&folder).map_err(Error::writing(&folder))?;
+        file::follow_no_links_below(run);
+        file::make_folder(&folder)?;
         let mut names = Vec::new();
         let mut path = |name: String| -> PathBuf {
             names.push(format!("{FOLDER}/{name}"));
@@ -196,6 +198,7 @@ impl ModelArrays {
     /// [`Error::Read`]; [`Error::Data`] naming the file when its digest is another one than when it was written, when it is
     /// malformed, when its size differs from the record's, or when it has a value that is not finite.
     pub fn read(run: &Path) -> Result<Self> {
+        file::follow_no_links_below(run);
         let folder = folder(run);
         let path = folder.join(RECORD);
         let record = read_record(&path)?;

@@ -1,6 +1,6 @@
 //! The lock that admits one writer at a time.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, TryLockError};
 use std::io::{Read, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -18,8 +18,7 @@ pub(super) fn take(path: &Path) -> Result<File> {
         fault: format!("a journal cannot be written here: {source}"),
         help: "name a folder that can be written, on a file system with locks".into(),
     };
-    let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
-    let mut file = opened.map_err(unusable)?;
+    let mut file = crate::file::open_or_make(path).map_err(unusable)?;
     match lock_with_retries(&file) {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {

@@ -1,7 +1,7 @@
 //! Creating, resuming and opening journals.
 
 use std::collections::HashMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,7 @@ use super::file::{Journal, Synced};
 use super::scan::{Damage, scan};
 use super::{Identity, header, lock};
 use crate::error::{Error, Result};
+use crate::file;
 
 /// The name of the file of records in a journal's folder.
 const FILE: &str = "photos.journal";
@@ -18,7 +19,7 @@ const LOCK: &str = "lock";
 impl Journal {
     /// Whether a folder holds a journal.
     pub fn is_in(folder: &Path) -> bool {
-        folder.join(FILE).exists()
+        !matches!(file::kind(&folder.join(FILE)), Ok(None))
     }
 
     /// Creates a journal in this folder. The folder is created if it does not exist.
@@ -28,7 +29,7 @@ impl Journal {
     /// file cannot be written; [`Error::Write`] when the folder cannot be created.
     pub fn create(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
-        if path.exists() {
+        if Self::is_in(folder) {
             return Err(Error::Journal {
                 path,
                 fault: "the journal already has photos of an earlier run".into(),
@@ -47,11 +48,10 @@ impl Journal {
     /// written; [`Error::Read`], [`Error::Write`].
     pub fn resume(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
-        if !path.exists() {
+        if !Self::is_in(folder) {
             return create_file(path, lock, identity);
         }
-        crate::file::require(&path)?;
-        let file = OpenOptions::new().read(true).write(true).open(&path).map_err(Error::writing(&path))?;
+        let file = file::open_to_change(&path)?;
         let journal = open(path, file, Some(lock))?;
         let differences = journal.identity.differences(identity);
         if !differences.is_empty() {
@@ -69,8 +69,9 @@ impl Journal {
     /// # Errors
     /// [`Error::Journal`] when both copies of its header are damaged; [`Error::Read`].
     pub fn read_only(folder: &Path) -> Result<Self> {
+        file::follow_no_links_below(folder);
         let path = folder.join(FILE);
-        let file = crate::file::open(&path)?;
+        let file = file::open(&path)?;
         open(path, file, None)
     }
 
@@ -86,7 +87,8 @@ impl Journal {
 
 /// Creates the folder if necessary and takes its lock. Returns the path of the journal file and the lock.
 fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
-    fs::create_dir_all(folder).map_err(Error::writing(folder))?;
+    file::make_folder(folder)?;
+    file::follow_no_links_below(folder);
     let lock = lock::take(&folder.join(LOCK))?;
     Ok((folder.join(FILE), lock))
 }
@@ -101,23 +103,17 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
         });
     }
     let header = header::encode(identity);
-    let temporary = path.with_extension("new");
     let write = || {
-        // This process holds the lock, so it may overwrite a file that an earlier process left.
-        let mut file =
-            OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&temporary)?;
-        file.write_all(&header)?;
-        file.sync_all()?;
-        fs::rename(&temporary, &path)?;
+        file::atomic::write_bytes(&path, &header)?;
+        let file = file::open_to_change(&path)?;
         // The folder's entry for the file, and its parent's entry for the folder, must survive a crash too.
         let folder = path.parent().unwrap_or(Path::new("."));
-        File::open(folder)?.sync_all()?;
-        if let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) {
-            File::open(parent)?.sync_all()?;
-        }
+        let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let sync = |folder: &Path| File::open(folder).and_then(|folder| folder.sync_all());
+        sync(folder).and_then(|()| parent.map_or(Ok(()), sync)).map_err(Error::writing(&path))?;
         Ok(file)
     };
-    let file = write().map_err(|source: std::io::Error| Error::Journal {
+    let file = write().map_err(|source: Error| Error::Journal {
         path: path.clone(),
         fault: format!("the journal cannot be created: {source}"),
         help: "free disk space, or name a folder that can be written".into(),

@@ -14,7 +14,7 @@ use crate::report::compensation::Compensated;
 use crate::report::eigenpairs::Eigenpairs;
 use crate::report::probing::ProbedLight;
 use crate::report::relighting::Relighting;
-use crate::report::run::Run;
+use crate::report::run::{PAINT, Run};
 use crate::report::segmentation::Scored;
 use crate::report::separation::Separated;
 use crate::report::singular::SingularTriplets;
@@ -68,7 +68,9 @@ impl Lab {
     fn page<'a>(&'a self, what: &str, run: &'a RunFolder, seconds: f64) -> Run<'a> {
         Run {
             title: format!("{} · {what}", self.name()),
-            folder: &run.path,
+            folder: &run.answer,
+            has_paint: run.path.join(PAINT).is_file()
+                || run.manifest.command.iter().any(|word| word.to_str() == Some("--paint")),
             manifest: &run.manifest,
             seconds,
             resolution: self.resolution(),
@@ -268,7 +270,7 @@ impl Answer for Relighting {
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         let mut files = match &self.files {
             Some(files) => files.clone(),
-            None => self.model.write(&run.path)?,
+            None => self.model.write(&run.answer)?,
         };
         let run = lab.page("", run, seconds);
         let title = format!("{} · low-rank light transport", self.model.source);

@@ -2,13 +2,14 @@
 
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::layout::{RECORD, REPORT, journal_folder, photos_in};
+use super::layout::{ANSWER, CALIBRATION, JOURNAL, RECORD, REPORT, journal_folder, photos_in};
 use super::replaced::Replaced;
 use super::{Log, SharedObserver};
 use crate::error::{Error, Result};
+use crate::file::{self, Kind};
 use crate::io::manifest::Status;
 use crate::io::model;
 use crate::journal::Journal;
@@ -32,6 +33,8 @@ pub struct RunFolder {
     pub path: PathBuf,
     /// The record.
     pub manifest: RunManifest,
+    /// Where the files of the answer are written ([`RunFolder::answer`]).
+    pub(crate) answer: PathBuf,
     pub(super) resumes: bool,
     started: Instant,
     start: Start,
@@ -68,11 +71,13 @@ impl RunFolder {
             None if resume => numbered(name, 1),
             None => make_free(name)?,
         };
-        std::fs::create_dir_all(&path).map_err(Error::writing(&path))?;
+        file::make_folder(&path)?;
         let lock = lock(&path)?;
+        file::follow_no_links_below(&path);
         let real = |path: &Path| std::fs::canonicalize(path).ok();
         let is_source = source.is_some_and(|source| real(source) == real(&path));
-        require_no_links(&path)?;
+        require_plain_files(&path)?;
+        let unfinished = Replaced::recover(&path)?;
         let refusal = |fault: &str, help: &str| Error::Option {
             option: "-o".into(),
             fault: format!("{} {fault}", path.display()),
@@ -84,7 +89,7 @@ impl RunFolder {
                 Start::Beside { photos_allowed: record.and_then(|record| record.photos_allowed) }
             }
             true if overwrite => Start::Replaces(Replaced::move_aside(&path)?),
-            true if resume => Start::Fresh,
+            true if resume => unfinished.map_or(Start::Fresh, Start::Replaces),
             true => {
                 let help = "go on with it by --resume, name another folder, or add --overwrite";
                 return Err(refusal("already holds a run", help));
@@ -95,21 +100,75 @@ impl RunFolder {
             }
             false => Start::Fresh,
         };
-        if let Start::Replaces(earlier) = &start
-            && earlier.photos() > 0
-        {
+        let manifest = RunManifest::new(std::env::args_os());
+        let answer = path.join(ANSWER);
+        let mut run =
+            Self { path, manifest, answer, resumes: resume, started: Instant::now(), start, _lock: lock };
+        run.begin(overwrite, observer)?;
+        Ok(run)
+    }
+
+    /// Writes the first record. The run that is replaced is put back where that fails.
+    fn begin(&mut self, overwrite: bool, observer: &SharedObserver) -> Result<()> {
+        let earlier = match &self.start {
+            Start::Beside { .. } => return Ok(()),
+            Start::Fresh => {
+                let record = self.path.join(RECORD);
+                if self.resumes {
+                    self.manifest.outputs =
+                        RunManifest::read(&record).map_or(Vec::new(), |record| record.outputs);
+                }
+                return self.manifest.write(&record);
+            }
+            Start::Replaces(earlier) => earlier,
+        };
+        self.manifest.replaces = earlier.names();
+        self.manifest.write(&self.path.join(RECORD))?;
+        if overwrite {
+            earlier.settle()?;
+        }
+        if earlier.photos() > 0 {
             observer.note(format_args!(
                 "note: --overwrite throws away {} photos of the run in {} when the new run is whole; until then they are in {}",
                 earlier.photos(),
-                path.display(),
+                self.path.display(),
                 earlier.path().display()
             ));
         }
-        let manifest = RunManifest::new(std::env::args());
-        if !matches!(start, Start::Beside { .. }) {
-            manifest.write(&path.join(RECORD))?;
+        Ok(())
+    }
+
+    /// Writes the files of the answer, whose names `write` returns. They appear in the run's folder when all of them are there and its record lists
+    /// them, so that a later run that replaces this one knows them even if this program is killed.
+    ///
+    /// # Errors
+    /// Those of `write`; [`Error::Write`].
+    pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
+        remove(&self.answer)?;
+        file::make_folder(&self.answer)?;
+        let written = write(self)?;
+        let record = self.path.join(RECORD);
+        let is_beside = matches!(self.start, Start::Beside { .. });
+        let mut before = if is_beside { RunManifest::read(&record)? } else { self.manifest.clone() };
+        let stale: Vec<String> =
+            before.outputs.iter().filter(|name| !written.contains(name)).cloned().collect();
+        before.outputs = written.iter().chain(&stale).cloned().collect();
+        before.write(&record)?;
+        for entry in std::fs::read_dir(&self.answer).map_err(Error::reading(&self.answer))?.flatten() {
+            let place = self.path.join(entry.file_name());
+            if place.is_dir() {
+                remove(&place)?;
+            }
+            std::fs::rename(entry.path(), &place).map_err(Error::writing(&place))?;
         }
-        Ok(Self { path, manifest, resumes: resume, started: Instant::now(), start, _lock: lock })
+        if is_beside {
+            self.manifest.outputs = before.outputs;
+        } else {
+            // The same run was asked something else before.
+            stale.iter().filter(|name| is_inside(name)).try_for_each(|name| remove(&self.path.join(name)))?;
+            self.manifest.outputs = written;
+        }
+        remove(&self.answer)
     }
 
     /// Seconds since the run started.
@@ -130,6 +189,9 @@ impl RunFolder {
             Err(error) => (Status::Failed, error.to_string()),
         };
         let is_done = status == Status::Done;
+        if !is_done {
+            remove(&self.answer)?;
+        }
         match &start {
             Start::Beside { .. } if !is_done => return Ok(()),
             Start::Replaces(earlier) if !is_done => {
@@ -145,10 +207,41 @@ impl RunFolder {
         self.manifest.finish(status, message);
         self.manifest.write(&self.path.join(RECORD))?;
         match start {
-            Start::Replaces(earlier) if is_done => earlier.discard(),
+            Start::Replaces(earlier) if is_done => {
+                earlier.discard()?;
+                self.manifest.replaces.clear();
+                self.manifest.write(&self.path.join(RECORD))
+            }
             _ => Ok(()),
         }
     }
+}
+
+/// A run that ends without a word, by a panic, gives its place back if it has no photos.
+impl Drop for RunFolder {
+    fn drop(&mut self) {
+        if let Start::Replaces(earlier) = &self.start
+            && photos_in(&self.path) == 0
+        {
+            // There is nobody to tell. The next run in the folder finds what the record names.
+            let _ = earlier.restore();
+        }
+    }
+}
+
+/// Whether a file that a record lists is in the run's own folder. A stranger's record may list any path.
+fn is_inside(name: &str) -> bool {
+    !name.is_empty() && Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+}
+
+/// Removes a file, a link or a folder with all that is in it, if it is there.
+fn remove(path: &Path) -> Result<()> {
+    let removed = match std::fs::symlink_metadata(path) {
+        Ok(there) if there.is_dir() => std::fs::remove_dir_all(path),
+        Ok(_) => std::fs::remove_file(path),
+        Err(_) => Ok(()),
+    };
+    removed.map_err(Error::writing(path))
 }
 
 /// Makes the first folder of `out/NAME`, `out/NAME-2`, … that is not there. Of several programs each gets its own.
@@ -197,18 +290,28 @@ pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     })
 }
 
-/// Refuses links to files: what a run writes stays in its folder.
-fn require_no_links(path: &Path) -> Result<()> {
-    let entries = std::fs::read_dir(path).map_err(Error::reading(path))?;
-    let link = entries
-        .flatten()
-        .find(|entry| entry.file_type().is_ok_and(|kind| kind.is_symlink()) && !entry.path().is_dir());
-    match link {
-        None => Ok(()),
-        Some(link) => Err(Error::Option {
+/// Refuses links, pipes and devices among the files of a run, before any photo is taken. Other programs' folders may be links.
+fn require_plain_files(folder: &Path) -> Result<()> {
+    for entry in std::fs::read_dir(folder).map_err(Error::reading(folder))?.flatten() {
+        let path = entry.path();
+        let Some(kind) = file::kind(&path)? else { continue };
+        let is_ours = [JOURNAL, CALIBRATION, model::FOLDER].iter().any(|name| entry.file_name() == *name);
+        let what = match kind {
+            Kind::File => continue,
+            Kind::Folder if is_ours => {
+                require_plain_files(&path)?;
+                continue;
+            }
+            Kind::Folder => continue,
+            Kind::Link if path.is_dir() && !is_ours => continue,
+            Kind::Link => "a link",
+            Kind::Other => "a device or a pipe",
+        };
+        return Err(Error::Option {
             option: "-o".into(),
-            fault: format!("{} is a link, and a run writes into its own folder only", link.path().display()),
-            help: "remove the link, or name another folder".into(),
-        }),
+            fault: format!("{} is {what}, and a run has only files of its own", path.display()),
+            help: "remove it, or name another folder".into(),
+        });
     }
+    Ok(())
 }

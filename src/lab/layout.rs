@@ -9,14 +9,21 @@ pub(super) const RECORD: &str = "run.json";
 /// The page of a run.
 pub(super) const REPORT: &str = "report.html";
 
+/// The folder of a run's journal in its own.
+pub(super) const JOURNAL: &str = "journal";
+/// The folder of a rig's calibration in that of the journal.
+pub(super) const CALIBRATION: &str = "calibration";
+/// The folder in which an answer is written, until all of it is there.
+pub(super) const ANSWER: &str = ".answer";
+
 /// The folder of a run's journal.
 pub(super) fn journal_folder(run: &Path) -> PathBuf {
-    run.join("journal")
+    run.join(JOURNAL)
 }
 
 /// The folder in which a run keeps the calibration of its rig.
 pub(super) fn calibration_folder(run: &Path) -> PathBuf {
-    journal_folder(run).join("calibration")
+    journal_folder(run).join(CALIBRATION)
 }
 
 /// Photos in the journal of a run's folder; 0 where there is none that can be read.

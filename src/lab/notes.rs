@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::image::Resolution;
+use crate::io::name;
 use crate::operator::Symmetry;
 use crate::transport::Part;
 
@@ -25,6 +26,7 @@ pub(super) fn product_name(part: Part, channel: usize) -> String {
 pub(super) struct SourceNote {
     pub(super) kind: Kind,
     pub(super) name: String,
+    #[serde(with = "name")]
     pub(super) path: PathBuf,
     pub(super) hash: String,
     /// Pixels of photos and of patterns.

@@ -115,9 +115,8 @@ impl Lab {
         merge(&mut run.manifest.findings, more);
         let seconds = run.seconds();
         let start = Instant::now();
-        let files = answer.write(self, run, seconds)?;
+        run.answer(|run| answer.write(self, run, seconds))?;
         run.manifest.record("files", start.elapsed());
-        run.manifest.outputs = files;
         Ok(Saved {
             report: run.path.join("report.html"),
             folder: run.path.clone(),

@@ -20,6 +20,7 @@ use super::flat_field::FlatField;
 use super::lens_map::LensMap;
 use super::{Calibration, CameraResponse, Registration, Stability};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::image::Resolution;
 use crate::io::{atomic, npy};
 use crate::rig::{CameraInfo, ProjectorInfo};
@@ -82,9 +83,10 @@ impl Calibration {
     /// # Errors
     /// [`Error::Write`] with the name of the file.
     pub fn save(&self, folder: &Path) -> Result<()> {
-        std::fs::create_dir_all(folder).map_err(Error::writing(folder))?;
+        file::make_folder(folder)?;
+        file::follow_no_links_below(folder);
         let record = folder.join(RECORD);
-        if record.exists() {
+        if file::kind(&record)?.is_some() {
             std::fs::remove_file(&record).map_err(Error::writing(&record))?;
         }
         let levels = self.projector.first().map_or(0, Vec::len);
@@ -111,8 +113,9 @@ impl Calibration {
     /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with
     /// that of the record when the checksum is wrong.
     pub fn load(folder: &Path) -> Result<Self> {
+        file::follow_no_links_below(folder);
         let path = folder.join(RECORD);
-        let text = crate::file::read_text(&path)?;
+        let text = file::read_text(&path)?;
         let record: Record =
             toml::from_str(&text).map_err(|error| damaged(&path, error.to_string().trim_end().into()))?;
         if !(1..=FORMAT).contains(&record.format) {

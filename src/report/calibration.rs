@@ -73,7 +73,7 @@ pub fn write_page(
             section("Curves", "", curves.into()),
             section("Pixel map", "", vec![Block::Figures(vec![map])]),
         ],
-        footer: manifest.command.join(" "),
+        footer: manifest.command_line(),
         ..Report::default()
     };
     page.write(&folder.join("report.html"))

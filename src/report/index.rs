@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use super::html::{Block, Outcome, Report, RunCard, Section, Verdict};
 use super::run::outcome as of_findings;
 use crate::error::{Error, Result};
+use crate::file;
 use crate::io::manifest::Status;
+use crate::io::name::Name;
 use crate::measure::RunManifest;
 
 /// The page's file.
@@ -61,11 +63,12 @@ fn look_through(root: &Path, below: &Path, depth: usize, runs: &mut Vec<FoundRun
     Ok(())
 }
 
-/// Writes the page into the folder that was looked through.
+/// Writes the page into the folder that was looked through. A link in place of the page is refused.
 ///
 /// # Errors
 /// [`Error::Write`] naming the file.
 pub fn write(folder: &Path, runs: &[FoundRun]) -> Result<PathBuf> {
+    file::follow_no_links_below(folder);
     let path = folder.join(NAME);
     page(folder, runs).write(&path)?;
     Ok(path)
@@ -138,13 +141,14 @@ fn said(record: &RunManifest) -> String {
 
 /// The verb of a command line: the first word after the program that is no option.
 pub fn verb(record: &RunManifest) -> &str {
-    record.command.iter().skip(1).find(|word| !word.starts_with('-')).map_or("", String::as_str)
+    let words = record.command.iter().skip(1).filter_map(Name::to_str);
+    words.into_iter().find(|word| !word.starts_with('-')).unwrap_or_default()
 }
 
 fn facts(record: &RunManifest) -> Vec<(String, String)> {
     let seconds: f64 = record.timings.iter().map(|timing| timing.seconds).sum();
     let mut facts = vec![("Verb", verb(record).to_owned())];
-    facts.extend(record.scene.as_ref().map(|scene| ("Source", scene.path.clone())));
+    facts.extend(record.scene.as_ref().map(|scene| ("Source", scene.path.to_string())));
     facts.extend(record.resolution.map(|size| ("Pixels", size.to_string())));
     facts.push(("Photos", record.photos.to_string()));
     facts.push(("Time", format!("{seconds:.1} s")));

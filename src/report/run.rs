@@ -19,6 +19,8 @@ pub struct Run<'a> {
     pub title: String,
     /// The folder that the files are written into.
     pub folder: &'a Path,
+    /// Whether a page that holds the matrix stands beside this one, or is written after it: it shows the rows that this one cannot hold.
+    pub has_paint: bool,
     /// The run's record.
     pub manifest: &'a RunManifest,
     /// The run's duration so far.
@@ -32,11 +34,6 @@ pub struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Whether a page that holds the matrix stands beside this one, or is written after it: it shows the rows that this one cannot hold.
-    fn has_paint(&self) -> bool {
-        self.folder.join(PAINT).is_file() || self.manifest.command.iter().any(|word| word == "--paint")
-    }
-
     /// The section with the contact sheet; `order` explains the order of its photos.
     pub(super) fn photos(&self, order: &str) -> Result<Option<Section>> {
         match &self.strip {
@@ -71,8 +68,8 @@ impl Run<'_> {
             verdict: Verdict { outcome: outcome(&all), sentence: sentence_of(sentence, &all) },
             facts: facts(self.manifest, photos, more, self.seconds),
             sections,
-            footer: self.manifest.command.join(" "),
-            paint: if self.has_paint() { PAINT.to_owned() } else { String::new() },
+            footer: self.manifest.command_line(),
+            paint: if self.has_paint { PAINT.to_owned() } else { String::new() },
             ..Report::default()
         }
     }
@@ -182,7 +179,8 @@ impl<'a> Files<'a> {
 }
 
 /// The page that holds the matrix of a run, where there is one.
-const PAINT: &str = "paint.html";
+/// The page that holds the matrix, to paint with.
+pub const PAINT: &str = "paint.html";
 
 /// The shape of an array: `10 × 128 × 128`.
 fn sizes(shape: &[usize]) -> String {
@@ -207,7 +205,7 @@ pub(crate) fn facts(
     seconds: f64,
 ) -> Vec<(String, String)> {
     let mut facts = vec![("Photos", photos.to_string())];
-    facts.extend(manifest.scene.as_ref().map(|scene| ("Scene", scene.path.clone())));
+    facts.extend(manifest.scene.as_ref().map(|scene| ("Scene", scene.path.to_string())));
     facts.extend(manifest.resolution.map(|resolution| ("Pixels", resolution.to_string())));
     facts.extend(manifest.samples_per_pixel.map(|samples| ("Samples per pixel", samples.to_string())));
     facts.extend(manifest.max_bounces.map(|bounces| ("Bounces at most", bounces.to_string())));

@@ -17,6 +17,7 @@ use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::finding::Grade;
 use crate::image::Resolution;
+use crate::io::name::Name;
 use crate::io::{manifest, sparse};
 use crate::lab::{Lab, MatrixRequest, SourceKind, TracedShard, text};
 use crate::sparse::Csr;
@@ -199,7 +200,7 @@ fn write(
     }
     let mut summary = json!({
         "verb": "matrix",
-        "files": files,
+        "files": files.iter().map(Name::from).collect::<Vec<_>>(),
         "resolution": resolution,
         "projector_resolution": projector,
         "rows": resolution.pixels(),

@@ -12,6 +12,7 @@ use super::bench::{Bench, RigArgs};
 use crate::analysis::align::{AlignOptions, Alignment, Round, align};
 use crate::error::{Error, Result};
 use crate::io::atomic;
+use crate::io::name::Name;
 use crate::io::png::Raster;
 use crate::measure::FrameSource;
 use crate::measure::calibrate::{MeasuredValue, StructuredLight};
@@ -82,7 +83,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     console.summary(&json!({
         "verb": "rig align",
-        "file": file,
+        "file": Name::from(&file),
         "rounds": last.rounds,
         "aligned": is_aligned,
         "last": describe(round),

@@ -12,6 +12,7 @@ use super::super::options::SourceArgs;
 use super::super::trace::TraceArgs;
 use super::bench::require_rig;
 use crate::error::Result;
+use crate::io::name::Name;
 use crate::lab::{Calibrated, RigSource, RunOptions};
 use crate::measure::calibrate::{CalibrateOptions, MapBy};
 
@@ -78,7 +79,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.say(format_args!("wrote     {}", folder.display()))?;
     let is_named = name_it(args, &rig, &folder, console)?;
     console
-        .summary(&json!({ "verb": "rig calibrate", "folder": folder, "used": is_named, "effort": effort, "report": report }))?;
+        .summary(&json!({ "verb": "rig calibrate", "folder": Name::from(&folder), "used": is_named, "effort": effort, "report": report }))?;
     Ok(Outcome::Done)
 }
 

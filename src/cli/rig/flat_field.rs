@@ -9,6 +9,7 @@ use super::super::options::SourceArgs;
 use super::super::trace::TraceArgs;
 use super::bench::require_rig;
 use crate::error::{Error, Result};
+use crate::io::name::Name;
 
 /// Measure how uneven projector and camera are, by one photo of a matte sheet; added to the rig's calibration
 ///
@@ -41,7 +42,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.say(format_args!("wrote     {}", folder.display()))?;
     console.summary(&json!({
         "verb": "rig flat-field",
-        "folder": folder,
+        "folder": Name::from(&folder),
         "projector": projector,
         "camera": camera,
     }))?;

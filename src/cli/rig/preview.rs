@@ -15,6 +15,7 @@ use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::error::{Error, Result};
 use crate::io::atomic;
+use crate::io::name::Name;
 use crate::measure::FrameSource;
 use crate::measure::preview::{self, CountRange, FrameFigures, Preview};
 use crate::report::preview::overlay;
@@ -70,7 +71,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let Some(figures) = last else { return Err(Error::Interrupted) };
     console.say(format_args!("wrote     {}", file.display()))?;
-    console.summary(&json!({ "verb": "rig preview", "file": file, "figures": figures }))?;
+    console.summary(&json!({ "verb": "rig preview", "file": Name::from(&file), "figures": figures }))?;
     Ok(Outcome::Done)
 }
 

@@ -33,9 +33,8 @@ impl ModelSource {
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let path = model::record_path(&self.folder);
         // The record was read when the source was opened.
-        let hash = std::fs::read(&path).map(|bytes| blake3::hash(&bytes).to_hex().to_string());
-        manifest.scene =
-            Some(manifest::Scene { path: path.display().to_string(), hash: hash.unwrap_or_default() });
+        let hash = crate::file::read(&path).map(|bytes| blake3::hash(&bytes).to_hex().to_string());
+        manifest.scene = Some(manifest::Scene { path: (&path).into(), hash: hash.unwrap_or_default() });
         manifest.resolution = Some(self.model.resolution);
     }
 }

@@ -184,7 +184,7 @@ impl SceneSource {
             backend: "vulkan".into(),
         });
         manifest.scene = Some(manifest::Scene {
-            path: scene.path.display().to_string(),
+            path: (&scene.path).into(),
             hash: blake3::Hash::from_bytes(scene.hash).to_string(),
         });
         manifest.samples_per_pixel = Some(settings.samples);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::lab::{Lab, Log, RigSource, RunFolder, RunOptions, journal};
 use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
 use crate::measure::{Calibration, Effort, FrameSource, JournaledFrames};
@@ -52,13 +52,18 @@ impl RigSource {
         let warn = journal::warning(&journal, observer);
         let mut frames = JournaledFrames::new(journal, self.opener())?.reporting(warn);
         let (found, report) = self.calibrate_by(&mut frames, options)?;
-        found.save(&run.path)?;
-        calibration::write(&run.path, &found, &report)?;
         let effort = frames.effort();
         run.manifest.photos = effort.frames();
         let (title, lines) = (format!("{} · calibration", self.name()), report.lines());
         let seconds = run.seconds();
-        calibration::write_page(&run.path, (title, &lines), (&found, &report), &run.manifest, seconds)?;
+        run.answer(|run| {
+            found.save(&run.answer)?;
+            calibration::write(&run.answer, &found, &report)?;
+            let page = (&found, &report);
+            calibration::write_page(&run.answer, (title, &lines), page, &run.manifest, seconds)?;
+            let written = std::fs::read_dir(&run.answer).map_err(Error::reading(&run.answer))?;
+            Ok(written.flatten().map(|file| file.file_name().to_string_lossy().into_owned()).collect())
+        })?;
         Ok(Calibrated { calibration: found, report, effort, folder: run.path.clone() })
     }
 

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 use crate::io::atomic;
+use crate::io::name::Name;
 use crate::lab::RunFolder;
 use crate::measure::RunManifest;
 use crate::paper::{Figure, Reproduced};
@@ -51,7 +52,7 @@ impl Gallery<'_> {
             facts: run::facts(manifest, photos, [], seconds),
             sections,
             files: files.links(),
-            footer: manifest.command.join(" "),
+            footer: manifest.command_line(),
             ..Report::default()
         };
         report.write(&files.path("report.html"))?;
@@ -69,9 +70,8 @@ impl Gallery<'_> {
         }
         run.manifest.photos = self.made.iter().map(|made| made.photos as u64).sum();
         let start = Instant::now();
-        let files = self.write(&run.path, &run.manifest, run.seconds())?;
+        run.answer(|run| self.write(&run.answer, &run.manifest, run.seconds()))?;
         run.manifest.record("files", start.elapsed());
-        run.manifest.outputs = files;
         Ok(run.path.join("report.html"))
     }
 
@@ -145,8 +145,8 @@ fn frames(taken: u64) -> String {
 }
 
 /// The command, by the name of the program and not by where it lies.
-fn named(command: &[String]) -> String {
-    let mut words = command.to_vec();
+fn named(command: &[Name]) -> String {
+    let mut words: Vec<String> = command.iter().map(Name::to_string).collect();
     if let Some(program) = words.first_mut() {
         *program = Path::new(program)
             .file_name()

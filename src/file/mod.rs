@@ -1,0 +1,116 @@
+//! Files: reading of those that a user or another file names, and writing of our own.
+//!
+//! A device, a pipe or a file of the system's is refused, since reading it might never end. Below the top of a run's folder, or of the cache, no link is
+//! followed ([`follow_no_links_below`]).
+
+#[cfg(any(not(unix), test))]
+mod any_system;
+pub mod atomic;
+mod spot;
+#[cfg(all(test, unix))]
+mod tests;
+#[cfg(unix)]
+mod unix;
+
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::machine;
+use spot::{Access, Spot};
+
+pub(crate) use spot::{Kind, follow_no_links_below};
+
+/// Opens a regular file for reading.
+///
+/// # Errors
+/// [`Error::Read`] naming the file, also when it is none.
+pub(crate) fn open(path: &Path) -> Result<File> {
+    opened(path).map_err(Error::reading(path))
+}
+
+/// Opens a regular file for reading and writing.
+///
+/// # Errors
+/// [`Error::Write`] naming the file, also when it is none.
+pub(crate) fn open_to_change(path: &Path) -> Result<File> {
+    Spot::of(path).and_then(|spot| spot.open(Access::Change)).map_err(Error::writing(path))
+}
+
+/// As [`open_to_change`]; the file is made where there is none.
+pub(crate) fn open_or_make(path: &Path) -> io::Result<File> {
+    Spot::of(path)?.open(Access::Make)
+}
+
+/// What stands at a path, links below a top not followed; `None` where there is nothing.
+///
+/// # Errors
+/// [`Error::Read`] naming the path.
+pub(crate) fn kind(path: &Path) -> Result<Option<Kind>> {
+    let found = match Spot::of(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        spot => spot.and_then(|spot| spot.kind()),
+    };
+    found.map_err(Error::reading(path))
+}
+
+/// Makes a folder and those above it.
+///
+/// # Errors
+/// [`Error::Write`] naming the folder.
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
+    spot::make_folder(path).map_err(Error::writing(path))
+}
+
+/// The bytes of a regular file.
+///
+/// # Errors
+/// As [`open()`].
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = opened_to_hold(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    read.map_err(Error::reading(path)).map(|_| bytes)
+}
+
+/// The text of a regular file in UTF-8.
+///
+/// # Errors
+/// As [`open()`].
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    let mut text = String::new();
+    let read = opened_to_hold(path).and_then(|mut file| file.read_to_string(&mut text));
+    read.map_err(Error::reading(path)).map(|_| text)
+}
+
+/// As [`opened`], for a file that is read as a whole: it must not take more than half of the memory.
+fn opened_to_hold(path: &Path) -> io::Result<File> {
+    let file = opened(path)?;
+    let (bytes, most) = (file.metadata()?.len(), machine::memory() / 2);
+    if bytes > most {
+        let what = format!("its {} MiB are more than half of the memory", bytes >> 20);
+        return Err(io::Error::new(ErrorKind::FileTooLarge, what));
+    }
+    Ok(file)
+}
+
+/// Opens a regular file; the error says what it is instead.
+fn opened(path: &Path) -> io::Result<File> {
+    let file = Spot::of(path)?.open(Access::Read)?;
+    // The system makes the content of these up while it is read.
+    let real = fs::canonicalize(path)?;
+    if ["/proc", "/sys"].iter().any(|folder| real.starts_with(folder)) {
+        let what = "it is not on disk, but made up by the system; give a file on disk";
+        return Err(io::Error::new(ErrorKind::InvalidInput, what));
+    }
+    Ok(file)
+}
+
+/// The refusal of a part of a path that is no folder.
+fn no_folder(name: &Path, kind: Kind) -> io::Error {
+    let what = match kind {
+        Kind::Link => "a link, and no link is followed in the folder of a run or of the cache; remove it",
+        _ => "not a folder",
+    };
+    io::Error::new(ErrorKind::InvalidInput, format!("{} is {what}", name.display()))
+}

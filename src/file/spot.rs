@@ -1,0 +1,165 @@
+//! Where a path leads. Below the top of a folder of ours, a run's or the cache's, no link is followed: an archive of a stranger may hold links to
+//! any file of the user's.
+
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind};
+use std::path::{Component, Path, PathBuf, absolute};
+use std::sync::{Mutex, PoisonError};
+
+#[cfg(not(unix))]
+use super::any_system as system;
+#[cfg(unix)]
+use super::unix as system;
+
+/// The folders below whose top no link is followed, as absolute paths.
+static TOPS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// From now on this process follows no link below `top`, and opens only regular files there. The path `top` itself may be a link.
+pub(crate) fn follow_no_links_below(top: &Path) {
+    let top = if top.as_os_str().is_empty() { Path::new(".") } else { top };
+    if let Ok(top) = absolute(top) {
+        TOPS.lock().unwrap_or_else(PoisonError::into_inner).insert(top);
+    }
+}
+
+/// How a file is opened.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Access {
+    /// Only to be read.
+    Read,
+    /// To be read and written.
+    Change,
+    /// To be read and written; it is made where there is none.
+    Make,
+    /// To be read and written; it must not be there yet.
+    New,
+}
+
+/// What a name stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    File,
+    Folder,
+    Link,
+    /// A pipe, a socket or a device.
+    Other,
+}
+
+impl Kind {
+    pub(super) fn of(kind: fs::FileType) -> Self {
+        match kind {
+            kind if kind.is_symlink() => Self::Link,
+            kind if kind.is_file() => Self::File,
+            kind if kind.is_dir() => Self::Folder,
+            _ => Self::Other,
+        }
+    }
+
+    /// The refusal of everything that is no regular file.
+    pub(super) fn require_file(self) -> io::Result<()> {
+        let what = match self {
+            Self::File => return Ok(()),
+            Self::Folder => "it is a folder; give a file",
+            Self::Other => "it is a device or a pipe; give a file on disk",
+            Self::Link => {
+                "it is a link, and no link is followed in the folder of a run or of the cache; remove it"
+            }
+        };
+        Err(io::Error::new(ErrorKind::InvalidInput, what))
+    }
+}
+
+/// A name in a folder that is open already, or a path that the user named.
+pub(super) struct Spot {
+    folder: system::Folder,
+    /// Relative to the folder.
+    name: PathBuf,
+    /// Whether it lies below a top, so that no link is followed.
+    pub(super) is_ours: bool,
+}
+
+impl Spot {
+    /// Follows a path to its last part. A path that the user named is taken as it is.
+    pub(super) fn of(path: &Path) -> io::Result<Self> {
+        let Some((top, mut parts)) = below_top(path)? else {
+            return Ok(Self { folder: system::Folder::current(), name: path.to_path_buf(), is_ours: false });
+        };
+        let name = parts.pop().unwrap_or_default();
+        let folder = parts.iter().try_fold(system::Folder::open(&top)?, |folder, part| folder.enter(part))?;
+        Ok(Self { folder, name, is_ours: true })
+    }
+
+    /// What is there; `None` where there is nothing. A link that the user named counts as what it leads to.
+    pub(super) fn kind(&self) -> io::Result<Option<Kind>> {
+        match self.folder.kind(&self.name, !self.is_ours) {
+            Ok(kind) => Ok(Some(kind)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Opens a regular file, and nothing else: a pipe would wait for its other end.
+    pub(super) fn open(&self, access: Access) -> io::Result<File> {
+        if access != Access::New {
+            match self.kind()? {
+                None if access == Access::Make => {}
+                None => return Err(ErrorKind::NotFound.into()),
+                Some(kind) => kind.require_file()?,
+            }
+        }
+        let file = self.folder.open_file(&self.name, access, !self.is_ours)?;
+        // It may be another one than a moment ago.
+        Kind::of(file.metadata()?.file_type()).require_file()?;
+        Ok(file)
+    }
+
+    /// Another name in the same folder.
+    pub(super) fn sibling(&self, name: &OsStr) -> PathBuf {
+        self.name.with_file_name(name)
+    }
+
+    /// A new file of another name in the same folder.
+    pub(super) fn create_sibling(&self, name: &Path) -> io::Result<File> {
+        self.folder.open_file(name, Access::New, false)
+    }
+
+    /// Gives the file of another name in the same folder this name, in place of what is there.
+    pub(super) fn take_from(&self, name: &Path) -> io::Result<()> {
+        self.folder.rename(name, &self.name)
+    }
+
+    /// Removes the file of another name in the same folder.
+    pub(super) fn remove_sibling(&self, name: &Path) -> io::Result<()> {
+        self.folder.remove_file(name)
+    }
+}
+
+/// Makes a folder and those above it.
+pub(super) fn make_folder(path: &Path) -> io::Result<()> {
+    let Some((top, parts)) = below_top(path)? else { return fs::create_dir_all(path) };
+    fs::create_dir_all(&top)?;
+    let make = |folder: system::Folder, part: &PathBuf| {
+        match folder.make(part) {
+            Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
+            _ => {}
+        }
+        folder.enter(part)
+    };
+    parts.iter().try_fold(system::Folder::open(&top)?, make).map(drop)
+}
+
+/// The top that a path lies below, and its parts from there on. A path with `..` is the user's.
+fn below_top(path: &Path) -> io::Result<Option<(PathBuf, Vec<PathBuf>)>> {
+    let path = absolute(path)?;
+    let tops = TOPS.lock().unwrap_or_else(PoisonError::into_inner);
+    // The outermost top counts.
+    let Some(top) = path.ancestors().skip(1).filter(|above| tops.contains(*above)).last() else {
+        return Ok(None);
+    };
+    let parts = path.strip_prefix(top).map_or(Vec::new(), |below| below.components().collect());
+    let is_plain = parts.iter().all(|part| matches!(part, Component::Normal(_)));
+    let parts = parts.into_iter().map(|part| PathBuf::from(part.as_os_str())).collect();
+    Ok(is_plain.then(|| (top.to_path_buf(), parts)))
+}

@@ -1,0 +1,165 @@
+//! Trees of links and pipes, made at random: nothing outside the top changes or is read, and nothing waits.
+
+use std::os::unix::fs::symlink;
+use std::path::PathBuf;
+
+use proptest::prelude::*;
+use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+use super::*;
+use crate::Error;
+
+const SECRET: &str = "what the user keeps elsewhere";
+
+/// What a name of the tree is.
+#[derive(Clone, Copy, Debug)]
+enum Thing {
+    File,
+    Folder,
+    Pipe,
+    LinkToFile,
+    LinkToFolder,
+    LinkToNothing,
+}
+
+fn thing() -> impl Strategy<Value = Thing> {
+    use Thing::{File, Folder, LinkToFile, LinkToFolder, LinkToNothing, Pipe};
+    prop::sample::select(vec![File, Folder, Folder, Folder, Pipe, LinkToFile, LinkToFolder, LinkToNothing])
+}
+
+/// The outside, and beside it a run's folder with these things in `a`, `a/a`, `b` and so on.
+struct Tree {
+    folder: tempfile::TempDir,
+}
+
+impl Tree {
+    fn new(things: &[(usize, Thing)]) -> io::Result<Self> {
+        let tree = Self { folder: tempfile::tempdir()? };
+        let outside = tree.at("outside");
+        fs::create_dir_all(outside.join("a/a"))?;
+        for name in ["a/a/a", "a/b", "secret"] {
+            fs::write(outside.join(name), SECRET)?;
+        }
+        fs::create_dir(tree.at("run"))?;
+        for &(place, thing) in things {
+            let path = tree.place(place);
+            if path.ancestors().skip(1).any(Path::is_symlink) {
+                continue;
+            }
+            // Where the part above is no folder, or something is there already, nothing is made.
+            let _ = match thing {
+                Thing::File => fs::OpenOptions::new().write(true).create_new(true).open(&path).map(drop),
+                Thing::Folder => fs::create_dir(&path),
+                Thing::Pipe => {
+                    mknodat(CWD, &path, FileType::Fifo, Mode::from_raw_mode(0o600), 0).map_err(Into::into)
+                }
+                Thing::LinkToFile => symlink(outside.join("secret"), &path),
+                Thing::LinkToFolder => symlink(&outside, &path),
+                Thing::LinkToNothing => symlink(outside.join("new"), &path),
+            };
+        }
+        Ok(tree)
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// One of the 14 places up to three levels deep.
+    fn place(&self, number: usize) -> PathBuf {
+        let names = [
+            "a", "b", "a/a", "a/b", "b/a", "b/b", "a/a/a", "a/a/b", "a/b/a", "a/b/b", "b/a/a", "b/a/b",
+            "b/b/a",
+        ];
+        self.at("run").join(names[number % names.len()])
+    }
+
+    /// Everything outside: names and contents.
+    fn outside(&self) -> Vec<(PathBuf, Option<Vec<u8>>)> {
+        let (mut found, mut folders) = (Vec::new(), vec![self.at("outside")]);
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).expect("it is ours").flatten() {
+                if entry.path().is_dir() {
+                    folders.push(entry.path());
+                }
+                found.push((entry.path(), fs::read(entry.path()).ok()));
+            }
+        }
+        found.sort();
+        found
+    }
+}
+
+proptest! {
+    /// Links above the top are the user's; below it none is followed, and what is no regular file is refused.
+    #[test]
+    fn nothing_outside_a_top_is_read_or_written(
+        things in prop::collection::vec((0..13_usize, thing()), 1..14),
+        tries in prop::collection::vec((0..13_usize, 0..7_u8), 1..12),
+    ) {
+        let tree = Tree::new(&things)?;
+        symlink(tree.at("run"), tree.at("link"))?;
+        follow_no_links_below(&tree.at("run"));
+        follow_no_links_below(&tree.at("link"));
+        let before = tree.outside();
+        for (index, (place, how)) in tries.into_iter().enumerate() {
+            let mut path = tree.place(place);
+            if index % 2 == 1 {
+                path = tree.at("link").join(path.strip_prefix(tree.at("run")).expect("it is below"));
+            }
+            let read = match how {
+                0 => read_text(&path),
+                1 => read(&path).map(|bytes| String::from_utf8_lossy(&bytes).into_owned()),
+                2 => atomic::write_bytes(&path, b"new").map(|()| String::new()),
+                3 => open_to_change(&path).and_then(|file| file.set_len(0).map_err(Error::writing(&path))).map(|()| String::new()),
+                4 => open_or_make(&path).map_err(Error::writing(&path)).map(|_| String::new()),
+                5 => make_folder(&path).map(|()| String::new()),
+                _ => atomic::check_writable(&path).map(|()| String::new()),
+            };
+            prop_assert!(read.is_err() || read.is_ok_and(|text| text != SECRET), "{}", path.display());
+            prop_assert_eq!(&tree.outside(), &before, "{} by {}", path.display(), how);
+        }
+    }
+
+    /// The code for systems without descriptors of folders decides as that for Linux and macOS.
+    #[test]
+    fn all_systems_decide_alike(things in prop::collection::vec((0..13_usize, thing()), 1..14), place in 0..13_usize) {
+        macro_rules! decide {
+            ($system:ident, $tree:expr, $access:expr) => {{
+                let path = $tree.place(place);
+                let parts: Vec<PathBuf> =
+                    path.strip_prefix($tree.at("run")).expect("it is below").iter().map(PathBuf::from).collect();
+                let (name, above) = parts.split_last().expect("it has a name");
+                let folder = above
+                    .iter()
+                    .try_fold($system::Folder::open(&$tree.at("run"))?, |folder, part| folder.enter(part));
+                folder
+                    .and_then(|folder| {
+                        let kind = folder.kind(name, false);
+                        // Spots open no pipe.
+                        let is_open = !matches!(kind, Ok(Kind::Other)) && folder.open_file(name, $access, false).is_ok();
+                        Ok((kind.map_err(|error| error.kind()), is_open))
+                    })
+                    .map_err(|error| error.kind())
+            }};
+        }
+        for access in [Access::Read, Access::Change, Access::Make, Access::New] {
+            let trees = [Tree::new(&things)?, Tree::new(&things)?];
+            let found = [decide!(unix, trees[0], access), decide!(any_system, trees[1], access)];
+            // Only a link in the last place differs: it is opened, and refused by what it is.
+            if !matches!(found[0], Ok((Ok(Kind::Link), _))) {
+                prop_assert_eq!(&found[0], &found[1], "{:?}", trees[0].place(place));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_path_with_dots_is_the_users() {
+    let tree =
+        Tree::new(&[(0, Thing::Folder), (1, Thing::LinkToFile)]).expect("a temporary folder can be made");
+    follow_no_links_below(&tree.at("run"));
+    assert_eq!(read_text(&tree.at("run").join("a/../b")).ok().as_deref(), Some(SECRET));
+    let refused = read_text(&tree.at("run").join("b")).expect_err("it is a link").to_string();
+    assert!(refused.contains("no link is followed") && refused.contains("run/b"), "{refused}");
+}
