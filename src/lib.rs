@@ -105,7 +105,7 @@
 //! rig       → transport, image, error
 //! transport → render, scene, gpu, team, io, sparse, operator, journal, observer, image, error
 //! render    → scene, gpu, team, observer, image, error
-//! scene     → image, file, error
+//! scene     → finding, image, file, error
 //! gpu       → machine, error
 //! team      → error
 //! krylov    → operator, observer, error
@@ -113,7 +113,7 @@
 //! sparse    → operator, error
 //! operator  → observer, error
 //! journal   → file, error
-//! observer  →
+//! observer  → finding
 //! finding   → error
 //! image     → error
 //! file      → machine, error
