@@ -81,6 +81,7 @@ impl Triangulator {
         let mut reflex: Vec<_> = (0..count).filter(|&at| self.area(ear(&around, at)) <= 0.0).collect();
         reflex.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
         let (mut at, mut left, mut since, mut looks) = (0, count, 0, MAX_LOOKS.saturating_mul(count));
+        let mut is_narrow = false;
         while left > MAX_EARCUT && since < 2 * left && looks > 0 {
             let [before, _, after] = ear(&around, at);
             let area = self.area([before, at, after]);
@@ -106,10 +107,11 @@ impl Triangulator {
                 if left.is_power_of_two() {
                     reflex.retain(|&other| is_left[other]);
                 }
-                // Not the next one, so that a convex part is no fan of slivers.
-                at = around[after][1];
+                // Not the next one, so that a convex part is no fan of slivers; but where ears are rare the next one is beside this one.
+                at = if is_narrow { before } else { around[after][1] };
             } else {
                 (since, at) = (since + 1, after);
+                is_narrow |= since > MAX_EARCUT;
             }
         }
         std::iter::successors(Some(at), |&at| Some(around[at][1])).take(left).collect()
