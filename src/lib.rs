@@ -102,10 +102,10 @@
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
 //! cache     → transport, render, scene, gpu, io, image, file, error
 //! measure   → rig, transport, render, io, operator, journal, finding, image, file, error
-//! rig       → transport, image, error
+//! rig       → transport, image, machine, error
 //! transport → render, scene, gpu, team, io, sparse, operator, journal, observer, image, error
 //! render    → scene, gpu, team, observer, image, error
-//! scene     → image, file, error
+//! scene     → finding, image, file, error
 //! gpu       → machine, error
 //! team      → error
 //! krylov    → operator, observer, error
@@ -113,7 +113,7 @@
 //! sparse    → operator, error
 //! operator  → observer, error
 //! journal   → file, error
-//! observer  →
+//! observer  → finding
 //! finding   → error
 //! image     → error
 //! file      → machine, error

@@ -31,11 +31,16 @@ fn address_space_in(limits: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Starts the threads that share computations: one for each core, or the number that the system allows where a limit of processes or of address
-/// space forbids more. Without this, the first computation would end the process where not all of them can be started.
+/// The most threads that share computations, however many are asked for; and for each core.
+const MOST_THREADS: usize = 1024;
+const MOST_OF_CORE: usize = 4;
+
+/// Starts the threads that share computations: one for each core, or as many as `RAYON_NUM_THREADS` says, up to [`MOST_OF_CORE`] for each core; or the
+/// number that the system allows where a limit of processes or of address space forbids more. Without this, the first computation would end the
+/// process where not all of them can be started.
 pub(crate) fn start_threads() {
     let cores = thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let wanted = rayon_threads().unwrap_or(cores);
+    let wanted = wanted(rayon_threads(), cores);
     let started = started(wanted, || thread::Builder::new().spawn(thread::park));
     let builder = match started {
         // Some threads are left for the graphics driver and for watching Ctrl-C.
@@ -45,6 +50,16 @@ pub(crate) fn start_threads() {
     };
     // It fails where a program that uses the library has started its own before, which then serve.
     let _ = builder.build_global();
+}
+
+/// How many threads are to share computations, where the user asked for a number of them.
+fn wanted(asked: Option<usize>, cores: usize) -> usize {
+    asked.unwrap_or(cores).min(MOST_OF_CORE.saturating_mul(cores)).min(MOST_THREADS)
+}
+
+/// Whether one more thread can be started. Libraries that start one without asking would end the process where none can.
+pub(crate) fn has_thread() -> bool {
+    started(1, || thread::Builder::new().spawn(thread::park)) == 1
 }
 
 /// The number of threads that the user asked for.
@@ -82,6 +97,12 @@ mod tests {
         assert_eq!(address_space_in(&table("409600000")), Some(409_600_000));
         assert_eq!(address_space_in(&table("unlimited")), None);
         assert_eq!(address_space_in(""), None);
+    }
+
+    #[test]
+    fn no_number_that_is_asked_for_starts_threads_without_end() {
+        let cases = [(None, 2), (Some(1), 2), (Some(8), 2), (Some(99_999), 2), (Some(99_999), 512)];
+        assert_eq!(cases.map(|(asked, cores)| wanted(asked, cores)), [2, 1, 8, 8, 1024]);
     }
 
     #[test]

@@ -8,6 +8,8 @@ use std::cell::RefCell;
 use std::fmt;
 use std::ops::ControlFlow;
 
+use crate::finding::decimal;
+
 /// An observer of long computations. The default of every method does nothing and lets the computation
 /// continue.
 pub trait Observer {
@@ -84,7 +86,7 @@ impl fmt::Display for Estimate<'_> {
                     count => write!(f, "{count} eigenvalues within {worst:.1e}"),
                 }
             }
-            Self::Solution { best, .. } => write!(f, "relative residual {best:.4}"),
+            Self::Solution { best, .. } => write!(f, "relative residual {}", decimal(*best, 4)),
             Self::Unpredicted(share) => write!(f, "{:.2} % of the last photo was new", 100.0 * share),
         }
     }

@@ -8,6 +8,8 @@ use std::time::Duration;
 use indicatif::style::TemplateError;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
+use crate::machine;
+
 const STEPS: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left";
 const LINE: &str = "{wide_msg}";
 /// One line with what is known of the answer so far. 80 columns hold it with the longest estimate and a thousand photos.
@@ -46,7 +48,10 @@ impl Bar {
             bar.set_style(style);
         }
         bar.set_prefix(what);
-        bar.enable_steady_tick(Duration::from_millis(200));
+        // The clock of a bar needs a thread. Without one the bar moves when something is done.
+        if !is_hidden && machine::has_thread() {
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
         Self { bar, total: Cell::new(0) }
     }
 

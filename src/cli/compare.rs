@@ -9,6 +9,7 @@ use super::console::Console;
 use super::options::number;
 use crate::analysis::similarity::{Similarity, data_range, similarity};
 use crate::error::{Error, Result};
+use crate::finding::decimal;
 use crate::image::{Image, Resolution};
 use crate::io::name::Name;
 use crate::io::{npy, picture};
@@ -128,13 +129,13 @@ fn misses(args: &Args, found: &Similarity) -> Result<Vec<String>> {
         .filter_map(|(name, value, most)| {
             most.filter(|&most| value > most || most.is_nan()).map(|most| (name, value, most))
         })
-        .map(|(name, value, most)| format!("{name}, {value:.5}, is above {most}"));
+        .map(|(name, value, most)| format!("{name}, {}, is above {most}", decimal(value, 5)));
     let below = below
         .into_iter()
         .filter_map(|(name, value, least)| {
             least.filter(|&least| value < least || least.is_nan()).map(|least| (name, value, least))
         })
-        .map(|(name, value, least)| format!("{name}, {value:.5}, is below {least}"));
+        .map(|(name, value, least)| format!("{name}, {}, is below {least}", decimal(value, 5)));
     Ok(above.chain(below).collect())
 }
 
@@ -145,7 +146,11 @@ fn say(found: &Similarity, console: &Console) -> Result<()> {
         percent(found.relative_rmse),
         found.largest
     ))?;
-    console.say(format_args!("psnr      {:.2} dB, for a data range of {:.5}", found.psnr, found.range))?;
+    console.say(format_args!(
+        "psnr      {:.2} dB, for a data range of {}",
+        found.psnr,
+        decimal(found.range, 5)
+    ))?;
     match found.ssim {
         Some(ssim) => console.say(format_args!("ssim      {ssim:.5}")),
         None => console.say("ssim      none: the images are smaller than its window, 11x11 pixels"),

@@ -14,7 +14,7 @@ use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::krylov::{Completeness, Confirm, EigsMethod, EigsOptions, SingularOptions, Start, Which};
-use crate::lab::text::{percent, rounded, with_error};
+use crate::lab::text::{percent, rounded, signed, with_error};
 use crate::lab::{Eigenpairs, Lab};
 use crate::paint::Answer;
 use crate::paint::page::Kept;
@@ -229,7 +229,7 @@ fn say(pairs: &Eigenpairs<'_>, console: &Console) -> Result<()> {
     for (index, status) in pairs.statuses().iter().enumerate() {
         let imaginary = match found.imaginary_values[index] {
             0.0 => String::new(),
-            value => format!(" {value:+.8} i"),
+            value => format!(" {} i", signed(value, 8)),
         };
         let value = match pairs.estimates.get(index) {
             // The estimate above has the error.

@@ -10,6 +10,7 @@ use super::console::Console;
 use super::options::ViewArgs;
 use super::{Outcome, drawing, rig_info};
 use crate::error::{Error, Result};
+use crate::finding::decimal;
 use crate::image::Resolution;
 use crate::io::atomic;
 use crate::io::name::Name;
@@ -117,20 +118,22 @@ fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
 fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
     let (low, high) = bounds(scene);
     let camera = &scene.camera;
+    let length = |metres: f64| decimal(metres, 3);
+    let point = |place: DVec3| format!("[{}]", place.to_array().map(|metres| decimal(metres, 3)).join(", "));
     let field = 2.0 * camera.tan_half_fov.atan().to_degrees();
     console.say(format_args!("scene     {}", scene.path.display()))?;
     console.say(format_args!(
-        "  shape   {} triangles, {:.3} x {:.3} x {:.3} m",
+        "  shape   {} triangles, {} x {} x {} m",
         HumanCount(scene.triangles.len() as u64),
-        (high - low).x,
-        (high - low).y,
-        (high - low).z
+        length((high - low).x),
+        length((high - low).y),
+        length((high - low).z)
     ))?;
     if camera.name == Camera::PLACED {
-        console.say(format_args!("  box     from {low:.3} to {high:.3} m"))?;
+        console.say(format_args!("  box     from {} to {} m", point(low), point(high)))?;
         console.say(format_args!(
-            "  camera  none; --auto-camera places one at {:.3} that looks along {:.3}, and --write-camera FILE writes it",
-            scene.origin + camera.position.as_dvec3(),
+            "  camera  none; --auto-camera places one at {} that looks along {:.3}, and --write-camera FILE writes it",
+            point(scene.origin + camera.position.as_dvec3()),
             camera.forward
         ))?;
     } else {
@@ -139,9 +142,9 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
     }
     if let Some(projector) = &scene.projector {
         console.say(format_args!(
-            "  light   projector `{}`, {:.3} m from the camera",
+            "  light   projector `{}`, {} m from the camera",
             projector.name,
-            projector.position.distance(camera.position)
+            length(projector.position.distance(camera.position).into())
         ))?;
     }
     console.say(format_args!(

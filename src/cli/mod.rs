@@ -287,6 +287,42 @@ mod tests {
     }
 
     #[test]
+    fn no_option_takes_a_time_that_no_clock_counts() {
+        fn times(command: &Command) -> Vec<(String, ValueParser)> {
+            let is_time = |of: &&Arg| {
+                of.get_value_names().is_some_and(|names| ["SECONDS", "MINUTES"].contains(&names[0].as_str()))
+            };
+            let own = command.get_arguments().filter(is_time);
+            let own = own.map(|of| (format!("{} {of}", command.get_name()), of.get_value_parser().clone()));
+            own.chain(command.get_subcommands().flat_map(times)).collect()
+        }
+        let mut command = super::command();
+        command.build();
+        let times = times(&command);
+        assert!(times.len() >= 3, "{times:?}");
+        for (name, parser) in times {
+            let takes = |text: &str| {
+                let alone = Command::new("test").arg(Arg::new("x").long("x").value_parser(parser.clone()));
+                alone.try_get_matches_from(["test", &format!("--x={text}")]).is_ok()
+            };
+            assert!(["0.5", "1e-6", "3600"].into_iter().all(takes), "{name}");
+            for refused in ["-1", "0", "-0.5", "nan", "inf", "-inf", "1e300", "1e-400", "soon"] {
+                assert!(!takes(refused), "{name} takes {refused}");
+            }
+        }
+    }
+
+    #[test]
+    fn devices_name_no_options_of_verbs_for_runs() {
+        // Not every verb that uses devices can go on with a run.
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/rig");
+        for path in sources(&root) {
+            let text = std::fs::read_to_string(&path).unwrap_or_default();
+            assert!(!text.contains("--resume"), "{}", path.display());
+        }
+    }
+
+    #[test]
     fn no_option_takes_a_count_whose_products_overflow() {
         let counts = [TypeId::of::<usize>(), TypeId::of::<u64>()];
         assert_bounded(&counts, ["7", "18446744073709551615"]);

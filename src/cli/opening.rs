@@ -101,7 +101,7 @@ impl From<&RunArgs> for RunOptions {
     }
 }
 
-/// Runs `work` in its own run: the folder is there before the first photo, and its record says how the run ended.
+/// Runs `work` in its own run: the folder is there before the first photo. An error ends the run and stands in its record.
 pub(super) fn in_run<T>(
     lab: &mut Lab,
     run: &RunArgs,
@@ -117,12 +117,11 @@ pub(super) fn in_run<T>(
         });
     }
     lab.begin_run(verb, &run.into())?;
-    ended(lab, work)
-}
-
-/// Runs `work` in the open run, if there is one; an error ends the run and stands in its record.
-fn ended<T>(lab: &mut Lab, work: impl FnOnce(&mut Lab) -> Result<T>) -> Result<T> {
-    let outcome = work(lab);
+    let mut outcome = work(lab);
+    // Devices do not know whether there is a run to go on with. An audit keeps no photos.
+    if let (Err(Error::Rig { help, .. }), true) = (&mut outcome, verb != "audit") {
+        help.push_str("; go on with --resume: the photos taken so far are kept");
+    }
     if let Err(error) = &outcome {
         lab.abort(error);
     }
@@ -137,7 +136,14 @@ pub(super) fn in_journal<T>(
     work: impl FnOnce(&mut Lab) -> Result<T>,
 ) -> Result<T> {
     match keep.run() {
-        None => work(lab),
+        // There is no run to go on with.
+        None => work(lab).map_err(|error| match error {
+            Error::NotTaken { path, fault, .. } => {
+                let help = "give the file of the scene or the rig as SOURCE instead of the run";
+                Error::NotTaken { path, fault, help: help.into() }
+            }
+            other => other,
+        }),
         Some(_) if lab.kind() != SourceKind::Rig => Err(Error::Option {
             option: "--journal".into(),
             fault: "only photos of a rig are kept: those of a scene are computed from it, and those of a run are there"

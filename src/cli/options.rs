@@ -182,6 +182,16 @@ pub(super) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, Str
     number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
 }
 
+/// A time in seconds or minutes: above 0, and short enough that every clock can count it.
+pub(super) fn time(text: &str) -> Result<f64, String> {
+    const LONGEST: f64 = 1e9;
+    let time = number(text)?;
+    let is_one = time > 0.0 && time <= LONGEST;
+    is_one
+        .then_some(time)
+        .ok_or_else(|| format!("`{text}` is not a time: give more than 0, and at most {LONGEST}"))
+}
+
 /// The largest number of photos, pixels or the like that an option takes: so many columns has the matrix of 4096×4096 pixels.
 const MAX_COUNT: u64 = 1 << 24;
 

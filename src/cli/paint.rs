@@ -14,7 +14,7 @@ use super::embedded_page;
 use super::opener;
 use super::opening::{Opening, in_journal};
 use super::operator::Bytes;
-use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, number};
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, time};
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::io::atomic;
@@ -45,7 +45,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     listen: SocketAddr,
     /// End when no page was used for so many minutes
-    #[arg(long, value_name = "MINUTES", value_parser = number::<f64>)]
+    #[arg(long, value_name = "MINUTES", value_parser = time)]
     idle: Option<f64>,
     /// Do not open the browser
     #[arg(long)]
@@ -133,7 +133,7 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
         ));
     }
     let mut session = Session::new(Canvas::new(lab)?)?;
-    let idle = args.idle.map(|minutes| Duration::from_secs_f64(60.0 * minutes.clamp(0.0, 1e6)));
+    let idle = args.idle.map(|minutes| Duration::from_secs_f64(60.0 * minutes));
     let options = ServeOptions { listen: args.listen, idle };
     let mut said = Ok(());
     let ready = |url: &str| said = say_address(url, args, console);

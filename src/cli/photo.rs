@@ -17,7 +17,10 @@ use crate::finding::Grade;
 use crate::image::Image;
 use crate::io::name::Name;
 use crate::io::picture;
-use crate::lab::{ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind, text::percent};
+use crate::lab::{
+    ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind,
+    text::{decimal, percent},
+};
 
 /// Take one photo of a scene under a pattern
 #[derive(clap::Args)]
@@ -106,7 +109,8 @@ fn write(
     }
     let (mean, low, high) = statistics(photo);
     let unit = lab.unit();
-    console.say(format_args!("radiance  mean {mean:.5}, from {low:.5} to {high:.5} {unit}"))?;
+    let [shown_mean, least, greatest] = [mean, low, high].map(|value| decimal(value, 5));
+    console.say(format_args!("radiance  mean {shown_mean}, from {least} to {greatest} {unit}"))?;
     let of = if taken.is_of_white { "the white photo" } else { "the photo" };
     if let Some(noise) = taken.noise {
         console.say(format_args!("noise     {} % of {of}", percent(noise)))?;

@@ -11,6 +11,7 @@ use super::{Outcome, compensate, eigs, plan_ranks, segment};
 use crate::analysis::plan::Cost;
 use crate::error::{Error, Result};
 use crate::io::name::Name;
+use crate::finding::decimal;
 use crate::lab::{ChannelChoice, Lab, Plan, PlanRequest, RigSource, SourceKind};
 use crate::transport::Channels;
 
@@ -124,7 +125,11 @@ fn say(found: &Plan, console: &Console) -> Result<()> {
     if let (Some(best), Some(uncompensated)) =
         (ideal("relative_residual"), ideal("relative_residual_uncompensated"))
     {
-        console.say(format_args!("best      {best:.4} of the target; {uncompensated:.4} uncompensated"))?;
+        console.say(format_args!(
+            "best      {} of the target; {} uncompensated",
+            decimal(best, 4),
+            decimal(uncompensated, 4)
+        ))?;
     }
     console.say("           photos  patterns   frames   seconds on the rig")?;
     for (trial, cost) in found.costs.iter().enumerate() {
@@ -140,8 +145,8 @@ fn say(found: &Plan, console: &Console) -> Result<()> {
     let width = found.figures.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     console.say(format_args!("           {:width$}      mean     least   largest", ""))?;
     for (name, values) in &found.figures {
-        let [mean, least, largest] = [mean(values), least(values), largest(values)];
-        console.say(format_args!("           {name:width$}  {mean:>8.4}  {least:>8.4}  {largest:>8.4}"))?;
+        let [mean, least, largest] = [mean, least, largest].map(|of| decimal(of(values), 4));
+        console.say(format_args!("           {name:width$}  {mean:>8}  {least:>8}  {largest:>8}"))?;
     }
     Ok(())
 }

@@ -18,7 +18,8 @@ use crate::finding::Ratio;
 use crate::image::{Image, LUMINANCE, Resolution};
 use crate::io::picture;
 use crate::lab::{
-    BLOCK, ChannelChoice, Lab, Questions, RelightRequest, Relighting, SourceKind, text::percent,
+    BLOCK, ChannelChoice, Lab, Questions, RelightRequest, Relighting, SourceKind,
+    text::{decimal, percent},
 };
 use crate::paint::page::Kept;
 
@@ -207,7 +208,7 @@ fn conclude(args: &Args, found: &Relighting, lab: &mut Lab, console: &Console) -
     let ending = Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() };
     let (_, outcome) = finish(lab, console, found, ending)?;
     if let (Outcome::NotGoodEnough, Some(worst), Some(most)) = (outcome, found.worst(), args.max_error) {
-        console.note(format_args!("the error of a relit photo, {worst:.5}, is above {most}"));
+        console.note(format_args!("the error of a relit photo, {}, is above {most}", decimal(worst, 5)));
     }
     Ok(outcome)
 }

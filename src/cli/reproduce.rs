@@ -12,6 +12,7 @@ use super::opener;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
 use crate::io::name::Name;
+use crate::lab::text::decimal;
 use crate::lab::{RunFolder, SharedObserver};
 use crate::paper::{self, BenchOptions, Figure, Gallery, Reproduced, Rig};
 
@@ -160,7 +161,7 @@ fn say(made: &Reproduced, quick: bool, console: &Console) -> Result<()> {
         made.rig.name()
     ))?;
     for check in &made.checks {
-        let line = format!("          {:<12.6} {}", check.value, check.what);
+        let line = format!("          {:<12} {}", decimal(check.value, 6), check.what);
         if quick || check.is_met() {
             console.detail(line);
         } else {

@@ -46,12 +46,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
 }
 
-/// `--exposure`.
-fn seconds(text: &str) -> std::result::Result<f64, String> {
-    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && seconds.is_finite());
-    seconds.ok_or_else(|| "give seconds, more than 0".into())
-}
-
 /// `-o` of a picture.
 fn png(text: &str) -> std::result::Result<PathBuf, String> {
     let path = PathBuf::from(text);

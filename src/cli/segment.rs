@@ -14,7 +14,7 @@ use super::trace::TraceArgs;
 use crate::analysis::segment::{SegmentRequest, Truth};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio};
-use crate::lab::text::{rounded, with_error};
+use crate::lab::text::{decimal, rounded, with_error};
 use crate::lab::{Lab, Scored};
 use crate::paint::Answer;
 use crate::paint::page::Kept;
@@ -176,7 +176,7 @@ fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
                 rounded(*value, of.standard_error).to_string(),
                 format!("   {:<16}", with_error(of.value, of.standard_error)),
             ),
-            None => (format!("{value:.6}"), String::new()),
+            None => (decimal(*value, 6), String::new()),
         };
         console.say(format_args!("  {:>6}  {value:>10}   {residual:.1e}{of_scene}{note}", index + 1))?;
     }

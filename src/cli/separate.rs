@@ -13,7 +13,10 @@ use super::trace::TraceArgs;
 use crate::analysis::probe::default_sigma;
 use crate::analysis::separate::{NearFarOptions, SeparateBy};
 use crate::error::Result;
-use crate::lab::{Lab, SeparateRequest, Separated, SourceKind, text::percent};
+use crate::lab::{
+    Lab, SeparateRequest, Separated, SourceKind,
+    text::{decimal, percent},
+};
 use crate::paint::page::Kept;
 
 /// Photos of codes where no number is asked for: as many as those of checkerboards.
@@ -158,7 +161,7 @@ fn answer(args: &Args, request: &SeparateRequest, lab: &mut Lab, console: &Conso
     let ending = Ending { run: &args.run, demands: Vec::new(), summary, kept: Kept::default() };
     let (_, outcome) = finish(lab, console, &found, ending)?;
     if let (Outcome::NotGoodEnough, Some(error), Some(most)) = (outcome, found.error(), args.max_error) {
-        console.note(format_args!("the error of the direct light, {error:.5}, is above {most}"));
+        console.note(format_args!("the error of the direct light, {}, is above {most}", decimal(error, 5)));
     }
     Ok(outcome)
 }

@@ -2,11 +2,13 @@
 //!
 //! The colour of a page, the exit status of a verb, and the sentence that a bench can be used follow from findings, and from nothing else.
 
+mod decimal;
 mod ratio;
 
 use std::borrow::Cow;
 use std::fmt;
 
+pub use decimal::decimal;
 pub use ratio::Ratio;
 use serde::{Deserialize, Serialize};
 

@@ -8,6 +8,7 @@ use crate::analysis::segment::{SegmentRequest, Segmented};
 use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::{Error, Result};
 use crate::krylov::{Eigs, EigsOptions, Method, SolveOptions, eigs, solve_adjoint};
+use crate::lab::text::decimal;
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::transport::Part;
 
@@ -168,7 +169,7 @@ impl Canvas<'_> {
             answer.planes.push(found.x);
         }
         let worst = answer.values.iter().copied().fold(0.0, f64::max);
-        answer.status = format!("relative residual {worst:.4}");
+        answer.status = format!("relative residual {}", decimal(worst, 4));
         Ok(answer)
     }
 }

@@ -3,6 +3,7 @@
 use super::figure::{Content, Panel};
 use super::stage::Stage;
 use crate::analysis::Segmentation;
+use crate::lab::text::decimal;
 
 /// The photo under white, the groups, and `eigenvectors` eigenvectors after the first, which is constant.
 pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -> Vec<Panel> {
@@ -13,7 +14,7 @@ pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -
         panels.push(stage.panel(format!("groups-{groups}"), format!("{groups} groups"), groups_are));
     }
     for (index, vector) in found.eigenvectors.iter().enumerate().skip(1).take(eigenvectors) {
-        let caption = format!("Eigenvector {}: λ = {:.4}", index + 1, found.eigenvalues[index]);
+        let caption = format!("Eigenvector {}: λ = {}", index + 1, decimal(found.eigenvalues[index], 4));
         let name = format!("eigenvector-{}", index + 1);
         panels.push(stage.panel(name, caption, Content::Signed(vector.clone())));
     }

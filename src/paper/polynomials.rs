@@ -16,6 +16,7 @@ use super::stage::{Set, Stage};
 use super::target::picture;
 use crate::error::Result;
 use crate::krylov::{dot, norm};
+use crate::lab::text::decimal;
 use crate::operator::Operator;
 use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
@@ -177,7 +178,7 @@ fn minimal_plot(run: &Run, ends: [f64; 2]) -> Plot {
         curve(photos_named(k), ends, |value| run.monic(k, value) / most)
     };
     let found = run.ritz_values(JUDGED).unwrap_or_default();
-    let list = found.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(", ");
+    let list = found.iter().map(|value| decimal(*value, 4)).collect::<Vec<_>>().join(", ");
     Plot {
         caption: format!(
             "Towards the minimal polynomial: the monic polynomial of each degree with the least norm on the target's light, here divided by its \

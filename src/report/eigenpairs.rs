@@ -3,7 +3,7 @@
 use super::html::{Block, Report, Section};
 use super::run::{Files, Run};
 use super::spectrum;
-use super::text::with_error;
+use super::text::{signed, with_error};
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::{Finding, Grade};
@@ -100,7 +100,7 @@ impl<'a> Eigenpairs<'a> {
             columns.insert(0, ("of the scene", self.estimates.iter().map(of_scene).collect()));
         }
         if found.imaginary_values.iter().any(|&value| value != 0.0) {
-            let imaginary = found.imaginary_values.iter().map(|value| format!("{value:+.6} i")).collect();
+            let imaginary = found.imaginary_values.iter().map(|&value| signed(value, 6) + " i").collect();
             columns.insert(0, ("imaginary part", imaginary));
         }
         let mut sections = Vec::new();

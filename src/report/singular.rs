@@ -6,6 +6,7 @@ use super::run::{Files, Run};
 use super::spectrum;
 use crate::error::Result;
 use crate::finding::Finding;
+use crate::finding::decimal;
 use crate::image::Resolution;
 use crate::krylov::Singular;
 
@@ -60,7 +61,7 @@ impl SingularTriplets<'_> {
                 let figure = figure
                     .named(format!("{what} {}", index + 1), format!("{file}-vectors.npy[{index}]"))
                     .in_series(what);
-                let caption = format!("{what} {}: σ = {:.5}", index + 1, found.values[index]);
+                let caption = format!("{what} {}: σ = {}", index + 1, decimal(found.values[index], 5));
                 let figure = super::html::Figure { caption, ..figure };
                 files.picture(&format!("{file}-{:02}", index + 1), &figure)?;
                 figures.push(figure);

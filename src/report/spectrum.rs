@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Kind, Legend, Values};
 use super::plot::{LinePlot, Series, StemPlot};
-use super::text::with_error;
+use super::text::{decimal, with_error};
 use crate::analysis::segment::Embedding;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -34,7 +34,7 @@ pub(super) fn pictures(
         };
         let figure = Figure {
             png: paint_signed(resolution, vector, mask, range)?.encode_png()?,
-            caption: format!("{}: λ = {value:.5}", index + 1),
+            caption: format!("{}: λ = {}", index + 1, decimal(*value, 5)),
             legend: Legend::signed(range),
             values: Some(Values::of_numbers(resolution, kind, vector, "")),
             ..Figure::default()
@@ -99,7 +99,7 @@ pub(super) fn table(
     let row = |(index, (value, residual)): (usize, (&f64, &f64))| {
         let shown = match errors.get(index) {
             Some(&error) if error > 0.0 => with_error(*value, error),
-            _ => format!("{value:.6}"),
+            _ => decimal(*value, 6),
         };
         let mut cells = vec![(index + 1).to_string(), shown, format!("{residual:.1e}")];
         cells.extend(more.iter().map(|(_, column)| column.get(index).cloned().unwrap_or_default()));

@@ -1,20 +1,27 @@
 //! Numbers as text.
 
 use crate::finding::Ratio;
+pub use crate::finding::decimal;
 
 /// A share as a percentage of three digits, without its unit; `–` where there is nothing to measure.
 pub fn percent(share: impl Into<Ratio>) -> String {
     share.into().percent()
 }
 
+/// As [`decimal`], with a plus sign before what is not negative.
+pub fn signed(value: f64, decimals: usize) -> String {
+    let plus = if value.is_sign_negative() { "" } else { "+" };
+    plus.to_owned() + &decimal(value, decimals)
+}
+
 /// A value with its standard error, of which two digits are shown, and no digit of the value beyond them: `0.0971 ±0.0012`. Without an error the
-/// value has eight decimals.
+/// value has eight decimals, as [`decimal`] shows them.
 pub fn with_error(value: f64, error: f64) -> String {
     if error > 0.0 && error.is_finite() {
         let decimals = decimals(error);
         format!("{value:.decimals$} ±{error:.decimals$}")
     } else {
-        format!("{value:.8}")
+        decimal(value, 8)
     }
 }
 

@@ -4,6 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{AlphaMode, Camera, Scene, TextureRef, Triangle};
+use crate::finding::decimal;
 use crate::image::Resolution;
 
 /// The most intersections of a ray with a triangle that are computed: a fraction of a second.
@@ -120,10 +121,11 @@ fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option
     let Camera { name, forward, .. } = camera;
     let in_file = |place: Vec3| place.as_dvec3() + scene.origin;
     let [low, high] = scene.bounds().map(in_file);
-    let position = in_file(camera.position);
+    let [position, low, high] = [in_file(camera.position), low, high]
+        .map(|place| place.to_array().map(|metres| decimal(metres, 3)).join(", "));
     Some(format!(
-        "no surface in view: none of {rays} rays meets one. The camera `{name}` stands at {position:.3} and looks along \
-         {forward:.3}; the scene lies between {low:.3} and {high:.3}"
+        "no surface in view: none of {rays} rays meets one. The camera `{name}` stands at [{position}] and looks along \
+         {forward:.3}; the scene lies between [{low}] and [{high}]"
     ))
 }
 

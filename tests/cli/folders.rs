@@ -82,6 +82,15 @@ fn a_run_is_asked_anew_in_its_own_folder() {
 }
 
 #[test]
+fn a_photo_that_a_run_lacks_is_no_reason_for_an_option_that_photo_has_no_use_for() {
+    let bench = Bench::new();
+    let output =
+        krylux(&["photo", &bench.run, "--pattern", "checker:2", "-o", &inside(&bench.folder, "a.npy")]);
+    let message = assert_error(&output, &["is not among its", "as SOURCE instead of the run"]);
+    assert!(!message.contains("--resume"), "{message}");
+}
+
+#[test]
 fn overwrite_discards_nothing_for_a_run_that_cannot_start() {
     let bench = Bench::new();
     let before = (bench.kept(), bench.names());

@@ -115,6 +115,80 @@ fn without_threads_the_work_is_done_by_one() {
     assert!(said.contains("Ctrl-C cannot be handled"), "the limit has no effect: {said}");
 }
 
+/// The program as another user, who may have so many processes and threads, after `before`; `None` where the system does not allow that.
+#[cfg(target_os = "linux")]
+fn as_another(processes: usize, before: &[&str]) -> Option<Command> {
+    // A user whose processes nobody else counts: of this test alone.
+    let user = (70_000 + std::process::id() % 50_000).to_string();
+    let limit = format!("--nproc={processes}");
+    let words = ["setpriv", "--reuid", &user, "--clear-groups", "prlimit", &limit];
+    let works = Command::new(words[0]).args(&words[1..]).arg("true").output();
+    if !works.is_ok_and(|output| output.status.success()) {
+        eprintln!("not run: only root can become another user, by setpriv and prlimit");
+        return None;
+    }
+    let all = [before, &words].concat();
+    let mut command = Command::new(all[0]);
+    command.args(&all[1..]);
+    Some(command)
+}
+
+/// Runs an example at every limit of processes from 1 to 8. Returns the statuses.
+#[cfg(target_os = "linux")]
+fn at_every_limit(before: &[&str], files: &[(&str, &[u8])], arguments: &[&str]) -> Vec<i32> {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = folder();
+    let open = |path: &Path| std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o777));
+    for (name, bytes) in files {
+        std::fs::write(folder.path().join(name), bytes).expect("it is ours");
+    }
+    let program = folder.path().join("krylux");
+    std::fs::copy(command(&[]).get_program(), &program).expect("the program is built");
+    open(folder.path()).and_then(|()| open(&program)).expect("it is ours");
+    let mut statuses = Vec::new();
+    for processes in 1..=8 {
+        let Some(mut limited) = as_another(processes, before) else { break };
+        limited.current_dir(&folder).env("XDG_CACHE_HOME", folder.path()).env("TERM", "xterm");
+        limited.arg(&program).args(arguments).args(["-o", &format!("run-{processes}")]);
+        let output = limited.output().expect("there is prlimit");
+        // Of a terminal that `script` makes, all is in one stream.
+        let said = text(&[output.stdout, output.stderr].concat());
+        let status = output.status.code().expect("no signal ends it");
+        assert!(matches!(status, 0..=2) && !said.contains("panicked"), "{processes}: {status}: {said}");
+        let is_said = said.contains("help:") && said.contains("limit of processes (`ulimit -u`)");
+        assert!(status < 2 || is_said, "{processes}: {said}");
+        statuses.push(status);
+    }
+    statuses
+}
+
+#[cfg(target_os = "linux")]
+const MATRIX: (&str, &[u8]) =
+    ("a.mtx", b"%%MatrixMarket matrix coordinate real symmetric\n4 4 4\n1 1 1\n2 2 2\n3 3 3\n4 4 4\n");
+
+#[cfg(target_os = "linux")]
+#[test]
+fn under_every_limit_of_processes_a_matrix_is_asked_with_the_threads_there_are() {
+    let arguments = ["eigs", MATRIX.0, "--count", "2"];
+    assert!(at_every_limit(&[], &[MATRIX], &arguments).iter().all(|&status| status == 0));
+    // On a terminal, where bars are drawn, which have a clock.
+    let terminal = "import os, pty, sys; sys.exit(os.waitstatus_to_exitcode(pty.spawn(sys.argv[1:])))";
+    if Command::new("python3").arg("--version").output().is_ok() {
+        let statuses = at_every_limit(&["python3", "-c", terminal], &[MATRIX], &arguments);
+        assert!(statuses.iter().all(|&status| status == 0), "{statuses:?}");
+    } else {
+        eprintln!("not run on a terminal: there is no Python to make one");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn under_every_limit_of_processes_a_scene_is_traced_or_one_error_says_why() {
+    let scene = std::fs::read(SCENE).expect("it is shipped");
+    let arguments = ["segment", "scene.glb", "--size", "8", "--spp", "1", "--photos", "4", "--groups", "2"];
+    at_every_limit(&[], &[("scene.glb", &scene)], &arguments);
+}
+
 /// An EXR file of 8×8 pixels that claims to have 8192×8192.
 fn forged(path: &Path) {
     exr::write_exr(path, &[("", &Image::filled(Resolution::new(8, 8), 3, 0.5))]).expect("it is ours");

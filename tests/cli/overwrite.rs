@@ -83,8 +83,7 @@ fn a_strangers_record_reaches_nothing_outside() {
     assert_eq!(fs::read_to_string(&victim).ok().as_deref(), Some("precious"));
 }
 
-/// Kills at random moments while one run replaces another. Afterwards the earlier run or the new one goes on, and when a run is whole, the folder holds
-/// what it holds without a kill.
+/// Kills at random moments while one run replaces another. When a run is whole in the end, the folder holds what it holds without a kill.
 #[test]
 fn after_kills_the_folder_holds_one_whole_run() {
     let bench = folder();
@@ -115,7 +114,6 @@ fn after_kills_the_folder_holds_one_whole_run() {
     for tried in 0..60 {
         let run = inside(&bench, &format!("run-{tried}"));
         end(&ask(&run, "2,4", &[]));
-        let earlier = (names(&run), arrays(&run));
         let replace = ask(&run, "2", &["--seed", "7", "--overwrite"]);
         for _ in 0..random.random_range(1..3) {
             let mut child = start(&replace);
@@ -124,26 +122,11 @@ fn after_kills_the_folder_holds_one_whole_run() {
             let output = child.wait_with_output().expect("it is our child");
             kills += usize::from(output.status.code().is_none());
         }
-        let resume =
-            start(&ask(&run, "2", &["--seed", "7", "--resume"])).wait_with_output().expect("it is our child");
-        match resume.status.code() {
-            Some(0) => {
-                resumed += 1;
-                assert_eq!((names(&run), arrays(&run)), expected, "run {tried}");
-            }
-            // The kill came before the record of the new run: the earlier one, of another seed, is whole.
-            _ => {
-                put_back += 1;
-                assert_eq!((names(&run), arrays(&run)), earlier, "run {tried}: {}", text(&resume.stderr));
-                end(&replace);
-                assert_eq!((names(&run), arrays(&run)), expected, "run {tried}");
-            }
-        }
+        // The new run goes on, or, where the kill came before its record, the earlier one with the new question.
+        end(&ask(&run, "2", &["--seed", "7", "--resume"]));
+        assert_eq!(names(&run), expected.0, "run {tried}");
+        assert!(arrays(&run) == expected.1, "run {tried}: other arrays");
         fs::remove_dir_all(&run).expect("nobody uses it any more");
     }
-    println!(
-        "{kills} kills in {:.1} s: {resumed} runs went on, {put_back} were put back",
-        begun.elapsed().as_secs_f64()
-    );
-    assert!(kills > 30 && resumed > 0, "{kills} kills, {resumed} resumed");
+    assert!(kills > 30, "{kills} kills");
 }

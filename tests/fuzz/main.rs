@@ -1,5 +1,5 @@
 //! Fuzz tests of every reader of files: whatever the bytes are, reading ends with a result or an error, in bounded time and memory, and
-//! without a panic.
+//! without a panic. So it is for large files that repeat parts of small ones.
 //!
 //! Valid files are mutated: bits flipped, ends cut off, parts spliced, numbers set to extremes. In the test suite the cases are the same each
 //! time and few; `KRYLUX_FUZZ_CASES=1000000 KRYLUX_FUZZ_SEED=7 cargo test --release --test fuzz` tries a million of each kind, others for each
@@ -11,6 +11,7 @@
 
 #[cfg(feature = "gige")]
 mod cameras;
+mod large;
 mod memory;
 mod mutation;
 mod readers;
@@ -108,12 +109,40 @@ fn blake(bytes: &[u8]) -> String {
     format!("{:016x}", hasher.finish())
 }
 
+/// Reads large files that repeat parts of the seeds.
+fn read_large(reader: &Reader) {
+    let folder = TempDir::new().expect("a temporary folder can be made");
+    let seeds = (reader.seeds)(folder.path());
+    let shapes: &[fn(&[u8]) -> Vec<Vec<u8>>] = match reader.name {
+        "obj" => &[large::obj],
+        "gltf" => &[large::gltf],
+        "npz" => &[large::npz],
+        "png" => &[large::png],
+        _ => &[],
+    };
+    let shaped = shapes.iter().flat_map(|shapes| shapes(&seeds[0]));
+    for (at, bytes) in shaped.chain(seeds.iter().flat_map(|seed| large::of(seed))).enumerate() {
+        if let Err(why) = read(reader, folder.path(), &bytes) {
+            let kept = std::env::temp_dir().join(format!("krylux-large-{}-{at}", reader.name));
+            std::fs::write(&kept, bytes).expect("the temporary folder can be written");
+            panic!("{}: {why}; the bytes are in {}", reader.name, kept.display());
+        }
+    }
+}
+
 macro_rules! fuzzed_by {
     ($readers:ident: $($name:ident),* $(,)?) => {
         $(
-            #[test]
-            fn $name() {
-                fuzz(&$readers::$name());
+            mod $name {
+                #[test]
+                fn mutated() {
+                    crate::fuzz(&crate::$readers::$name());
+                }
+
+                #[test]
+                fn large() {
+                    crate::read_large(&crate::$readers::$name());
+                }
             }
         )*
     };
@@ -148,7 +177,5 @@ fuzzed_by!(
 /// What a camera sends, over the network and of itself.
 #[cfg(feature = "gige")]
 mod of_cameras {
-    use super::{cameras, fuzz};
-
     fuzzed_by!(cameras: gvcp, gvsp, camera_xml);
 }

@@ -68,7 +68,11 @@ fn polygon(corners: &[[f32; 3]]) -> Scene {
 #[test]
 fn a_thin_ring_of_one_face_is_no_disc() {
     // A ring cut open at one place, as modellers write it: once around outside, and back inside.
-    let (steps, [outer, inner]) = (64, [1.0_f32, 0.96]);
+    [64, 1500].into_iter().for_each(check_ring);
+}
+
+fn check_ring(steps: usize) {
+    let [outer, inner] = [1.0_f32, 0.96];
     let at = |radius: f32, step: usize| {
         let angle = std::f32::consts::TAU * step as f32 / steps as f32;
         // In a plane that is tilted against every axis.
@@ -234,12 +238,26 @@ fn ignored_statements_give_warnings() {
         [
             "points and lines have no area: ignored",
             "`curv` is not supported and ignored",
-            "material `m`: `map_Bump` is not supported and ignored",
-            "material `m`: `refl` is not supported and ignored",
+            "material `m`: `map_Bump` is not supported and ignored (line 2 of paint.mtl)",
+            "material `m`: `refl` is not supported and ignored (line 3 of paint.mtl)",
             "material `gone` is in no library; its faces are matte",
             "1 triangles without area were dropped",
         ]
     );
+}
+
+#[test]
+fn halos_spectra_and_xyz_colours_do_not_end_the_reading_of_a_library() {
+    let scene = load(
+        &format!("mtllib paint.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n"),
+        "newmtl a\nd -halo 0.5\nKd xyz 0.4124 0.2126 0.0193\nnewmtl b\nKd spectral red.rfl\nKd spectral blue.rfl 2\nd 0.75\n",
+    );
+    let [a, b] = [&scene.materials[0], &scene.materials[1]];
+    assert_eq!((a.opacity, b.opacity), (0.5, 0.75));
+    // The primary red of sRGB, by a matrix of four digits.
+    assert!((a.base_color - Vec3::X).abs().max_element() < 1e-3, "{}", a.base_color);
+    let expected = "material `b`: `Kd spectral` is not supported and ignored (line 5 of paint.mtl)";
+    assert_eq!(scene.warnings, [expected]);
 }
 
 #[test]
@@ -299,7 +317,8 @@ fn invalid_libraries_are_refused() {
         ("Kd 1", "paint.mtl", "line 1: no `newmtl` comes before it"),
         ("newmtl m\nKd 1 1", "paint.mtl", "line 2: a colour is one or three numbers"),
         ("newmtl m\nKd -1 0 0", "paint.mtl", "line 2: a colour is negative"),
-        ("newmtl m\nKd spectral a.rfl", "paint.mtl", "line 2: only RGB colours are supported"),
+        ("newmtl m\nKd xyz 1 2", "paint.mtl", "line 2: a colour is one or three numbers"),
+        ("newmtl m\nd -halo", "paint.mtl", "line 2: `d` takes one number"),
         ("newmtl m\nd 1.5", "paint.mtl", "line 2: `d` lies outside 0 to 1"),
         ("newmtl m\nNs -1", "paint.mtl", "line 2: `Ns` is negative"),
         ("newmtl m\nNs 1 2", "paint.mtl", "line 2: `Ns` takes one number"),

@@ -3,6 +3,7 @@
 use super::CompensationRow;
 use super::answer::ROUNDING;
 use crate::finding::Ratio;
+use crate::finding::decimal;
 
 /// An unconstrained method, clamped after each photo, beside a box-constrained one.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,19 +46,18 @@ impl Clamping {
 
     /// A warning with figures if clamping raises the residual by more than a tenth; none otherwise.
     pub fn warning(&self) -> Option<String> {
-        let [last, inside, nothing] = [self.last(), self.inside(), self.uncompensated];
+        let [last, inside, nothing] =
+            [self.last(), self.inside(), self.uncompensated].map(|residual| decimal(residual, 4));
         let turn = self.turning_point().map_or(String::new(), |photo| {
             format!("; it was best after {photo} photo(s), and more of them made it worse")
         });
         if self.is_worse_than_nothing() {
             return Some(format!(
-                "clamping leaves a residual of {last:.4}, worse than {nothing:.4} of the target projected as it is; krylov-box leaves {inside:.4} with as many photos{turn}"
+                "clamping leaves a residual of {last}, worse than {nothing} of the target projected as it is; krylov-box leaves {inside} with as many photos{turn}"
             ));
         }
         self.price().value().is_some_and(|price| price > 1.1).then(|| {
-            format!(
-                "clamping leaves a residual of {last:.4}, krylov-box {inside:.4} with as many photos{turn}"
-            )
+            format!("clamping leaves a residual of {last}, krylov-box {inside} with as many photos{turn}")
         })
     }
 }

@@ -12,6 +12,7 @@
 
 use super::confirm::Unseen;
 use super::embedding::LEAST_SHARE;
+use crate::finding::decimal;
 use crate::krylov::{Completeness, temple_kato};
 
 /// Eigenvalues closer to 1 than this count as this close, so that rounding creates no gaps. An operator that blurs has a higher floor.
@@ -125,17 +126,18 @@ impl Regions {
         let regions = if self.count == 1 { "region" } else { "regions" };
         let mut text = match (self.next, self.ratio) {
             (Some(next), Some(ratio)) => format!(
-                "the light shows {}{} independent {regions}: {} eigenvalue(s) within {:.4} of one, the next {next:.4} from it ({ratio:.0} times as far)",
+                "the light shows {}{} independent {regions}: {} eigenvalue(s) within {} of one, the next {} from it ({ratio:.0} times as far)",
                 if self.at_least { "at least " } else { "" },
                 self.count,
                 self.at_one,
-                self.last.abs()
+                decimal(self.last.abs(), 4),
+                decimal(next, 4)
             ),
             _ => format!(
-                "at least {} independent {regions}: all {} eigenvalues are within {:.4} of one; ask for more --eigenvectors",
+                "at least {} independent {regions}: all {} eigenvalues are within {} of one; ask for more --eigenvectors",
                 self.count,
                 self.at_one,
-                self.last.abs()
+                decimal(self.last.abs(), 4)
             ),
         };
         if let Some(levels) = self.levels.filter(|levels| *levels > 2) {
@@ -145,8 +147,8 @@ impl Regions {
         }
         if let Some(missed) = self.unseen.missed {
             text += &format!(
-                "; a further eigenvalue {:.4} from one was found afterwards, so there may be more: allow more --photos",
-                1.0 - missed
+                "; a further eigenvalue {} from one was found afterwards, so there may be more: allow more --photos",
+                decimal(1.0 - missed, 4)
             );
         } else if self.divided > 0 {
             text += &format!(

@@ -18,6 +18,7 @@ use crate::analysis::{
     Clamping, CompensateOptions, Compensation, CompensationRow, Crosstalk, MethodRun, Similarity,
 };
 use crate::error::{Error, Result};
+use crate::finding::decimal;
 use crate::image::Image;
 use crate::io;
 use crate::lab::{ColorMixing, CompensateRequest, Compensated, Lab};
@@ -167,7 +168,10 @@ fn conclude(args: &Args, answer: &Compensated<'_>, lab: &mut Lab, console: &Cons
     let is_checked = args.check.is_on() && args.colors.crosstalk.is_none();
     let verified = if is_checked { lab.verify_compensation(answer.found)? } else { None };
     if let Some(verified) = &verified {
-        console.say(format_args!("          {:.4} of the target by independent light", verified.residual))?;
+        console.say(format_args!(
+            "          {} of the target by independent light",
+            decimal(verified.residual, 4)
+        ))?;
     }
     let checked = verified.as_ref().map(|verified| (&verified.photo, &verified.standard_error));
     let answer = &Compensated { checked, ..*answer };
@@ -191,19 +195,20 @@ fn say(answer: &Compensated<'_>, console: &Console) -> Result<()> {
         found.photos, found.preparation, found.status
     ))?;
     console.say(format_args!(
-        "residual  {:.4} of the target; {:.4} uncompensated",
-        found.residual, found.uncompensated_residual
+        "residual  {} of the target; {} uncompensated",
+        decimal(found.residual, 4),
+        decimal(found.uncompensated_residual, 4)
     ))?;
     if let Some(row) = found.baseline.last() {
         console.say(format_args!(
-            "baseline  {:.4} by projected Jacobi with as many photos (not counted)",
-            row.residual
+            "baseline  {} by projected Jacobi with as many photos (not counted)",
+            decimal(row.residual, 4)
         ))?;
     }
     if found.unclipped.is_some() {
         console.say(format_args!(
-            "clipped   the answer leaves what can be projected; before clipping its residual was {:.4}",
-            found.unclipped_residual
+            "clipped   the answer leaves what can be projected; before clipping its residual was {}",
+            decimal(found.unclipped_residual, 4)
         ))?;
     }
     let ssim = |of: &Similarity| of.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
@@ -218,8 +223,11 @@ fn say(answer: &Compensated<'_>, console: &Console) -> Result<()> {
         let own = run.history.last().map_or(f64::NAN, |row| row.residual);
         let frames = run.frames.last().map_or(String::new(), |frames| format!(", {frames:>4} frames"));
         console.say(format_args!(
-            "method    {:<14} {:>3} photos{frames}: seen {:.4}, before clipping {own:.4}",
-            run.name, run.photos, run.residual
+            "method    {:<14} {:>3} photos{frames}: seen {}, before clipping {}",
+            run.name,
+            run.photos,
+            decimal(run.residual, 4),
+            decimal(own, 4)
         ))?;
     }
     if let Some(warning) = found.clamping.as_ref().and_then(Clamping::warning) {

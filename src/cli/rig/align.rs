@@ -6,11 +6,12 @@ use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::{count, free_file, number};
+use super::super::options::{count, free_file, number, time};
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::analysis::align::{AlignOptions, Alignment, Round, align};
 use crate::error::{Error, Result};
+use crate::finding::decimal;
 use crate::io::atomic;
 use crate::io::name::Name;
 use crate::io::png::Raster;
@@ -43,7 +44,7 @@ pub(in super::super) struct Args {
     asymmetry: f64,
     /// Seconds of each exposure [default: the longest of the rig file's, or what white fills 70 % of the
     /// camera's range in]
-    #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = time)]
     exposure: Option<f64>,
     /// Where the picture goes: shadows red, what is dark for whatever reason violet, arrows where something
     /// is displaced to; it is there as a whole at any moment
@@ -102,9 +103,9 @@ fn rounds(
     let known = bench.known.as_ref().map(|known| &known.camera);
     let mut observer = StructuredLight::new(shots, known, bench.exposure(args.exposure))?;
     console.detail(format_args!(
-        "exposures of {:.4} s, {:.3} s after each frame",
-        observer.exposure(),
-        bench.settle()
+        "exposures of {} s, {} s after each frame",
+        decimal(observer.exposure(), 4),
+        decimal(bench.settle(), 4)
     ));
     while args.rounds == 0 || last.rounds < args.rounds {
         let round = align(&mut observer, options)?;

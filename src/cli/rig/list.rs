@@ -41,6 +41,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if found.cameras.is_empty() {
         console.say("camera    none answers")?;
     }
+    let is_virtual = file.is_some() && hardware.is_none();
+    let is_found = is_virtual || !found.monitors.is_empty() || !found.cameras.is_empty();
+    if !is_found {
+        console.note("nothing was found: connect and switch on a projector or a camera, or name the X server by --display");
+    }
     found.cameras.iter().try_for_each(|camera| say_camera(camera, console))?;
     let cameras: Vec<&Value> = found.cameras.iter().map(|camera| &camera.described).collect();
     let simulated = file
@@ -50,7 +55,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     console.summary(
         &json!({ "verb": "rig list", "monitors": found.monitors, "cameras": cameras, "virtual": simulated }),
     )?;
-    Ok(Outcome::Done)
+    Ok(if is_found { Outcome::Done } else { Outcome::NotGoodEnough })
 }
 
 /// The devices that a virtual rig's file describes.

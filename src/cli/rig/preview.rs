@@ -9,7 +9,7 @@ use serde_json::json;
 use super::super::Outcome;
 use super::super::bar::{Bar, has_terminal};
 use super::super::console::Console;
-use super::super::options::{count, free_file};
+use super::super::options::{count, free_file, time};
 use super::super::pattern::Pattern;
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
@@ -42,7 +42,7 @@ pub(in super::super) struct Args {
     pattern: Pattern,
     /// Seconds of each exposure [default: the longest exposure in the rig file, else the one at which white
     /// fills 70 % of the camera's range]
-    #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = time)]
     exposure: Option<f64>,
     /// Frames to take; 0: until Ctrl-C
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count::<u64>)]

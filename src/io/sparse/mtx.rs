@@ -55,8 +55,8 @@ pub fn read_mtx(path: &Path) -> Result<Csr> {
     let mut lines = lines.filter(|(_, line)| !line.starts_with('%') && !line.trim().is_empty());
     let fault = |number: usize, what: &str| unusable(path, format!("line {}: {what}", number + 1));
     let (number, sizes) = lines.next().ok_or_else(|| unusable(path, "it ends before its sizes".into()))?;
-    let sizes: Vec<usize> = sizes.split_whitespace().map_while(|word| word.parse().ok()).collect();
-    let &[rows, cols, count] = sizes.as_slice() else {
+    let sizes: Option<Vec<usize>> = sizes.split_whitespace().map(|word| word.parse().ok()).collect();
+    let Some(&[rows, cols, count]) = sizes.as_deref() else {
         return Err(fault(number, "expected rows, columns and number of entries"));
     };
     super::require_sides(path, rows, cols)?;
@@ -70,8 +70,8 @@ pub fn read_mtx(path: &Path) -> Result<Csr> {
         let mut index = |limit| words.next()?.parse().ok().filter(|index| (1..=limit).contains(index));
         let position = index(rows).zip(index(cols));
         let value = words.next().and_then(|word| word.parse::<f64>().ok());
-        let Some(((row, column), value)) = position.zip(value) else {
-            return Err(fault(number, "expected row, column (from 1 on) and value"));
+        let Some(((row, column), value)) = position.zip(value).filter(|_| words.next().is_none()) else {
+            return Err(fault(number, "expected row, column (from 1 on) and value, and nothing else"));
         };
         entries.push((row - 1, column - 1, value));
         if symmetric && row != column {
@@ -97,5 +97,22 @@ mod tests {
         std::fs::write(&path, text).expect("the folder can be written");
         let expected = Csr::new(3, vec![0, 1, 2], vec![2, 0], vec![2.5, -1.0]).expect("a matrix");
         assert_eq!(read_mtx(&path).expect("it is whole"), expected);
+    }
+
+    #[test]
+    fn lines_with_more_words_than_they_have_numbers_are_refused_by_their_number() {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        let path = folder.path().join("a.mtx");
+        for (sizes, entry, line) in [
+            ("2 2 1", "1 1 2.5 7", 3),
+            ("2 2 1", "1 1 2.5 x", 3),
+            ("2 2 1 7", "1 1 2", 2),
+            ("2 2 1 x", "1 1 2", 2),
+        ] {
+            let text = format!("%%MatrixMarket matrix coordinate real general\n{sizes}\n{entry}\n");
+            std::fs::write(&path, text).expect("the folder can be written");
+            let why = read_mtx(&path).expect_err("a word too many").to_string();
+            assert!(why.contains(&format!("a.mtx: line {line}: expected ")), "{why}");
+        }
     }
 }

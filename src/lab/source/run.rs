@@ -175,7 +175,7 @@ fn incomplete(journal: &Journal, what: &str) -> Error {
     Error::Journal {
         path: journal.path().into(),
         fault: format!("it holds {} photos, but not {what}", journal.photos()),
-        help: "go on with that run by the same command and --resume".into(),
+        help: "go on with that run by the command that began it, and --resume".into(),
     }
 }
 

@@ -18,6 +18,7 @@ use crate::analysis::verification::{
     EigenpairEstimate, Grouped, Predicted as Compared, cut_estimates, eigenpair_estimates, judge,
 };
 use crate::error::Result;
+use crate::finding::decimal;
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{CheckVerdict, Independent, Verification};
 use crate::krylov::{Eigs, Start};
@@ -184,9 +185,9 @@ impl Lab {
             let estimate: &EigenpairEstimate = estimates.get(at)?;
             let [kept, error] = estimate.quotient;
             Some(format!(
-                "by independent light the quotient of eigenvector {} is {kept:.4} ± {error:.4}, and its eigenvalue is stated as {:.4}",
+                "by independent light the quotient of eigenvector {} is {kept:.4} ± {error:.4}, and its eigenvalue is stated as {}",
                 at + 1,
-                pairs.values[at]
+                decimal(pairs.values[at], 4)
             ))
         });
         let verified = |verification| VerifiedEigenpairs { verification, estimates, supported: Vec::new() };

@@ -3,6 +3,7 @@
 use super::report::{
     CalibrationReport, CameraFigures, MapBy, MapFigures, ProjectorFigures, StabilityFigures,
 };
+use crate::finding::decimal;
 use crate::measure::Effort;
 
 /// What a line is about, and its figures. The first is empty where the line continues the one before.
@@ -54,8 +55,9 @@ fn camera_lines(camera: &CameraFigures) -> Vec<Line> {
         line(
             "",
             format!(
-                "{} DN/s without a pattern; white fills the range in {:.4} s",
-                camera.dark_rate, camera.exposure
+                "{} DN/s without a pattern; white fills the range in {} s",
+                camera.dark_rate,
+                decimal(camera.exposure, 4)
             ),
         ),
     ]

@@ -73,7 +73,8 @@ impl<'a> JournaledFrames<'a> {
             None => Err(Error::Journal {
                 path: journal.path().into(),
                 fault: "it does not say which projector and camera its photos come from".into(),
-                help: "attach the rig, and continue with the same command and --resume".into(),
+                help: "attach the rig, and go on with that run by the command that began it, and --resume"
+                    .into(),
             }),
         }
     }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::CountRange;
+use crate::finding::decimal;
 use crate::rig::RawFrame;
 
 /// The figures of one frame. Shares are of all samples; the mean is above black, as a share of the camera's
@@ -59,7 +60,7 @@ impl FrameFigures {
     /// `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean 34.0 %; 20.1 a second of 0.0333 s`.
     pub fn line(&self, range: &CountRange) -> String {
         format!(
-            "frame     {}: focus {}, best {}; saturated {}, black {}, brightest {} of {}, mean {}; {:.1} a second of {:.4} s",
+            "frame     {}: focus {}, best {}; saturated {}, black {}, brightest {} of {}, mean {}; {:.1} a second of {} s",
             self.frame,
             score(self.focus),
             score(self.best_focus),
@@ -69,7 +70,7 @@ impl FrameFigures {
             range.full,
             percent(self.mean),
             self.per_second,
-            self.exposure,
+            decimal(self.exposure, 4),
         )
     }
 

@@ -7,6 +7,7 @@ use std::time::SystemTime;
 use super::thresholds::{MAP_OFFSET_FAILURE, MAP_OFFSET_WARNING, MIN_CORRELATION, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::{Error, Result};
+use crate::finding::decimal;
 use crate::measure::calibrate::map_check;
 use crate::measure::{Calibration, FrameSource, RigFile};
 
@@ -15,10 +16,10 @@ pub(super) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Re
     let (finding, known) = match (file.load_calibration(), &file.calibration) {
         (Some(Ok(known)), Some(folder)) => {
             let found = format!(
-                "{}{}; light settles in {:.4} s, and drifts {:.2} % per hour",
+                "{}{}; light settles in {} s, and drifts {:.2} % per hour",
                 folder.display(),
                 age(folder),
-                known.stability.settle,
+                decimal(known.stability.settle, 4),
                 100.0 * known.stability.drift_per_hour
             );
             (Finding::ok("calibration", found), Some(known))

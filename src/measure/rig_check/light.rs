@@ -5,6 +5,7 @@ use super::thresholds::{AMBIENT, DIM_WHITE, INVISIBLE_WHITE, SATURATED_FAILURE, 
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::Ratio;
+use crate::finding::decimal;
 use crate::measure::calibrate::WhiteExposure;
 use crate::measure::sight::judged;
 use crate::measure::{Calibration, Registration};
@@ -72,7 +73,8 @@ fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
 /// The part of the camera's range that white fills: `reached` is its 98th percentile above black, as a share
 /// of the range.
 fn range(reached: f64, exposure: &Exposure) -> Finding {
-    let found = format!("white reaches {:.0} % of the range in {:.4} s", 100.0 * reached, exposure.seconds);
+    let found =
+        format!("white reaches {:.0} % of the range in {} s", 100.0 * reached, decimal(exposure.seconds, 4));
     let expected = format!("{:.0} % to 90 %", 100.0 * DIM_WHITE);
     let (grade, help) = match (exposure.outcome, reached) {
         (WhiteExposure::TooBright, _) => {

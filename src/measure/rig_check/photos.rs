@@ -8,6 +8,7 @@ use super::thresholds::{NOISE_RATIO, REPEATABILITY, SETTLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::Ratio;
+use crate::finding::decimal;
 use crate::measure::calibrate::{StructuredLight, WhiteExposure};
 use crate::measure::{Calibration, Effort, FrameSource, Registration, noise_ratio};
 
@@ -123,7 +124,8 @@ fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
         "settling",
         if is_short { Grade::Fails } else { Grade::Ok },
         format!(
-            "{settle:.4} s after a frame, white after black has {:.2} ± {:.2} % less light than a repeated white",
+            "{} s after a frame, white after black has {:.2} ± {:.2} % less light than a repeated white",
+            decimal(settle, 4),
             100.0 * average,
             100.0 * error
         ),

@@ -5,6 +5,7 @@ use super::thresholds::{PULSES, PULSES_UNCALIBRATED, ROLLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::Ratio;
+use crate::finding::decimal;
 
 /// Exposures in refreshes of the projector that are not whole multiples of it, or of its usual parts.
 const EXPOSURES: [f64; 3] = [0.63, 1.37, 1.63];
@@ -71,10 +72,10 @@ fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
         "pulses",
         if is_pulsed { Grade::Warning } else { Grade::Ok },
         format!(
-            "white's light per second differs by {:.1} % between exposures of {:.4} to {:.4} s{what}",
+            "white's light per second differs by {:.1} % between exposures of {} to {} s{what}",
             100.0 * spread,
-            EXPOSURES[0] * base,
-            EXPOSURES[2] * base
+            decimal(EXPOSURES[0] * base, 4),
+            decimal(EXPOSURES[2] * base, 4)
         ),
         format!("at most {:.0} %", 100.0 * bound),
         "use only exposures that are whole multiples of the projector's refresh (the program chooses such ones where frame_time is \
@@ -112,10 +113,10 @@ fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
     let found = if is_rolling {
         format!(
             "the first rows see {:.0} % of a frame that was just shown, and the last rows {:.0} %: the rows are exposed one after the \
-             other (rolling shutter), the last at least {:.4} s after the first",
+             other (rolling shutter), the last at least {} s after the first",
             100.0 * first,
             100.0 * last,
-            (last - first) * probe.exposure
+            decimal((last - first) * probe.exposure, 4)
         )
     } else {
         format!(

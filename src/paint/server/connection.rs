@@ -36,11 +36,16 @@ pub async fn refuse(mut stream: TcpStream) {
 ///
 /// # Errors
 /// Why it was dropped, where that is worth a note.
-pub async fn serve(stream: TcpStream, shared: Arc<Shared>) -> Result<(), String> {
+pub(super) async fn serve(
+    stream: TcpStream,
+    shared: Arc<Shared>,
+    place: &super::Place,
+) -> Result<(), String> {
     // Small photos should not wait for more.
     let _ = stream.set_nodelay(true);
     let (opened, mut upgraded) = tokio::sync::mpsc::channel::<hyper::upgrade::OnUpgrade>(1);
     let service = hyper::service::service_fn(|mut request: Request<Incoming>| {
+        place.has_asked.set(true);
         let answer = respond(&mut request, &shared);
         if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
             // One socket for each connection, so that there is room.

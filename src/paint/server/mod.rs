@@ -5,14 +5,17 @@ mod guard;
 mod outbox;
 mod socket;
 
+use std::cell::Cell;
+use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::ops::ControlFlow;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
+use tokio::sync::Notify;
 
 use super::mailbox::Mailbox;
 use super::session::{Event, Session};
@@ -55,6 +58,15 @@ struct Shared {
     /// Milliseconds from the start to the last message of a page.
     last_used: AtomicU64,
     start: Instant,
+}
+
+/// The place of a connection among those that are served at a time.
+#[derive(Default)]
+struct Place {
+    /// Whether it has sent a request.
+    has_asked: Cell<bool>,
+    /// Told when another one gets the place.
+    end: Notify,
 }
 
 /// Planes and pixels of patterns.
@@ -104,14 +116,16 @@ pub fn serve(
         last_used: AtomicU64::new(0),
         start: Instant::now(),
     });
-    let work = std::thread::scope(|scope| {
-        let worker = scope.spawn(|| run_session(session, &shared));
+    std::thread::scope(|scope| {
+        let worker = std::thread::Builder::new().spawn_scoped(scope, || run_session(session, &shared));
+        let no_thread = "the page needs a thread\n  help: raise the limit of processes (`ulimit -u`)";
+        let worker = worker.map_err(|_| Error::Numerical(no_thread.into()))?;
         ready(&url);
         let ended = runtime.block_on(accept(listener, Arc::clone(&shared), options.idle, go_on, note));
         shared.mailbox.end();
-        worker.join().map(|()| ended)
-    });
-    work.map_err(|_| Error::Numerical("the session of the page ended by a fault of the program".into()))
+        let joined = worker.join().map(|()| ended);
+        joined.map_err(|_| Error::Numerical("the session of the page ended by a fault of the program".into()))
+    })
 }
 
 /// Answers requests until the server ends.
@@ -132,7 +146,7 @@ async fn accept(
     mut go_on: impl FnMut() -> ControlFlow<()>,
     note: Arc<dyn Fn(&str) + Send + Sync>,
 ) -> Ended {
-    let room = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+    let mut places: VecDeque<Rc<Place>> = VecDeque::new();
     let local = tokio::task::LocalSet::new();
     local
         .run_until(async {
@@ -141,17 +155,26 @@ async fn accept(
                 tokio::select! {
                     accepted = listener.accept() => {
                         let Ok((stream, _)) = accepted else { continue };
-                        let Ok(permit) = Arc::clone(&room).try_acquire_owned() else {
-                            note(&format!("refused a connection: {MOST_CONNECTIONS} are open already"));
-                            tokio::task::spawn_local(connection::refuse(stream));
-                            continue;
-                        };
-                        let (shared, note) = (Arc::clone(&shared), Arc::clone(&note));
+                        places.retain(|place| Rc::strong_count(place) > 1);
+                        if places.len() >= MOST_CONNECTIONS {
+                            // The oldest one that has asked for nothing makes room.
+                            let Some(silent) = places.iter().position(|place| !place.has_asked.get()) else {
+                                note(&format!("refused a connection: {MOST_CONNECTIONS} are open already"));
+                                tokio::task::spawn_local(connection::refuse(stream));
+                                continue;
+                            };
+                            places.remove(silent).into_iter().for_each(|place| place.end.notify_one());
+                        }
+                        let (shared, note, place) = (Arc::clone(&shared), Arc::clone(&note), Rc::new(Place::default()));
+                        places.push_back(Rc::clone(&place));
                         tokio::task::spawn_local(async move {
-                            if let Err(why) = connection::serve(stream, shared).await {
+                            let ended = tokio::select! {
+                                ended = connection::serve(stream, shared, &place) => ended,
+                                () = place.end.notified() => Err("dropped a silent connection for another one".into()),
+                            };
+                            if let Err(why) = ended {
                                 note(&why);
                             }
-                            drop(permit);
                         });
                     }
                     _ = tick.tick() => {

@@ -96,7 +96,7 @@ const tasks = {
         if (performance.now() - last > REPORT_EVERY) {
           last = performance.now();
           planes[channel] = Float32Array.from(x);
-          report({ planes, values: residuals, status: `relative residual ${residual.toFixed(4)}, going on` });
+          report({ planes, values: residuals, status: `relative residual ${Number(residual.toPrecision(4))}, going on` });
         }
         return residual > 1e-3;
       });
@@ -104,7 +104,7 @@ const tasks = {
       if (task !== state.task) break;
     }
     const worst = Math.max(...residuals);
-    return { planes, values: residuals, groups: [], status: `relative residual ${worst.toFixed(4)}` };
+    return { planes, values: residuals, groups: [], status: `relative residual ${Number(worst.toPrecision(4))}` };
   },
 };
 

@@ -2,6 +2,7 @@
 
 use super::Compensated;
 use crate::analysis::{Clamping, CompensationRow, MethodRun, Similarity};
+use crate::finding::decimal;
 use crate::report::html::{Block, Section};
 use crate::report::residuals::{self, Row};
 
@@ -86,7 +87,7 @@ fn over_frames(method: &MethodRun) -> Vec<Row> {
 
 /// Table of what each method reached with all of its photos.
 fn at_the_end(methods: &[MethodRun]) -> Block {
-    let number = |value: f64| format!("{value:.4}");
+    let number = |value: f64| decimal(value, 4);
     let row = |method: &MethodRun| {
         vec![
             method.name.to_owned(),
@@ -110,7 +111,7 @@ pub(super) fn similarity(run: &Compensated<'_>) -> Block {
     let found = run.found;
     let row = |name: &str, residual: f64, similarity: &Similarity| {
         let ssim = similarity.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
-        vec![name.to_owned(), format!("{residual:.4}"), format!("{:.2}", similarity.psnr), ssim]
+        vec![name.to_owned(), decimal(residual, 4), format!("{:.2}", similarity.psnr), ssim]
     };
     Block::Table {
         headers: ["", "relative residual", "PSNR, dB", "SSIM"].map(String::from).into(),

@@ -13,6 +13,7 @@ use super::{figure, residuals};
 use crate::analysis::planes::{norm, relative_to};
 use crate::analysis::{CompensateOptions, Compensation, MethodRun};
 use crate::error::Result;
+use crate::finding::decimal;
 use crate::finding::{Finding, Grade};
 use crate::image::Image;
 use crate::io::tone::exposure;
@@ -90,8 +91,9 @@ impl<'a> Compensated<'a> {
                 "the target itself, projected, is seen as well: there is nothing to compensate".to_owned()
             }
             _ => format!(
-                "a residual of {:.4}, uncompensated {:.4}",
-                found.residual, found.uncompensated_residual
+                "a residual of {}, uncompensated {}",
+                decimal(found.residual, 4),
+                decimal(found.uncompensated_residual, 4)
             ),
         };
         let help = match self.options.method {
@@ -106,18 +108,19 @@ impl<'a> Compensated<'a> {
     pub fn sentence(&self) -> String {
         let found = self.found;
         let mut text = format!(
-            "{} photos by {}: {}. What is seen differs from the target by {:.4} of it, uncompensated by {:.4}.",
+            "{} photos by {}: {}. What is seen differs from the target by {} of it, uncompensated by {}.",
             found.photos,
             self.method(),
             found.status,
-            found.residual,
-            found.uncompensated_residual
+            decimal(found.residual, 4),
+            decimal(found.uncompensated_residual, 4)
         );
         if found.unclipped.is_some() {
             let _ = write!(
                 text,
-                " The answer had to be clipped to [{}, 1]; before that its residual was {:.4}.",
-                self.options.floor, found.unclipped_residual
+                " The answer had to be clipped to [{}, 1]; before that its residual was {}.",
+                self.options.floor,
+                decimal(found.unclipped_residual, 4)
             );
         }
         if let Some(ssim) = found.similarity.ssim {
@@ -143,14 +146,18 @@ impl<'a> Compensated<'a> {
             ("target", plain(&found.target, scale, "The target".into())?),
             (
                 "observed",
-                plain(&found.observed, scale, format!("What is seen: residual {:.4}", found.residual))?,
+                plain(
+                    &found.observed,
+                    scale,
+                    format!("What is seen: residual {}", decimal(found.residual, 4)),
+                )?,
             ),
             (
                 "uncompensated",
                 plain(
                     &found.uncompensated,
                     scale,
-                    format!("Uncompensated: residual {:.4}", found.uncompensated_residual),
+                    format!("Uncompensated: residual {}", decimal(found.uncompensated_residual, 4)),
                 )?,
             ),
             ("compensation", figure::pattern(&found.pattern, "What is projected")?),
@@ -179,7 +186,7 @@ impl<'a> Compensated<'a> {
     fn page(&self, run: &Run<'_>, figures: Vec<Figure>) -> Result<Report> {
         let found = self.found;
         let mut more = vec![
-            ("Peak", format!("{:.5} {}", found.peak, run.unit)),
+            ("Peak", format!("{} {}", decimal(found.peak, 5), run.unit)),
             ("Photos before the method's", found.preparation.to_string()),
         ];
         let lift = self.options.lift;

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use crate::analysis::{FeatureView, Segmentation};
+use crate::finding::decimal;
 use crate::report::html::{Block, Section};
 use crate::report::palette::Palette;
 use crate::report::scatter::ScatterPlot;
@@ -87,7 +88,7 @@ fn coordinates(view: &FeatureView) -> Block {
     let count = view.coordinates.first().map_or(0, Vec::len);
     let row = |(index, (&(x, y), at)): (usize, (&(usize, usize), &Vec<f64>))| {
         let mut cells = vec![name(index), x.to_string(), y.to_string()];
-        cells.extend(at.iter().map(|value| format!("{value:.4}")));
+        cells.extend(at.iter().map(|&value| decimal(value, 4)));
         cells
     };
     let headers = ["pixel", "column", "row"].into_iter().map(String::from);
@@ -100,7 +101,7 @@ fn coordinates(view: &FeatureView) -> Block {
 
 fn distances(view: &FeatureView) -> Block {
     let row = |(index, distances): (usize, &Vec<f64>)| {
-        std::iter::once(name(index)).chain(distances.iter().map(|value| format!("{value:.3}"))).collect()
+        std::iter::once(name(index)).chain(distances.iter().map(|&value| decimal(value, 3))).collect()
     };
     Block::Table {
         headers: std::iter::once(String::new()).chain((0..view.pixels.len()).map(name)).collect(),

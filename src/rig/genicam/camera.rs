@@ -10,6 +10,7 @@ use super::numbers::Numbers;
 use super::set_up::{said, set_exposure, set_up};
 use super::settings::Settings;
 use crate::error::Result;
+use crate::machine;
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
 /// The transport layer of a camera: GigE Vision or USB3 Vision.
@@ -54,6 +55,11 @@ impl<T: Transport> Link<T> {
     /// Opens the camera, sets it up, and starts the acquisition.
     fn open(transport: &T, settings: &Settings) -> Result<Self> {
         let place = transport.place();
+        // The protocol's library needs one, and would end the program.
+        if !machine::has_thread() {
+            let fault = format!("no thread can be started for the camera {place}");
+            return Err(camera_fault(fault, "raise the limit of processes (`ulimit -u`)"));
+        }
         let mut camera = transport.connect()?;
         set_up(&mut camera, settings, &place)?;
         let stream = transport.stream(&mut camera).map_err(|why| said(&place, "open its stream", &why))?;

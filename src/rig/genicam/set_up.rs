@@ -168,6 +168,6 @@ fn told(range: ValueRange) -> String {
 pub(in crate::rig) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
     camera_fault(
         format!("the camera {place} did not {doing}: {why}"),
-        "check its cable and power, and that no other program uses it; go on with --resume",
+        "check its cable and power, and that no other program uses it",
     )
 }

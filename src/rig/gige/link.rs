@@ -72,7 +72,7 @@ impl Transport for GigeSpec {
             let why = match found.map_err(|why| said(&self.place(), "answer", &why))? {
                 None => camera_fault(
                     format!("no GigE Vision camera answers at {}", self.address),
-                    "check its power, its cable and its address; the network must be the computer's own; go on with --resume",
+                    "check its power, its cable and its address; the network must be the computer's own",
                 ),
                 Some(device) => match blocking::connect(&device) {
                     Ok(camera) => return Ok(camera),

@@ -65,11 +65,11 @@ pub(super) fn run(
         Some(status) => Err(camera_fault(
             format!("{program} failed ({status}): {said}"),
             "check the camera's cable, power and mode dial (M), and that no other program holds it (a desktop may \
-             have mounted it: eject it there); go on with --resume",
+             have mounted it: eject it there)",
         )),
         None => Err(camera_fault(
             format!("{program} did not end within {:.1} s, and was ended: {said}", limit.as_secs_f64()),
-            "switch the camera off and on, or give a longer timeout in [camera]; go on with --resume",
+            "switch the camera off and on, or give a longer timeout in [camera]",
         )),
     }
 }

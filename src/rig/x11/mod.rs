@@ -62,8 +62,5 @@ fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
 /// The error where the server failed or refused a request.
 #[cfg(feature = "x11")]
 fn lost(doing: &str, why: &dyn std::fmt::Display) -> Error {
-    fault(
-        format!("the X server is gone, or refused to {doing}: {why}"),
-        "start it again and go on with --resume; photos taken so far are kept",
-    )
+    fault(format!("the X server is gone, or refused to {doing}: {why}"), "start it again")
 }

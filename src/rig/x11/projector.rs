@@ -121,7 +121,7 @@ impl X11Projector {
                     "the helper process with its window ({} projector) failed: {why}",
                     self.helper.program.display()
                 ),
-                "check that the program can be started and that the X server answers; go on with --resume",
+                "check that the program can be started and that the X server answers",
             ),
         }
     }
@@ -173,7 +173,7 @@ impl Process {
         let requests = child.stdin.take();
         let Some(mut answers) = child.stdout.take() else { return Err("it has no standard output".into()) };
         let (sender, replies) = channel();
-        std::thread::spawn(move || {
+        let reader = std::thread::Builder::new().spawn(move || {
             // The channel closes when the pipe ends or fails; `ask` notices that.
             while let Ok(Some((reply, _))) = wire::receive(&mut answers) {
                 if sender.send(reply).is_err() {
@@ -181,7 +181,13 @@ impl Process {
                 }
             }
         });
-        Ok(Self { child, requests, replies, patience: helper.patience })
+        let process = Self { child, requests, replies, patience: helper.patience };
+        match reader {
+            Ok(_) => Ok(process),
+            Err(why) => {
+                Err(format!("no thread can be started ({why}): raise the limit of processes (`ulimit -u`)"))
+            }
+        }
     }
 
     fn ask(&mut self, request: &Request, payload: &[u8]) -> std::result::Result<Reply, String> {

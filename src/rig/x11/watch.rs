@@ -123,7 +123,7 @@ impl Watch {
             Trouble::Rearranged => {
                 return Err(fault(
                     "the server's monitors were changed",
-                    "leave them alone while photos are taken; go on with --resume",
+                    "leave them alone while photos are taken",
                 ));
             }
         };
@@ -131,7 +131,7 @@ impl Watch {
         if trouble == Trouble::Closed {
             self.trouble = Some(trouble);
         }
-        Err(fault(format!("the projector's window {what}"), format!("{help}; go on with --resume")))
+        Err(fault(format!("the projector's window {what}"), help))
     }
 
     fn drain(&mut self, connection: &RustConnection) -> Result<()> {

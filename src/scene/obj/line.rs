@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::scene::source::fault;
 
 /// One statement, with continued lines joined.
+#[derive(Clone, Copy)]
 pub(super) struct Line<'a> {
     pub path: &'a Path,
     number: usize,
@@ -59,7 +60,7 @@ pub(super) fn statements(
     Ok(())
 }
 
-impl Line<'_> {
+impl<'a> Line<'a> {
     pub(super) fn fault(&self, what: &str) -> Error {
         fault(
             self.path,
@@ -68,8 +69,20 @@ impl Line<'_> {
         )
     }
 
+    /// The line's place, as in `line 7 of paint.mtl`.
+    pub(super) fn place(&self) -> String {
+        let file = self.path.file_name().unwrap_or_default();
+        format!("line {} of {}", self.number, file.display())
+    }
+
+    /// The line without its first argument, if that is `word`.
+    pub(super) fn after(&self, word: &str) -> Option<Self> {
+        let rest = self.rest.strip_prefix(word)?;
+        rest.starts_with(char::is_whitespace).then(|| Self { rest: rest.trim_start(), ..*self })
+    }
+
     /// The arguments before a comment.
-    pub(super) fn words(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn words(&self) -> impl Iterator<Item = &'a str> + use<'a> {
         self.rest.split_whitespace().take_while(|word| !word.starts_with('#'))
     }
 

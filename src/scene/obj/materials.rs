@@ -13,7 +13,8 @@
 //! | `Ns` | microfacet width `α = √(2/(Ns+2))` |
 //! | `Pr`, `Pm` | roughness and metallic, instead of the above |
 //! | `Ni` above 1 | index of refraction; 1.5 otherwise |
-//! | `d`, `Tr`, `map_d` | coverage; `Tr` 1 is full coverage, since nothing else would be seen |
+//! | `Kd xyz` and the like | CIE XYZ, whose white is D65, as linear sRGB; a colour `spectral` is ignored with a warning |
+//! | `d` (also `-halo`), `Tr`, `map_d` | coverage; `Tr` 1 is full coverage, since nothing else would be seen |
 //! | `illum` 4, 6, 7, 9 with `Tf`, or with `d` 1 | solid smooth glass (an object's surface is closed), tinted by `Tf` at each crossing |
 //! | `Ke`, `map_Ke` | emission |
 //! | `norm` | normal map |

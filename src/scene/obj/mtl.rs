@@ -5,6 +5,8 @@
 
 use std::path::Path;
 
+use glam::{Mat3, Vec3};
+
 use super::line::{Line, shortened, statements};
 use crate::error::Result;
 use crate::scene::source::{Warnings, fault};
@@ -31,11 +33,15 @@ pub(super) fn read(path: &Path, text: &str, warnings: &mut Warnings) -> Result<V
         };
         match (statement, &material) {
             (Some(statement), _) => checked.extend([&statement, "\n"]),
-            (None, material) => warnings.add(format!(
-                "material `{}`: `{}` is not supported and ignored",
-                material.as_deref().unwrap_or_default(),
-                shortened(line.keyword)
-            )),
+            (None, material) => {
+                let spectral = if is_spectral(line) { " spectral" } else { "" };
+                let what = format!(
+                    "material `{}`: `{}{spectral}` is not supported and ignored",
+                    material.as_deref().unwrap_or_default(),
+                    shortened(line.keyword)
+                );
+                warnings.add_once(&what, format!("{what} ({})", line.place()));
+            }
         }
         Ok(())
     })?;
@@ -49,6 +55,7 @@ pub(super) fn read(path: &Path, text: &str, warnings: &mut Warnings) -> Result<V
 fn check(line: &Line<'_>) -> Result<Option<String>> {
     let keyword = line.keyword;
     Ok(Some(match keyword {
+        "Kd" | "Ks" | "Ke" | "Tf" if is_spectral(line) => return Ok(None),
         "Kd" | "Ks" | "Ke" | "Tf" => {
             let [red, green, blue] = color(line)?;
             format!("{keyword} {red} {green} {blue}")
@@ -57,7 +64,9 @@ fn check(line: &Line<'_>) -> Result<Option<String>> {
             number if number >= 0.0 => format!("{keyword} {number}"),
             _ => return Err(line.fault(&format!("`{keyword}` is negative"))),
         },
-        "d" | "Pr" | "Pm" => format!("{keyword} {}", fraction(line)?),
+        // With `-halo`, the number is the coverage of what is seen face on.
+        "d" => format!("d {}", fraction(&line.after("-halo").unwrap_or(*line))?),
+        "Pr" | "Pm" => format!("{keyword} {}", fraction(line)?),
         // A material without any coverage would not be there: writers such as MeshLab mean full coverage by it.
         "Tr" => match fraction(line)? {
             1.0 => "d 1".into(),
@@ -79,11 +88,25 @@ fn check(line: &Line<'_>) -> Result<Option<String>> {
     }))
 }
 
-/// A colour `r g b`, or one number for all three channels.
+/// Whether a colour is a file of its spectrum.
+fn is_spectral(line: &Line<'_>) -> bool {
+    line.words().next() == Some("spectral")
+}
+
+/// From CIE XYZ to linear sRGB (IEC 61966-2-1), whose white is D65.
+const XYZ_TO_RGB: Mat3 =
+    Mat3::from_cols_array(&[3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570]);
+
+/// A colour `r g b` or `xyz x y z`, or one number for all three channels. What sRGB cannot show of a colour `xyz` is cut off.
 fn color(line: &Line<'_>) -> Result<[f32; 3]> {
-    if line.rest.starts_with("spectral") || line.rest.starts_with("xyz") {
-        return Err(line.fault("only RGB colours are supported"));
+    match line.after("xyz") {
+        Some(line) => Ok((XYZ_TO_RGB * Vec3::from(three(&line)?)).max(Vec3::ZERO).to_array()),
+        None => three(line),
     }
+}
+
+/// Three numbers, or one for all three.
+fn three(line: &Line<'_>) -> Result<[f32; 3]> {
     let color = match *line.numbers()? {
         [all] => [all; 3],
         [red, green, blue] => [red, green, blue],
