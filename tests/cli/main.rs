@@ -15,6 +15,8 @@ mod kept;
 mod light;
 mod limits;
 mod live;
+#[cfg(target_os = "linux")]
+mod lost_device;
 mod machines;
 mod manners;
 mod manual;
