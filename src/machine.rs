@@ -1,7 +1,10 @@
 //! What this machine grants the process: memory and threads.
 
+use std::cell::Cell;
 use std::fs;
 use std::io;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Once;
 use std::thread::{self, JoinHandle};
 
 /// Bytes of memory that this process may use: those of the machine, or fewer where a container or `ulimit -v` says so. A machine that
@@ -34,6 +37,24 @@ fn address_space_in(limits: &str) -> Option<u64> {
 /// The most threads that share computations, however many are asked for; and for each core.
 const MOST_THREADS: usize = 1024;
 const MOST_OF_CORE: usize = 4;
+
+/// What `work` returns; `None` if it panics, which is not said on standard error. `work` must not leave anything half changed that is used later.
+pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
+    thread_local!(static IS_SILENT: Cell<bool> = const { Cell::new(false) });
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let others = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !IS_SILENT.get() {
+                others(info);
+            }
+        }));
+    });
+    let before = IS_SILENT.replace(true);
+    let outcome = panic::catch_unwind(AssertUnwindSafe(work));
+    IS_SILENT.set(before);
+    outcome.ok()
+}
 
 /// Starts the threads that share computations: one for each core, or as many as `RAYON_NUM_THREADS` says, up to [`MOST_OF_CORE`] for each core; or the
 /// number that the system allows where a limit of processes or of address space forbids more. Without this, the first computation would end the

@@ -34,7 +34,7 @@ pub(crate) fn calibrate<'py>(
     let (folder, overwrite, resume) = run;
     let options = calibrate_options(py, takes, map)?;
     let rig = rig(py, request)?;
-    let folder = folder.unwrap_or_else(|| rig.calibration_folder());
+    let folder = folder.unwrap_or_else(|| rig.next_calibration_folder(overwrite || resume));
     let run = RunOptions { folder: Some(folder), overwrite, resume };
     let found = work::detached(py, || rig.calibrate(&options, &run))?;
     let fields = Fields::new(py);

@@ -10,8 +10,8 @@ use super::trace::TraceArgs;
 use super::{Outcome, compensate, eigs, plan_ranks, segment};
 use crate::analysis::plan::Cost;
 use crate::error::{Error, Result};
-use crate::io::name::Name;
 use crate::finding::decimal;
+use crate::io::name::Name;
 use crate::lab::{ChannelChoice, Lab, Plan, PlanRequest, RigSource, SourceKind};
 use crate::transport::Channels;
 

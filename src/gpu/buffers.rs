@@ -38,7 +38,7 @@ impl Gpu {
     /// An uninitialized buffer of `bytes`.
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         self.check_size(label, bytes)?;
-        self.guarded(label, || {
+        self.guarded(&format!("{label} ({:.1} MiB)", bytes as f64 / 1048576.0), || {
             self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
                 size: bytes,

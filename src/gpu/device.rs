@@ -1,10 +1,18 @@
 //! The choice of an adapter, and the device that is opened on it.
 
+use std::sync::{Arc, OnceLock};
+
 use super::compiled::Compiled;
 use crate::error::{Error, Result};
 use crate::machine;
 
 const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-get install -y --no-install-recommends mesa-vulkan-drivers";
+
+/// What to do about a lack of the device's memory.
+const OUT_OF_MEMORY: &str = "use a smaller --size, fewer --spp, a simpler scene or another --adapter, or close other programs that use the device; --memory bounds the memory of the machine, which is another";
+
+/// What to do about a device that is lost.
+const LOST: &str = "run it again: the driver has reset the device, or its memory is used up. With --resume a run goes on, and no photo of its journal is taken again. If it happens again, use a smaller --size or another --adapter";
 
 /// The kind of an adapter that is the processor itself.
 const SOFTWARE: &str = "software";
@@ -78,6 +86,8 @@ pub(crate) struct Gpu {
     pub(crate) shares_memory: bool,
     /// What it has compiled, if somebody keeps that for later processes.
     pub(crate) compiled: Option<Compiled>,
+    /// Why nothing works any more: the device was lost, or failed outside of [`Gpu::guarded`].
+    pub(crate) failure: Arc<OnceLock<String>>,
 }
 
 impl Gpu {
@@ -120,9 +130,14 @@ impl Gpu {
         let (device, queue) =
             pollster::block_on(adapter.request_device(&request)).map_err(|e| Error::Device {
                 fault: format!("{} cannot be opened: {e}", summary.name),
-                help: "choose another with --adapter; `krylux info` lists them. A limit of processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it".into(),
+                help: "close other programs that use it, or choose another with --adapter; `krylux info` lists them. A limit of processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it".into(),
             })?;
-        Ok(Self { device, queue, summary, shares_memory, compiled: None })
+        // Without these two, wgpu tells nobody of a loss, and ends the process where an error has no scope.
+        let failure = Arc::new(OnceLock::new());
+        let (lost, failed) = (Arc::clone(&failure), Arc::clone(&failure));
+        device.set_device_lost_callback(move |_, reason| drop(lost.set(reason)));
+        device.on_uncaptured_error(Arc::new(move |error| drop(failed.set(error.to_string()))));
+        Ok(Self { device, queue, summary, shares_memory, compiled: None, failure })
     }
 
     /// From now on kernels are compiled with the help of `data`, which an earlier process got of [`Gpu::compiled`] for this device.
@@ -135,18 +150,21 @@ impl Gpu {
         self.compiled.as_ref().map(Compiled::cache)
     }
 
-    /// Runs `work`. A validation error or a lack of memory on the device becomes an error instead of a panic.
+    /// Runs `work`. A failure, a lack of memory or the loss of the device becomes an error instead of a panic.
     pub(crate) fn guarded<T>(&self, what: &str, work: impl FnOnce() -> T) -> Result<T> {
-        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+        let scopes = [Internal, OutOfMemory, Validation].map(|filter| self.device.push_error_scope(filter));
         let result = work();
-        let fault = pollster::block_on(validation.pop());
-        let fault = pollster::block_on(memory.pop()).or(fault);
-        match fault {
+        let faults = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
+        let faults: Vec<wgpu::Error> = faults.collect::<Vec<_>>().into_iter().flatten().collect();
+        // A lost device and a lack of memory make what was asked for invalid as well.
+        self.require_working()?;
+        let short = faults.iter().any(|fault| matches!(fault, wgpu::Error::OutOfMemory { .. }));
+        match faults.first() {
             None => Ok(result),
-            Some(wgpu::Error::OutOfMemory { .. }) => Err(Error::Device {
-                fault: format!("{what}: out of memory on {}", self.summary.name),
-                help: "use a smaller scene or --size, or another --adapter".into(),
+            Some(_) if short => Err(Error::Device {
+                fault: format!("no memory of {} is left for {what}", self.summary.name),
+                help: OUT_OF_MEMORY.into(),
             }),
             Some(e) => Err(Error::Device {
                 fault: format!("{what}: {e}"),
@@ -159,10 +177,25 @@ impl Gpu {
     /// Waits until `submission` is done; for `None`, until everything submitted is done.
     pub(crate) fn wait(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<()> {
         let until = wgpu::PollType::Wait { submission_index: submission, timeout: None };
-        self.device.poll(until).map(drop).map_err(|e| Error::Device {
-            fault: format!("{} was lost: {e}", self.summary.name),
-            help: "run again; if it happens again, choose another --adapter".into(),
-        })
+        // wgpu panics where the driver says here that the device is lost.
+        let outcome = machine::unless_panics(|| self.device.poll(until));
+        self.require_working()?;
+        match outcome {
+            Some(Ok(_)) => Ok(()),
+            Some(Err(error)) => Err(self.lost(&error.to_string())),
+            None => Err(self.lost("it cannot be waited for")),
+        }
+    }
+
+    /// Fails if the device was lost.
+    pub(crate) fn require_working(&self) -> Result<()> {
+        self.failure.get().map_or(Ok(()), |why| Err(self.lost(why)))
+    }
+
+    /// The error for a device that does not work any more.
+    pub(super) fn lost(&self, why: &str) -> Error {
+        let why = why.trim().trim_end_matches('.');
+        Error::Device { fault: format!("{} was lost: {why}", self.summary.name), help: LOST.into() }
     }
 }
 

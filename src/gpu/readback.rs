@@ -5,7 +5,7 @@ use std::sync::mpsc::Receiver;
 use wgpu::BufferUsages;
 
 use super::Gpu;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones
 /// share them.
@@ -69,14 +69,12 @@ impl Results {
     /// the buffer again.
     pub(crate) fn wait(&self, gpu: &Gpu, request: Readback) -> Result<wgpu::BufferView> {
         gpu.wait(Some(request.submission))?;
-        let lost = |reason: String| Error::Device {
-            fault: format!("results cannot be read back from {}: {reason}", gpu.summary.name),
-            help: "run again; if it happens again, choose another --adapter".into(),
-        };
+        let lost =
+            |reason: &dyn std::fmt::Display| gpu.lost(&format!("results cannot be read back ({reason})"));
         match request.mapped.try_recv() {
-            Ok(Ok(())) => self.readable().get_mapped_range(0..request.bytes).map_err(|e| lost(e.to_string())),
-            Ok(Err(e)) => Err(lost(e.to_string())),
-            Err(e) => Err(lost(e.to_string())),
+            Ok(Ok(())) => self.readable().get_mapped_range(0..request.bytes).map_err(|e| lost(&e)),
+            Ok(Err(e)) => Err(lost(&e)),
+            Err(e) => Err(lost(&e)),
         }
     }
 

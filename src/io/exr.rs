@@ -4,7 +4,6 @@
 //! Half floats are never written: their 11 significant bits would add noise to Krylov vectors.
 
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use ::exr::prelude::{
@@ -114,7 +113,7 @@ pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
     let bytes = file::read(path)?;
     let header = || MetaData::read_from_buffered(bytes.as_slice(), false).map_err(|error| error.to_string());
     // As in `decode`.
-    let meta = catch_unwind(AssertUnwindSafe(header)).unwrap_or_else(|_| Err("it is malformed".into()));
+    let meta = machine::unless_panics(header).unwrap_or_else(|| Err("it is malformed".into()));
     let headers = meta.map_err(|fault| unusable(path, fault))?.headers;
     Ok(headers.iter().map(|of| Resolution::new(of.layer_size.width(), of.layer_size.height())).collect())
 }
@@ -131,8 +130,7 @@ fn unusable(path: &Path, fault: String) -> Error {
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     // Some decoders of the crate `exr` assert properties of the data, for example that of PIZ compression. A
     // panic is safe to catch here, because the closure owns everything that it modifies.
-    catch_unwind(AssertUnwindSafe(|| decode_unguarded(bytes)))
-        .unwrap_or_else(|_| Err("it is malformed".into()))
+    machine::unless_panics(|| decode_unguarded(bytes)).unwrap_or_else(|| Err("it is malformed".into()))
 }
 
 /// As [`decode`], but a damaged file may cause a panic.

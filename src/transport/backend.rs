@@ -61,6 +61,7 @@ impl Assembled {
         }
         match GpuMatrix::on(gpu, &self.matrix) {
             Ok(gpu_matrix) => self.gpu_matrix = Some(gpu_matrix),
+            Err(error) if gpu.require_working().is_err() => return Err(error),
             Err(Error::Device { fault, .. }) if place == Backend::Auto => return Ok(Some(fault)),
             Err(Error::Device { fault, .. }) => {
                 let help = "take the products on the processor (--products cpu), or use another --adapter";

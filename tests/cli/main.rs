@@ -17,6 +17,8 @@ mod light;
 mod limits;
 mod links;
 mod live;
+#[cfg(target_os = "linux")]
+mod lost_device;
 mod machines;
 mod manners;
 mod manual;

@@ -35,11 +35,26 @@ impl XServer {
         Self::with(&[display, "-screen", "0", &format!("{width}x{height}x24")])
     }
 
-    /// A server with these arguments.
+    /// A server with these arguments, which keeps its state when a client leaves.
     pub fn with(arguments: &[&str]) -> Self {
+        let (process, display) = Self::process(&[&["-noreset"], arguments].concat());
+        let (connection, screen) = x11rb::connect(Some(&display)).expect("it is there");
+        let root = connection.setup().roots[screen].root;
+        Self { process, display, connection, root }
+    }
+
+    /// Sets the ramps of red, green and blue.
+    pub fn set_gamma(&self, [red, green, blue]: [&[u16]; 3]) {
+        let resources = self.connection.randr_get_screen_resources_current(self.root).expect("sent");
+        let crtc = resources.reply().expect("answered").crtcs[0];
+        self.connection.randr_set_crtc_gamma(crtc, red, green, blue).expect("sent").check().expect("it fits");
+    }
+
+    /// The process of a server with these arguments, and its display.
+    pub fn process(arguments: &[&str]) -> (Child, String) {
         let mut process = Command::new("Xvfb")
             // The server chooses a free display number, and prints it.
-            .args(["-displayfd", "1", "-nolisten", "tcp", "-noreset"])
+            .args(["-displayfd", "1", "-nolisten", "tcp"])
             .args(arguments)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -48,10 +63,7 @@ impl XServer {
         let mut number = String::new();
         let said = process.stdout.take().expect("it is piped");
         BufReader::new(said).read_line(&mut number).expect("it says its number");
-        let display = format!(":{}", number.trim());
-        let (connection, screen) = x11rb::connect(Some(&display)).expect("it is there");
-        let root = connection.setup().roots[screen].root;
-        Self { process, display, connection, root }
+        (process, format!(":{}", number.trim()))
     }
 
     /// Defines a part of the screen as a monitor.

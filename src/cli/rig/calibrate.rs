@@ -36,10 +36,11 @@ pub(in super::super) struct Args {
     #[arg(long, value_enum)]
     map: Option<MapArg>,
     /// Where the calibration goes; --use, or the line `calibration = …` in the rig file, makes verbs use it [default: what the
-    /// rig file names, or NAME-calibration beside it]
+    /// rig file names, or NAME-calibration beside it; with a number behind it where an earlier calibration is there, which stays as it is]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     folder: Option<PathBuf>,
-    /// Use it from now on: write the line `calibration = …` into the rig file. Comments and all else in the file stay as they are
+    /// Use it from now on: write the line `calibration = …` into the rig file as soon as the calibration is whole. Comments and all else in the file
+    /// stay as they are
     #[arg(long = "use")]
     is_used: bool,
     /// Calibrate anew into a folder that holds a calibration's photos, and throw these away
@@ -70,7 +71,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         }),
         ..CalibrateOptions::default()
     };
-    let folder = args.folder.clone().unwrap_or_else(|| rig.calibration_folder());
+    let again = args.overwrite || args.resume;
+    let folder = args.folder.clone().unwrap_or_else(|| rig.next_calibration_folder(again));
     let run = RunOptions { folder: Some(folder), overwrite: args.overwrite, resume: args.resume };
     let Calibrated { report, effort, folder, .. } = rig.calibrate(&options, &run)?;
     for [of, text] in report.lines() {
@@ -91,7 +93,10 @@ fn name_it(args: &Args, rig: &RigSource, folder: &Path, console: &Console) -> Re
     }
     if args.is_used {
         rig.name_calibration(folder)?;
-        console.say(format_args!("used      by {file} from now on"))?;
+        let earlier = rig.file.calibration.as_ref();
+        let earlier =
+            earlier.map(|earlier| format!("; before, it was {}", earlier.display())).unwrap_or_default();
+        console.say(format_args!("used      by {file} from now on{earlier}"))?;
     } else {
         console.note(format_args!(
             "note: no verb uses it yet; name it in {file} as `calibration = {:?}` (relative to that file), or give --use, which writes this line",

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::io::manifest::Status;
+use crate::lab::layout::RECORD;
 use crate::lab::{Lab, Log, RigSource, RunFolder, RunOptions, journal};
 use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
-use crate::measure::{Calibration, Effort, FrameSource, JournaledFrames};
+use crate::measure::{Calibration, Effort, FrameSource, JournaledFrames, RunManifest};
 use crate::observer::{Estimate, Step};
 use crate::report::calibration;
 
@@ -27,6 +29,34 @@ impl RigSource {
     pub fn calibration_folder(&self) -> PathBuf {
         let beside = || self.file.path.with_file_name(format!("{}-calibration", self.name()));
         self.file.calibration.clone().unwrap_or_else(beside)
+    }
+
+    /// Where a calibration goes that names no folder: into the first free one of [`Self::calibration_folder`], the same with `-2`, `-3`, …, so that an
+    /// earlier calibration stays as it is. The last of them, if it is unfinished, comes first: it is to be resumed or replaced. With `again` a
+    /// calibration is resumed or replaced that may be whole: then it is the one that the rig file names.
+    pub fn next_calibration_folder(&self, again: bool) -> PathBuf {
+        let named = self.calibration_folder();
+        let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let first = match name.rsplit_once('-') {
+            Some((stem, number)) if number.parse::<u32>().is_ok() && named.with_file_name(stem).exists() => {
+                stem
+            }
+            _ => &name,
+        };
+        let mut folders = (2..).map(|number: u32| named.with_file_name(format!("{first}-{number}")));
+        let (mut last, mut next) = (None, named.with_file_name(first));
+        while next.exists() {
+            let Some(following) = folders.next() else { break };
+            last = Some(std::mem::replace(&mut next, following));
+        }
+        let is_unfinished = |folder: &PathBuf| {
+            RunManifest::read(&folder.join(RECORD)).is_ok_and(|record| record.status != Status::Done)
+        };
+        match last.filter(is_unfinished) {
+            Some(unfinished) => unfinished,
+            None if again => named,
+            None => next,
+        }
     }
 
     /// Calibrates the devices from captures alone, and writes the calibration and a report into a folder. Every photo is in the folder's journal

@@ -73,7 +73,13 @@ fn monitor(spec: &X11Spec, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
         || format!("unknown refresh time, {:.5} s by the file", spec.frame_time),
         |time| format!("a refresh every {time:.5} s"),
     );
-    let found = format!("\"{}\": {} pixels at ({x}, {y}), {refresh}", monitor.name, monitor.resolution);
+    let ramp = if monitor.knows_ramp {
+        "a straight gamma ramp"
+    } else {
+        "a gamma ramp that the server does not tell"
+    };
+    let found =
+        format!("\"{}\": {} pixels at ({x}, {y}), {refresh}, {ramp}", monitor.name, monitor.resolution);
     recorder.add(match spec.monitor_size {
         Some(_) => Finding::ok("monitor", found),
         None => Finding::graded(

@@ -18,29 +18,27 @@ impl RigFile {
         program.into_iter().chain(decoder).collect()
     }
 
-    /// Whether the file is in the user's own folder of rigs ([`own_folder`]), which only the user or the administrator writes.
-    pub fn is_in_own_folder(&self) -> bool {
-        own_folder().is_some_and(|folder| is_own(&self.path, &folder))
-    }
-
     /// Checks that the programs that the file names may be run: because it is in the user's own folder, or because `allowed` says so.
     ///
     /// # Errors
     /// [`Error::Data`], with the programs.
     pub fn require_programs_allowed(&self, allowed: bool) -> Result<()> {
         let programs = self.named_programs();
-        if programs.is_empty() || allowed || self.is_in_own_folder() {
+        if programs.is_empty() || allowed {
             return Ok(());
         }
-        let folder =
-            own_folder().map_or_else(|| "~/.config/krylux".to_owned(), |folder| folder.display().to_string());
+        let objection = own_folder().map_or_else(
+            || Some("neither XDG_CONFIG_HOME nor HOME names your own folder".to_owned()),
+            |folder| objection(&self.path, &folder),
+        );
+        let Some(objection) = objection else { return Ok(()) };
         Err(Error::Data {
             path: self.path.clone(),
             fault: format!(
-                "it names programs, which are run only for files in your own folder {folder}: {}",
+                "it names programs, which are run only for files in a folder that nobody but you and root writes: {}; {objection}",
                 programs.iter().map(|program| format!("`{program}`")).collect::<Vec<_>>().join(" and ")
             ),
-            help: "if you trust the file and these programs, add --allow-programs, or move the file into that folder".into(),
+            help: "if you trust the file and these programs, add --allow-programs".into(),
         })
     }
 }
@@ -52,23 +50,42 @@ pub fn own_folder() -> Option<PathBuf> {
     Some(base.join("krylux"))
 }
 
-/// Whether a file is below a folder, links followed, and belongs to its owner alone.
-fn is_own(path: &Path, folder: &Path) -> bool {
-    let [Ok(path), Ok(folder)] = [path, folder].map(std::fs::canonicalize) else { return false };
-    path.starts_with(&folder) && is_written_by_owner_only(&path, &folder)
+/// Why somebody else may have written a file, as a clause; `None` if it is below the folder, links followed, and only this user or root writes it, the
+/// folder and all between them.
+fn objection(path: &Path, folder: &Path) -> Option<String> {
+    let outside = || Some(format!("move it into your own folder {}", folder.display()));
+    let [Ok(path), Ok(real)] = [path, folder].map(std::fs::canonicalize) else { return outside() };
+    if !path.starts_with(&real) {
+        return outside();
+    }
+    path.ancestors().take_while(|part| part.starts_with(&real)).find_map(objection_to)
 }
 
-/// Whether the owner of the folder, or the administrator, also owns the file, and no group or other user may write it.
+/// Why somebody else may have changed this file or folder.
 #[cfg(unix)]
-fn is_written_by_owner_only(path: &Path, folder: &Path) -> bool {
+fn objection_to(path: &Path) -> Option<String> {
     use std::os::unix::fs::MetadataExt;
-    let [Ok(file), Ok(folder)] = [path, folder].map(std::fs::metadata) else { return false };
-    (file.uid() == folder.uid() || file.uid() == 0) && file.mode() & 0o022 == 0
+    let Ok(about) = std::fs::metadata(path) else {
+        return Some(format!("{} cannot be read", path.display()));
+    };
+    let user = rustix::process::geteuid().as_raw();
+    stranger(user, (about.uid(), about.mode())).map(|fault| format!("{} {fault}", path.display()))
 }
 
 #[cfg(not(unix))]
-fn is_written_by_owner_only(_: &Path, _: &Path) -> bool {
-    true
+fn objection_to(_: &Path) -> Option<String> {
+    None
+}
+
+/// Who besides this user and root may change a file or folder of this owner and mode; `None` for nobody. The sticky bit is no help, since it lets
+/// others add files.
+#[cfg(unix)]
+fn stranger(user: u32, (owner, mode): (u32, u32)) -> Option<String> {
+    if owner != user && owner != 0 {
+        return Some(format!("belongs to user {owner}, and krylux runs as user {user}"));
+    }
+    let others = if mode & 0o002 != 0 { "everybody" } else { "its group" };
+    (mode & 0o022 != 0).then(|| format!("can be written by {others} (`chmod go-w` ends that)"))
 }
 
 #[cfg(all(test, unix))]
@@ -103,17 +120,53 @@ mod tests {
     fn a_file_is_the_users_own_where_nobody_else_can_have_put_it() {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         let [own, other] = ["own", "other"].map(|name| folder.path().join(name));
-        for folder in [&own, &other] {
+        for folder in [&own, &own.join("lab"), &other] {
             fs::create_dir(folder).expect("the folder is writable");
+            fs::set_permissions(folder, fs::Permissions::from_mode(0o755)).expect("it is ours");
             fs::write(folder.join("rig.toml"), "").expect("the folder is writable");
+            fs::set_permissions(folder.join("rig.toml"), fs::Permissions::from_mode(0o644))
+                .expect("it is ours");
         }
-        assert!(is_own(&own.join("rig.toml"), &own));
-        assert!(!is_own(&other.join("rig.toml"), &own) && !is_own(&own.join("../other/rig.toml"), &own));
+        let is_own = |path: &Path| objection(path, &own).is_none();
+        let inner = own.join("lab/rig.toml");
+        assert!(is_own(&inner) && is_own(&own.join("rig.toml")));
+        assert!(!is_own(&other.join("rig.toml")) && !is_own(&own.join("../other/rig.toml")));
         symlink(other.join("rig.toml"), own.join("link.toml")).expect("the folder is writable");
-        assert!(!is_own(&own.join("link.toml"), &own), "what counts is where the file is");
-        let anybody = fs::Permissions::from_mode(0o666);
-        fs::set_permissions(own.join("rig.toml"), anybody).expect("it is ours");
-        assert!(!is_own(&own.join("rig.toml"), &own), "anybody can write it");
-        assert!(!is_own(&own.join("none.toml"), &own));
+        assert!(!is_own(&own.join("link.toml")), "what counts is where the file is");
+        assert!(!is_own(&own.join("none.toml")));
+        // Each part of the way, with each mode that lets others write.
+        for (part, usual) in [(own.clone(), 0o755), (own.join("lab"), 0o755), (inner.clone(), 0o644)] {
+            for more in [0o002, 0o020, 0o022, 0o1002, 0o1022] {
+                fs::set_permissions(&part, fs::Permissions::from_mode(usual | more)).expect("it is ours");
+                let objection = objection(&inner, &own).unwrap_or_default();
+                let real = fs::canonicalize(&part).expect("it is there");
+                assert!(
+                    objection.starts_with(&format!("{} can be written", real.display())),
+                    "{more:o} {objection}"
+                );
+            }
+            fs::set_permissions(&part, fs::Permissions::from_mode(usual)).expect("it is ours");
+            assert!(is_own(&inner), "{}", part.display());
+        }
+    }
+
+    #[test]
+    fn only_the_user_and_root_are_no_strangers() {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_pcg::Pcg64::seed_from_u64(1);
+        let mut counts = [0; 2];
+        for _ in 0..20_000 {
+            let users = [0, 1000, 1001, 65534];
+            let [user, owner] = [0; 2].map(|_| users[random.random_range(0..users.len())]);
+            let mode = random.random_range(0..0o10000);
+            // Who can change it: its owner (who can change its mode), and its group and all others, by their bits.
+            let may_write = |who: u32| who == owner || mode & 0o020 != 0 || mode & 0o002 != 0;
+            let is_safe = users.into_iter().filter(|who| ![0, user].contains(who)).all(|who| !may_write(who));
+            assert_eq!(stranger(user, (owner, mode)).is_none(), is_safe, "{user} {owner} {mode:o}");
+            counts[usize::from(is_safe)] += 1;
+        }
+        assert!(counts[0] > 1000 && counts[1] > 1000, "{counts:?}");
+        let sudo = stranger(0, (1000, 0o644)).expect("under sudo the file is not root's");
+        assert!(sudo.contains("user 1000") && sudo.contains("runs as user 0"), "{sudo}");
     }
 }

@@ -32,8 +32,8 @@ impl X11Spec {
     pub fn monitor(&self) -> Result<MonitorInfo> {
         let (connection, screen) = connect(self.display.as_deref())?;
         let root = connection.setup().roots[screen].root;
-        let monitor = choose(listed(&connection, root)?, self)?;
-        check_passes(&connection, &monitor)?;
+        let mut monitor = choose(listed(&connection, root)?, self)?;
+        monitor.knows_ramp = check_passes(&connection, &monitor)?;
         Ok(monitor)
     }
 }
@@ -101,6 +101,7 @@ pub(super) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<Mo
             place: [monitor.x, monitor.y],
             is_primary: monitor.primary,
             frame_time: frame_time(connection, &crtcs, &resources).map_err(|why| failed(&why))?,
+            knows_ramp: false,
             crtcs,
         });
     }
@@ -171,15 +172,19 @@ pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
     Ok(monitor)
 }
 
-/// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform.
-pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<()> {
+/// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform. Returns whether the server says a
+/// ramp for each of its display controllers.
+pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<bool> {
     let asked = "report a monitor's gamma ramp and transform";
     let sent = |why: x11rb::errors::ConnectionError| lost(asked, &why);
     let reply = |why: x11rb::errors::ReplyError| lost(asked, &why);
     let name = &monitor.name;
+    let mut knows_ramp = !monitor.crtcs.is_empty();
     for &crtc in &monitor.crtcs {
         let gamma = connection.randr_get_crtc_gamma(crtc).map_err(sent)?.reply().map_err(reply)?;
-        if [&gamma.red, &gamma.green, &gamma.blue].into_iter().any(|ramp| !is_line(ramp)) {
+        let is_ramp = is_ramp([&gamma.red, &gamma.green, &gamma.blue]);
+        knows_ramp &= is_ramp;
+        if is_ramp && [&gamma.red, &gamma.green, &gamma.blue].into_iter().any(|ramp| !is_line(ramp)) {
             return Err(fault(
                 format!(
                     "monitor {name} has a gamma ramp: a colour profile or a night light changes what is shown"
@@ -195,14 +200,28 @@ pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -
             ));
         }
     }
-    Ok(())
+    Ok(knows_ramp)
 }
 
-/// Whether a gamma ramp is a straight line. An empty ramp means that there is none; a server without a real display has zeros.
+/// Whether these are the ramps of red, green and blue that somebody has set: each rises or falls all the way, and one of them spans some of the range. A
+/// server without a real display has none, or zeros; Xvfb, once its first client has left, memory that nobody has written.
+fn is_ramp(ramps: [&[u16]; 3]) -> bool {
+    let tolerance = (65535.0 * RAMP_TOLERANCE) as u16;
+    let goes_one_way = |ramp: &[u16]| {
+        let steps = || ramp.windows(2);
+        steps().all(|step| step[1] >= step[0].saturating_sub(tolerance))
+            || steps().all(|step| step[1] <= step[0].saturating_add(tolerance))
+    };
+    let spans = |ramp: &[u16]| {
+        let ends = ramp.first().zip(ramp.last());
+        let steps = ramp.windows(2).filter(|step| step[0] != step[1]).count();
+        ends.is_some_and(|(first, last)| first.abs_diff(*last) > 16 * tolerance) && steps >= ramp.len() / 8
+    };
+    ramps.iter().all(|ramp| goes_one_way(ramp)) && ramps.iter().any(|ramp| spans(ramp))
+}
+
+/// Whether a gamma ramp is a straight line from nothing to full scale.
 fn is_line(ramp: &[u16]) -> bool {
-    if ramp.len() < 2 || ramp.iter().all(|&value| value == 0) {
-        return true;
-    }
     let last = (ramp.len() - 1) as f64;
     ramp.iter()
         .enumerate()
@@ -229,6 +248,7 @@ mod tests {
             place: [0, 0],
             is_primary: false,
             frame_time: None,
+            knows_ramp: false,
             crtcs: Vec::new(),
         }
     }
@@ -270,12 +290,43 @@ mod tests {
 
     #[test]
     fn only_a_straight_ramp_passes() {
-        let ramp = |gamma: f64| -> Vec<u16> {
-            (0..256).map(|at| (65535.0 * (f64::from(at) / 255.0).powf(gamma)).round() as u16).collect()
+        let ramp = |gamma: f64, light: f64| -> Vec<u16> {
+            (0..256)
+                .map(|at| (65535.0 * light * (f64::from(at) / 255.0).powf(gamma)).round() as u16)
+                .collect()
         };
-        assert!(is_line(&ramp(1.0)) && is_line(&[]) && is_line(&[0; 256]));
-        assert!(!is_line(&ramp(1.05)));
-        let dimmed: Vec<u16> = ramp(1.0).iter().map(|value| value / 10 * 9).collect();
-        assert!(!is_line(&dimmed), "a night light");
+        assert!(is_line(&ramp(1.0, 1.0)));
+        assert!(!is_line(&ramp(1.05, 1.0)));
+        // A night light, which may switch blue off, and one that inverts colours.
+        let [dimmed, off, bent] = [ramp(1.0, 0.9), ramp(1.0, 0.0), ramp(2.2, 1.0)];
+        let inverted: Vec<u16> = ramp(1.0, 1.0).into_iter().rev().collect();
+        assert!(!is_line(&dimmed) && !is_line(&off) && !is_line(&inverted));
+        for blue in [&dimmed, &off, &bent, &inverted] {
+            assert!(is_ramp([&ramp(1.0, 1.0), &ramp(1.0, 1.0), blue]));
+        }
+        assert!(!is_ramp([&off, &off, &off]) && !is_ramp([&[], &[], &[]]));
+    }
+
+    /// What is left in memory: pointers, small numbers and zeros, in 64 bits each.
+    #[test]
+    fn memory_that_nobody_has_written_is_no_ramp() {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_pcg::Pcg64::seed_from_u64(1);
+        for _ in 0..2000 {
+            let pointers = random.random_range(0..30);
+            let mut words = vec![0_u64; 192];
+            for _ in 0..pointers {
+                let at = random.random_range(0..192);
+                words[at] = match random.random_range(0..3) {
+                    0 => random.random_range(0..1000),
+                    1 => 0x7f95_0000_0000 + random.random_range(0..1_u64 << 32),
+                    _ => random.random(),
+                };
+            }
+            let memory: Vec<u16> =
+                words.iter().flat_map(|word| [0, 16, 32, 48].map(|shift| (word >> shift) as u16)).collect();
+            let [red, green, blue] = [0, 256, 512].map(|from| &memory[from..from + 256]);
+            assert!(!is_ramp([red, green, blue]), "{memory:?}");
+        }
     }
 }

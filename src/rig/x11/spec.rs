@@ -84,6 +84,9 @@ pub struct MonitorInfo {
     pub is_primary: bool,
     /// Seconds from one refresh to the next, if the server knows.
     pub frame_time: Option<f64>,
+    /// Whether the server says its gamma ramp, which is then a straight line. A server without a real display says none, or leaves memory there.
+    #[serde(skip)]
+    pub knows_ramp: bool,
     /// The display controllers (CRTCs) that drive it, by the server's numbers.
     #[serde(skip)]
     #[cfg(feature = "x11")]

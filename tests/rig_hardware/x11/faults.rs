@@ -47,6 +47,34 @@ fn a_monitor_that_is_missing_or_does_not_fit_is_named() {
 }
 
 #[test]
+fn a_gamma_ramp_is_refused_only_where_somebody_has_set_one() {
+    let server = XServer::start(64, 48);
+    let spec = spec(&server, [16, 12]);
+    let ramp = |gamma: f64| -> Vec<u16> {
+        (0..256).map(|at| (65535.0 * (f64::from(at) / 255.0).powf(gamma)).round() as u16).collect()
+    };
+    assert!(!spec.monitor().expect("this server has no display").knows_ramp);
+    let [straight, bent, off] = [ramp(1.0), ramp(1.1), vec![0; 256]];
+    for blue in [&bent, &off] {
+        server.set_gamma([&straight, &straight, blue]);
+        let message = refused(spec.monitor());
+        assert!(message.contains("has a gamma ramp") && message.contains("--gamma 1:1:1"), "{message}");
+    }
+    server.set_gamma([&straight; 3].map(Vec::as_slice));
+    assert!(spec.monitor().expect("it is straight").knows_ramp);
+}
+
+/// Such a server starts anew whenever its last client leaves, and then answers with memory that nobody has written.
+#[test]
+fn a_server_that_resets_has_no_gamma_ramp() {
+    let (mut process, display) = XServer::process(&["-screen", "0", "64x48x24"]);
+    let spec = X11Spec { display: Some(display), ..X11Spec::new(16, 12) };
+    let found: Vec<_> = (0..6).map(|_| spec.monitor().map(|monitor| monitor.knows_ramp)).collect();
+    process.kill().and_then(|()| process.wait()).expect("it lives");
+    assert!(found.iter().all(|found| matches!(found, Ok(false))), "{found:?}");
+}
+
+#[test]
 fn a_server_that_is_missing_or_has_too_few_bits_is_named() {
     let nowhere = X11Spec { display: Some(":4095".into()), ..X11Spec::new(16, 12) };
     let message = refused(open(&nowhere));
