@@ -45,15 +45,18 @@ pub(crate) trait Log {
         if effort.taken > 0 {
             self.info(format_args!("time      {} (each photo)", effort.times.each(effort.taken)));
         }
-        let refused = effort.dropped + effort.repeated + effort.late + effort.restarts;
+        let refused = effort.dropped + effort.incomplete + effort.repeated + effort.late + effort.restarts;
         if refused > 0 {
             self.info(format_args!(
-                "faults    {} frames dropped, {} repeated, {} late, {} restarts of the camera",
-                effort.dropped, effort.repeated, effort.late, effort.restarts
+                "faults    {} frames dropped, {} incomplete, {} repeated, {} late, {} restarts of the camera",
+                effort.dropped, effort.incomplete, effort.repeated, effort.late, effort.restarts
             ));
         }
-        if effort.resent > 0 {
-            self.info(format_args!("network   {} packets were lost, and sent again", effort.resent));
+        if effort.resent + effort.missing > 0 {
+            self.info(format_args!(
+                "network   {} packets were lost, and sent again; {} never came",
+                effort.resent, effort.missing
+            ));
         }
         if let Some(noise) = rig.noise {
             self.info(format_args!("noise     {} % of the white photo", percent(noise)));

@@ -39,6 +39,12 @@ pub struct Effort {
     /// Packets of frames that were lost on the network and sent again on request.
     #[serde(default)]
     pub resent: u64,
+    /// Frames that came without some of their packets, although these were asked for again. They are refused.
+    #[serde(default)]
+    pub incomplete: u64,
+    /// The packets of these frames that never came.
+    #[serde(default)]
+    pub missing: u64,
     /// Duration in seconds on the rig's clock.
     pub seconds: f64,
     /// How these seconds were spent, since this session opened the rig.

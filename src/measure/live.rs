@@ -37,6 +37,7 @@ pub struct LiveFrames {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rejection {
     Dropped,
+    Incomplete,
     Repeated,
     Late,
 }
@@ -107,8 +108,12 @@ impl LiveFrames {
 
     /// Takes one frame, whose exposure must not begin before the time `ready`.
     fn take(&mut self, exposure: f64, ready: f64) -> Result<std::result::Result<RawFrame, Rejection>> {
+        let before = self.devices.camera.losses().incomplete;
         let captured = self.timed(|times| &mut times.transfer, |devices| devices.camera.capture())?;
-        let Some(frame) = captured else { return Ok(Err(Rejection::Dropped)) };
+        let Some(frame) = captured else {
+            let came = self.devices.camera.losses().incomplete > before;
+            return Ok(Err(if came { Rejection::Incomplete } else { Rejection::Dropped }));
+        };
         self.check_shape(&frame)?;
         let (last_id, last_started) = self.last;
         let is_repeated = last_id.map_or(frame.started <= last_started, |last| frame.id <= last);
@@ -151,6 +156,7 @@ impl LiveFrames {
     fn count(&mut self, refused: Rejection) {
         match refused {
             Rejection::Dropped => self.effort.dropped += 1,
+            Rejection::Incomplete => self.effort.incomplete += 1,
             Rejection::Repeated => self.effort.repeated += 1,
             Rejection::Late => self.effort.late += 1,
         }
@@ -168,12 +174,17 @@ impl LiveFrames {
         Error::Rig { device: self.devices.camera.info().name.clone(), fault, help: help.into() }
     }
 
-    fn give_up(&self, refused: &[Rejection], restarted: bool) -> Error {
+    /// The error of frames that were `refused`, while so many packets never came.
+    fn give_up(&self, refused: &[Rejection], missing: u64, restarted: bool) -> Error {
         let number = |what| refused.iter().filter(|&&refused| refused == what).count();
-        let [dropped, repeated, late] =
-            [Rejection::Dropped, Rejection::Repeated, Rejection::Late].map(number);
+        let [dropped, incomplete, repeated, late] =
+            [Rejection::Dropped, Rejection::Incomplete, Rejection::Repeated, Rejection::Late].map(number);
+        let lacking = match incomplete {
+            0 => String::new(),
+            _ => format!(" {incomplete} came incomplete ({missing} packets were lost, and not sent again),"),
+        };
         let mut fault = format!(
-            "no good frame in {} tries: {dropped} did not come, {repeated} came a second time, {late} were exposed \
+            "no good frame in {} tries: {dropped} did not come,{lacking} {repeated} came a second time, {late} were exposed \
              before the pattern had settled",
             refused.len()
         );
@@ -182,7 +193,10 @@ impl LiveFrames {
         }
         self.fault(
             fault,
-            if late > dropped + repeated {
+            if incomplete > dropped + repeated + late {
+                "the network loses packets: connect the camera to a network card of its own by a good cable, allow jumbo frames there, or give a smaller \
+                 `packet_size` in [camera]; the photos taken so far are kept"
+            } else if late > dropped + repeated {
                 "give a longer `settle` or more `tries` in [measurement]; a free-running camera must be triggered"
             } else {
                 "check the camera's cable and power, or give more `tries` in [measurement]; the photos taken so far are kept"
@@ -203,6 +217,7 @@ impl FrameSource for LiveFrames {
     fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
         let exposure = self.configure(request.exposure)?;
         let ready = self.show(&request.frame)?;
+        let missing = self.devices.camera.losses().missing;
         let mut refused = Vec::new();
         let mut restarted = false;
         loop {
@@ -223,7 +238,8 @@ impl FrameSource for LiveFrames {
             self.count(why);
             refused.push(why);
             if refused.len() >= self.tries as usize {
-                return Err(self.give_up(&refused, restarted));
+                let missing = self.devices.camera.losses().missing - missing;
+                return Err(self.give_up(&refused, missing, restarted));
             }
             let hangs = !refused.contains(&Rejection::Late);
             if !restarted && hangs && 2 * refused.len() >= self.tries as usize {
@@ -246,13 +262,14 @@ impl FrameSource for LiveFrames {
 
     fn effort(&self) -> Effort {
         let seconds = self.devices.clock.now() - self.opened;
-        let times = self.effort.times;
+        let (times, losses) = (self.effort.times, self.devices.camera.losses());
         // With a simulated clock only rounding errors remain, which may be negative.
         let process = (seconds - times.sum()).max(0.0);
         Effort {
             seconds,
             times: Times { process, ..times },
-            resent: self.devices.camera.resent(),
+            resent: losses.resent,
+            missing: losses.missing,
             ..self.effort
         }
     }

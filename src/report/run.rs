@@ -253,12 +253,12 @@ fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     if effort.replayed > 0 {
         facts.push(("From the journal", format!("{} frames", effort.replayed)));
     }
-    if effort.dropped + effort.repeated + effort.late + effort.restarts > 0 {
+    if effort.dropped + effort.incomplete + effort.repeated + effort.late + effort.restarts > 0 {
         facts.push((
             "Refused",
             format!(
-                "{} dropped, {} repeated, {} late; {} restarts",
-                effort.dropped, effort.repeated, effort.late, effort.restarts
+                "{} dropped, {} incomplete, {} repeated, {} late; {} restarts",
+                effort.dropped, effort.incomplete, effort.repeated, effort.late, effort.restarts
             ),
         ));
     }

@@ -74,9 +74,32 @@ pub trait Camera: Send {
         Ok(())
     }
 
-    /// The number of packets that were lost on the way and sent again, since the camera was opened. The default is 0.
-    fn resent(&self) -> u64 {
-        0
+    /// What was lost on the way from the camera since it was opened. The default is nothing.
+    fn losses(&self) -> Losses {
+        Losses::default()
+    }
+}
+
+/// What was lost on the way from a camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Losses {
+    /// Packets that were lost, and sent again on request.
+    pub resent: u64,
+    /// Frames that came without some of their packets. They are not used.
+    pub incomplete: u64,
+    /// The packets of these frames that never came.
+    pub missing: u64,
+}
+
+impl std::ops::Add for Losses {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            resent: self.resent + other.resent,
+            incomplete: self.incomplete + other.incomplete,
+            missing: self.missing + other.missing,
+        }
     }
 }
 

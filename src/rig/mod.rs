@@ -19,6 +19,7 @@
 //! | [`Gphoto2`], a still camera | the programs `gphoto2` and `dcraw` (or another RAW decoder) |
 
 mod attached;
+mod busy;
 mod cameras;
 mod clock;
 #[cfg(any(feature = "gige", feature = "usb3"))]
@@ -43,7 +44,7 @@ pub use attached::{AttachedCamera, AttachedDevices};
 use cameras::not_built;
 pub use cameras::{CameraKind, CameraSpec};
 pub use clock::WallClock;
-pub use devices::{Camera, Clock, Devices, Projector, Shown, Stamp, Waited};
+pub use devices::{Camera, Clock, Devices, Losses, Projector, Shown, Stamp, Waited};
 pub use frame::{Frame, RawFrame};
 #[cfg(any(feature = "gige", feature = "usb3"))]
 pub use genicam::Abilities;

@@ -62,7 +62,11 @@ fn execute(
         *heard = Instant::now();
     }
     let words: Vec<u32> = payload.as_chunks::<4>().0.iter().map(|&bytes| u32::from_be_bytes(bytes)).collect();
+    // Whoever has exclusive access shares not even reading.
+    let is_exclusive =
+        registers.get(PRIVILEGE) & 1 != 0 && registers.owner.is_some_and(|(owner, _)| owner != from);
     match command {
+        READ_REGISTER | READ_MEMORY if is_exclusive => (ACCESS_DENIED, Vec::new()),
         DISCOVERY => (OK, registers.read(0, 248).expect("there is that much").to_vec()),
         READ_REGISTER => {
             let mut answer = Vec::new();

@@ -60,6 +60,8 @@ struct Shared {
     stop: AtomicBool,
     /// The probability that a packet is lost, in millionths, and the random generator.
     loss: AtomicU64,
+    /// The packet of each frame that always gets lost; none is the largest number.
+    hole: AtomicU32,
     chance: Mutex<Pcg64>,
     /// The number of coming frames that will have been exposed at the previous trigger.
     stale: AtomicU32,
@@ -87,6 +89,7 @@ impl GigeCamera {
             stream: UdpSocket::bind(SocketAddr::from((address, 0))).expect("a port is free"),
             stop: AtomicBool::new(false),
             loss: AtomicU64::new(0),
+            hole: AtomicU32::new(u32::MAX),
             chance: Mutex::new(Pcg64::seed_from_u64(7)),
             stale: AtomicU32::new(0),
             lost: AtomicU64::new(0),
@@ -113,6 +116,11 @@ impl GigeCamera {
     /// From now on, loses each packet with this probability, including those that are sent again.
     pub fn lose(&self, chance: f64) {
         self.shared.loss.store((1e6 * chance) as u64, Ordering::Relaxed);
+    }
+
+    /// From now on, loses the packet with this number of each frame, also when it is sent again.
+    pub fn always_lose(&self, packet: u32) {
+        self.shared.hole.store(packet, Ordering::Relaxed);
     }
 
     /// The number of packets lost so far.
@@ -181,7 +189,8 @@ impl Shared {
         let loss = self.loss.load(Ordering::Relaxed);
         let chance =
             || self.chance.lock().expect("no thread fails while it decides").random_range(0..1_000_000);
-        if loss > 0 && chance() < loss {
+        let number = u32::from_be_bytes([0, packet[5], packet[6], packet[7]]);
+        if number == self.hole.load(Ordering::Relaxed) || (loss > 0 && chance() < loss) {
             self.lost.fetch_add(1, Ordering::Relaxed);
             return;
         }

@@ -183,6 +183,8 @@ pub(super) fn sum(first: &Effort, second: &Effort) -> Effort {
         late: first.late + second.late,
         restarts: first.restarts + second.restarts,
         resent: first.resent + second.resent,
+        incomplete: first.incomplete + second.incomplete,
+        missing: first.missing + second.missing,
         seconds: second.seconds.max(first.seconds),
         times: first.times + second.times,
     }

@@ -85,13 +85,15 @@ pub(super) fn photos(
 
 /// Whether frames came in order, each exposed after its pattern had settled.
 fn sequence(effort: &Effort) -> Finding {
-    let refused = effort.dropped + effort.repeated + effort.late;
+    let refused = effort.dropped + effort.incomplete + effort.repeated + effort.late;
     let found = match refused {
         0 => format!("{} came in order, each exposed after its pattern", effort.taken),
         _ => format!(
-            "of {} frames {} did not arrive, {} arrived twice, {} were exposed too early; {} restarts of the camera",
+            "of {} frames {} did not arrive, {} lacked packets ({} in all), {} arrived twice, {} were exposed too early; {} restarts of the camera",
             effort.taken + refused,
             effort.dropped,
+            effort.incomplete,
+            effort.missing,
             effort.repeated,
             effort.late,
             effort.restarts
@@ -107,7 +109,7 @@ fn sequence(effort: &Effort) -> Finding {
         grade,
         found + &resent,
         "no refused frames: each is taken again, which costs time",
-        "check cable and network; a free-running camera must be triggered",
+        "check cable and network (a smaller packet_size in [camera] where packets are lost); a free-running camera must be triggered",
     )
 }
 
@@ -185,12 +187,21 @@ mod tests {
             (found.grade, found.found.as_str()),
             (Grade::Ok, "40 came in order, each exposed after its pattern")
         );
-        let refused = Effort { dropped: 1, repeated: 2, late: 4, restarts: 8, resent: 16, ..whole };
+        let refused = Effort {
+            dropped: 1,
+            repeated: 2,
+            late: 4,
+            restarts: 8,
+            resent: 16,
+            incomplete: 3,
+            missing: 32,
+            ..whole
+        };
         let found = sequence(&refused);
         assert_eq!(found.grade, Grade::Warning);
         assert_eq!(
             found.found,
-            "of 47 frames 1 did not arrive, 2 arrived twice, 4 were exposed too early; 8 restarts of the camera; 16 packets were lost and sent again"
+            "of 50 frames 1 did not arrive, 3 lacked packets (32 in all), 2 arrived twice, 4 were exposed too early; 8 restarts of the camera; 16 packets were lost and sent again"
         );
     }
 

@@ -55,6 +55,8 @@ pub(super) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
         late: after.late - before.late,
         restarts: after.restarts - before.restarts,
         resent: after.resent - before.resent,
+        incomplete: after.incomplete - before.incomplete,
+        missing: after.missing - before.missing,
         ..after
     };
     Ok(Photos { black, blacks, whites, dark_count, dark, effort })

@@ -10,7 +10,7 @@ use super::numbers::Numbers;
 use super::set_up::{said, set_exposure, set_up};
 use super::settings::Settings;
 use crate::error::Result;
-use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+use crate::rig::{Camera, CameraInfo, Losses, RawFrame, WallClock, camera_fault};
 
 /// The transport layer of a camera: GigE Vision or USB3 Vision.
 pub(in crate::rig) trait Transport: Send {
@@ -40,8 +40,8 @@ pub(in crate::rig) trait Transport: Send {
     /// The camera's number of a frame, which counts from 1.
     fn number(frame: &Frame) -> u64;
 
-    /// The number of packets that were sent again.
-    fn resent(stream: &Self::Stream) -> u64;
+    /// What was lost on the way since the stream was opened.
+    fn losses(stream: &Self::Stream) -> Losses;
 }
 
 /// An open camera that is set up and waits for its trigger. Dropping it stops and releases the camera.
@@ -80,8 +80,8 @@ pub(in crate::rig) struct Triggered<T: Transport> {
     /// The exposure that was asked for, and the one that was set, in seconds.
     exposure: Option<[f64; 2]>,
     numbers: Numbers,
-    /// The number of packets that were sent again in earlier sessions.
-    resent: u64,
+    /// What was lost on the way in earlier sessions.
+    losses: Losses,
 }
 
 impl<T: Transport> Triggered<T> {
@@ -104,7 +104,7 @@ impl<T: Transport> Triggered<T> {
             anchor: None,
             exposure: None,
             numbers: Numbers::past(after),
-            resent: 0,
+            losses: Losses::default(),
         };
         camera.configure(shortest)?;
         Ok(camera)
@@ -191,7 +191,7 @@ impl<T: Transport> Triggered<T> {
 
     fn close(&mut self) {
         if let Some(link) = self.link.take() {
-            self.resent += T::resent(&link.stream);
+            self.losses = self.losses + T::losses(&link.stream);
         }
         self.anchor = None;
     }
@@ -245,7 +245,7 @@ impl<T: Transport> Camera for Triggered<T> {
         Ok(())
     }
 
-    fn resent(&self) -> u64 {
-        self.resent + self.link.as_ref().map_or(0, |link| T::resent(&link.stream))
+    fn losses(&self) -> Losses {
+        self.link.as_ref().map_or(self.losses, |link| self.losses + T::losses(&link.stream))
     }
 }

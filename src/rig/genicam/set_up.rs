@@ -5,6 +5,7 @@ use viva_genicam::{Camera, GenicamError, StandardFeature};
 
 use super::settings::Settings;
 use crate::error::{Error, Result};
+use crate::rig::busy::{in_use, is_busy};
 use crate::rig::camera_fault;
 
 /// The largest difference between the gain that was asked for and the one that was set, in the camera's unit (usually decibels):
@@ -166,6 +167,9 @@ fn told(range: ValueRange) -> String {
 
 /// The error where the camera failed to do something; `why` is the protocol's error.
 pub(in crate::rig) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
+    if is_busy(why) || matches!(why, GenicamError::NotInControl(_)) {
+        return in_use(place);
+    }
     camera_fault(
         format!("the camera {place} did not {doing}: {why}"),
         "check its cable and power, and that no other program uses it; go on with --resume",

@@ -6,7 +6,9 @@ use std::time::Duration;
 use viva_genicam::gige::DiscoveryOptions;
 use viva_genicam::{Access, GenicamError, blocking};
 
+use super::link::is_denied;
 use crate::error::Result;
+use crate::rig::busy::in_use;
 use crate::rig::camera_fault;
 use crate::rig::genicam::Abilities;
 
@@ -58,11 +60,12 @@ pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundGigeCamera>> {
 /// # Errors
 /// [`Error::Rig`](crate::Error::Rig) when it does not answer, or cannot be read while another program holds it.
 pub fn gige_camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
-    let failed = |why: GenicamError| {
-        camera_fault(
+    let failed = |why: GenicamError| match is_denied(&why) {
+        true => in_use(&format!("at {address}")),
+        false => camera_fault(
             format!("the camera at {address} does not say what it can do: {why}"),
-            "end the program that holds it, and check its cable and address",
-        )
+            "check its cable and address, and end any other program that uses it",
+        ),
     };
     let Some(device) = blocking::discover_ip(address, ANSWER).map_err(failed)? else {
         return Err(camera_fault(

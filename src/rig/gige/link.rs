@@ -9,8 +9,9 @@ use viva_genicam::{
 
 use super::GigeSpec;
 use crate::error::Result;
+use crate::rig::busy::{causes, in_use};
 use crate::rig::genicam::{Transport, Triggered, said};
-use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+use crate::rig::{Camera, CameraInfo, Losses, RawFrame, WallClock, camera_fault};
 
 /// How long to wait for a camera that does not answer or is held. After a session that ended abruptly, the camera is free once its
 /// heartbeat of 3 s has run out.
@@ -52,8 +53,8 @@ impl Camera for GigeVision {
         self.0.restart()
     }
 
-    fn resent(&self) -> u64 {
-        self.0.resent()
+    fn losses(&self) -> Losses {
+        self.0.losses()
     }
 }
 
@@ -76,10 +77,7 @@ impl Transport for GigeSpec {
                 ),
                 Some(device) => match blocking::connect(&device) {
                     Ok(camera) => return Ok(camera),
-                    Err(why) if is_denied(&why) => camera_fault(
-                        format!("the camera at {} is held by another program", self.address),
-                        "end that program; after a crash the camera is free again in a few seconds",
-                    ),
+                    Err(why) if is_denied(&why) => in_use(&self.place()),
                     Err(why) => said(&self.place(), "be opened", &why),
                 },
             };
@@ -112,11 +110,19 @@ impl Transport for GigeSpec {
         frame.block_id
     }
 
-    fn resent(stream: &FrameStream) -> u64 {
-        stream.stats().resend_recovered
+    fn losses(stream: &FrameStream) -> Losses {
+        let stats = stream.stats();
+        Losses {
+            resent: stats.resend_recovered,
+            incomplete: stats.frames_incomplete,
+            missing: stats.packets_missing,
+        }
     }
 }
 
-fn is_denied(why: &GenicamError) -> bool {
-    matches!(why, GenicamError::Gige { source: GigeError::Status(status), .. } if status.to_raw() == ACCESS_DENIED)
+/// Whether the camera refuses because another program controls it. One that is held exclusively refuses to be read, too, as its description is.
+pub(super) fn is_denied(why: &GenicamError) -> bool {
+    causes(why).any(|why| {
+        matches!(why.downcast_ref(), Some(GigeError::Status(status)) if status.to_raw() == ACCESS_DENIED)
+    })
 }

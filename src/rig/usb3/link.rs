@@ -9,7 +9,7 @@ use super::Usb3Spec;
 use super::port::Port;
 use crate::error::Result;
 use crate::rig::genicam::{Transport, Triggered};
-use crate::rig::{Camera, CameraInfo, RawFrame, WallClock};
+use crate::rig::{Camera, CameraInfo, Losses, RawFrame, WallClock};
 
 /// A USB3 Vision camera.
 pub struct Usb3Vision(Triggered<OnUsb<Usb3Spec>>);
@@ -39,6 +39,10 @@ impl Camera for Usb3Vision {
 
     fn restart(&mut self) -> Result<()> {
         self.0.restart()
+    }
+
+    fn losses(&self) -> Losses {
+        self.0.losses()
     }
 }
 
@@ -76,8 +80,8 @@ impl<P: Port> Transport for OnUsb<P> {
         frame.block_id + 1
     }
 
-    fn resent(_: &U3vFrameStream) -> u64 {
-        // On USB only whole frames are lost.
-        0
+    fn losses(stream: &U3vFrameStream) -> Losses {
+        let stats = stream.stats();
+        Losses { resent: 0, incomplete: stats.frames_incomplete, missing: stats.packets_missing }
     }
 }

@@ -5,6 +5,7 @@ use viva_genicam::{Camera as Described, U3vRegisterIo, connect_u3v};
 
 use super::Usb3Spec;
 use crate::error::{Error, Result};
+use crate::rig::busy::{in_use, is_busy};
 use crate::rig::camera_fault;
 
 /// A way to open a camera.
@@ -28,12 +29,13 @@ impl Port for Usb3Spec {
 
     fn open(&self) -> Result<Described<U3vRegisterIo<NusbTransfer>>> {
         let device = choose(devices()?, self.serial.as_deref())?;
-        connect_u3v(&device).map_err(|why| {
-            camera_fault(
+        connect_u3v(&device).map_err(|why| match is_busy(&why) {
+            true => in_use(&self.place()),
+            false => camera_fault(
                 format!("the camera {} cannot be opened: {why}", self.place()),
-                "end the program that holds it; the user needs the right to write to the device under /dev/bus/usb \
-                 (a udev rule, mostly the maker's)",
-            )
+                "the user needs the right to write to the device under /dev/bus/usb (a udev rule, mostly the maker's), and no other program may \
+                 have it open",
+            ),
         })
     }
 }

@@ -11,6 +11,7 @@ use super::decode::counts;
 use super::set_up::{Layout, set_exposure, set_up};
 use super::spec::V4lSpec;
 use crate::error::Result;
+use crate::rig::busy::{in_use, is_busy};
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
 /// The number of frames that the driver buffers. After a pause these are from before the pause.
@@ -74,11 +75,12 @@ impl V4l {
 
 /// Opens the device and sets it up.
 fn ready(spec: &V4lSpec) -> Result<(Device, Layout)> {
-    let mut device = Device::with_path(&spec.device).map_err(|why| {
-        camera_fault(
+    let mut device = Device::with_path(&spec.device).map_err(|why| match is_busy(&why) {
+        true => in_use(&spec.device),
+        false => camera_fault(
             format!("{} cannot be opened: {why}", spec.device),
             "`krylux rig list` names the video devices; the user must be of the group `video`",
-        )
+        ),
     })?;
     let layout = set_up(&mut device, spec)?;
     Ok((device, layout))
@@ -102,6 +104,7 @@ impl Camera for V4l {
         let counts = match self.next() {
             Ok(Some(counts)) => counts,
             Ok(None) => return Ok(None),
+            Err(why) if is_busy(&why) => return Err(in_use(&self.spec.device)),
             // The frame did not arrive in time, or the camera failed: the next capture starts a new stream, and the next restart opens
             // the device again.
             Err(_) => {

@@ -3,6 +3,7 @@
 
 use super::spec::V4lSpec;
 use crate::error::Result;
+use crate::rig::busy::{in_use, is_busy};
 use crate::rig::camera_fault;
 
 /// The error of a video device.
@@ -90,11 +91,12 @@ pub(super) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<La
 
 fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
     let (code, name) = (spec.pixel_format.code(), &spec.device);
-    let failed = |why: Refusal| {
-        camera_fault(
+    let failed = |why: Refusal| match is_busy(&why) {
+        true => in_use(name),
+        false => camera_fault(
             format!("{name} cannot be set up: {why}"),
-            "end the program that uses it; the user must be of the group `video`",
-        )
+            "end any other program that uses it; the user must be of the group `video`",
+        ),
     };
     let formats = device.formats().map_err(failed)?;
     if !formats.contains(&code) {
@@ -178,6 +180,8 @@ mod tests {
         controls: BTreeMap<u32, [i64; 3]>,
         /// Controls that stay as they are.
         stubborn: Vec<u32>,
+        /// Another program streams from it.
+        is_busy: bool,
     }
 
     impl VideoDevice for SimulatedDevice {
@@ -186,6 +190,9 @@ mod tests {
         }
 
         fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<Layout, Refusal> {
+            if self.is_busy {
+                return Err(ErrorKind::ResourceBusy.into());
+            }
             let size = [size[0].min(self.most[0]), size[1].min(self.most[1])];
             Ok(Layout { code, size, stride: 2 * size[0] })
         }
@@ -219,6 +226,7 @@ mod tests {
                 (id::FOCUS_AUTO, [1, 0, 1]),
             ]),
             stubborn: Vec::new(),
+            is_busy: false,
         }
     }
 
@@ -275,6 +283,8 @@ mod tests {
         let stubborn = SimulatedDevice { stubborn: vec![id::EXPOSURE_AUTO], ..webcam() };
         let message = refused(stubborn, &spec());
         assert!(message.contains("the automatic exposure to 1, and set 3"), "{message}");
+        let message = refused(SimulatedDevice { is_busy: true, ..webcam() }, &spec());
+        assert!(message.contains("/dev/video0 is in use by another program"), "{message}");
         let mut blind = webcam();
         blind.controls.remove(&id::EXPOSURE);
         assert!(refused(blind, &spec()).contains("did not set an exposure"));

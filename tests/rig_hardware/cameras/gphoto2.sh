@@ -8,6 +8,7 @@ while [ $# -gt 0 ]; do
     --auto-detect)
       cat "$here/cameras" ;;
     --port)
+      if [ -e "$here/claimed" ]; then cat "$here/claimed" >&2; exit 1; fi
       grep -q " $2" "$here/cameras" || { echo "*** Error: no camera at port $2" >&2; exit 1; }
       shift ;;
     --list-config)

@@ -118,6 +118,23 @@ fn a_program_that_hangs_is_killed_after_its_time_limit() {
 }
 
 #[test]
+fn a_camera_that_another_program_has_is_in_use() {
+    let studio = Studio::new();
+    let mut camera = studio.open(&studio.spec()).expect("it is free");
+    studio.write(
+        "claimed",
+        "*** Error ***\nAn error occurred in the io-library ('Could not claim the USB device'): Could not claim interface 0 (Device or resource busy).\n",
+    );
+    for message in [refused(&studio, &studio.spec()), camera.capture().expect_err("it is in use").to_string()]
+    {
+        says(
+            &message,
+            &["is in use by another program", "a desktop that has mounted the camera", "--resume"],
+        );
+    }
+}
+
+#[test]
 fn a_program_that_fails_is_quoted() {
     let studio = Studio::new();
     studio.write("fails", "*** Error ***\nCanon EOS Capture failed: Perhaps mirror up?\n");

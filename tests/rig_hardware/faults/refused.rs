@@ -39,7 +39,7 @@ fn a_camera_that_another_program_holds_is_named_and_free_afterwards() {
         unreachable!("the stage has a camera on the network")
     };
     let mut other = GigeVision::open(spec, WallClock::starting_at(0.0), 0).expect("it is free");
-    let held = format!("camera at {} is held by another program", run.address());
+    let held = format!("camera at {} is in use by another program", run.address());
     refused(&run, &[&held, "end that program"]);
     // The first program still holds the camera.
     assert!(other.capture().expect("it is there").is_some());

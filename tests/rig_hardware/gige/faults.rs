@@ -29,6 +29,30 @@ fn every_photo_is_right_when_two_packets_in_a_hundred_are_lost() {
 }
 
 #[test]
+fn frames_without_a_packet_are_counted_as_incomplete_and_not_as_missing() {
+    let clock = WallClock::starting_at(0.0);
+    let lamp = Lamp::new(clock);
+    let device = camera(24, &lamp);
+    // Frames that are incomplete are waited for until the end: a busy machine may be slow to send them.
+    let spec = krylux::rig::GigeSpec { packet_size: Some(576), timeout: 1.0, ..spec(24) };
+    let mut shots = live(&spec, &lamp, clock).expect("it answers");
+    shots.capture(&shot(0, 0.001)).expect("it comes");
+    device.always_lose(2);
+    let message = refused(shots.capture(&shot(1, 0.001)));
+    let effort = shots.effort();
+    let [tries, missing] = [effort.incomplete + effort.dropped, effort.missing];
+    assert!(effort.incomplete >= 4 && tries == 6 && missing >= effort.incomplete, "{effort:?}");
+    let said =
+        format!("{} came incomplete ({missing} packets were lost, and not sent again)", effort.incomplete);
+    assert!(message.contains(&said) && message.contains("packet_size"), "{message}");
+    device.always_lose(u32::MAX);
+    assert_eq!(
+        shots.capture(&shot(1, 0.001)).expect("it comes").counts,
+        expected(&scene(12), &frame(1), 0.001)
+    );
+}
+
+#[test]
 fn a_camera_that_fails_and_comes_back_is_reopened() {
     let clock = WallClock::starting_at(0.0);
     let lamp = Lamp::new(clock);

@@ -3,7 +3,7 @@
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-use krylux::rig::{Camera, GigeSpec, GigeVision, PixelFormat, WallClock};
+use krylux::rig::{Camera, GigeSpec, GigeVision, PixelFormat, WallClock, gige_camera_abilities};
 
 use super::support::{Lamp, address, camera, refused, scene, spec};
 use crate::gige_camera::GigeCamera;
@@ -12,10 +12,10 @@ fn open(spec: &GigeSpec) -> krylux::Result<GigeVision> {
     GigeVision::open(spec, WallClock::starting_at(0.0), 0)
 }
 
-/// Takes control of the camera and sends no heartbeat, as a program that crashed.
-fn seize(last: u8) -> UdpSocket {
+/// Takes control of the camera, by this value of its privilege, and sends no heartbeat, as a program that crashed.
+fn seize(last: u8, privilege: u8) -> UdpSocket {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a port is free");
-    let command = [0x42, 1, 0, 0x82, 0, 8, 0, 1, 0, 0, 0x0A, 0, 0, 0, 0, 2];
+    let command = [0x42, 1, 0, 0x82, 0, 8, 0, 1, 0, 0, 0x0A, 0, 0, 0, 0, privilege];
     socket.send_to(&command, (address(last), 3956)).expect("it is there");
     let mut answer = [0; 64];
     let length = socket.recv(&mut answer).expect("it answers");
@@ -44,12 +44,23 @@ fn a_held_camera_is_named_and_a_crashed_owners_heartbeat_is_awaited() {
     let _device = camera(41, &lamp);
     let mut first = open(&spec(41)).expect("it is free");
     let message = refused(open(&spec(41)));
-    assert!(message.contains(&format!("{} is held by another program", address(41))), "{message}");
+    assert!(message.contains(&format!("{} is in use by another program", address(41))), "{message}");
     assert!(first.capture().expect("it is still the first one's").is_some());
     drop(first);
-    let _dead = seize(41);
+    let _dead = seize(41, 2);
     let mut next = open(&spec(41)).expect("a heartbeat of three seconds ran out");
     assert!(next.capture().expect("it is there").is_some());
+}
+
+/// Such a camera refuses to be read as well: its description, which is read before it is opened, says nothing.
+#[test]
+fn a_camera_that_is_held_exclusively_is_in_use() {
+    let lamp = Lamp::new(WallClock::starting_at(0.0));
+    let _device = camera(44, &lamp);
+    let _owner = seize(44, 1);
+    let message = refused(gige_camera_abilities(address(44)));
+    let expected = format!("the camera at {} is in use by another program", address(44));
+    assert!(message.contains(&expected) && message.contains("end that program"), "{message}");
 }
 
 #[test]
