@@ -61,6 +61,7 @@ mod options;
 mod photo;
 mod photo_pipeline;
 mod photos;
+mod pixel_ratio;
 pub mod preview;
 mod product;
 mod record;

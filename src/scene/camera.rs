@@ -175,6 +175,14 @@ impl Camera {
         Some(((1.0 + x) / 2.0 * resolution.width as f32, (1.0 - y) / 2.0 * resolution.height as f32))
     }
 
+    /// The share of the picture, as the file states its shape, that photos of this resolution cut off at the left and right. `None` where they show
+    /// all of it, or more, up to half a pixel on each side.
+    pub fn cropped(&self, resolution: Resolution) -> Option<f64> {
+        let whole = f64::from(self.aspect?) * resolution.height as f64;
+        let width = resolution.width as f64;
+        (whole > width + 1.0).then(|| 1.0 - width / whole)
+    }
+
     /// Half the width and height of the image plane at unit distance.
     fn half_extents(&self, resolution: Resolution) -> [f32; 2] {
         let shape = resolution.width as f32 / resolution.height as f32;
@@ -253,6 +261,34 @@ mod tests {
             // The bound allows a few roundings of numbers below 10.
             assert!((back_u - u).abs() < 1e-5 && (back_v - v).abs() < 1e-5, "{u} {v} → {back_u} {back_v}");
         }
+    }
+
+    #[test]
+    fn photos_crop_what_the_picture_has_beyond_their_edges() {
+        for (aspect, size, share) in [
+            (16.0 / 9.0, [128, 128], Some(7.0 / 16.0)),
+            (16.0 / 9.0, [128, 72], None),
+            (16.0 / 9.0, [127, 72], None),
+            (16.0 / 9.0, [160, 72], None),
+            (1.0, [128, 128], None),
+            (1.0, [64, 128], Some(0.5)),
+            (0.5, [128, 128], None),
+        ] {
+            let resolution = Resolution::new(size[0], size[1]);
+            let camera = Camera { aspect: Some(aspect), ..camera() };
+            let found = camera.cropped(resolution);
+            assert_eq!(found.is_some(), share.is_some(), "{aspect} {size:?}");
+            // The aspect is in single precision.
+            assert!(
+                (found.unwrap_or(0.0) - share.unwrap_or(0.0)).abs() < 1e-6,
+                "{aspect} {size:?}: {found:?}"
+            );
+            // The last column looks so far to the right, and the picture goes on to where a wider raster would look.
+            let [edge, _] = camera.half_extents(resolution);
+            let left_out = 1.0 - f64::from(edge / (camera.tan_half_fov * aspect));
+            assert!((found.unwrap_or(left_out) - left_out).abs() < 1e-6, "{aspect} {size:?}");
+        }
+        assert_eq!(camera().cropped(Resolution::new(1, 99)), None, "the file states no shape");
     }
 
     #[test]

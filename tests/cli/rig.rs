@@ -1,10 +1,12 @@
 //! The program on rig files: the same verbs, other sources of photos.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::common::{root, scene_path};
 use crate::program::{self, folder, inside, krylux, labels_of_rooms, summary, text};
 use krylux::io::{npy, sparse};
+use krylux::journal::Journal;
 use krylux::sparse::Csr;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -200,12 +202,10 @@ fn a_plan_predicts_cost_and_error_from_the_twin() {
     assert!(said["figures"]["residual"]["mean"].as_f64().is_some_and(|residual| residual < 0.05), "{said}");
 }
 
-#[test]
-fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
+/// A rig that can be calibrated: it looks at a wall with a little light from each pixel to its neighbour. The file and its text.
+fn wall(folder: &TempDir) -> (String, String) {
     const SIDE: usize = 16;
-    let folder = folder();
     let pixels = SIDE * SIDE;
-    // Direct light everywhere, and a little from each pixel to its neighbour.
     let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
     for row in 0..pixels {
         for column in [row.saturating_sub(1), row] {
@@ -220,12 +220,19 @@ fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
     }
     let matrix = Csr::new(pixels, row_start, columns, weights).expect("well formed");
     sparse::write(&folder.path().join("wall.npz"), &matrix).expect("the folder can be written");
-    let rig = inside(&folder, "rig.toml");
+    let rig = inside(folder, "rig.toml");
     let file = format!(
         "kind = \"virtual\"\n[scene]\nmatrix = \"wall.npz\"\nsize = [{SIDE}, {SIDE}]\n\
          [projector]\nbits = 6\ngamma = 2.2\nlatency = 0.02\n[camera]\nsize = [40, 40]\nbits = 14\n"
     );
     std::fs::write(&rig, &file).expect("the folder can be written");
+    (rig, file)
+}
+
+#[test]
+fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
+    let folder = folder();
+    let (rig, file) = wall(&folder);
     let [whole, cut] = ["whole", "cut"].map(|name| inside(&folder, name));
     let calibrate = |output: &str, more: &[&str]| {
         let mut arguments = vec!["rig", "calibrate", "--json", &rig, "-o", output];
@@ -260,4 +267,116 @@ fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
     assert_eq!(named.replace("calibration = \"whole\"\n", ""), file);
     let info = krylux(&["info", &rig]);
     assert!(text(&info.stdout).contains("whole"), "{}", text(&info.stdout));
+}
+
+/// The bytes of every file below a folder.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).expect("it is a folder") {
+        let path = entry.expect("an entry").path();
+        match path.is_dir() {
+            true => all.extend(files(&path)),
+            false => drop(all.insert(path.clone(), std::fs::read(&path).expect("it can be read"))),
+        }
+    }
+    all
+}
+
+#[test]
+fn a_rig_is_calibrated_again_beside_its_earlier_calibration() {
+    let folder = folder();
+    let (rig, file) = wall(&folder);
+    let calibrate =
+        |more: &[&'static str]| [&["rig", "calibrate", rig.as_str(), "--use", "--takes", "1"], more].concat();
+    let read = || std::fs::read_to_string(&rig).expect("it is there");
+    let use_of = |name: &str| format!("calibration = \"{name}\"\n");
+    let home = folder.path().canonicalize().expect("it is there");
+    let mut earlier = BTreeMap::new();
+    for name in ["rig-calibration", "rig-calibration-2"] {
+        let said = krylux(&calibrate(&[]));
+        assert!(said.status.success(), "{}", text(&said.stderr));
+        assert_eq!(read().replace(&use_of(name), ""), file, "{name}");
+        assert!(
+            earlier.iter().all(|(path, bytes)| std::fs::read(path).ok().as_ref() == Some(bytes)),
+            "{name}"
+        );
+        earlier = files(&home.join("rig-calibration"));
+        assert!(earlier.len() > 5);
+    }
+
+    // A third one is killed as soon as it has a photo: the file stays, and it is neither started anew nor forgotten.
+    let (before, third) = (read(), home.join("rig-calibration-3"));
+    let mut killed =
+        program::command_without_graphics(&calibrate(&[])).spawn().expect("the program is built");
+    while !Journal::read_only(&third.join("journal")).is_ok_and(|journal| journal.photos() > 0) {
+        assert!(killed.try_wait().expect("it is ours").is_none(), "it takes a photo before it ends");
+    }
+    killed.kill().and_then(|()| killed.wait()).expect("it is ours");
+    assert_error(&calibrate(&[]), &["rig-calibration-3 already holds a run", "--resume"]);
+    assert_eq!(read(), before);
+    let said = krylux(&calibrate(&["--resume"]));
+    assert!(said.status.success(), "{}", text(&said.stderr));
+    assert_eq!(read().replace(&use_of("rig-calibration-3"), ""), file);
+
+    // One that fails changes nothing either: it has no room for its photos.
+    let (before, kept) = (read(), files(&home));
+    std::fs::write(home.join("rig-calibration-4"), "").expect("the folder can be written");
+    let taken = inside(&folder, "rig-calibration-4");
+    assert!(!krylux(&[&calibrate(&["-o"])[..], &[&taken]].concat()).status.success());
+    std::fs::remove_file(home.join("rig-calibration-4")).expect("it is ours");
+    assert!(read() == before && files(&home) == kept);
+}
+
+#[test]
+fn a_camera_with_too_few_pixels_is_called_that_and_not_out_of_focus() {
+    let folder = folder();
+    let (rig, file) = wall(&folder);
+    std::fs::write(&rig, file.replace("size = [40, 40]", "size = [8, 40]")).expect("it is ours");
+    let checked = krylux(&["rig", "check", &rig]);
+    let said = text(&checked.stdout);
+    assert_eq!(checked.status.code(), Some(1), "{said}");
+    let line = said.lines().find(|line| line.starts_with("pixels")).unwrap_or_default();
+    for part in ["FAILS", "0.50 x 2.50 pixels for each", "8x40 for 16x16", "at most 8x16 pixels"] {
+        assert!(line.contains(part), "{part}: {line}");
+    }
+    let out = inside(&folder, "calibration");
+    let calibrated = krylux(&["rig", "calibrate", &rig, "-o", &out]);
+    let message = program::assert_error(&calibrated, &["0.50 x 2.50 pixels", "at most 8x16 pixels"]);
+    assert!(!message.contains("into focus"), "{message}");
+    std::fs::write(&rig, file).expect("it is ours");
+    let said = krylux(&["rig", "check", &rig]);
+    assert!(!text(&said.stdout).contains("pixels for each"), "{}", text(&said.stdout));
+}
+
+#[test]
+fn a_wide_camera_is_told_to_be_cropped_at_the_default_size() {
+    let folder = folder();
+    let bytes = std::fs::read(scene_path("cornell")).expect("it is shipped");
+    let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+    let mut document: Value = serde_json::from_slice(&bytes[20..20 + length]).expect("it is JSON");
+    document["cameras"][0]["perspective"]["aspectRatio"] = Value::from(16.0 / 9.0);
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let rest = &bytes[20 + length..];
+    let total = (20 + json.len() + rest.len()) as u32;
+    let sizes = [&total.to_le_bytes()[..], &(json.len() as u32).to_le_bytes(), &bytes[16..20]].concat();
+    let scene = inside(&folder, "wide.glb");
+    std::fs::write(&scene, [&bytes[..8], &sizes, &json, rest].concat()).expect("there is room");
+    let photo = |source: &str, more: &[&str]| {
+        let out = inside(&folder, "photo.npy");
+        let arguments = [&["photo", source, "--spp", "1", "-o", &out], more].concat();
+        let output = program::command(&arguments).output().expect("the program is built");
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let note = photo(&scene, &[]);
+    for part in ["note: the camera", "128x128", "44 % of its picture is cut off", "--size 128x72 or 228x128"]
+    {
+        assert!(note.contains(part), "{part}: {note}");
+    }
+    for size in ["128x72", "228x128"] {
+        assert!(!photo(&scene, &["--size", size]).contains("cut off"), "{size}");
+    }
+    let square = scene_path("cornell").display().to_string();
+    assert!(!photo(&square, &["--size", "16"]).contains("cut off"));
 }

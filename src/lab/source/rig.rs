@@ -19,6 +19,9 @@ use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
 
+/// Devices have the same shape where width over height differs by no more than this share: a row of 64 is 1.6 %.
+const SAME_SHAPE: f64 = 0.02;
+
 /// A rig that can be opened.
 #[derive(Clone)]
 pub struct RigSource {
@@ -68,6 +71,13 @@ impl RigSource {
                 "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
                 path.display()
             ));
+            let [camera, pattern] = [source.devices.camera_info().resolution, source.resolution()];
+            let shapes = [camera, pattern].map(|size| size.width as f64 / size.height as f64);
+            if (shapes[0] / shapes[1] - 1.0).abs() > SAME_SHAPE {
+                observer.note(format_args!(
+                    "note: without a calibration the camera's {camera} pixels are taken for all of the pattern's {pattern}, so that photos are stretched; calibrate the rig, or give both the same shape"
+                ));
+            }
         }
         Ok(source)
     }

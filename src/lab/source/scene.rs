@@ -71,6 +71,21 @@ impl Drop for Device {
     }
 }
 
+/// Says what photos of this resolution do not show of the camera's picture, which may be wider.
+fn note_crop(scene: &Scene, resolution: Resolution, observer: &SharedObserver) {
+    let camera = &scene.camera;
+    let Some((share, aspect)) = camera.cropped(resolution).zip(camera.aspect) else { return };
+    let Resolution { width, height } = resolution;
+    let wide = (f64::from(aspect) * height as f64).round();
+    let low = (width as f64 / f64::from(aspect)).round().max(1.0);
+    observer.note(format_args!(
+        "note: the camera `{}` sees {aspect:.2} times as wide as high, and photos of {resolution} pixels show the middle: {:.0} % of its picture is cut off \
+         at the left and right; --size {width}x{low} or {wide}x{height} shows all of it (in a rig file, size in [scene])",
+        camera.name,
+        100.0 * share
+    ));
+}
+
 /// An assembled matrix, with its channels and whether its second bounce is a layer apart.
 type Kept = ((Channels, bool), Arc<Assembled>);
 
@@ -121,6 +136,7 @@ impl SceneSource {
         let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
         // Before a pattern of so many pixels is made.
         trace.check()?;
+        note_crop(&scene, trace.resolution, observer);
         let cache = settings.cache.open().map(Arc::new);
         Ok(Self {
             scene: Arc::new(scene),

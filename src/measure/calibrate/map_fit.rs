@@ -9,6 +9,7 @@ use super::least_squares::Normal;
 use crate::error::{Error, Result};
 use crate::image::{Resolution, percentile};
 use crate::measure::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};
+use crate::measure::pixel_ratio;
 
 /// The number of quadruples that RANSAC tries.
 const TRIALS: usize = 400;
@@ -51,10 +52,11 @@ pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
         .map(|found| (normalized(found.camera, camera), normalized(found.projector, projector)))
         .collect();
     if points.len() < 24 {
-        return Err(no_map(points.len()));
+        return Err(no_map(points.len(), camera, projector));
     }
     let unit = half_diagonal(projector);
-    let mut parameters = first(&points, 6.0 * spread / unit).ok_or_else(|| no_map(points.len()))?;
+    let mut parameters =
+        first(&points, 6.0 * spread / unit).ok_or_else(|| no_map(points.len(), camera, projector))?;
     let mut scale = 2.0 * spread / unit;
     for _ in 0..8 {
         parameters = refine(&points, parameters, 3.0 * scale)?;
@@ -66,7 +68,7 @@ pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
     let limit = 4.0 * scale;
     let inside: Vec<f64> = distances(&points, &parameters).into_iter().filter(|&d| d < limit).collect();
     if inside.len() < 24 {
-        return Err(no_map(inside.len()));
+        return Err(no_map(inside.len(), camera, projector));
     }
     let rms = (inside.iter().map(|d| d * d).sum::<f64>() / inside.len() as f64).sqrt();
     let mut homography = [0.0; 8];
@@ -81,14 +83,21 @@ pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
 }
 
 /// The error that no map fits: only `count` points agree.
-pub(super) fn no_map(count: usize) -> Error {
+pub(super) fn no_map(count: usize, camera: Resolution, projector: Resolution) -> Error {
+    let coarse =
+        pixel_ratio::too_few(camera, projector).map(|found| (format!(": {}", found.found), found.help));
+    let (because, help) = coarse.unwrap_or_else(|| {
+        (
+            String::new(),
+            "bring the projector's image into the camera's view and into focus, and remove what moves".into(),
+        )
+    });
     Error::Rig {
         device: "camera".into(),
         fault: format!(
-            "only {count} points agree on where projector pixels are seen: no map can be fitted to them"
+            "only {count} points agree on where projector pixels are seen, and no map can be fitted to them{because}"
         ),
-        help: "bring the projector's image into the camera's view and into focus, and remove what moves"
-            .into(),
+        help,
     }
 }
 

@@ -103,7 +103,7 @@ pub(super) fn pixel_map(
             };
             Ok((registration, figures))
         }
-        Ok(fit) => Err(map_fit::no_map((points as f64 * (1.0 - fit.outliers)) as usize)),
+        Ok(fit) => Err(map_fit::no_map((points as f64 * (1.0 - fit.outliers)) as usize, camera, projector)),
         Err(error) => Err(error),
     }
 }

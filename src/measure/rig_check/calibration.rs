@@ -8,7 +8,7 @@ use super::thresholds::{MAP_OFFSET_FAILURE, MAP_OFFSET_WARNING, MIN_CORRELATION,
 use super::{Finding, Grade, Recorder};
 use crate::error::{Error, Result};
 use crate::measure::calibrate::map_check;
-use crate::measure::{Calibration, FrameSource, RigFile};
+use crate::measure::{Calibration, FrameSource, RigFile, pixel_ratio};
 
 /// Loads the calibration. Returns it when it can be used.
 pub(super) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Result<Option<Calibration>> {
@@ -62,7 +62,12 @@ pub(super) fn pixel_map(
 ) -> Result<()> {
     let ideal = Calibration::ideal(frames.projector(), frames.camera());
     let known = known.unwrap_or(&ideal);
-    let help = "align the bench and calibrate it: the pixel map does not fit, or something has moved since the calibration";
+    let help = match pixel_ratio::too_few(frames.camera().resolution, frames.projector().resolution) {
+        Some(_) => "the camera has too few pixels: see `pixels` above",
+        None => {
+            "align the bench and calibrate it: the pixel map does not fit, or something has moved since the calibration"
+        }
+    };
     let expected = format!("within {MAP_OFFSET_WARNING} pixels, beyond noise");
     let finding = match map_check(frames, known, exposure) {
         Err(Error::Numerical(fault)) => {

@@ -46,7 +46,7 @@ mod timing;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use super::{Calibration, FrameSource, RigFile};
+use super::{Calibration, FrameSource, RigFile, pixel_ratio};
 use crate::error::{Error, Result};
 pub use crate::finding::{Finding, Findings, Grade};
 use crate::rig::Helper;
@@ -93,6 +93,10 @@ pub fn unreadable(error: Error, report: &mut Report<'_>) -> Result<Findings> {
 fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     let file = rig.file;
     recorder.add(devices::file(file))?;
+    let [camera, projector] = [file.kind.camera_info().resolution, file.kind.projector_info().resolution];
+    if let Some(finding) = pixel_ratio::too_few(camera, projector) {
+        recorder.add(finding)?;
+    }
     recorder.add(disk::space(rig.folder, &file.kind.camera_info()))?;
     if !devices::devices(&file.kind, rig.helper, recorder)? {
         return Ok(false);

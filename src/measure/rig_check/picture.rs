@@ -7,6 +7,7 @@ use super::thresholds::{BLUR, BORDER};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::Ratio;
+use crate::measure::pixel_ratio;
 
 /// A projector with fewer pixels along an axis has no room for the patterns of sharpness and ghost.
 const LEAST_PIXELS: usize = 24;
@@ -75,7 +76,7 @@ fn border(probe: &mut Probe<'_>) -> Result<Finding> {
 fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     let [fine, coarse] = STRIPES;
     let ratio = probe.camera().width as f64 / probe.projector().width as f64;
-    if ratio < 0.75 {
+    if ratio < pixel_ratio::LEAST {
         return Ok(Finding::ok(
             "sharpness",
             "not examined: the camera's pixels are coarser than the projector's",
