@@ -22,7 +22,7 @@ impl Cache {
     pub fn kernels(&self, adapter: &AdapterSummary) -> Option<Vec<u8>> {
         let path = self.kernel_file(adapter);
         let about = fs::symlink_metadata(&path).ok()?;
-        if !about.is_file() || about.len() > MOST || !is_private(&about) {
+        if !about.is_file() || about.len() > MOST || file::stranger(&about).is_some() {
             return None;
         }
         let mut kernels = file::read(&path).ok()?;
@@ -52,20 +52,6 @@ pub(super) fn has_kernels(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let hash = name.strip_prefix(PREFIX).and_then(|name| name.strip_suffix(SUFFIX));
     hash.is_some_and(|hash| hash.len() == 16 && hash.bytes().all(|byte| byte.is_ascii_hexdigit()))
-}
-
-/// Whether the file is this user's, and nobody else may write it.
-#[cfg(unix)]
-fn is_private(about: &fs::Metadata) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    const OTHERS_MAY_WRITE: u32 = 0o022;
-    about.uid() == rustix::process::geteuid().as_raw() && about.mode() & OTHERS_MAY_WRITE == 0
-}
-
-/// Elsewhere the folder of the cache is in the user's own folder, which others may not write.
-#[cfg(not(unix))]
-fn is_private(_: &fs::Metadata) -> bool {
-    true
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 #[cfg(any(not(unix), test))]
 mod any_system;
 pub mod atomic;
+mod owner;
 mod spot;
 #[cfg(all(test, unix))]
 mod tests;
@@ -20,6 +21,7 @@ use crate::error::{Error, Result};
 use crate::machine;
 use spot::{Access, Spot};
 
+pub(crate) use owner::stranger;
 pub(crate) use spot::{Kind, follow_no_links_below};
 
 /// Opens a regular file for reading.

@@ -155,8 +155,8 @@ impl Gpu {
         use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
         let scopes = [Internal, OutOfMemory, Validation].map(|filter| self.device.push_error_scope(filter));
         let result = work();
-        let faults = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
-        let faults: Vec<wgpu::Error> = faults.collect::<Vec<_>>().into_iter().flatten().collect();
+        let popped = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
+        let faults: Vec<wgpu::Error> = popped.flatten().collect();
         // A lost device and a lack of memory make what was asked for invalid as well.
         self.require_working()?;
         let short = faults.iter().any(|fault| matches!(fault, wgpu::Error::OutOfMemory { .. }));

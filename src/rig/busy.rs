@@ -1,20 +1,13 @@
 //! A camera that another program has open, which every kind of camera reports in its own way.
 
 use std::error::Error as Why;
+use std::io::{self, ErrorKind};
 
 use super::camera_fault;
 use crate::error::Error;
 
 /// Words by which libraries say so whose errors have no code for it: nusb ("interface is busy") and gphoto2 ("Could not claim the USB device").
 const WORDS: [&str; 3] = ["is busy", "resource busy", "could not claim"];
-
-/// Whether an error, or what caused it, says that another program has the device open.
-pub(super) fn is_busy(why: &(dyn Why + 'static)) -> bool {
-    causes(why).any(|why| {
-        why.downcast_ref::<std::io::Error>().is_some_and(|why| why.kind() == std::io::ErrorKind::ResourceBusy)
-            || says_busy(&why.to_string())
-    })
-}
 
 /// An error, what caused it, and so on.
 pub(super) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &'a (dyn Why + 'static)> {
@@ -26,10 +19,13 @@ pub(super) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &
     })
 }
 
-/// Whether this text says so.
-pub(super) fn says_busy(text: &str) -> bool {
-    let text = text.to_lowercase();
-    WORDS.iter().any(|words| text.contains(words))
+/// Whether an error, or what caused it, says that another program has the device open.
+pub(super) fn is_busy(why: &(dyn Why + 'static)) -> bool {
+    causes(why).any(|why| {
+        let text = why.to_string().to_lowercase();
+        let code = why.downcast_ref::<io::Error>().map(io::Error::kind);
+        code == Some(ErrorKind::ResourceBusy) || WORDS.iter().any(|words| text.contains(words))
+    })
 }
 
 /// The error of such a camera. `place` is e.g. `at 192.168.1.20`.
@@ -43,8 +39,6 @@ pub(super) fn in_use(place: &str) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{self, ErrorKind};
-
     use super::*;
 
     /// An error with a cause.
@@ -57,9 +51,9 @@ mod tests {
         let busy = |why: io::Error| is_busy(&Caused(why));
         assert!(busy(ErrorKind::ResourceBusy.into()));
         assert!(busy(io::Error::other("interface is busy (error 16)")));
-        assert!(says_busy(
+        assert!(busy(io::Error::other(
             "*** Error ***\nAn error occurred in the io-library ('Could not claim the USB device'): …"
-        ));
+        )));
         for kind in [ErrorKind::TimedOut, ErrorKind::PermissionDenied, ErrorKind::NotFound] {
             assert!(!busy(kind.into()), "{kind}");
         }

@@ -335,7 +335,7 @@ fn a_camera_with_too_few_pixels_is_called_that_and_not_out_of_focus() {
     let checked = krylux(&["rig", "check", &rig]);
     let said = text(&checked.stdout);
     assert_eq!(checked.status.code(), Some(1), "{said}");
-    let line = said.lines().find(|line| line.starts_with("pixels")).unwrap_or_else(|| panic!("{said}"));
+    let line = said.lines().find(|line| line.starts_with("pixels")).unwrap_or_default();
     for part in ["FAILS", "0.50 x 2.50 pixels for each", "8x40 for 16x16", "at most 8x16 pixels"] {
         assert!(line.contains(part), "{part}: {line}");
     }

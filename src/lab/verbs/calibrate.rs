@@ -43,19 +43,16 @@ impl RigSource {
             }
             _ => &name,
         };
-        let mut folders = (2..).map(|number: u32| named.with_file_name(format!("{first}-{number}")));
-        let (mut last, mut next) = (None, named.with_file_name(first));
-        while next.exists() {
-            let Some(following) = folders.next() else { break };
-            last = Some(std::mem::replace(&mut next, following));
-        }
-        let is_unfinished = |folder: &PathBuf| {
-            RunManifest::read(&folder.join(RECORD)).is_ok_and(|record| record.status != Status::Done)
+        let numbered = |number: usize| match number {
+            1 => named.with_file_name(first),
+            _ => named.with_file_name(format!("{first}-{number}")),
         };
-        match last.filter(is_unfinished) {
-            Some(unfinished) => unfinished,
-            None if again => named,
-            None => next,
+        let taken = (1..).take_while(|&number| numbered(number).exists()).count();
+        let record = RunManifest::read(&numbered(taken.max(1)).join(RECORD));
+        match record.is_ok_and(|record| record.status != Status::Done) {
+            true => numbered(taken),
+            false if again => named,
+            false => numbered(taken + 1),
         }
     }
 

@@ -63,12 +63,11 @@ pub(super) fn pixel_map(
 ) -> Result<()> {
     let ideal = Calibration::ideal(frames.projector(), frames.camera());
     let known = known.unwrap_or(&ideal);
-    let coarse = pixel_ratio::too_few(frames.camera().resolution, frames.projector().resolution);
-    let help = match coarse {
+    let help = match pixel_ratio::too_few(frames.camera().resolution, frames.projector().resolution) {
+        Some(_) => "the camera has too few pixels: see `pixels` above",
         None => {
             "align the bench and calibrate it: the pixel map does not fit, or something has moved since the calibration"
         }
-        Some(_) => "the camera has too few pixels: see `pixels` above",
     };
     let expected = format!("within {MAP_OFFSET_WARNING} pixels, beyond noise");
     let finding = match map_check(frames, known, exposure) {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{RigFile, RigKind};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::rig::{CameraSpec, Gphoto2Spec};
 
 impl RigFile {
@@ -58,34 +59,12 @@ fn objection(path: &Path, folder: &Path) -> Option<String> {
     if !path.starts_with(&real) {
         return outside();
     }
-    path.ancestors().take_while(|part| part.starts_with(&real)).find_map(objection_to)
-}
-
-/// Why somebody else may have changed this file or folder.
-#[cfg(unix)]
-fn objection_to(path: &Path) -> Option<String> {
-    use std::os::unix::fs::MetadataExt;
-    let Ok(about) = std::fs::metadata(path) else {
-        return Some(format!("{} cannot be read", path.display()));
-    };
-    let user = rustix::process::geteuid().as_raw();
-    stranger(user, (about.uid(), about.mode())).map(|fault| format!("{} {fault}", path.display()))
-}
-
-#[cfg(not(unix))]
-fn objection_to(_: &Path) -> Option<String> {
-    None
-}
-
-/// Who besides this user and root may change a file or folder of this owner and mode; `None` for nobody. The sticky bit is no help, since it lets
-/// others add files.
-#[cfg(unix)]
-fn stranger(user: u32, (owner, mode): (u32, u32)) -> Option<String> {
-    if owner != user && owner != 0 {
-        return Some(format!("belongs to user {owner}, and krylux runs as user {user}"));
-    }
-    let others = if mode & 0o002 != 0 { "everybody" } else { "its group" };
-    (mode & 0o022 != 0).then(|| format!("can be written by {others} (`chmod go-w` ends that)"))
+    path.ancestors().take_while(|part| part.starts_with(&real)).find_map(|part| {
+        match std::fs::metadata(part) {
+            Ok(about) => file::stranger(&about).map(|fault| format!("{} {fault}", part.display())),
+            Err(why) => Some(format!("{} cannot be looked at: {why}", part.display())),
+        }
+    })
 }
 
 #[cfg(all(test, unix))]
@@ -148,25 +127,5 @@ mod tests {
             fs::set_permissions(&part, fs::Permissions::from_mode(usual)).expect("it is ours");
             assert!(is_own(&inner), "{}", part.display());
         }
-    }
-
-    #[test]
-    fn only_the_user_and_root_are_no_strangers() {
-        use rand::{RngExt, SeedableRng};
-        let mut random = rand_pcg::Pcg64::seed_from_u64(1);
-        let mut counts = [0; 2];
-        for _ in 0..20_000 {
-            let users = [0, 1000, 1001, 65534];
-            let [user, owner] = [0; 2].map(|_| users[random.random_range(0..users.len())]);
-            let mode = random.random_range(0..0o10000);
-            // Who can change it: its owner (who can change its mode), and its group and all others, by their bits.
-            let may_write = |who: u32| who == owner || mode & 0o020 != 0 || mode & 0o002 != 0;
-            let is_safe = users.into_iter().filter(|who| ![0, user].contains(who)).all(|who| !may_write(who));
-            assert_eq!(stranger(user, (owner, mode)).is_none(), is_safe, "{user} {owner} {mode:o}");
-            counts[usize::from(is_safe)] += 1;
-        }
-        assert!(counts[0] > 1000 && counts[1] > 1000, "{counts:?}");
-        let sudo = stranger(0, (1000, 0o644)).expect("under sudo the file is not root's");
-        assert!(sudo.contains("user 1000") && sudo.contains("runs as user 0"), "{sudo}");
     }
 }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use crate::error::{Error, Result};
-use crate::rig::busy::{in_use, says_busy};
+use crate::rig::busy::{in_use, is_busy};
 use crate::rig::camera_fault;
 
 /// The time between two looks whether a program has ended.
@@ -63,7 +63,7 @@ pub(super) fn run(
     let said = last(if complaint.trim_ascii().is_empty() { &answer } else { &complaint });
     match ended {
         Some(status) if status.success() => Ok(Ran { folder, answer, said }),
-        Some(_) if says_busy(&said) => Err(in_use("that gphoto2 finds")),
+        Some(_) if is_busy(&std::io::Error::other(said.clone())) => Err(in_use("that gphoto2 finds")),
         Some(status) => Err(camera_fault(
             format!("{program} failed ({status}): {said}"),
             "check the camera's cable, power and mode dial (M), and that no other program uses it (a desktop may \
