@@ -277,3 +277,41 @@ fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
         *to += more;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Blocks follow one another, have as many contributions as a block may have, and a row of more is a block of its own.
+    #[test]
+    fn blocks_are_full_and_cover_all_rows() {
+        let size = crate::image::Resolution::new(1, 1);
+        let rig = crate::transport::RigShape { camera: size, projector: size, symmetric: false };
+        let blocks = |terms: &[u32], rows: Range<usize>| {
+            let sources = Sources::<1>::new(Vec::new(), rig, &(0..0), false);
+            Merging::new(sources, Pairs::Apart, 0, terms.to_vec(), &[]).blocks(&rows)
+        };
+        let half = (BLOCK / 2) as u32;
+        assert_eq!(blocks(&[half, half, 1, half, half - 1, half, 2], 0..7), [0..2, 2..5, 5..7]);
+        assert_eq!(blocks(&[half, half, 1, half, half - 1, half, 2], 1..4), [1..3, 3..4]);
+        assert_eq!(blocks(&[3 * half, 3 * half, 1, 0, 3 * half, 0], 0..6), [0..1, 1..2, 2..4, 4..5, 5..6]);
+        assert_eq!(blocks(&[0, 0], 0..2), vec![0..2]);
+        // A large matrix has larger blocks: not more than 48, and few enough that each has a 48th of all contributions but one row.
+        let large = blocks(&[half; 480], 0..480);
+        assert!(large.iter().all(|block| block.len() == 10) && large.len() == 48, "{large:?}");
+    }
+
+    #[test]
+    fn an_entry_above_the_diagonal_counts_for_its_mirror_image() {
+        let times = |pairs: Pairs<'_>| [(3, 3), (3, 4), (4, 3)].map(|(row, column)| pairs.times(row, column));
+        assert_eq!(times(Pairs::Apart), [1.0; 3]);
+        assert_eq!(times(Pairs::Triangle), [1.0, 2.0, 0.0]);
+        let size = crate::image::Resolution::new(8, 1);
+        let rig = crate::transport::RigShape { camera: size, projector: size, symmetric: true };
+        // The pixels 0, 1, 4 and 5 are merged in the first step.
+        let steps = Steps::new(rig, vec![vec![0..2, 2..4], vec![4..6, 6..8]]);
+        let of_step = |step, row, column| Pairs::Step(&steps, step).times(row, column);
+        assert_eq!([of_step(0, 5, 3), of_step(0, 5, 1), of_step(1, 6, 3)], [2.0, 0.0, 0.0]);
+        assert_eq!([of_step(0, 1, 3), of_step(0, 1, 5), of_step(1, 3, 6)], [2.0; 3]);
+    }
+}

@@ -309,6 +309,10 @@ mod tests {
             // Only the order of additions and products differs.
             assert!((is - wanted).abs() <= 1e-12 * wanted, "part {place}: {is}, by hand {wanted}");
         }
+        // One process keeps the contributions of both ends beside the tiles, and exchanges none.
+        let alone = probe.scaled(&settings, Channels::Rgb, false, 6, (1, network)).memory;
+        let together = 4.0 * (own + tiled) + 2.0 * 16.0 * entries / 16.0;
+        assert!((alone - BASE - 1.1 * together).abs() <= 1e-12 * alone, "{alone}, by hand {together}");
         let seconds: f64 = expected[3..].iter().map(|part| part.1).sum();
         assert!((scaled.seconds() - seconds).abs() <= 1e-12 * seconds);
     }

@@ -1,5 +1,10 @@
 //! Rows and their combination for synthetic paths: rigs that no shipped scene has.
 
+mod costs;
+mod estimates;
+mod memory;
+mod wire;
+
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -224,4 +229,94 @@ fn a_projector_of_more_pixels_than_the_camera_may_have_pixels_that_light_nothing
     let of_layers = matrix(rig, &paths, false).layers.iter().map(Layer::nonzeros).sum::<usize>();
     assert_eq!(of_layers, 1);
     assert_eq!(dense(rig, &paths, Part::Full)[4] * f64::from(SAMPLES), 3.0);
+}
+
+#[test]
+fn light_of_any_colour_counts_and_darkness_does_not() {
+    let colors =
+        [[0.5, 0.25, 0.125], [0.5, 0.25, 0.0], [0.5, 0.0, 0.25], [0.0, 0.5, 0.25], [0.0, 0.0, 0.5], [0.0; 3]];
+    let connection = |(projector, value): (usize, &[f32; 3])| Connection {
+        camera: 3,
+        projector: projector as u32,
+        bounces: 2,
+        value: *value,
+    };
+    let path = (3, 0, colors.iter().enumerate().map(connection).collect());
+    // Pixels without light are left out.
+    let paths: Paths = vec![(1, 0, Vec::new()), path, (4, 0, Vec::new())];
+    let mut rows = Rows::<3>::new(1, false, None);
+    rows.add_paths(&paths, true, &|rgb| rgb);
+    let chunks = rows.close().into_chunks();
+    assert_eq!(chunks.iter().flat_map(|chunk| &chunk.rows).map(|row| row.pixel).collect::<Vec<_>>(), [3]);
+    let found: Vec<(u32, [f32; 3])> = chunks
+        .iter()
+        .flat_map(|chunk| chunk.terms.iter())
+        .map(|term| (term.key.other(), term.mean))
+        .collect();
+    assert_eq!(found, (0..5).map(|other| (other, colors[other as usize])).collect::<Vec<_>>());
+}
+
+/// Chunks of a single pixel, too, are given back only when their pixel is done.
+#[test]
+fn how_contributions_are_cut_into_chunks_makes_no_difference() {
+    let resolution = Resolution::new(64, 40);
+    let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
+    let paths = from_camera(&mut Pcg64::seed_from_u64(6), 2560, 2560, 3);
+    let of = |pixels: usize| {
+        let part = |paths: &[(u32, usize, Vec<Connection>)]| {
+            let mut rows = Rows::<1>::new(SAMPLES, false, None);
+            rows.add_paths(paths, true, &|rgb| [rgb[0]]);
+            rows.close().into_chunks()
+        };
+        let chunks = paths.chunks(pixels * SAMPLES as usize).flat_map(part).collect();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
+        pool.install(|| {
+            assert!(tiles::groups(2560).len() > 1, "rows become tiles group by group");
+            let Combined { layers, rows, squares } = combine(Found::of_chunks(chunks), rig, 0..2560, 2, &[]);
+            (layers, rows, squares)
+        })
+    };
+    let whole = of(2560);
+    assert!(whole == of(1) && whole == of(100));
+}
+
+#[test]
+fn chunks_are_told_whether_they_are_of_a_matrix() {
+    use super::chunk::{Chunk, Key, Row, Term, Terms};
+    let chunk = |pixels: [u32; 2], keys: [(u32, u32); 3]| {
+        let row = |(at, pixel)| Row { pixel, from_camera: true, end: [2, 3][at] };
+        let terms = keys.map(|(other, class)| Term::<1>::none(Key::new(other, class)));
+        Chunk { rows: pixels.into_iter().enumerate().map(row).collect(), terms: Terms::Short(terms.into()) }
+    };
+    let keys = [(0, 1), (8, 0), (8, 1)];
+    let is_of = |chunk: Chunk<1>| chunk.is_of(&(4..7), 9, 2);
+    assert!(is_of(chunk([4, 6], keys)));
+    assert!(chunk([4, 6], [(0, 1), (0, 2), (8, 1)]).is_of(&(4..7), 9, 3), "classes ascend as well");
+    for (what, chunk) in [
+        ("a pixel before", chunk([3, 6], keys)),
+        ("a pixel behind", chunk([4, 7], keys)),
+        ("pixels that descend", chunk([6, 4], keys)),
+        ("a pixel twice", chunk([5, 5], keys)),
+        ("keys that descend", chunk([4, 6], [(8, 0), (0, 1), (8, 1)])),
+        ("a key twice", chunk([4, 6], [(8, 0), (8, 0), (8, 1)])),
+        ("an end that there is not", chunk([4, 6], [(0, 1), (9, 0), (8, 1)])),
+        ("a class that there is not", chunk([4, 6], [(0, 2), (8, 0), (8, 1)])),
+    ] {
+        assert!(!is_of(chunk), "{what}");
+    }
+}
+
+#[test]
+fn a_pattern_has_the_pixels_and_channels_of_its_rig() {
+    let size = Resolution::new(2, 1);
+    let pattern =
+        |channels: usize| Image::new(size, channels, (0..2 * channels).map(|at| at as f32).collect());
+    let planes_of = |channels, kind| pattern(channels).and_then(|pattern| planes(&pattern, size, kind));
+    let is = |found: Result<Vec<Vec<f64>>>, expected: &[[f64; 2]]| found.is_ok_and(|found| found == expected);
+    assert!(is(planes_of(1, Channels::Luma), &[[0.0, 1.0]]));
+    assert!(is(planes_of(1, Channels::Rgb), &[[0.0, 1.0]; 3]), "a gray pattern serves all channels");
+    assert!(is(planes_of(3, Channels::Rgb), &[[0.0, 3.0], [1.0, 4.0], [2.0, 5.0]]));
+    assert!(planes_of(3, Channels::Luma).is_err(), "a photo in luminance has a gray pattern");
+    assert!(pattern(1).and_then(|pattern| planes(&pattern, Resolution::new(1, 2), Channels::Luma)).is_err());
 }

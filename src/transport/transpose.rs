@@ -192,3 +192,35 @@ impl Task {
         Some(Transposed { start, terms })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every row is one task's, in order; all tasks have about as many entries.
+    #[test]
+    fn rows_are_shared_out_evenly() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads can be started");
+        let lengths: Vec<usize> = (0..500).map(|row| 1 + row * 37 % 90).collect();
+        let rows = |lengths: &[usize]| -> Vec<Source> {
+            let row = |(pixel, &length): (usize, &usize)| Source {
+                pixel: pixel as u32,
+                chunk: 0,
+                entries: 0..length,
+            };
+            lengths.iter().enumerate().map(row).collect()
+        };
+        let tasks = pool.install(|| Task::share_out(rows(&lengths)));
+        let pixels: Vec<usize> =
+            tasks.iter().flat_map(|task| &task.left).map(|source| source.pixel as usize).collect();
+        assert_eq!(pixels, (0..500).collect::<Vec<_>>());
+        let each = lengths.iter().sum::<usize>().div_ceil(24);
+        let held = |task: &Task| task.left.iter().map(|source| source.entries.len()).sum::<usize>();
+        let (last, full) = tasks.split_last().expect("there are some");
+        // A task ends with the row that fills it.
+        assert!(full.iter().all(|task| (each..each + 90).contains(&held(task))) && held(last) < each + 90);
+        assert!((20..=24).contains(&tasks.len()), "eight of each thread: {}", tasks.len());
+        assert_eq!(pool.install(|| Task::share_out(rows(&[5, 7]))).len(), 2, "no task is without rows");
+        assert!(Task::share_out(Vec::new()).is_empty());
+    }
+}

@@ -92,6 +92,35 @@ fn any_number_of_patterns_is_answered_alike() {
     }
 }
 
+/// Each product of a block has the standard error of its own: the norm of the draw of its errors. A coaxial rig's transpose is itself.
+#[test]
+fn products_of_a_block_state_an_error_each() {
+    let mut tracer = tracer(&load("corner"));
+    let settings = settings(SIDE, 8, 6, 3);
+    let xs: Vec<Vec<f64>> = (0..3).map(|k| waves(SIDE * SIDE, k)).collect();
+    let asked: Vec<Question<'_>> = xs.iter().map(|pattern| Question { pattern, shift: 0.0 }).collect();
+    let mut retraced = Retraced { tracer: &mut tracer, settings, channels: Channels::Luma };
+    let products = retraced.estimated_products(Part::Full, 0, &asked).expect("the patterns fit");
+    let norm = |errors: &[f64]| errors.iter().map(|error| error * error).sum::<f64>().sqrt();
+    let expected: Vec<f64> = products.iter().map(|product| norm(&product.error)).collect();
+    assert!(expected.iter().all(|error| *error > 0.0));
+    let mut operator = EstimatedOperator::new(retraced, Part::Full, 0);
+    assert_eq!(operator.block_size(), 16, "so many are taken in one pass over the light paths");
+    let mut ys = vec![vec![0.0; SIDE * SIDE]; 3];
+    let patterns: Vec<&[f64]> = xs.iter().map(Vec::as_slice).collect();
+    operator
+        .apply_block(&patterns, &mut ys.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>())
+        .expect("they fit");
+    assert_eq!(operator.standard_errors(), expected);
+    assert!(ys.iter().zip(&products).all(|(y, product)| *y == product.product));
+    let mut back = vec![0.0; SIDE * SIDE];
+    operator.apply_adjoint(&xs[2], &mut back).expect("it fits");
+    assert_eq!((operator.standard_errors(), back), (expected[2..].to_vec(), products[2].product.clone()));
+    let short = [Question { pattern: &xs[0][1..], shift: 0.0 }];
+    let mut retraced = Retraced { tracer: &mut tracer, settings, channels: Channels::Luma };
+    assert!(retraced.estimated_products(Part::Full, 0, &short).is_err(), "a pixel is missing");
+}
+
 #[test]
 fn the_stated_error_of_a_quadratic_form_is_its_spread_over_seeds() {
     const SEEDS: u32 = 24;

@@ -8,3 +8,4 @@ mod estimated;
 mod matrix;
 mod noise;
 mod operators;
+mod shards;

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use crate::common::{self, checker, csr, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{TraceSettings, Tracer};
-use krylux::transport::{Assembled, Channels, Part, Retraced, Transport, TransportMatrix};
+use krylux::transport::{
+    Assembled, Bounces, Channels, Part, Retraced, Transport, TransportMatrix, assemble_layers,
+};
 
 /// Two gray scenes and a coloured one.
 const SCENES: [(&str, Channels); 3] =
@@ -263,4 +265,20 @@ fn matrices_are_equal_by_their_entries_and_take_the_memory_of_all_their_parts() 
     let least = 4 * 144;
     assert!(direct.bytes() >= least, "{}", direct.bytes());
     assert!(more.bytes() >= least + 4 * more.nonzeros() / 2, "{}", more.bytes());
+}
+
+#[test]
+fn a_coaxial_pinhole_rig_has_no_layer_of_one_bounce() {
+    let mut tracer = tracer(&load("corner"));
+    let mut bounces = |projector, split| {
+        let settings = TraceSettings { projector, ..settings(8, 4, 3, 1) };
+        let traced =
+            assemble_layers(&mut tracer, &settings, Channels::Luma, split).expect("it can be traced");
+        (traced.matrix.bounces().collect::<Vec<_>>(), traced.matrix.direct(0).len())
+    };
+    assert_eq!(bounces(None, false), (vec![Bounces::Global], 64));
+    assert_eq!(bounces(None, true), (vec![Bounces::Two, Bounces::Rest], 64));
+    let apart = Some(Resolution::new(7, 5));
+    assert_eq!(bounces(apart, false), (vec![Bounces::One, Bounces::Global], 0));
+    assert_eq!(bounces(apart, true), (vec![Bounces::One, Bounces::Two, Bounces::Rest], 0));
 }

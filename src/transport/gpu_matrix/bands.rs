@@ -108,4 +108,40 @@ mod tests {
         assert_eq!(cut(100, 4), [0..4, 4..6]);
         assert_eq!(cut(5, 2), [0..2, 2..3, 3..4, 4..6], "rows without entries count");
     }
+
+    #[test]
+    fn buffers_of_a_device_limit_the_entries_of_a_band() {
+        let gpu = super::super::tests::gpu();
+        let limits = |kind: &str, max_buffer, max_storage_binding| {
+            let mut gpu = gpu.clone();
+            (gpu.summary.kind, gpu.summary.max_buffer) = (kind.into(), max_buffer);
+            gpu.summary.max_storage_binding = max_storage_binding;
+            let Limits { entries, rows } = Limits::of(&gpu);
+            [entries, rows]
+        };
+        let (many, card) = (u64::from(u32::MAX), "discrete GPU");
+        // Four bytes of an entry in one buffer.
+        assert_eq!(limits(card, 4004, many)[0], 1001);
+        assert_eq!(limits(card, many, 4004)[0], 1001);
+        assert_eq!(limits(card, many, many), [1 << 27, 1 << 24]);
+        assert_eq!(
+            limits(&gpu.summary.kind, many, many),
+            [1 << 22, 1 << 15],
+            "software Vulkan has smaller dispatches"
+        );
+    }
+
+    #[test]
+    fn a_row_has_as_many_entries_as_a_device_can_sum() {
+        let gpu = super::super::tests::gpu();
+        let upload = |entries: usize| {
+            let columns = (0..entries as u32).collect();
+            let rows =
+                CompressedRows { row_start: vec![0, 1, entries], columns, weights: vec![vec![1.0; entries]] };
+            DeviceLayer::upload(&gpu, Bounces::Global, &rows, ON_PROCESSOR).map(|layer| layer.bands.len())
+        };
+        assert_eq!(upload(LONGEST_ROW + 1).expect("the longest row fits"), 1);
+        let error = upload(LONGEST_ROW + 2).expect_err("the row is too long").to_string();
+        assert!(error.contains("1048577 entries") && error.contains("--products cpu"), "{error}");
+    }
 }

@@ -166,3 +166,35 @@ fn vectors_that_do_not_fit_are_refused() {
     let apply = |x: usize, y: usize| gpu_matrix.apply(Part::Full, 0, &vec![1.0; x], &mut vec![0.0; y]);
     assert!(apply(cols, rows).is_ok() && apply(rows, cols).is_err() && apply(cols, rows - 1).is_err());
 }
+
+#[test]
+fn figures_of_the_device_are_those_of_the_matrix() {
+    let gpu = gpu();
+    for matrix in [coaxial().matrix, apart()] {
+        let on_device = GpuMatrix::within(&gpu, &matrix, Limits { entries: 7000, rows: 400 });
+        let on_device = on_device.unwrap_or_else(|error| unreachable!("{error}"));
+        let bands = on_device.dispatches();
+        assert!(bands > 4 && bands == on_device.layers.iter().map(|layer| layer.bands.len()).sum::<usize>());
+        let [rows, cols] = [matrix.rig.camera.pixels(), matrix.rig.projector.pixels()];
+        // Each band has the offsets of its rows and one more; an entry has a column and a weight; vectors are double precision.
+        let offsets = 4 * (2 * rows + bands);
+        let diagonal = if matrix.is_symmetric() { 4 * rows } else { 0 };
+        let bytes = offsets + 8 * matrix.nonzeros() + diagonal + 8 * (rows + cols);
+        assert_eq!(on_device.bytes_of_product(), bytes as u64);
+        let took = [on_device.time_products(2), on_device.time_copies(1001, 2)];
+        assert!(took.iter().all(|took| took.as_ref().is_ok_and(|took| !took.is_zero())), "{took:?}");
+        assert!(format!("{on_device:?}").starts_with("GpuMatrix"));
+    }
+}
+
+/// A coaxial rig is its own transpose, which is not copied.
+#[test]
+fn only_a_rig_apart_has_its_transpose_on_the_device() {
+    let gpu = gpu();
+    for matrix in [coaxial().matrix, apart()] {
+        let on_device = GpuMatrix::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
+        both(&matrix, &on_device, (Part::Global, 0));
+        let state = on_device.state.lock().unwrap_or_else(PoisonError::into_inner);
+        assert_eq!(state.transposed.is_some(), !matrix.is_symmetric());
+    }
+}

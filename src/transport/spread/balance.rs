@@ -79,4 +79,57 @@ mod tests {
         assert_eq!(found, [0..40, 40..53, 53..66, 66..80], "cut after 2, 2⅔ and 3⅓ rows");
         assert_eq!(divide(&(0..0), size, &[1, 1], 3), [0..0, 0..0, 0..0]);
     }
+
+    /// The work of each process, by the rays that its pixels take, is a fair share but for that of one row of pixels at either end.
+    #[test]
+    fn the_rays_of_a_scene_are_shared_out_evenly() {
+        let scene = crate::scene::builtin::corner().to_scene();
+        let mut projector = scene.camera.clone();
+        projector.position += 0.2 * projector.right;
+        // The upper part of the picture looks past the scene, so that its pixels take fewer rays.
+        let mut scene = crate::scene::Scene { projector: Some(projector), ..scene };
+        scene.camera.position += 0.6 * scene.camera.up;
+        let mut tracer =
+            Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");
+        let settings = TraceSettings {
+            projector: Some(Resolution::new(20, 60)),
+            ..TraceSettings::new(Resolution::new(30, 40), 1)
+        };
+        let sizes = [Resolution::new(30, 40), Resolution::new(20, 60)];
+        let mut rays = sizes.map(|size| vec![0; size.pixels()]);
+        tracer
+            .trace(&settings, &mut |batch| {
+                (0..batch.len()).for_each(|path| {
+                    rays[usize::from(!batch.from_camera())][batch.pixel(path) as usize] += batch.rays(path);
+                });
+                Ok(())
+            })
+            .expect("the scene can be traced");
+        let parts = balanced(&mut tracer, &settings, 3).expect("the scene can be traced");
+        for (end, (size, rays)) in sizes.iter().zip(&rays).enumerate() {
+            let of_part =
+                |part: &StartPixels| if end == 0 { part.camera.clone() } else { part.projector.clone() };
+            let of_rows: Vec<u64> = rays.chunks(size.width).map(|row| row.iter().sum()).collect();
+            let most = *of_rows.iter().max().expect("there are rows") as f64;
+            let fair = rays.iter().sum::<u64>() as f64 / 3.0;
+            let evenly = size.pixels() / 3;
+            let of_equal: u64 = rays[..evenly].iter().sum();
+            assert!(
+                (of_equal as f64 - fair).abs() > 2.0 * most,
+                "equal parts are not fair: {of_equal} of {fair}"
+            );
+            let mut next = 0;
+            for part in &parts {
+                let pixels = of_part(part);
+                assert_eq!(pixels.start, next);
+                next = pixels.end;
+                let work: u64 = rays[pixels].iter().sum();
+                assert!(
+                    (work as f64 - fair).abs() <= 2.0 * most,
+                    "end {end}: {work} of {fair}, {most} in a row"
+                );
+            }
+            assert_eq!(next, size.pixels());
+        }
+    }
 }

@@ -156,3 +156,68 @@ pub(super) fn trace_part(comm: &dyn Comm, tracer: Option<&mut Tracer>, settings:
         answer(comm, traced);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use std::sync::Mutex;
+
+    use crate::image::Resolution;
+    use crate::observer::Estimate;
+    use crate::scene::{Scene, builtin};
+
+    #[test]
+    fn ranges_have_about_as_many_paths_as_a_process_traces_at_a_time() {
+        let scene = builtin::corner().to_scene();
+        let apart = Scene { projector: Some(scene.camera.clone()), ..scene };
+        let tracer = Tracer::new(&apart, None).expect("the README's test command installs a Vulkan driver");
+        let size = |width| Resolution::new(width, 100);
+        // 12800 and 6400 pixels with 100 paths each: 20 and 10 times 65536, and some more or less.
+        let settings = TraceSettings { projector: Some(size(64)), ..TraceSettings::new(size(128), 100) };
+        let found = ranges(&tracer, &settings);
+        let camera = found.iter().take_while(|part| !part.camera.is_empty()).count();
+        assert_eq!((camera, found.len()), (20, 30));
+        let all: Vec<usize> = found[..camera].iter().flat_map(|part| part.camera.clone()).collect();
+        assert_eq!(all, (0..12_800).collect::<Vec<_>>());
+        let all: Vec<usize> = found[camera..].iter().flat_map(|part| part.projector.clone()).collect();
+        assert_eq!(all, (0..6400).collect::<Vec<_>>());
+        assert!(
+            found[..camera].iter().all(|part| part.projector.is_empty()),
+            "the camera's paths come first"
+        );
+        // A pixel of more paths is a range of its own, and none is empty.
+        let few = TraceSettings {
+            projector: Some(Resolution::new(1, 1)),
+            ..TraceSettings::new(Resolution::new(2, 1), 1 << 18)
+        };
+        let found = ranges(&tracer, &few);
+        assert_eq!(
+            found.iter().map(|part| (part.camera.len(), part.projector.len())).collect::<Vec<_>>(),
+            [(1, 0), (1, 0), (0, 1)]
+        );
+        assert_eq!(paths(&StartPixels { camera: 3..5, projector: 0..7 }, &few), 9 << 18);
+    }
+
+    /// Keeps what is done, of how much.
+    #[derive(Default)]
+    struct Seen(Mutex<Vec<(u64, u64)>>);
+
+    impl Observer for Seen {
+        fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
+            self.0.lock().expect("no one panics").push((step.done, step.total));
+            if step.done == 35 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        }
+    }
+
+    #[test]
+    fn steps_within_a_range_count_in_all_of_them() {
+        let seen = Arc::new(Seen::default());
+        let within = Within { all: Arc::clone(&seen) as Arc<_>, done: 30, total: 40 };
+        let step = |done| within.step(&Step { stage: "tracing", done, total: 10, estimate: Estimate::None });
+        assert_eq!([step(0), step(5), step(10)].map(|flow| flow.is_break()), [false, true, false]);
+        // A range of the projector may have more paths than it was taken to have.
+        assert!(step(12).is_continue());
+        assert_eq!(*seen.0.lock().expect("no one panics"), [(30, 40), (35, 40), (40, 40), (40, 40)]);
+    }
+}

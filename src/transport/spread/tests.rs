@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use super::*;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Operator};
 use crate::render::{TraceSettings, Tracer};
@@ -13,7 +13,8 @@ use crate::sparse::Csr;
 use crate::team::{Comm, Team, serve, threads};
 use crate::transport::tiles::groups;
 use crate::transport::{
-    Assembled, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, Transport, assemble_layers,
+    Assembled, Backend, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, Transport,
+    assemble_layers,
 };
 
 /// A team of threads.
@@ -144,11 +145,17 @@ fn a_spread_matrix_has_the_bits_of_one_process() -> Result<()> {
             for size in 2..5 {
                 let crew = Crew::of(size);
                 {
-                    let traced =
-                        assemble_layers(&mut tracer(&scene, Some(&crew))?, &settings, channels, split)?;
+                    let mut tracer = tracer(&scene, Some(&crew))?;
+                    let mut traced = assemble_layers(&mut tracer, &settings, channels, split)?;
+                    let placed = [Backend::Gpu, Backend::Auto].map(|place| traced.place(&tracer, place));
+                    assert!(matches!(placed, [Err(Error::Option { .. }), Ok(None)]) && !traced.is_on_gpu());
                     assert_eq!(traced.matrix.processes(), size);
                     let own = traced.matrix.rows.len();
                     assert!(own > 0 && own < settings.resolution.pixels(), "each process has some rows");
+                    assert!(traced.matrix.bounces().eq(alone.matrix.bounces()), "the same layers are kept");
+                    // Two bytes of a column and four of a weight for each entry, wherever it is.
+                    let least = traced.matrix.nonzeros() * (2 + 4 * channels.count());
+                    assert!(traced.matrix.bytes() >= least, "{} of {least}", traced.matrix.bytes());
                     assert!(told(&traced)? == expected, "{} with {size} processes", scene.path.display());
                 }
                 crew.end();
@@ -222,9 +229,9 @@ fn a_leader_that_is_stopped_leaves_a_team_that_goes_on() -> Result<()> {
         let expected = Retraced { tracer: &mut tracer, settings, channels }.photograph(&white)?;
         tracer.observe(Arc::new(Stop));
         let stopped = Retraced { tracer: &mut tracer, settings, channels }.photograph(&white);
-        assert!(matches!(stopped, Err(crate::Error::Interrupted)), "{stopped:?}");
+        assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
         let stopped = assemble_layers(&mut tracer, &settings, channels, false);
-        assert!(matches!(stopped, Err(crate::Error::Interrupted)));
+        assert!(matches!(stopped, Err(Error::Interrupted)));
         tracer.observe(Arc::new(()));
         let traced = Arc::new(assemble_layers(&mut tracer, &settings, channels, false)?);
         let again = Retraced { tracer: &mut tracer, settings, channels }.photograph(&white)?;

@@ -132,3 +132,37 @@ impl Observer for StopByLeader {
         if self.0.has_message(0) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::image::Resolution;
+    use crate::observer::Estimate;
+    use crate::team::threads;
+    use crate::transport::RigShape;
+
+    #[test]
+    fn a_trace_stops_when_the_leader_goes_on_without_it() {
+        let [leader, other]: [_; 2] = threads(2).try_into().ok().expect("there are two");
+        let stop = StopByLeader(Arc::new(other));
+        let step = Step { stage: "tracing", done: 1, total: 2, estimate: Estimate::None };
+        assert!(stop.step(&step).is_continue());
+        leader.send(1, &[0]);
+        assert!(stop.step(&step).is_break());
+    }
+
+    #[test]
+    fn rows_that_the_leader_has_dropped_are_not_kept() {
+        let comm: Arc<dyn Comm> = Arc::new(threads(1).swap_remove(0));
+        let mut worker = SceneWorker::new(comm, "here".into(), 0);
+        let size = Resolution::new(1, 1);
+        let rig = RigShape { camera: size, projector: size, symmetric: true };
+        for id in [3, 4] {
+            let matrix = TransportMatrix::new(rig, Channels::Luma, vec![vec![1.0]], Vec::new());
+            worker.matrices.insert(id, Rows { matrix, pixels: Vec::new() });
+        }
+        worker.release(3);
+        assert_eq!(worker.matrices.keys().collect::<Vec<_>>(), [&4]);
+    }
+}

@@ -165,3 +165,36 @@ pub(in crate::transport) fn take<'a, T>(rest: &mut &'a mut [T], count: usize) ->
     *rest = others;
     mine
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Groups are whole bands, a sixteenth of the rows each, unless some threads had no window of it.
+    #[test]
+    fn groups_are_whole_bands_with_work_for_every_thread() {
+        for threads in [1, 2, 3, 8] {
+            let pool =
+                rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
+            for rows in [1, 300, 5000, 40_000, 262_144, 1 << 20] {
+                let (groups, shape) = pool.install(|| (groups(rows), Shape::new(rows, 1, 1, threads)));
+                let all: Vec<usize> = groups.iter().flat_map(Clone::clone).collect();
+                assert_eq!(all, (0..rows).collect::<Vec<_>>(), "every row is in one group, in order");
+                let longest = groups[0].len();
+                let (last, full) = groups.split_last().expect("there are rows");
+                assert!(full.iter().all(|group| group.len() == longest) && last.len() <= longest);
+                assert!(
+                    groups.len() == 1 || longest.is_multiple_of(shape.rows),
+                    "{rows} rows, {threads} threads"
+                );
+                assert!(
+                    groups.len() == 1 || longest >= 512 * threads,
+                    "{rows} rows, {threads} threads: {longest}"
+                );
+                // No more than that: a sixteenth, or a window for each thread, up to the end of a band.
+                let most = rows.div_ceil(16).max(512 * threads + shape.rows - 1);
+                assert!(longest <= most, "{rows} rows, {threads} threads: {longest} of {most}");
+            }
+        }
+    }
+}

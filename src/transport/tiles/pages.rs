@@ -91,4 +91,11 @@ mod tests {
             assert!(copy.iter().zip(1..).all(|(&value, number)| value == number as f32));
         }
     }
+
+    #[test]
+    fn an_array_is_shown_as_its_elements() {
+        let mut array = Pages::<u16>::zeros(3);
+        array[1] = 7;
+        assert_eq!(format!("{array:?}"), "[0, 7, 0]");
+    }
 }

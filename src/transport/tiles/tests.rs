@@ -202,3 +202,10 @@ fn a_missing_column_is_never_read() {
         assert!(outcome.is_err() || outcome.is_ok_and(|to| to == [3.0; LANES]));
     }
 }
+
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn processors_with_vector_instructions_have_kernels_for_them() {
+    let [one, four] = if is_x86_feature_detected!("avx2") { [2, 1] } else { [0, 0] };
+    assert_eq!([f64::special().len(), Interleaved::special().len()], [one, four]);
+}

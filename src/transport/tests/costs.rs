@@ -1,0 +1,120 @@
+//! What a matrix will take: small traces tell it before.
+
+use std::time::Instant;
+
+use crate::image::Resolution;
+use crate::render::{TraceSettings, Tracer};
+use crate::scene::{Scene, builtin};
+use crate::transport::share::Share;
+use crate::transport::{Channels, Probe, assemble, luminance, photo_bytes, pilot, predict};
+
+fn tracer() -> Tracer {
+    Tracer::new(&builtin::cornell().to_scene(), None)
+        .expect("the README's test command installs a Vulkan driver")
+}
+
+/// A projector beside the camera.
+fn tracer_apart() -> Tracer {
+    let scene = builtin::cornell().to_scene();
+    let mut projector = scene.camera.clone();
+    projector.position += 0.1 * projector.right;
+    Tracer::new(&Scene { projector: Some(projector), ..scene }, None).expect("as above")
+}
+
+#[test]
+fn a_pilot_has_one_path_from_each_of_few_pixels() {
+    let long = TraceSettings::new(Resolution::new(100, 20), 9);
+    let of_long = pilot::of(&long);
+    assert_eq!(of_long, TraceSettings { resolution: Resolution::new(64, 20), samples: 1, ..long });
+    let apart = TraceSettings { projector: Some(Resolution::new(3, 65)), seed: 5, ..long };
+    assert_eq!(
+        pilot::of(&apart),
+        TraceSettings { projector: Some(Resolution::new(3, 64)), seed: 5, ..of_long }
+    );
+    let mut tracer = tracer();
+    let (paths, mean) = pilot::connections(&mut tracer, &of_long).expect("the scene can be traced");
+    let mut counted = 0;
+    let visit = &mut |batch: &crate::render::Batch<'_>| {
+        counted += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
+        Ok(())
+    };
+    tracer.trace(&of_long, visit).expect("the scene can be traced");
+    assert_eq!((paths, mean * 1280.0), (1280, counted as f64), "the mean of 1280 paths");
+    assert!(mean > 0.0);
+}
+
+/// Below the limit nothing is traced; above it, a pilot tells how many connections there really are.
+#[test]
+fn memory_is_predicted_from_a_pilot_where_it_could_be_too_much() {
+    let mut tracer = tracer();
+    let settings = TraceSettings::new(Resolution::new(70, 30), 4);
+    let mut predicted =
+        |limit| predict(&mut tracer, &settings, Channels::Luma, limit).expect("it can be traced");
+    let most = predicted(u64::MAX);
+    // Two connections of each of six surfaces of 8400 paths.
+    assert_eq!(most.connections, 12.0 * 8400.0);
+    assert_eq!(predicted(most.bytes.ceil() as u64), most);
+    let likely = predicted(most.bytes as u64 - 1);
+    assert!(likely.connections < most.connections && likely.bytes < most.bytes, "{likely:?}");
+    let (_, mean) = pilot::connections(&mut tracer, &pilot::of(&settings)).expect("it can be traced");
+    // A twentieth more than the mean of 1920 paths.
+    assert!(
+        (likely.connections - 1.05 * mean * 8400.0).abs() < 1e-9 * likely.connections,
+        "{likely:?}, {mean}"
+    );
+    let found = assemble(&mut tracer, &settings, Channels::Luma).expect("it can be traced");
+    assert!((found.matrix.bytes() as f64) < likely.bytes, "{} of {likely:?}", found.matrix.bytes());
+    assert!(photo_bytes(&settings, Channels::Luma) > 100 * 2100);
+}
+
+#[test]
+fn a_probe_measures_a_small_matrix_of_the_scene() {
+    for (mut tracer, projector, small) in [
+        (tracer(), None, None),
+        (tracer_apart(), Some(Resolution::new(100, 200)), Some(Resolution::new(64, 128))),
+    ] {
+        let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(256, 60), 3) };
+        let start = Instant::now();
+        let probe = Probe::measure(&mut tracer, &settings).expect("the scene can be traced");
+        let whole = start.elapsed().as_secs_f64();
+        // Half and 0.64 of the pixels on each side: 128 on the longer one.
+        let pilot = TraceSettings { resolution: Resolution::new(128, 30), projector: small, ..settings };
+        let one = TraceSettings { samples: 1, ..pilot };
+        let (paths, connections) = pilot::connections(&mut tracer, &one).expect("the scene can be traced");
+        assert_eq!(probe.connections, connections);
+        let all = tracer.start_pixels(&pilot);
+        let share = Share::trace(&mut tracer, &pilot, &all, (false, None), &|rgb| [luminance(rgb)]);
+        let share = share.expect("the scene can be traced");
+        let found: usize = share.found.steps.iter().flatten().map(|chunk| chunk.terms.len()).sum();
+        // So many different pixels are hit where all paths from a pixel hit those that they reach at random.
+        let ends = small.unwrap_or(pilot.resolution).pixels() as f64;
+        let reached = probe.reached * ends;
+        let hit = reached * (1.0 - (-3.0 * connections / reached).exp());
+        let of_start = found as f64 / paths as f64;
+        assert!(probe.reached < 1.0 && (hit - of_start).abs() < 1e-6 * of_start, "{hit}, {of_start}");
+        // No part takes longer than the whole: times of paths, of entries, of five products and of vectors of 2²¹ entries.
+        let entries =
+            assemble(&mut tracer, &pilot, Channels::Luma).expect("it can be traced").matrix.nonzeros() as f64;
+        let parts = [
+            probe.path * share.summary.paths as f64,
+            probe.merge * entries,
+            5.0 * probe.multiply * entries,
+            5.0 * probe.orthogonalize * f64::from(1 << 21),
+        ];
+        assert!(
+            parts.iter().all(|&part| part > 0.0) && parts.iter().sum::<f64>() <= whole,
+            "{parts:?} of {whole}"
+        );
+    }
+}
+
+/// Pixels are 64 times as many from the smallest settings on: nothing is enlarged.
+#[test]
+fn a_probe_of_few_pixels_is_the_scene_as_it_is_asked_for() {
+    let mut tracer = tracer();
+    let settings = TraceSettings::new(Resolution::new(20, 9), 2);
+    let probe = Probe::measure(&mut tracer, &settings).expect("the scene can be traced");
+    let one = TraceSettings { samples: 1, ..settings };
+    let (paths, connections) = pilot::connections(&mut tracer, &one).expect("the scene can be traced");
+    assert_eq!((paths, connections), (180, probe.connections));
+}

@@ -1,0 +1,79 @@
+//! What independent light paths tell of a prediction: sums of squares, and signs, on numbers worked out by hand.
+
+use crate::image::Resolution;
+use crate::render::TraceSettings;
+use crate::transport::{EstimatedProduct, Squares, with_other_seed};
+
+#[test]
+fn the_excess_is_what_noise_and_allowed_errors_leave_in_standard_errors() {
+    // The noise of both is 4 + 4, and errors of the norm 3 are allowed; the sum scatters by √(36 + 2² 16) = 10.
+    let sums = Squares { difference: 30.0, noise: 4.0, product: 100.0, fourth: [36.0, 16.0] };
+    assert_eq!(sums.excess(1.0, 3.0), 1.3);
+    assert_eq!(Squares { difference: 1.0, ..sums }.excess(1.0, 3.0), -1.6);
+    let exact = Squares { difference: 0.5, ..Squares::default() };
+    assert_eq!(exact.excess(0.0, 0.0), f64::INFINITY, "without noise any difference is one");
+    assert_eq!(Squares::default().excess(1.0, 0.0), 0.0, "nothing differs from nothing");
+}
+
+#[test]
+fn the_resolution_is_the_error_that_is_seen_in_half_of_all_cases() {
+    // The photo has 96 beside its noise, and the sum scatters by 2 √(2·18) = 12: an error of √(4.5·12 / 96).
+    let sums = Squares { difference: 30.0, noise: 4.0, product: 100.0, fourth: [36.0, 18.0] };
+    assert_eq!(sums.resolution(1.0, 4.5), 0.75);
+    for fourth in [0.0, 18.0] {
+        let nothing = Squares { product: 4.0, fourth: [36.0, fourth], ..sums };
+        assert_eq!(nothing.resolution(1.0, 4.5), f64::INFINITY, "the photo is nothing but noise");
+    }
+}
+
+#[test]
+fn relative_errors_are_without_the_noise_of_the_photo() {
+    let sums = Squares { difference: 20.0, noise: 4.0, product: 20.0, ..Squares::default() };
+    assert_eq!(sums.relative(), Some([1.0, 0.5]));
+    assert_eq!(Squares { difference: 3.0, ..sums }.relative(), Some([0.0, 0.5]), "all of it is noise");
+    assert_eq!(Squares { product: 4.0, ..sums }.relative(), None);
+}
+
+#[test]
+fn sums_of_several_channels_are_sums_of_each() {
+    let one = Squares { difference: 3.0, noise: 4.0, product: 5.0, fourth: [6.0, 7.0] };
+    let more = Squares { difference: 20.0, noise: 30.0, product: 40.0, fourth: [50.0, 60.0] };
+    let all = Squares { difference: 23.0, noise: 34.0, product: 45.0, fourth: [56.0, 67.0] };
+    assert_eq!([one, more].into_iter().sum::<Squares>(), all);
+}
+
+fn product(product: &[f64], error: &[f64]) -> EstimatedProduct {
+    EstimatedProduct { product: product.to_vec(), error: error.to_vec(), quadratic: None }
+}
+
+#[test]
+fn squares_of_a_product_are_those_of_its_differences_errors_and_values() {
+    let squares = product(&[1.0, 5.0], &[2.0, 3.0]).squares(&[2.0, 7.0]);
+    let expected =
+        Squares { difference: 1.0 + 4.0, noise: 4.0 + 9.0, product: 26.0, fourth: [1.0 + 16.0, 16.0 + 81.0] };
+    assert_eq!(squares, expected);
+}
+
+#[test]
+fn signs_count_the_pixels_that_are_farther_than_a_draw_of_the_noise() {
+    // The squares of the errors sum up to 21. With a noise of its own that is as large, and with errors of the norm 3, a pixel of error 1 is farther
+    // if its square is above 2 + 9/21, and 9/6 for the errors that are spread evenly: 1.982 and more. One of error 3 is so from 4.833 on.
+    let photo = product(&[0.0; 6], &[1.0, -1.0, 0.0, 3.0, 3.0, 1.0]);
+    let signs = photo.signs(&[1.99, 1.98, 7.0, 4.84, 4.83, -1.99], 1.0, 3.0);
+    // Three of five where two and a half are expected, with a variance of five quarters; the pixel without noise does not count.
+    assert!((signs - 0.5 / 1.25_f64.sqrt()).abs() < 1e-12, "{signs}");
+    let one = product(&[2.0], &[1.0]);
+    let of_one = [2.9, 3.0, 3.1, 0.9].map(|prediction| one.signs(&[prediction], 0.0, 0.0));
+    assert_eq!(of_one, [-1.0, -1.0, 1.0, 1.0], "as far as the noise is not farther");
+    assert_eq!(product(&[0.0; 2], &[0.0; 2]).signs(&[9.0; 2], 0.0, 0.0), f64::NEG_INFINITY, "no pixel tells");
+}
+
+#[test]
+fn another_seed_is_never_the_same_and_its_own_other_is() {
+    for seed in [0, 1, 7, 0xffff_0000, u32::MAX, 0x5eed_cafe] {
+        let settings = TraceSettings { seed, ..TraceSettings::new(Resolution::new(3, 2), 5) };
+        let other = with_other_seed(&settings);
+        assert!(other.seed != seed && with_other_seed(&other) == settings);
+        assert_eq!(TraceSettings { seed, ..other }, settings, "nothing else differs");
+    }
+}

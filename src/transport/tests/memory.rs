@@ -1,0 +1,350 @@
+//! The working set: how many bytes matrices and messages take while they are made, and then.
+
+#![allow(unsafe_code, reason = "a global allocator that counts cannot be written without")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::ops::Range;
+use std::sync::atomic::{AtomicIsize, Ordering::SeqCst};
+
+use crate::image::Resolution;
+use crate::transport::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
+use crate::transport::combine::{Combined, combine};
+use crate::transport::fixed::{RowSums, Scale};
+use crate::transport::found::Found;
+use crate::transport::merging::{Merging, Pairs};
+use crate::transport::row_sums::{Outline, outline};
+use crate::transport::tiles::{CompressedRows, Entries, Fragment, Pages, Tiles, groups};
+use crate::transport::transpose::Sources;
+use crate::transport::{Bounces, Channels, Layer, Part, RigShape, TransportMatrix, wire};
+
+/// Bytes that some threads have allocated and not given back: now, and the most so far.
+#[derive(Default)]
+struct Counter {
+    now: AtomicIsize,
+    most: AtomicIsize,
+}
+
+thread_local! {
+    /// The counter of this thread; other tests have none, or their own.
+    static COUNTER: Cell<Option<&'static Counter>> = const { Cell::new(None) };
+}
+
+struct Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn count(bytes: isize) {
+    // A thread that ends has no counter any more.
+    if let Ok(Some(counter)) = COUNTER.try_with(Cell::get) {
+        let now = counter.now.fetch_add(bytes, SeqCst) + bytes;
+        counter.most.fetch_max(now, SeqCst);
+    }
+}
+
+// SAFETY: everything is passed on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size as isize - layout.size() as isize);
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count(-(layout.size() as isize));
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+/// Bytes of a piece of work, of its threads alone: what it was given, the most at a time (what it was given included), and what was left at its end.
+#[derive(Clone, Copy, Debug)]
+struct Bytes {
+    given: usize,
+    most: usize,
+    left: usize,
+}
+
+/// What `work` makes, on so many threads, of what `make` made on the same threads.
+fn measured<A: Send, T: Send>(
+    threads: usize,
+    make: impl FnOnce() -> A + Send,
+    work: impl FnOnce(A) -> T + Send,
+) -> (T, Bytes) {
+    let counter: &'static Counter = Box::leak(Box::default());
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .start_handler(move |_| COUNTER.set(Some(counter)))
+        .build();
+    pool.expect("threads can be started").install(|| {
+        // What the threads themselves keep from their first work on.
+        rayon::join(|| rayon::broadcast(|_| ()), || ());
+        counter.now.store(0, SeqCst);
+        let given = make();
+        let bytes = |counter: &AtomicIsize| counter.load(SeqCst).unsigned_abs();
+        let before = bytes(&counter.now);
+        counter.most.store(counter.now.load(SeqCst), SeqCst);
+        let made = work(given);
+        (made, Bytes { given: before, most: bytes(&counter.most), left: bytes(&counter.now) })
+    })
+}
+
+/// What lists of tasks, vectors of vectors and the like may take beside the arrays that a test knows.
+const SMALL: usize = 100_000;
+
+/// Bytes of a contribution, and of an entry of a layer, of one channel: place, mean and error; column and weight.
+const TERM: usize = 12;
+const ENTRY: usize = 8;
+
+const SIDE: usize = 64;
+const PIXELS: usize = SIDE * SIDE;
+const EACH: usize = 96;
+
+fn rig(symmetric: bool) -> RigShape {
+    let size = Resolution::new(SIDE, SIDE);
+    RigShape { camera: size, projector: size, symmetric }
+}
+
+/// Contributions of light of two bounces from each pixel to so many others, spread evenly. The chunks have 64 pixels.
+fn chunks(from_camera: bool, each: usize) -> Vec<Chunk<1>> {
+    let chunk = |first: usize| {
+        let rows = (0..64).map(|row| Row { pixel: (first + row) as u32, from_camera, end: each * (row + 1) });
+        let terms = (first..first + 64).flat_map(|pixel| {
+            (0..each).map(move |other| {
+                let place = other * PIXELS / each + pixel * 31 % (PIXELS / each);
+                Term { mean: [1.0 + other as f32], error: [0.5], ..Term::none(Key::new(place as u32, 1)) }
+            })
+        });
+        Chunk { rows: rows.collect(), terms: Terms::Short(terms.collect()) }
+    };
+    (0..PIXELS).step_by(64).map(chunk).collect()
+}
+
+/// Rows of `cols` columns in pieces of 64, each with [`EACH`] entries.
+fn pieces(rows: usize, cols: usize) -> Vec<CompressedRows> {
+    let piece = |_| {
+        let mut piece = CompressedRows::with_room(1, 64, 64 * EACH);
+        for row in 0..64 {
+            piece.columns.extend((0..EACH).map(|at| (at * (cols / EACH) + row % 7) as u32));
+            piece.weights[0].extend((0..EACH).map(|at| at as f32));
+            piece.end_row();
+        }
+        piece
+    };
+    (0..rows / 64).map(piece).collect()
+}
+
+/// The most rows that become tiles at a time, as a share of all.
+fn group(threads: usize) -> f64 {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
+    let longest = pool.install(|| groups(PIXELS).iter().map(Range::len).max());
+    longest.unwrap_or(0) as f64 / PIXELS as f64
+}
+
+/// A matrix is made of contributions that are given back while it grows: both together never take what they take one beside the other. A group of rows
+/// is there more often: half of its contributions transposed, and its rows as those of tasks and as one piece.
+#[test]
+fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
+    for threads in [1, 2] {
+        let make = || Found::of_chunks(chunks(true, EACH));
+        let (combined, bytes) = measured(threads, make, |found| combine(found, rig(true), 0..PIXELS, 2, &[]));
+        let Combined { layers, rows, .. } = combined;
+        let entries: usize = layers.iter().map(Tiles::nonzeros).sum();
+        let tiles: usize = layers.iter().map(Tiles::bytes).sum();
+        assert!(entries > 3 * PIXELS * EACH / 2 && bytes.given >= TERM * PIXELS * EACH);
+        // The first rows have the most on and above the diagonal.
+        let share = group(threads) * (2.0 - group(threads));
+        let of_group = (share * ((TERM / 2 + 2 * ENTRY) * PIXELS * EACH) as f64) as usize;
+        // A pixel has its sums, where its contributions are, a task's cursor and the number of its contributions.
+        let of_pixels = 150 * PIXELS;
+        let bound = bytes.given.max(tiles) + of_group + of_pixels;
+        assert!(bound < bytes.given + tiles, "the bound tells something: {bound}, {bytes:?}, {tiles}");
+        assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}; {tiles} of tiles");
+        // In the end only the matrix and the sums over its rows are left.
+        let kept = tiles + size_of_val(&rows[..]);
+        assert!((kept..kept + SMALL / 4).contains(&bytes.left), "{bytes:?}, {kept}");
+    }
+}
+
+/// Pieces of rows are given back as they become tiles.
+#[test]
+fn rows_are_given_back_as_they_become_tiles() {
+    let (tiles, bytes) = measured(1, || pieces(PIXELS, PIXELS), |pieces| Tiles::new(PIXELS, pieces));
+    let of_group = (group(1) * bytes.given as f64) as usize;
+    // A group is there twice beside its pieces: as windows of rows, and as tiles.
+    let bound = bytes.given.max(tiles.bytes()) + 2 * of_group + SMALL;
+    assert!(bound < bytes.given + tiles.bytes(), "the bound tells something: {bound}, {bytes:?}");
+    assert!(bytes.most <= bound, "{bytes:?} above {bound}");
+}
+
+#[test]
+fn a_matrix_takes_the_bytes_that_it_states() {
+    let make = || (pieces(PIXELS, PIXELS), pieces(PIXELS, PIXELS));
+    let (matrix, bytes) = measured(1, make, |(one, more)| {
+        let layers = vec![Layer::new(Bounces::One, PIXELS, one), Layer::new(Bounces::Global, PIXELS, more)];
+        TransportMatrix::new(rig(true), Channels::Luma, vec![vec![1.0; PIXELS]], layers)
+    });
+    assert_eq!(matrix.nonzeros(), 2 * PIXELS * EACH);
+    // A column of two bytes and a weight of four for each entry, and the diagonal; padding takes less than one byte of an entry here.
+    let least = 6 * matrix.nonzeros() + 4 * PIXELS;
+    assert!((least..least + matrix.nonzeros()).contains(&matrix.bytes()), "{} of {least}", matrix.bytes());
+    // Lists of bands, and arrays that end within a word.
+    let off = bytes.left.abs_diff(matrix.bytes());
+    assert!(off < 4000, "{} are stated: {bytes:?}", matrix.bytes());
+}
+
+/// Columns and weights are read band by band, as many at the same time as there are threads.
+#[test]
+fn a_matrix_is_read_in_pieces() {
+    for threads in [1, 3] {
+        let make = || Tiles::new(PIXELS, pieces(PIXELS, PIXELS));
+        let (pieces, bytes) = measured(threads, make, |tiles| {
+            let row_start = tiles.row_start(Entries::All);
+            let columns = tiles.columns(Entries::All, &row_start).map(|piece| piece.len());
+            let weights = tiles.weights(Entries::All, 0, &row_start).map(|piece| piece.len());
+            columns.zip(weights).collect::<Vec<_>>()
+        });
+        assert!(
+            pieces.len() >= 4 && pieces.iter().map(|(columns, _)| columns).sum::<usize>() == PIXELS * EACH
+        );
+        let longest = pieces.iter().map(|(columns, _)| *columns).max().unwrap_or(0);
+        // Each thread has the columns and then the weights of a band, of four bytes; the offsets of its rows, and where they are in a tile.
+        let of_rows = 8 * 2 * PIXELS + threads * PIXELS.div_ceil(pieces.len()) * 48;
+        let bound = bytes.given + threads * 2 * 4 * longest + of_rows + SMALL;
+        assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}");
+    }
+}
+
+/// A product needs the sums of the bands that are computed at the time, and four interleaved vectors where a block is multiplied.
+#[test]
+fn products_take_the_memory_of_some_bands() {
+    let make = || {
+        let layers = vec![Layer::new(Bounces::Global, PIXELS, pieces(PIXELS, PIXELS))];
+        let matrix = TransportMatrix::new(rig(false), Channels::Luma, vec![Vec::new()], layers);
+        (matrix, vec![1.0; PIXELS], vec![vec![0.0; PIXELS]; 3])
+    };
+    let (rows, one) = measured(1, make, |(matrix, x, mut ys)| {
+        matrix.apply(Part::Full, 0, &x, &mut ys[0]);
+        matrix.layers[0].tiles().band_rows()
+    });
+    assert!(rows <= PIXELS / 4);
+    assert!(one.most <= one.given + 8 * (rows + 1) + SMALL / 10, "{one:?}");
+    let ((), block) = measured(1, make, |(matrix, x, mut ys)| {
+        let mut to: Vec<&mut [f64]> = ys.iter_mut().map(Vec::as_mut_slice).collect();
+        matrix.apply_block(Part::Full, 0, &[x.as_slice(); 3], &mut to);
+    });
+    assert!(block.most <= block.given + 32 * (2 * PIXELS + rows + 1) + SMALL / 10, "{block:?}");
+}
+
+/// What is merged is there as the transposed contributions, as the rows of the tasks, and as one piece.
+#[test]
+fn merging_takes_the_contributions_and_twice_their_rows() {
+    let make = || Sources::new(chunks(false, EACH), rig(false), &(0..PIXELS), false);
+    let (entries, bytes) = measured(1, make, |sources| {
+        let terms = sources.counts(0);
+        let pieces = Merging::new(sources, Pairs::Apart, 0, terms, &[]).pieces(&(0..PIXELS), 2);
+        pieces.iter().flatten().map(|piece| piece.columns.len()).sum::<usize>()
+    });
+    assert_eq!(entries, PIXELS * EACH);
+    // Each of eight tasks has the offset of each row, and the next place of it.
+    let of_rows = 8 * 2 * 8 * PIXELS;
+    let bound = bytes.given + (TERM + 2 * ENTRY) * entries + of_rows + SMALL;
+    assert!(bytes.most <= bound, "{bytes:?} above {bound}");
+}
+
+/// On four threads the sums of all tasks take a quarter of the memory of the contributions at most, or one task has all of them.
+#[test]
+fn sums_over_rows_take_a_quarter_of_the_contributions() {
+    for (each, tasks) in [(3, 1), (24, 2), (72, 4)] {
+        let make = || (chunks(true, each), Scale::new(130));
+        let (Outline { sums, terms, of_class }, bytes) = measured(4, make, |(chunks, scale)| {
+            let outline = outline(&chunks, rig(true), &(0..PIXELS), false, scale);
+            drop(chunks);
+            outline
+        });
+        let (alone, _) =
+            measured(1, make, |(chunks, scale)| outline(&chunks, rig(true), &(0..PIXELS), false, scale));
+        assert!(sums == alone.sums && terms == alone.terms && of_class == alone.of_class);
+        assert_eq!(
+            (of_class, terms.iter().sum::<u32>()),
+            ([0, 2 * PIXELS * each, 0], (2 * PIXELS * each) as u32)
+        );
+        // Two sums of sixteen bytes and a number for each row.
+        let of_task = 36 * PIXELS;
+        assert!(tasks == 1 || tasks * of_task <= bytes.given / 4);
+        // The list of the rows with contributions has 32 bytes for each, and room for up to twice as many.
+        let of_lists = 2 * 32 * PIXELS;
+        let made = (size_of::<RowSums<1>>() + 4) * PIXELS;
+        let bound = bytes.given + tasks * of_task + of_lists + made + SMALL / 2;
+        assert!(bytes.most <= bound, "{each} of each pixel: {bytes:?} above {bound}");
+    }
+}
+
+/// Long arrays are on pages of their own, which the system gets back with them; short ones end within a word.
+#[test]
+fn long_arrays_are_on_pages_of_their_own() {
+    for (length, own) in [(1, 8), (1001, 4008), ((1 << 20) - 1, 1 << 22), (1 << 20, 0), ((1 << 20) + 1, 0)] {
+        let (_, bytes) = measured(1, || (), |()| Pages::<f32>::zeros(length));
+        assert_eq!(bytes.left, own, "{length} numbers of four bytes");
+    }
+}
+
+/// Contributions that come in small chunks are joined to long ones, which are on pages of their own: the rest is less than four megabytes.
+#[test]
+fn many_small_chunks_are_joined_while_they_come() {
+    let rows = || chunks(true, EACH).into_iter().chain(chunks(true, EACH)).chain(chunks(true, EACH));
+    let all = 3 * TERM * PIXELS * EACH;
+    let (joined, bytes) = measured(
+        1,
+        || (),
+        |()| {
+            let mut joined = Chunks::new();
+            // Three times what one long chunk has at least.
+            rows().for_each(|chunk| joined.push(chunk));
+            joined.into_chunks()
+        },
+    );
+    assert_eq!(joined.iter().map(|chunk| TERM * chunk.terms.len()).sum::<usize>(), all);
+    let lengths: Vec<usize> = joined.iter().map(|chunk| TERM * chunk.terms.len()).collect();
+    let (last, long) = lengths.split_last().expect("there are some");
+    let of_chunk = all / 192;
+    assert!(long.iter().all(|bytes| (1 << 22..(1 << 22) + of_chunk).contains(bytes)), "{lengths:?}");
+    assert!(*last < (1 << 22) + of_chunk);
+    let of_rows = 2 * size_of::<Row>() * 3 * PIXELS;
+    assert!(bytes.left < (1 << 22) + of_rows, "{bytes:?}");
+}
+
+/// A message has the room that it needs, and no more.
+#[test]
+fn messages_take_no_more_than_their_bytes() {
+    let (message, _) =
+        measured(1, || chunks(true, EACH), |chunks| wire::terms_to_bytes(&chunks, &(100..3000)));
+    assert!(message.len() > TERM * PIXELS * EACH / 2);
+    assert_eq!(message.capacity(), message.len(), "its length is known before");
+    let fragments: Vec<Fragment> = (0..40).map(|number| fragment(number, 50 + number)).collect();
+    let mut message = Vec::new();
+    wire::put_fragments(&mut message, &fragments).expect("memory takes all bytes");
+    let free = message.capacity() - message.len();
+    assert!(
+        free < 64 * 40,
+        "its lengths are taken to be a little longer than they are: {free} of {}",
+        message.len()
+    );
+}
+
+/// A fragment of ten rows with so many entries of two channels.
+fn fragment(first: usize, entries: usize) -> Fragment {
+    Fragment {
+        first,
+        base: 7,
+        row_start: (0..11).map(|row| (row * entries / 10) as u32).collect(),
+        columns: (0..entries).map(|at| at as u16).collect(),
+        weights: vec![vec![0.5; entries]; 2],
+    }
+}
