@@ -85,11 +85,9 @@ fn copy(from: &Path, to: &Path) {
     for entry in fs::read_dir(from).expect("it is ours").flatten() {
         let (path, place) = (entry.path(), to.join(entry.file_name()));
         if path.is_dir() {
-            copy(&path, &place)
+            copy(&path, &place);
         } else {
-            {
-                fs::copy(&path, &place).expect("it can be read");
-            }
+            fs::copy(&path, &place).expect("it can be read");
         }
     }
 }
@@ -176,7 +174,7 @@ fn links_and_pipes_in_the_cache_are_not_opened() {
         fs::remove_file(matrix).expect("it is there");
         match thing {
             "pipe" => {
-                assert!(Command::new("mkfifo").arg(matrix).status().expect("every Unix has it").success())
+                assert!(Command::new("mkfifo").arg(matrix).status().expect("every Unix has it").success());
             }
             _ => symlink(&victim, matrix).expect("links can be made"),
         }
