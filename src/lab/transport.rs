@@ -124,7 +124,7 @@ impl LightTransport {
         let Some(folder) = self.run.take() else { return Err(missing) };
         let model = open_model(&folder, &self.observer)?;
         self.observer.note(format_args!(
-            "note: not every photo that this asks for was taken: a model of rank {} of the run's photos answers, and what they leave open counts as its error; to take them, attach the rig or the scene by --resume",
+            "note: not every photo that this asks for was taken: a model of rank {} of the run's photos answers, and what they leave open counts as its error; to take them, ask the rig or the scene itself",
             model.rank()
         ));
         self.engine = Engine::Model(Box::new(ModelParts::new(model)?));

@@ -286,7 +286,7 @@ fn a_finished_run_answers_again_and_other_questions_without_the_rig() {
     let output = bench.run(&longer);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{said}");
-    assert!(said.contains("a model of rank") && said.contains("--resume"), "{said}");
+    assert!(said.contains("a model of rank") && said.contains("ask the rig or the scene itself"), "{said}");
     let output = bench.run(&["segment", "again", "-o", "never"]);
     assert!(text(&output.stderr).contains("it holds no run whose photos were kept"));
 }

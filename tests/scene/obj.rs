@@ -318,7 +318,7 @@ fn invalid_libraries_are_refused() {
         ("newmtl m\nKd 1 1", "paint.mtl", "line 2: a colour is one or three numbers"),
         ("newmtl m\nKd -1 0 0", "paint.mtl", "line 2: a colour is negative"),
         ("newmtl m\nKd xyz 1 2", "paint.mtl", "line 2: a colour is one or three numbers"),
-        ("newmtl m\nd -halo", "paint.mtl", "line 2: `d` takes one number"),
+        ("newmtl m\nd -halo", "paint.mtl", "line 2: `-halo` is not a finite number"),
         ("newmtl m\nd 1.5", "paint.mtl", "line 2: `d` lies outside 0 to 1"),
         ("newmtl m\nNs -1", "paint.mtl", "line 2: `Ns` is negative"),
         ("newmtl m\nNs 1 2", "paint.mtl", "line 2: `Ns` takes one number"),

@@ -127,8 +127,9 @@ pub(super) fn load(
 }
 
 /// The library files. A name may contain spaces, a line may hold several names, and a comment may follow.
-fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
+fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<IndexSet<PathBuf>> {
+    let mut files = IndexSet::new();
+    let mut count = 0;
     for line in lines {
         let resolve = |name: &str| {
             let name = name.replace('\\', "/");
@@ -145,23 +146,31 @@ fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Vec<
         };
         let whole = resolve(line)?;
         if whole.is_file() || !line.contains(char::is_whitespace) {
-            files.push(whole);
-            continue;
+            files.insert(whole);
+            count += 1;
+        } else {
+            // Some writers mark the spaces of a name.
+            let line = without_comment(line).replace("\\ ", " ");
+            for name in names(&line, |name| resolve(name).is_ok_and(|file| file.is_file())) {
+                files.insert(resolve(name)?);
+                count += 1;
+            }
         }
-        // Some writers mark the spaces of a name.
-        let line = without_comment(line).replace("\\ ", " ");
-        for name in names(&line, |name| resolve(name).is_ok_and(|file| file.is_file())) {
-            files.push(resolve(name)?);
+        if count > MAX_LIBRARIES {
+            let what = format!("more than {MAX_LIBRARIES} names of material libraries");
+            return Err(fault(path, what, "join them into one library"));
         }
     }
-    files.dedup();
     Ok(files)
 }
+
+/// The most names of libraries in a file. Each may be a large file, and is sought for in many ways.
+const MAX_LIBRARIES: usize = 256;
 
 /// The most words of a line that may form names with spaces.
 const MAX_WORDS: usize = 64;
 
-/// Splits a line into names: each is the longest one of which there is a file, or where there is none it ends with `.mtl`.
+/// Splits a line into names, of which those beyond [`MAX_LIBRARIES`] and one are left out: each is the longest one of which there is a file, or where there is none it ends with `.mtl`.
 fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
     // The place of each word in the line.
     let words: Vec<[usize; 2]> = line
@@ -173,7 +182,7 @@ fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
         .collect();
     let mut names = Vec::new();
     let mut first = 0;
-    while first < words.len() {
+    while first < words.len() && names.len() <= MAX_LIBRARIES {
         let name = |last: usize| &line[words[first][0]..words[last][1]];
         let end = words.len().min(first + MAX_WORDS);
         let ends_well = |last: &usize| name(*last).to_ascii_lowercase().ends_with(".mtl");
