@@ -73,7 +73,7 @@ fn a_server_that_resets_has_no_gamma_ramp() {
     let asked = || loop {
         match spec.monitor() {
             Err(why) if why.to_string().contains("reset by peer") => {
-                std::thread::sleep(Duration::from_millis(20))
+                std::thread::sleep(Duration::from_millis(20));
             }
             answer => break answer.map(|monitor| monitor.knows_ramp),
         }
