@@ -102,12 +102,10 @@ impl Spot {
 
     /// Opens a regular file, and nothing else: a pipe would wait for its other end.
     pub(super) fn open(&self, access: Access) -> io::Result<File> {
-        if access != Access::New {
-            match self.kind()? {
-                None if access == Access::Make => {}
-                None => return Err(ErrorKind::NotFound.into()),
-                Some(kind) => kind.require_file()?,
-            }
+        if access != Access::New
+            && let Some(kind) = self.kind()?
+        {
+            kind.require_file()?;
         }
         let file = self.folder.open_file(&self.name, access, !self.is_ours)?;
         // It may be another one than a moment ago.

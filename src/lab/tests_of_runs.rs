@@ -8,7 +8,7 @@ use crate::analysis::{Cut, SegmentOptions};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::{EigsOptions, norm};
-use crate::lab::Lab;
+use crate::lab::{Lab, RunOptions};
 use crate::measure::RigFile;
 use crate::operator::Operator;
 use crate::scene::builtin;
@@ -20,7 +20,7 @@ fn cornell() -> Result<Lab> {
 
 /// The global light of the whole segmentation of `lab`, kept in a folder.
 fn segmented(mut lab: Lab, folder: &Path) -> Result<Lab> {
-    let options = crate::lab::RunOptions { folder: Some(folder.to_path_buf()), ..Default::default() };
+    let options = RunOptions { folder: Some(folder.to_path_buf()), ..Default::default() };
     lab.begin_run("segment", &options)?;
     let found = segment(
         &mut lab.operator(Part::Global)?,
@@ -67,6 +67,30 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     assert!(off <= found.bounds[0] && found.standard_errors[0] > 0.0, "{off} {:?}", found.bounds);
     let average = SegmentOptions { cut: Cut::Average, photos: 20, ..SegmentOptions::groups([2]) };
     assert!(segment(&mut crate::open(&run)?.operator(Part::Global)?, &average).is_ok());
+    Ok(())
+}
+
+/// A program that panics while a run replaces another unwinds through the laboratory.
+#[test]
+fn a_panic_before_the_first_photo_gives_the_folder_back() -> Result<()> {
+    let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+    let run = folder.path().join("run");
+    segmented(cornell()?, &run)?;
+    let content = || {
+        let names = std::fs::read_dir(&run).expect("it is there").flatten().map(|entry| entry.path());
+        let mut files: Vec<_> = names.map(|path| (path.clone(), std::fs::read(path).ok())).collect();
+        files.sort();
+        files
+    };
+    let before = content();
+    let options = RunOptions { folder: Some(run.clone()), overwrite: true, resume: false };
+    let mut lab = cornell()?;
+    let panicked = crate::machine::unless_panics(move || -> () {
+        lab.begin_run("segment", &options).expect("the folder is writable");
+        panic!("a fault of the program");
+    });
+    assert!(panicked.is_none());
+    assert_eq!(content(), before);
     Ok(())
 }
 
@@ -120,7 +144,7 @@ fn a_run_whose_direct_light_was_measured_by_squares_can_still_be_asked() -> Resu
     std::fs::write(&file, text).map_err(Error::writing(&file))?;
     let mut rig = cornell()?.through_rig(RigFile::load(&file)?)?;
     rig.calibrate(&Default::default())?;
-    let options = crate::lab::RunOptions { folder: Some(run.clone()), ..Default::default() };
+    let options = RunOptions { folder: Some(run.clone()), ..Default::default() };
     rig.begin_run("segment", &options)?;
     let settings = SegmentOptions { photos: 12, ..SegmentOptions::groups([2]) };
     let found = segment(&mut rig.operator(Part::Global)?, &settings)?;
