@@ -268,7 +268,9 @@ mod tests {
         for (aspect, size, share) in [
             (16.0 / 9.0, [128, 128], Some(7.0 / 16.0)),
             (16.0 / 9.0, [128, 72], None),
-            (16.0 / 9.0, [127, 72], None),
+            // Half a pixel at each side is nothing.
+            (2.0, [143, 72], None),
+            (2.0, [142, 72], Some(1.0 / 72.0)),
             (16.0 / 9.0, [160, 72], None),
             (1.0, [128, 128], None),
             (1.0, [64, 128], Some(0.5)),
