@@ -72,6 +72,7 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
 
 /// A program that panics while a run replaces another unwinds through the laboratory.
 #[test]
+#[allow(clippy::panic, reason = "the test is about a panic")]
 fn a_panic_before_the_first_photo_gives_the_folder_back() -> Result<()> {
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
     let run = folder.path().join("run");
