@@ -113,15 +113,14 @@ fn blake(bytes: &[u8]) -> String {
 fn read_large(reader: &Reader) {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let seeds = (reader.seeds)(folder.path());
-    let shapes: &[fn(&[u8]) -> Vec<Vec<u8>>] = match reader.name {
-        "obj" => &[large::obj],
-        "gltf" => &[large::gltf],
-        "npz" => &[large::npz],
-        "png" => &[large::png],
-        _ => &[],
+    let shaped = match reader.name {
+        "obj" => large::obj(),
+        "gltf" => large::gltf(&seeds[0]),
+        "npz" => large::npz(),
+        "png" => large::png(),
+        _ => Vec::new(),
     };
-    let shaped = shapes.iter().flat_map(|shapes| shapes(&seeds[0]));
-    for (at, bytes) in shaped.chain(seeds.iter().flat_map(|seed| large::of(seed))).enumerate() {
+    for (at, bytes) in shaped.into_iter().chain(seeds.iter().flat_map(|seed| large::of(seed))).enumerate() {
         if let Err(why) = read(reader, folder.path(), &bytes) {
             let kept = std::env::temp_dir().join(format!("krylux-large-{}-{at}", reader.name));
             std::fs::write(&kept, bytes).expect("the temporary folder can be written");
