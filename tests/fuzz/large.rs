@@ -122,7 +122,7 @@ pub fn gltf(seed: &[u8]) -> Vec<Vec<u8>> {
 }
 
 /// Faces with very many corners: of few points, along a line, on a spiral, and zigzag.
-pub fn obj(_: &[u8]) -> Vec<Vec<u8>> {
+pub fn obj() -> Vec<Vec<u8>> {
     let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf ";
     let face = |corners: &str| [square.as_bytes(), &repeated(|_| corners.into())].concat();
     let around = |point: fn(f64) -> [f64; 2]| {
@@ -145,7 +145,7 @@ pub fn obj(_: &[u8]) -> Vec<Vec<u8>> {
 }
 
 /// An archive of a matrix with very many members.
-pub fn npz(_: &[u8]) -> Vec<Vec<u8>> {
+pub fn npz() -> Vec<Vec<u8>> {
     let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     for number in 0..LENGTH / 128 {
         archive
@@ -157,7 +157,7 @@ pub fn npz(_: &[u8]) -> Vec<Vec<u8>> {
 }
 
 /// A picture with very many notes.
-pub fn png(_: &[u8]) -> Vec<Vec<u8>> {
+pub fn png() -> Vec<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
     encoder.set_color(png::ColorType::Grayscale);

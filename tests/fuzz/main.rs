@@ -114,10 +114,10 @@ fn read_large(reader: &Reader) {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let seeds = (reader.seeds)(folder.path());
     let shaped = match reader.name {
-        "obj" => large::obj(&seeds[0]),
+        "obj" => large::obj(),
         "gltf" => large::gltf(&seeds[0]),
-        "npz" => large::npz(&seeds[0]),
-        "png" => large::png(&seeds[0]),
+        "npz" => large::npz(),
+        "png" => large::png(),
         _ => Vec::new(),
     };
     for (at, bytes) in shaped.into_iter().chain(seeds.iter().flat_map(|seed| large::of(seed))).enumerate() {
