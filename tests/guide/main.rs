@@ -11,4 +11,5 @@ mod pages;
 #[path = "../../examples/regenerate_guide/reference.rs"]
 mod reference;
 mod same_text;
+mod security;
 mod workplace;
