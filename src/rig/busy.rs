@@ -33,7 +33,7 @@ pub(super) fn in_use(place: &str) -> Error {
     camera_fault(
         format!("the camera {place} is in use by another program"),
         "end that program: the maker's viewer, a video call, a desktop that has mounted the camera, another krylux; after a crash the camera is free \
-         again in a few seconds; go on with --resume",
+         again in a few seconds",
     )
 }
 
