@@ -166,9 +166,9 @@ fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
         let bound = bytes.given.max(tiles) + of_group + of_pixels;
         assert!(bound < bytes.given + tiles, "the bound tells something: {bound}, {bytes:?}, {tiles}");
         assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}; {tiles} of tiles");
-        // In the end only the matrix and the sums over its rows are left.
+        // In the end only the matrix and the sums over its rows are left. The threads' own queues may be larger or smaller than at the beginning.
         let kept = tiles + size_of_val(&rows[..]);
-        assert!((kept..kept + SMALL / 4).contains(&bytes.left), "{bytes:?}, {kept}");
+        assert!(bytes.left.abs_diff(kept) < SMALL / 4, "{bytes:?}, {kept}");
     }
 }
 
