@@ -108,7 +108,7 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
     }
 }
 
-/// Pixels are 64 times as many from the smallest settings on: nothing is enlarged.
+/// A scene of fewer pixels than a probe has is traced as it is.
 #[test]
 fn a_probe_of_few_pixels_is_the_scene_as_it_is_asked_for() {
     let mut tracer = tracer();
