@@ -115,7 +115,10 @@ fn a_faulty_device_is_named_and_the_other_one_is_checked_too() {
     drop(held);
     let found = wrong(&said);
     assert!(
-        status == 1 && found.iter().any(|(name, text)| name == "camera" && text.contains("held")),
+        status == 1
+            && found
+                .iter()
+                .any(|(name, text)| name == "camera" && text.contains("in use by another program")),
         "{found:?}"
     );
 }
