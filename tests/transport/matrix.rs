@@ -282,3 +282,22 @@ fn a_coaxial_pinhole_rig_has_no_layer_of_one_bounce() {
     assert_eq!(bounces(apart, false), (vec![Bounces::One, Bounces::Global], 0));
     assert_eq!(bounces(apart, true), (vec![Bounces::One, Bounces::Two, Bounces::Rest], 0));
 }
+
+#[test]
+fn norms_are_those_of_the_entries() {
+    for (name, channels) in SCENES {
+        let matrix = &traced(name, channels).matrix;
+        for channel in 0..channels.count() {
+            let squares = |part| matrix.frobenius_norm(part, channel).powi(2);
+            let of_entries =
+                |part| csr(matrix, part, channel).entries().map(|(.., weight)| weight * weight).sum::<f64>();
+            for part in [Part::Direct, Part::Global] {
+                let (found, expected) = (squares(part), of_entries(part));
+                // Sums of at most 160000 squares, in another order.
+                assert!(expected > 0.0 && (found - expected).abs() < 1e-10 * expected, "{name}, {part:?}");
+            }
+            let both = squares(Part::Direct) + squares(Part::Global);
+            assert!((squares(Part::Full) - both).abs() < 1e-10 * both, "{name}: entries of both count apart");
+        }
+    }
+}

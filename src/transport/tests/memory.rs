@@ -227,7 +227,12 @@ fn products_take_the_memory_of_some_bands() {
     let make = || {
         let layers = vec![Layer::new(Bounces::Global, PIXELS, pieces(PIXELS, PIXELS))];
         let matrix = TransportMatrix::new(rig(false), Channels::Luma, vec![Vec::new()], layers);
-        (matrix, vec![1.0; PIXELS], vec![vec![0.0; PIXELS]; 3])
+        let (x, mut ys) = (vec![1.0; PIXELS], vec![vec![0.0; PIXELS]; 3]);
+        // The first products of a process measure which kernels are the fastest.
+        matrix.apply(Part::Full, 0, &x, &mut ys[0]);
+        let mut to: Vec<&mut [f64]> = ys.iter_mut().map(Vec::as_mut_slice).collect();
+        matrix.apply_block(Part::Full, 0, &[x.as_slice(); 3], &mut to);
+        (matrix, x, ys)
     };
     let (rows, one) = measured(1, make, |(matrix, x, mut ys)| {
         matrix.apply(Part::Full, 0, &x, &mut ys[0]);
@@ -281,7 +286,7 @@ fn sums_over_rows_take_a_quarter_of_the_contributions() {
         // The list of the rows with contributions has 32 bytes for each, and room for up to twice as many.
         let of_lists = 2 * 32 * PIXELS;
         let made = (size_of::<RowSums<1>>() + 4) * PIXELS;
-        let bound = bytes.given + tasks * of_task + of_lists + made + SMALL / 2;
+        let bound = bytes.given + tasks * of_task + of_lists + made;
         assert!(bytes.most <= bound, "{each} of each pixel: {bytes:?} above {bound}");
     }
 }
@@ -327,7 +332,7 @@ fn messages_take_no_more_than_their_bytes() {
         measured(1, || chunks(true, EACH), |chunks| wire::terms_to_bytes(&chunks, &(100..3000)));
     assert!(message.len() > TERM * PIXELS * EACH / 2);
     assert_eq!(message.capacity(), message.len(), "its length is known before");
-    let fragments: Vec<Fragment> = (0..40).map(|number| fragment(number, 50 + number)).collect();
+    let fragments: Vec<Fragment> = (0..40).map(|number| fragment(number, 150 + number)).collect();
     let mut message = Vec::new();
     wire::put_fragments(&mut message, &fragments).expect("memory takes all bytes");
     let free = message.capacity() - message.len();
