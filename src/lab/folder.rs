@@ -2,11 +2,11 @@
 
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::layout::{ANSWER, CALIBRATION, JOURNAL, RECORD, REPORT, journal_folder, photos_in};
-use super::replaced::Replaced;
+use super::replaced::{MOVING, Replaced, is_file_name, is_name};
 use super::{Log, SharedObserver};
 use crate::error::{Error, Result};
 use crate::file::{self, Kind};
@@ -14,6 +14,7 @@ use crate::io::manifest::Status;
 use crate::io::model;
 use crate::journal::Journal;
 use crate::measure::RunManifest;
+use crate::report::index::verb;
 
 /// Which folder a run uses.
 #[derive(Clone, Debug, Default)]
@@ -35,6 +36,8 @@ pub struct RunFolder {
     pub manifest: RunManifest,
     /// Where the files of the answer are written ([`RunFolder::answer`]).
     pub(crate) answer: PathBuf,
+    /// Whether the run in the folder answered another question, whose files stay.
+    keeps_answers: bool,
     pub(super) resumes: bool,
     started: Instant,
     start: Start,
@@ -83,13 +86,22 @@ impl RunFolder {
             fault: format!("{} {fault}", path.display()),
             help: help.into(),
         };
+        let manifest = RunManifest::new(std::env::args_os());
+        let keeps_answers = RunManifest::read(&path.join(RECORD))
+            .is_ok_and(|record| record.status == Status::Done && verb(&record) != verb(&manifest));
         let start = match holds_run(&path) {
             true if is_source => {
                 let record = RunManifest::read(&path.join(RECORD)).ok();
                 Start::Beside { photos_allowed: record.and_then(|record| record.photos_allowed) }
             }
             true if overwrite => Start::Replaces(Replaced::move_aside(&path)?),
-            true if resume => unfinished.map_or(Start::Fresh, Start::Replaces),
+            true if resume => {
+                if keeps_answers && !Journal::is_in(&journal_folder(&path)) {
+                    let fault = "holds the answer to another question, and no photos to go on with";
+                    return Err(refusal(fault, "name another folder, or add --overwrite"));
+                }
+                unfinished.map_or(Start::Fresh, Start::Replaces)
+            }
             true => {
                 let help = "go on with it by --resume, name another folder, or add --overwrite";
                 return Err(refusal("already holds a run", help));
@@ -100,10 +112,9 @@ impl RunFolder {
             }
             false => Start::Fresh,
         };
-        let manifest = RunManifest::new(std::env::args_os());
-        let answer = path.join(ANSWER);
+        let (answer, started) = (path.join(ANSWER), Instant::now());
         let mut run =
-            Self { path, manifest, answer, resumes: resume, started: Instant::now(), start, _lock: lock };
+            Self { path, manifest, answer, keeps_answers, resumes: resume, started, start, _lock: lock };
         run.begin(overwrite, observer)?;
         Ok(run)
     }
@@ -161,11 +172,16 @@ impl RunFolder {
             }
             std::fs::rename(entry.path(), &place).map_err(Error::writing(&place))?;
         }
-        if is_beside {
+        if is_beside || self.keeps_answers {
             self.manifest.outputs = before.outputs;
         } else {
             // The same run was asked something else before.
-            stale.iter().filter(|name| is_inside(name)).try_for_each(|name| remove(&self.path.join(name)))?;
+            stale
+                .iter()
+                .filter(|name| is_own_file(name))
+                .try_for_each(|name| remove(&self.path.join(name)))?;
+            // Not where a model is in it.
+            let _ = std::fs::remove_dir(model::folder(&self.path));
             self.manifest.outputs = written;
         }
         remove(&self.answer)
@@ -229,9 +245,9 @@ impl Drop for RunFolder {
     }
 }
 
-/// Whether a file that a record lists is in the run's own folder. A stranger's record may list any path.
-fn is_inside(name: &str) -> bool {
-    !name.is_empty() && Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+/// Whether a file that a record lists is one of the run's own.
+fn is_own_file(path: &str) -> bool {
+    is_file_name(path.strip_prefix("model/").unwrap_or(path))
 }
 
 /// Removes a file, a link or a folder with all that is in it, if it is there.
@@ -295,7 +311,10 @@ fn require_plain_files(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(Error::reading(folder))?.flatten() {
         let path = entry.path();
         let Some(kind) = file::kind(&path)? else { continue };
-        let is_ours = [JOURNAL, CALIBRATION, model::FOLDER].iter().any(|name| entry.file_name() == *name);
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let is_ours = [JOURNAL, CALIBRATION, ANSWER, model::FOLDER].contains(&&*name)
+            || is_name(name.strip_suffix(MOVING).unwrap_or(&name));
         let what = match kind {
             Kind::File => continue,
             Kind::Folder if is_ours => {

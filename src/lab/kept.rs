@@ -55,7 +55,8 @@ impl KeptRun {
 
     fn at(path: &Path) -> Option<Self> {
         let record = RunManifest::read(&path.join(RECORD)).ok()?;
-        let (bytes, journal_bytes) = (size(path), size(&journal_folder(path)));
+        let journal = journal_folder(path);
+        let (bytes, journal_bytes) = (size(path), if journal.is_symlink() { 0 } else { size(&journal) });
         let photos = worth(path, &record);
         Some(Self { path: path.to_path_buf(), status: record.status, bytes, journal_bytes, photos })
     }

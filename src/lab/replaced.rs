@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::layout::{JOURNAL, RECORD, REPORT, photos_in};
 use crate::error::{Error, Result};
@@ -16,7 +16,7 @@ use crate::measure::RunManifest;
 use crate::report::run::PAINT;
 
 const NAME: &str = "earlier-";
-const MOVING: &str = ".moving";
+pub(super) const MOVING: &str = ".moving";
 
 /// Runs that were moved aside, into `earlier-N` of their folder.
 pub(super) struct Replaced {
@@ -61,7 +61,9 @@ impl Replaced {
     /// [`Error::Read`], [`Error::Write`].
     pub(super) fn recover(run: &Path) -> Result<Option<Self>> {
         let named = names_in_record(run);
-        for entry in fs::read_dir(run).map_err(Error::reading(run))?.flatten() {
+        let entries = fs::read_dir(run).map_err(Error::reading(run))?.flatten();
+        // A link of this name is not ours.
+        for entry in entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
             let moving = entry.file_name().to_string_lossy().into_owned();
             match moving.strip_suffix(MOVING).filter(|name| is_name(name)) {
                 Some(name) if named.iter().any(|of| of == name) => {
@@ -73,7 +75,7 @@ impl Replaced {
         }
         let record = RunManifest::read(&run.join(RECORD));
         let mut named = names_in_record(run);
-        named.retain(|name| run.join(name).is_dir());
+        named.retain(|name| fs::symlink_metadata(run.join(name)).is_ok_and(|it| it.is_dir()));
         let Some(last) = named.pop() else { return Ok(None) };
         let earlier = Self { run: run.to_path_buf(), aside: run.join(last), before: named };
         match record {
@@ -147,10 +149,9 @@ fn put_back(run: &Path, aside: &Path) -> Result<()> {
 /// What there is of a run in its folder, the record last.
 fn parts(run: &Path) -> Vec<PathBuf> {
     let listed = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| record.outputs);
-    let listed = listed.iter().filter_map(|path| match Path::new(path).components().next() {
-        Some(Component::Normal(name)) if !is_name(&name.to_string_lossy()) => Some(PathBuf::from(name)),
-        _ => None,
-    });
+    // What lies in folders is in those of the model, which goes as a whole.
+    let is_part = |name: &String| !is_name(name) && is_file_name(name);
+    let listed = listed.into_iter().filter(is_part).map(PathBuf::from);
     let fixed = [JOURNAL, model::FOLDER, REPORT, PAINT].map(PathBuf::from);
     let mut parts: BTreeSet<PathBuf> = listed.chain(fixed).collect();
     parts.remove(Path::new(RECORD));
@@ -163,8 +164,13 @@ fn names_in_record(run: &Path) -> Vec<String> {
     record.map_or(Vec::new(), |record| record.replaces.into_iter().filter(|name| is_name(name)).collect())
 }
 
+/// Whether a record's path is a name in the run's own folder. A stranger's record may list any path.
+pub(super) fn is_file_name(path: &str) -> bool {
+    Path::new(path).file_name().is_some_and(|name| name == path)
+}
+
 /// Whether this is the name of a run aside. A stranger's record may name any path.
-fn is_name(name: &str) -> bool {
+pub(super) fn is_name(name: &str) -> bool {
     name.strip_prefix(NAME)
         .is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))
 }

@@ -75,12 +75,43 @@ fn a_strangers_record_reaches_nothing_outside() {
     let path = Path::new(&run).join("run.json");
     let mut record: serde_json::Value =
         serde_json::from_slice(&fs::read(&path).expect("it is there")).expect("it is JSON");
-    record["outputs"] =
-        serde_json::json!(["../victim", victim, "/etc/hostname", ".", "..", "", "journal/../../victim"]);
+    let notes = Path::new(&run).join("notes");
+    fs::create_dir(&notes).expect("the folder is ours");
+    fs::write(notes.join("mine"), "precious").expect("the folder is ours");
+    record["outputs"] = serde_json::json!([
+        "../victim",
+        victim,
+        "/etc/hostname",
+        ".",
+        "..",
+        "",
+        "journal/../../victim",
+        "notes/other",
+        "notes/../x"
+    ]);
     record["replaces"] = serde_json::json!(["..", "../victim", "earlier-", "earlier-1/../../victim"]);
     fs::write(&path, record.to_string()).expect("the folder is ours");
     done(&[&segment[..], &["--overwrite"]].concat());
     assert_eq!(fs::read_to_string(&victim).ok().as_deref(), Some("precious"));
+    assert_eq!(
+        fs::read_to_string(notes.join("mine")).ok().as_deref(),
+        Some("precious"),
+        "no file of the run's"
+    );
+}
+
+/// A run without photos cannot go on, and its answer is not replaced by that to another question.
+#[test]
+fn resume_replaces_no_answer_to_another_question() {
+    let bench = folder();
+    let (small, model, run) = (rig(&bench, 8, ""), inside(&bench, "model"), inside(&bench, "run"));
+    done(&["relight", &small, "--photos", "4", "-o", &model]);
+    // What the model alone is asked keeps no photos.
+    done(&["relight", &model, "--pattern", "left", "-o", &run]);
+    let before = (names(&run), arrays(&run));
+    let other = krylux(&["segment", &small, "--photos", "8", "--groups", "2", "-o", &run, "--resume"]);
+    crate::program::assert_error(&other, &["answer to another question", "--overwrite"]);
+    assert!((names(&run), arrays(&run)) == before);
 }
 
 /// Kills at random moments while one run replaces another. When a run is whole in the end, the folder holds what it holds without a kill.
