@@ -64,7 +64,7 @@ fn summary(run: &FoundRun) -> serde_json::Value {
     match &run.record {
         Ok(record) => json!({
             "folder": Name::from(&run.folder),
-            "verb": index::verb(record),
+            "verb": record.verb(),
             "source": record.scene.as_ref().map(|scene| &scene.path),
             "photos": record.photos,
             "status": record.status,

@@ -1,5 +1,5 @@
-//! Windows, and systems of which nothing is known: every part of a path is looked at before it is used. Between the look and the use another program
-//! could put a link there; on Windows a file is then opened as the link itself, and refused.
+//! Windows and other systems: every part of a path is checked before it is used. Another program could put a link there after the check; on Windows a
+//! file is then opened as the link itself, and refused.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;

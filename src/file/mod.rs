@@ -45,7 +45,7 @@ pub(crate) fn open_or_make(path: &Path) -> io::Result<File> {
     Spot::of(path)?.open(Access::Make)
 }
 
-/// What stands at a path, links below a top not followed; `None` where there is nothing.
+/// The kind of file at a path; `None` if there is none. Links below a top are not followed.
 ///
 /// # Errors
 /// [`Error::Read`] naming the path.
@@ -63,6 +63,19 @@ pub(crate) fn kind(path: &Path) -> Result<Option<Kind>> {
 /// [`Error::Write`] naming the folder.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
     spot::make_folder(path).map_err(Error::writing(path))
+}
+
+/// Removes a file, a link or a folder with all that is in it, if it is there.
+///
+/// # Errors
+/// [`Error::Write`] naming the path.
+pub(crate) fn remove(path: &Path) -> Result<()> {
+    let removed = match fs::symlink_metadata(path) {
+        Ok(there) if there.is_dir() => fs::remove_dir_all(path),
+        Ok(_) => fs::remove_file(path),
+        Err(_) => Ok(()),
+    };
+    removed.map_err(Error::writing(path))
 }
 
 /// The bytes of a regular file.
@@ -111,7 +124,7 @@ fn opened(path: &Path) -> io::Result<File> {
 /// The refusal of a part of a path that is no folder.
 fn no_folder(name: &Path, kind: Kind) -> io::Error {
     let what = match kind {
-        Kind::Link => "a link, and no link is followed in the folder of a run or of the cache; remove it",
+        Kind::Link => spot::LINK,
         _ => "not a folder",
     };
     io::Error::new(ErrorKind::InvalidInput, format!("{} is {what}", name.display()))

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-/// Who besides this process' user and root may change a file or folder, as a predicate of it; `None` for nobody.
+/// The reason why users other than this process' user and root may change a file or folder, such as `can be written by everybody`; `None` if they may not.
 pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     #[cfg(unix)]
     {

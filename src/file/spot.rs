@@ -37,7 +37,7 @@ pub(super) enum Access {
     New,
 }
 
-/// What a name stands for.
+/// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     File,
@@ -61,15 +61,17 @@ impl Kind {
     pub(super) fn require_file(self) -> io::Result<()> {
         let what = match self {
             Self::File => return Ok(()),
-            Self::Folder => "it is a folder; give a file",
-            Self::Other => "it is a device or a pipe; give a file on disk",
-            Self::Link => {
-                "it is a link, and no link is followed in the folder of a run or of the cache; remove it"
-            }
+            Self::Folder => "a folder; give a file",
+            Self::Other => "a device or a pipe; give a file on disk",
+            Self::Link => LINK,
         };
-        Err(io::Error::new(ErrorKind::InvalidInput, what))
+        Err(io::Error::new(ErrorKind::InvalidInput, format!("it is {what}")))
     }
 }
+
+/// The refusal of a link.
+pub(super) const LINK: &str =
+    "a link, and no link is followed in the folder of a run or of the cache; remove it";
 
 /// A name in a folder that is open already, or a path that the user named.
 pub(super) struct Spot {
@@ -91,7 +93,7 @@ impl Spot {
         Ok(Self { folder, name, is_ours: true })
     }
 
-    /// What is there; `None` where there is nothing. A link that the user named counts as what it leads to.
+    /// The kind of file; `None` if there is none. A link that the user named counts as the file that it leads to.
     pub(super) fn kind(&self) -> io::Result<Option<Kind>> {
         match self.folder.kind(&self.name, !self.is_ours) {
             Ok(kind) => Ok(Some(kind)),

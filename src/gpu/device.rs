@@ -86,7 +86,7 @@ pub(crate) struct Gpu {
     pub(crate) shares_memory: bool,
     /// What it has compiled, if somebody keeps that for later processes.
     pub(crate) compiled: Option<Compiled>,
-    /// Why nothing works any more: the device was lost, or failed outside of [`Gpu::guarded`].
+    /// The reason of the driver once the device was lost, or has failed outside of [`Gpu::guarded`].
     pub(crate) failure: Arc<OnceLock<String>>,
 }
 
@@ -192,7 +192,7 @@ impl Gpu {
         self.failure.get().map_or(Ok(()), |why| Err(self.lost(why)))
     }
 
-    /// The error for a device that does not work any more.
+    /// The error for a lost device.
     pub(super) fn lost(&self, why: &str) -> Error {
         let why = why.trim().trim_end_matches('.');
         Error::Device { fault: format!("{} was lost: {why}", self.summary.name), help: LOST.into() }

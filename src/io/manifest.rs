@@ -311,9 +311,15 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         }
     }
 
-    /// The command line in one line. What is no Unicode is replaced.
+    /// The command line in one line. Bytes that are no Unicode are replaced.
     pub fn command_line(&self) -> String {
         self.command.iter().map(Name::to_string).collect::<Vec<_>>().join(" ")
+    }
+
+    /// The verb of the command line: the first word after the program that is no option.
+    pub fn verb(&self) -> &str {
+        let mut words = self.command.iter().skip(1).filter_map(Name::to_str);
+        words.find(|word| !word.starts_with('-')).unwrap_or_default()
     }
 
     /// Appends the duration of a stage.

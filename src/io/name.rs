@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub struct Name(OsString);
 
 impl Name {
-    /// As text, where it is Unicode.
+    /// The text, if it is Unicode.
     pub fn to_str(&self) -> Option<&str> {
         self.0.to_str()
     }
@@ -22,7 +22,7 @@ impl<T: AsRef<OsStr> + ?Sized> From<&T> for Name {
     }
 }
 
-/// What is no Unicode is replaced.
+/// Bytes that are no Unicode are replaced.
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.display().fmt(f)

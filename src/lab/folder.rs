@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::layout::{ANSWER, CALIBRATION, JOURNAL, RECORD, REPORT, journal_folder, photos_in};
-use super::replaced::{MOVING, Replaced, is_file_name, is_name};
+use super::replaced::{MOVING, Replaced, is_file_name, is_name, move_all};
 use super::{Log, SharedObserver};
 use crate::error::{Error, Result};
 use crate::file::{self, Kind};
@@ -14,7 +14,6 @@ use crate::io::manifest::Status;
 use crate::io::model;
 use crate::journal::Journal;
 use crate::measure::RunManifest;
-use crate::report::index::verb;
 
 /// Which folder a run uses.
 #[derive(Clone, Debug, Default)]
@@ -86,12 +85,13 @@ impl RunFolder {
             fault: format!("{} {fault}", path.display()),
             help: help.into(),
         };
-        let manifest = RunManifest::new(std::env::args_os());
-        let keeps_answers = RunManifest::read(&path.join(RECORD))
-            .is_ok_and(|record| record.status == Status::Done && verb(&record) != verb(&manifest));
+        let record = RunManifest::read(&path.join(RECORD)).ok();
+        let mut manifest = RunManifest::new(std::env::args_os());
+        let is_other =
+            |record: &RunManifest| record.status == Status::Done && record.verb() != manifest.verb();
+        let keeps_answers = record.as_ref().is_some_and(is_other);
         let start = match holds_run(&path) {
             true if is_source => {
-                let record = RunManifest::read(&path.join(RECORD)).ok();
                 Start::Beside { photos_allowed: record.and_then(|record| record.photos_allowed) }
             }
             true if overwrite => Start::Replaces(Replaced::move_aside(&path)?),
@@ -100,6 +100,7 @@ impl RunFolder {
                     let fault = "holds the answer to another question, and no photos to go on with";
                     return Err(refusal(fault, "name another folder, or add --overwrite"));
                 }
+                manifest.outputs = record.map_or(Vec::new(), |record| record.outputs);
                 unfinished.map_or(Start::Fresh, Start::Replaces)
             }
             true => {
@@ -123,14 +124,7 @@ impl RunFolder {
     fn begin(&mut self, overwrite: bool, observer: &SharedObserver) -> Result<()> {
         let earlier = match &self.start {
             Start::Beside { .. } => return Ok(()),
-            Start::Fresh => {
-                let record = self.path.join(RECORD);
-                if self.resumes {
-                    self.manifest.outputs =
-                        RunManifest::read(&record).map_or(Vec::new(), |record| record.outputs);
-                }
-                return self.manifest.write(&record);
-            }
+            Start::Fresh => return self.manifest.write(&self.path.join(RECORD)),
             Start::Replaces(earlier) => earlier,
         };
         self.manifest.replaces = earlier.names();
@@ -155,7 +149,7 @@ impl RunFolder {
     /// # Errors
     /// Those of `write`; [`Error::Write`].
     pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
-        remove(&self.answer)?;
+        file::remove(&self.answer)?;
         file::make_folder(&self.answer)?;
         let written = write(self)?;
         let record = self.path.join(RECORD);
@@ -165,13 +159,7 @@ impl RunFolder {
             before.outputs.iter().filter(|name| !written.contains(name)).cloned().collect();
         before.outputs = written.iter().chain(&stale).cloned().collect();
         before.write(&record)?;
-        for entry in std::fs::read_dir(&self.answer).map_err(Error::reading(&self.answer))?.flatten() {
-            let place = self.path.join(entry.file_name());
-            if place.is_dir() {
-                remove(&place)?;
-            }
-            std::fs::rename(entry.path(), &place).map_err(Error::writing(&place))?;
-        }
+        move_all(&self.answer, &self.path)?;
         if is_beside || self.keeps_answers {
             self.manifest.outputs = before.outputs;
         } else {
@@ -179,12 +167,12 @@ impl RunFolder {
             stale
                 .iter()
                 .filter(|name| is_own_file(name))
-                .try_for_each(|name| remove(&self.path.join(name)))?;
-            // Not where a model is in it.
+                .try_for_each(|name| file::remove(&self.path.join(name)))?;
+            // This fails, as it should, while the folder holds a model.
             let _ = std::fs::remove_dir(model::folder(&self.path));
             self.manifest.outputs = written;
         }
-        remove(&self.answer)
+        Ok(())
     }
 
     /// Seconds since the run started.
@@ -206,7 +194,7 @@ impl RunFolder {
         };
         let is_done = status == Status::Done;
         if !is_done {
-            remove(&self.answer)?;
+            file::remove(&self.answer)?;
         }
         match &start {
             Start::Beside { .. } if !is_done => return Ok(()),
@@ -239,7 +227,7 @@ impl Drop for RunFolder {
         if let Start::Replaces(earlier) = &self.start
             && photos_in(&self.path) == 0
         {
-            // There is nobody to tell. The next run in the folder finds what the record names.
+            // No caller can be told of an error. The next run in the folder finds the folders that the record names.
             let _ = earlier.restore();
         }
     }
@@ -247,17 +235,8 @@ impl Drop for RunFolder {
 
 /// Whether a file that a record lists is one of the run's own.
 fn is_own_file(path: &str) -> bool {
-    is_file_name(path.strip_prefix("model/").unwrap_or(path))
-}
-
-/// Removes a file, a link or a folder with all that is in it, if it is there.
-fn remove(path: &Path) -> Result<()> {
-    let removed = match std::fs::symlink_metadata(path) {
-        Ok(there) if there.is_dir() => std::fs::remove_dir_all(path),
-        Ok(_) => std::fs::remove_file(path),
-        Err(_) => Ok(()),
-    };
-    removed.map_err(Error::writing(path))
+    let in_model = path.strip_prefix(model::FOLDER).and_then(|rest| rest.strip_prefix('/'));
+    is_file_name(in_model.unwrap_or(path))
 }
 
 /// Makes the first folder of `out/NAME`, `out/NAME-2`, … that is not there. Of several programs each gets its own.

@@ -23,7 +23,7 @@ pub(super) struct Replaced {
     run: PathBuf,
     /// The run that the new one replaces.
     aside: PathBuf,
-    /// Those that it replaced itself, if it did not become whole.
+    /// The runs that this one had itself replaced before it was whole.
     before: Vec<String>,
 }
 
@@ -39,10 +39,10 @@ impl Replaced {
         let name = (1..=u32::MAX).map(|number| format!("{NAME}{number}")).find(is_free).unwrap_or_default();
         let moving = run.join(format!("{name}{MOVING}"));
         file::make_folder(&moving)?;
-        let before = names_in_record(run);
+        let before = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| names_in(&record));
         for part in parts(run) {
             if let Err(error) = fs::rename(run.join(&part), moving.join(&part)) {
-                put_back(run, &moving)?;
+                move_all(&moving, run)?;
                 return Err(Error::writing(&run.join(part))(error));
             }
         }
@@ -60,7 +60,7 @@ impl Replaced {
     /// # Errors
     /// [`Error::Read`], [`Error::Write`].
     pub(super) fn recover(run: &Path) -> Result<Option<Self>> {
-        let named = names_in_record(run);
+        let named = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| names_in(&record));
         let entries = fs::read_dir(run).map_err(Error::reading(run))?.flatten();
         // A link of this name is not ours.
         for entry in entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
@@ -69,17 +69,18 @@ impl Replaced {
                 Some(name) if named.iter().any(|of| of == name) => {
                     fs::rename(entry.path(), run.join(name)).map_err(Error::writing(run))?;
                 }
-                Some(_) => put_back(run, &entry.path())?,
+                Some(_) => move_all(&entry.path(), run)?,
                 None => {}
             }
         }
-        let record = RunManifest::read(&run.join(RECORD));
-        let mut named = names_in_record(run);
+        // A run that was put back brings its record.
+        let Ok(record) = RunManifest::read(&run.join(RECORD)) else { return Ok(None) };
+        let mut named = names_in(&record);
         named.retain(|name| fs::symlink_metadata(run.join(name)).is_ok_and(|it| it.is_dir()));
         let Some(last) = named.pop() else { return Ok(None) };
         let earlier = Self { run: run.to_path_buf(), aside: run.join(last), before: named };
-        match record {
-            Ok(record) if record.status == Status::Done => earlier.discard().map(|()| None),
+        match record.status {
+            Status::Done => earlier.discard().map(|()| None),
             _ => Ok(Some(earlier)),
         }
     }
@@ -102,21 +103,18 @@ impl Replaced {
 
     /// Deletes them: the new run is whole.
     pub(super) fn discard(&self) -> Result<()> {
-        self.names().iter().map(|name| self.run.join(name)).try_for_each(|aside| {
-            if is_there(&aside) { fs::remove_dir_all(&aside).map_err(Error::writing(&aside)) } else { Ok(()) }
-        })
+        self.names().iter().try_for_each(|name| file::remove(&self.run.join(name)))
     }
 
-    /// Puts the run back in place of one that has no photos. Without the record of that one, the next program does what this one does not get to.
+    /// Puts the run back in place of one that has no photos. The record of that one goes first: if this program is then killed, the next one
+    /// finishes the work.
     pub(super) fn restore(&self) -> Result<()> {
-        let (moving, record) = (self.moving(), self.run.join(RECORD));
+        let moving = self.moving();
         if is_there(&self.aside) {
             fs::rename(&self.aside, &moving).map_err(Error::writing(&moving))?;
         }
-        if is_there(&record) {
-            fs::remove_file(&record).map_err(Error::writing(&record))?;
-        }
-        put_back(&self.run, &moving)
+        file::remove(&self.run.join(RECORD))?;
+        move_all(&moving, &self.run)
     }
 
     fn moving(&self) -> PathBuf {
@@ -126,30 +124,26 @@ impl Replaced {
     }
 }
 
-/// Moves everything in `aside` back, in place of what there is. The record comes last.
-fn put_back(run: &Path, aside: &Path) -> Result<()> {
-    let mut names: Vec<_> = fs::read_dir(aside)
-        .map_err(Error::reading(aside))?
-        .flatten()
-        .map(|entry| entry.file_name())
-        .collect();
+/// Moves everything in a folder into another one, in place of what is there, and removes the folder. A record comes last.
+pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
+    let entries = fs::read_dir(from).map_err(Error::reading(from))?.flatten();
+    let mut names: Vec<_> = entries.map(|entry| entry.file_name()).collect();
     names.sort_by_key(|name| name == RECORD);
-    for name in names {
-        let place = run.join(&name);
-        let freed = match fs::symlink_metadata(&place) {
-            Ok(there) if there.is_dir() => fs::remove_dir_all(&place),
-            Ok(_) => fs::remove_file(&place),
-            Err(_) => Ok(()),
-        };
-        freed.and_then(|()| fs::rename(aside.join(&name), &place)).map_err(Error::writing(&place))?;
+    let is_folder = |path: &Path| fs::symlink_metadata(path).is_ok_and(|it| it.is_dir());
+    for (source, place) in names.iter().map(|name| (from.join(name), to.join(name))) {
+        // A file takes the place of another one at once.
+        if is_folder(&source) || is_folder(&place) {
+            file::remove(&place)?;
+        }
+        fs::rename(&source, &place).map_err(Error::writing(&place))?;
     }
-    fs::remove_dir(aside).map_err(Error::writing(aside))
+    fs::remove_dir(from).map_err(Error::writing(from))
 }
 
-/// What there is of a run in its folder, the record last.
+/// The names of a run's files and folders, the record last.
 fn parts(run: &Path) -> Vec<PathBuf> {
     let listed = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| record.outputs);
-    // What lies in folders is in those of the model, which goes as a whole.
+    // Files in folders belong to the model, which moves as a whole.
     let is_part = |name: &String| !is_name(name) && is_file_name(name);
     let listed = listed.into_iter().filter(is_part).map(PathBuf::from);
     let fixed = [JOURNAL, model::FOLDER, REPORT, PAINT].map(PathBuf::from);
@@ -158,10 +152,9 @@ fn parts(run: &Path) -> Vec<PathBuf> {
     parts.into_iter().chain([PathBuf::from(RECORD)]).filter(|part| is_there(&run.join(part))).collect()
 }
 
-/// The runs aside that the record of a run that is not whole names.
-fn names_in_record(run: &Path) -> Vec<String> {
-    let record = RunManifest::read(&run.join(RECORD));
-    record.map_or(Vec::new(), |record| record.replaces.into_iter().filter(|name| is_name(name)).collect())
+/// The runs aside that a record names.
+fn names_in(record: &RunManifest) -> Vec<String> {
+    record.replaces.iter().filter(|name| is_name(name)).cloned().collect()
 }
 
 /// Whether a record's path is a name in the run's own folder. A stranger's record may list any path.

@@ -86,9 +86,7 @@ impl Calibration {
         file::make_folder(folder)?;
         file::follow_no_links_below(folder);
         let record = folder.join(RECORD);
-        if file::kind(&record)?.is_some() {
-            std::fs::remove_file(&record).map_err(Error::writing(&record))?;
-        }
+        file::remove(&record)?;
         let levels = self.projector.first().map_or(0, Vec::len);
         npy::write_npy(&folder.join(PROJECTOR), &[self.projector.len(), levels], &self.projector.concat())?;
         if let Some(curve) = &self.camera.curve {

@@ -9,8 +9,8 @@ const ENOUGH: f64 = 1.0;
 /// As [`ENOUGH`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
 pub(super) const LEAST: f64 = 0.75;
 
-/// What is wrong with a camera that has too few pixels, and what to do; `None` where it has enough. The camera may have fewer for the patterns than
-/// this, where it sees more than the projector lights.
+/// The finding about a camera with too few pixels; `None` if it has enough. A camera that sees more than the projector lights has fewer pixels for the
+/// patterns than this counts.
 pub(super) fn too_few(camera: Resolution, projector: Resolution) -> Option<Finding> {
     let ratios = [(camera.width, projector.width), (camera.height, projector.height)]
         .map(|(camera, projector)| camera as f64 / projector as f64);

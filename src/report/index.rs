@@ -7,7 +7,6 @@ use super::run::outcome as of_findings;
 use crate::error::{Error, Result};
 use crate::file;
 use crate::io::manifest::Status;
-use crate::io::name::Name;
 use crate::measure::RunManifest;
 
 /// The page's file.
@@ -139,15 +138,9 @@ fn said(record: &RunManifest) -> String {
     }
 }
 
-/// The verb of a command line: the first word after the program that is no option.
-pub fn verb(record: &RunManifest) -> &str {
-    let words = record.command.iter().skip(1).filter_map(Name::to_str);
-    words.into_iter().find(|word| !word.starts_with('-')).unwrap_or_default()
-}
-
 fn facts(record: &RunManifest) -> Vec<(String, String)> {
     let seconds: f64 = record.timings.iter().map(|timing| timing.seconds).sum();
-    let mut facts = vec![("Verb", verb(record).to_owned())];
+    let mut facts = vec![("Verb", record.verb().to_owned())];
     facts.extend(record.scene.as_ref().map(|scene| ("Source", scene.path.to_string())));
     facts.extend(record.resolution.map(|size| ("Pixels", size.to_string())));
     facts.push(("Photos", record.photos.to_string()));

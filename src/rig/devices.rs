@@ -74,13 +74,13 @@ pub trait Camera: Send {
         Ok(())
     }
 
-    /// What was lost on the way from the camera since it was opened. The default is nothing.
+    /// The losses on the way from the camera since it was opened. The default is none.
     fn losses(&self) -> Losses {
         Losses::default()
     }
 }
 
-/// What was lost on the way from a camera.
+/// Losses on the way from a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Packets that were lost, and sent again on request.

@@ -37,7 +37,7 @@ fn a_page_lists_the_runs_of_a_folder_with_their_pictures_and_links() -> Outcome 
     let runs = index::find(root.path())?;
     let folders: Vec<String> = runs.iter().map(|run| run.folder.display().to_string()).collect();
     assert_eq!(folders, ["deep/er/second", "first run", "broken"], "those that started last come first");
-    assert_eq!(runs[1].record.as_ref().map(index::verb).ok(), Some("segment"));
+    assert_eq!(runs[1].record.as_ref().map(RunManifest::verb).ok(), Some("segment"));
     assert!(runs[1].has_page && !runs[0].has_page && runs[2].record.is_err());
 
     let page = std::fs::read_to_string(index::write(root.path(), &runs)?)?;

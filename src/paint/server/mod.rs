@@ -65,7 +65,7 @@ struct Shared {
 struct Place {
     /// Whether it has sent a request.
     has_asked: Cell<bool>,
-    /// Told when another one gets the place.
+    /// Notified when another connection takes the place.
     end: Notify,
 }
 
@@ -157,7 +157,7 @@ async fn accept(
                         let Ok((stream, _)) = accepted else { continue };
                         places.retain(|place| Rc::strong_count(place) > 1);
                         if places.len() >= MOST_CONNECTIONS {
-                            // The oldest one that has asked for nothing makes room.
+                            // The oldest connection without a request makes room.
                             let Some(silent) = places.iter().position(|place| !place.has_asked.get()) else {
                                 note(&format!("refused a connection: {MOST_CONNECTIONS} are open already"));
                                 tokio::task::spawn_local(connection::refuse(stream));

@@ -41,7 +41,7 @@ pub(in crate::rig) trait Transport: Send {
     /// The camera's number of a frame, which counts from 1.
     fn number(frame: &Frame) -> u64;
 
-    /// What was lost on the way since the stream was opened.
+    /// The losses since the stream was opened.
     fn losses(stream: &Self::Stream) -> Losses;
 }
 
@@ -86,7 +86,7 @@ pub(in crate::rig) struct Triggered<T: Transport> {
     /// The exposure that was asked for, and the one that was set, in seconds.
     exposure: Option<[f64; 2]>,
     numbers: Numbers,
-    /// What was lost on the way in earlier sessions.
+    /// The losses of earlier sessions.
     losses: Losses,
 }
 
