@@ -6,18 +6,19 @@ use crate::error::{Error, Result};
 use crate::finding::Grade;
 use crate::image::Image;
 use crate::io::manifest::{CheckVerdict, Independent, Verification};
-use crate::krylov::EigsOptions;
-use crate::lab::{CompensateRequest, Lab, Questions, RelightRequest, RunOptions, SeparateRequest};
+use crate::lab::{Answer, CompensateRequest, Lab, Questions, RelightRequest, RunOptions, SeparateRequest};
 use crate::measure::RigFile;
 use crate::scene::builtin;
 use crate::transport::Part;
+use crate::verbs::Eigs;
+use crate::verbs::options::LightPart;
 
 fn zigzag() -> Result<Lab> {
     Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24).samples(16).open()
 }
 
-fn pairs() -> EigsOptions {
-    EigsOptions { count: 3, products: 20, ..EigsOptions::default() }
+fn pairs() -> Eigs {
+    Eigs { count: 3, photos: Some(20), part: LightPart::Global, tolerance: Some(1e-8), ..Eigs::default() }
 }
 
 #[test]
@@ -26,9 +27,10 @@ fn eigenpairs_of_a_scene_are_checked_by_another_seed_and_the_record_says_so() ->
     let run = folder.path().join("run");
     let mut lab = zigzag()?;
     lab.begin_run("eigs", &RunOptions { folder: Some(run.clone()), ..RunOptions::default() })?;
-    let found = lab.eigs(Part::Global, &pairs())?;
+    let answer = pairs().pairs(&mut lab)?;
+    let found = &answer.found;
     let photos = lab.contact_sheet().len();
-    let Some(checked) = lab.verify_eigenpairs(Part::Global, &found)? else { unreachable!("a scene") };
+    let Some(checked) = lab.verify_eigenpairs(Part::Global, found)? else { unreachable!("a scene") };
     assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherSeed, 3));
     assert_eq!(lab.contact_sheet().len(), photos, "no photo of the run");
     for (estimate, theta) in checked.estimates.iter().zip(&found.values) {
@@ -37,7 +39,7 @@ fn eigenpairs_of_a_scene_are_checked_by_another_seed_and_the_record_says_so() ->
         assert!(estimate.error_of(*theta) >= estimate.standard_error && estimate.standard_error > 0.0);
     }
     assert!(checked.verification.error > 0.01 && checked.verification.noise > 0.01);
-    lab.finish(&found)?;
+    lab.finish(&answer)?;
     let record = std::fs::read_to_string(run.join("run.json")).map_err(Error::reading(&run))?;
     assert!(record.contains("\"another-seed\""), "{record}");
     let page = std::fs::read_to_string(run.join("report.html")).map_err(Error::reading(&run))?;
@@ -49,7 +51,8 @@ fn eigenpairs_of_a_scene_are_checked_by_another_seed_and_the_record_says_so() ->
 fn a_matrix_has_no_other_light() -> Result<()> {
     let matrix = crate::sparse::Csr::new(2, vec![0, 1, 2], vec![0, 1], vec![2.0, 1.0])?;
     let mut lab = Lab::of_matrix(matrix, "two");
-    let found = lab.eigs(Part::Full, &EigsOptions { count: 1, products: 2, ..pairs() })?;
+    let asked = Eigs { count: 1, photos: Some(2), part: LightPart::Full, ..pairs() };
+    let found = asked.pairs(&mut lab)?.found;
     assert_eq!(lab.verify_eigenpairs(Part::Full, &found)?, None);
     Ok(())
 }
@@ -58,7 +61,8 @@ fn a_matrix_has_no_other_light() -> Result<()> {
 fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     let mut rig = zigzag()?.through_rig(RigFile::load("assets/rigs/ideal.toml".as_ref())?)?;
     // With so few photos the residuals are larger than the shot noise that a rig without a calibration is taken to have.
-    let found = rig.eigs(Part::Full, &EigsOptions { products: 6, ..pairs() })?;
+    let asked = Eigs { photos: Some(6), part: LightPart::Full, ..pairs() };
+    let found = asked.pairs(&mut rig)?.found;
     let photos = rig.contact_sheet().len();
     let Some(checked) = rig.verify_eigenpairs(Part::Full, &found)? else { unreachable!("a rig") };
     assert_eq!(rig.contact_sheet().len(), photos + 1);
@@ -183,7 +187,7 @@ fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     let lab =
         |scene: crate::scene::Scene| Lab::builder_of_scene(scene).size(24, 24).samples(32).seed(seed).open();
     let mut zigzag = lab(builtin::zigzag().to_scene())?;
-    let found = zigzag.eigs(Part::Global, &pairs())?;
+    let found = pairs().pairs(&mut zigzag)?.found;
     let of_pairs = |lab: &mut Lab, found: &crate::krylov::Eigs| {
         lab.verify_eigenpairs(Part::Global, found).map(|of| of.map(|of| of.verification))
     };
@@ -269,9 +273,9 @@ fn the_page_of_a_refuted_answer_says_so() -> Result<()> {
         let run = folder.path().join(factor.to_string());
         let mut lab = zigzag()?;
         lab.begin_run("eigs", &RunOptions { folder: Some(run.clone()), ..RunOptions::default() })?;
-        let mut found = lab.eigs(Part::Global, &pairs())?;
-        found.values.iter_mut().for_each(|value| *value *= factor);
-        lab.verify_eigenpairs(Part::Global, &found)?;
+        let mut found = pairs().pairs(&mut lab)?;
+        found.found.values.iter_mut().for_each(|value| *value *= factor);
+        found.verify(&mut lab)?;
         let saved = lab.finish(&found)?;
         let checks: Vec<Grade> =
             saved.findings.iter().filter(|of| of.name == "check").map(|of| of.grade).collect();
