@@ -181,7 +181,7 @@ fn segmented(pair: &mut Pair<'_>) -> Outcome<(f64, usize, u64)> {
     Ok((rand_index, found.regions.count, taken(&mut pair.rig)? - before))
 }
 
-/// The residuals of a compensation: those of 12 photos inside the box and of the optimum, those of MINRES and GMRES by 8 photos, and the frames of the
+/// The residuals of a compensation: of 12 photos inside the box and the optimum, of MINRES and GMRES by 8 photos; and the frames of the
 /// first with what the others show after as many.
 type Compensated = ([f64; 2], [f64; 2], (u64, [f64; 2]));
 
@@ -216,7 +216,7 @@ struct Solved {
 }
 
 impl Solved {
-    /// The last answer whose photos took no more than so many frames.
+    /// The last answer whose photos took at most `budget` frames.
     fn within(&self, budget: u64) -> Option<&[f64]> {
         let count = self.frames.iter().take_while(|&&frames| frames <= budget).count();
         self.answers.get(count.min(self.answers.len()).checked_sub(1)?).map(Vec::as_slice)

@@ -92,7 +92,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// Deviations of the estimated eigenvalues, and of those of the matrix alone, by the same standard errors: one list for each eigenvalue.
+/// Deviations of the estimated eigenvalues, and of the matrix's own, by the same standard errors: one list for each eigenvalue.
 fn eigenvalues(
     tracer: &mut Tracer,
     truth: &Assembled,

@@ -25,7 +25,7 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 const REALISTIC: &str = include_str!("../assets/rigs/realistic.toml");
 
-/// Pixels of the projector along each side, and those of the camera for each.
+/// Pixels of the projector along each side, and camera pixels for each of them.
 const SIDE: usize = 24;
 const FINER: f64 = 2.5;
 
@@ -114,7 +114,7 @@ fn judge(scene: &str, exact: &mut Lab, variant: Variant, repeats: u64, record: &
         let mean: Vec<f64> =
             (0..of.values.len()).map(|i| same.iter().map(|run| run.values[i]).sum::<f64>() / count).collect();
         let noise = rms(&same, &mean) / (1.0 - 1.0 / count).sqrt();
-        // What repeats do not average out.
+        // The bias, which repeats do not average out.
         let off: f64 = mean.iter().zip(&of.values).map(|(mean, truth)| (mean - truth).powi(2)).sum();
         let bias = 100.0 * (off / of.values.iter().map(|truth| truth * truth).sum::<f64>()).sqrt();
         let off = [rms(&same, &of.values), rms(&anew, &of.values)].map(|rms| format!("{rms:.2}"));

@@ -23,7 +23,7 @@ fn links(page: &Page) -> Vec<(usize, String)> {
     links.collect()
 }
 
-/// The anchors of a page: those of its headings, as mdBook and code hosts make them, and those that it names by `<a id="…">`.
+/// The anchors of a page: its headings, as mdBook and code hosts name them, and every `<a id="…">`.
 fn anchors(text: &str) -> Vec<String> {
     let mut anchors: Vec<String> = Vec::new();
     let mut heading: Option<String> = None;

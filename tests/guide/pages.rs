@@ -34,7 +34,7 @@ pub fn all() -> Vec<Page> {
     paths.map(|path| Page { text: read(&path.to_string_lossy()), path }).collect()
 }
 
-/// Pages beside the guide: in the root, in `docs`, and those of folders that explain themselves.
+/// Pages beside the guide: in the root, in `docs`, and in folders that explain themselves.
 pub fn others() -> Vec<Page> {
     let entries = fs::read_dir(root()).expect("the repository can be read");
     let here = entries.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_file());

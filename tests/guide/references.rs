@@ -47,7 +47,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// What begins a comment in files of this kind: nothing in pages and Python, which are read whole.
+/// The text that begins a comment in files of this kind; it is empty for pages and Python, which are read whole.
 fn kind(path: &Path) -> Option<&'static str> {
     match path.extension()?.to_str()? {
         "md" | "py" => Some(""),
