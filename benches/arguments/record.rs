@@ -18,7 +18,7 @@ impl Record {
     pub fn columns(&mut self, columns: &[&str]) {
         self.line("");
         self.row(columns);
-        self.row(&vec!["---"; columns.len()]);
+        self.line(&format!("|{}", "---|".repeat(columns.len())));
     }
 
     /// Adds a row.
