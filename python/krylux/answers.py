@@ -171,7 +171,7 @@ class SingularTriplets(Answer):
 
 
 class Compensation(Answer):
-    """What to project, so that the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
+    """The pattern under which the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
 
     Attributes
     ----------
@@ -341,7 +341,7 @@ class Solution(Answer):
 
 
 class Plan:
-    """What a verb will cost on a rig, and how good its answer will be: the answer of :meth:`krylux.Lab.plan`.
+    """The predicted cost and error of a verb on a rig: the answer of :meth:`krylux.Lab.plan`.
 
     Every array has one entry for each trial, whose noise is its own; their spread is that of the prediction.
 

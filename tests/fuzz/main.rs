@@ -173,7 +173,7 @@ fuzzed_by!(
     model_array
 );
 
-/// What a camera sends, over the network and of itself.
+/// Data that a camera sends: datagrams and its description.
 #[cfg(feature = "gige")]
 mod of_cameras {
     fuzzed_by!(cameras: gvcp, gvsp, camera_xml);
