@@ -33,7 +33,6 @@ mod confirmation;
 mod eigen;
 mod estimators;
 mod factor;
-mod inexact;
 mod kernels;
 mod linear;
 mod methods;
@@ -53,14 +52,13 @@ pub use eigen::{
     Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,
 };
 pub use estimators::{
-    DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
-    diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
+    DiagonalEstimate, Estimate, LowRankOptions, RandomizedSvd, diagonal, hutch_plus_plus, hutchinson,
+    randomized_svd,
 };
 pub use factor::{
     Arnoldi, BlockLanczos, Expansion, Factorization, Filter, Lanczos, PairStatus, RitzPair, Step, Which,
     temple_kato,
 };
-pub use inexact::{Relaxation, relaxed_noise};
 pub use linear::{
     Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveOptions,
     SolveRow, Solver, Tally, solve_from,

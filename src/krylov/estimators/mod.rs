@@ -1,5 +1,5 @@
-//! Randomized estimators, from a few products with random vectors: low-rank approximations, traces, the
-//! diagonal, the spectral density.
+//! Randomized estimators, from a few products with random vectors: low-rank approximations, traces and the
+//! diagonal.
 //!
 //! Every estimator takes a number of products that is known beforehand and a seed, and returns an error
 //! estimate. The vectors depend only on the seed, so a journal of products repeats the same result after a
@@ -8,22 +8,16 @@
 //! | estimator | products | needs |
 //! |---|---|---|
 //! | [`randomized_svd`] | `2 (q + 1) l + probes` | `A v` and `Aᵀ u` |
-//! | [`nystrom()`] | `l + probes` | `A = Aᵀ`, best positive semidefinite |
 //! | [`hutchinson`] | `m` | `A v` |
 //! | [`hutch_plus_plus`] | `2 ⌊m/3⌋ + (m − 2 ⌊m/3⌋)` | `A v` |
 //! | [`diagonal()`] | `m` | `A v` |
-//! | [`spectral_density`] | at most probes × steps | `A = Aᵀ` |
 
-mod density;
 mod diagonal;
-mod nystrom;
 mod probe;
 mod svd;
 mod trace;
 
-pub use density::{SpectralDensity, spectral_density};
 pub use diagonal::{DiagonalEstimate, diagonal};
-pub use nystrom::{Nystrom, nystrom};
-pub use probe::{Estimate, LowRankOptions, SelfAdjoint};
+pub use probe::{Estimate, LowRankOptions};
 pub use svd::{RandomizedSvd, randomized_svd};
 pub use trace::{hutch_plus_plus, hutchinson};

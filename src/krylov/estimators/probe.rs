@@ -4,7 +4,7 @@ use super::super::basis::{Basis, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::start::Start;
 use crate::error::{Error, Result};
-use crate::operator::{self, Adjoint, Operator, Symmetry, block, block_mut, delegate};
+use crate::operator::{self, Adjoint, Operator, block, block_mut};
 
 /// A mean of independent random estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,11 +30,11 @@ impl Estimate {
 /// The options of a low-rank approximation, which fix its cost.
 #[derive(Clone, Debug)]
 pub struct LowRankOptions {
-    /// Singular or eigenvalues wanted, `k ≥ 1`. Default 10.
+    /// Singular values wanted, `k ≥ 1`. Default 10.
     pub rank: usize,
     /// Vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
     pub oversampling: usize,
-    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly; not used by Nyström.
+    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly.
     /// Default 0.
     pub power: usize,
     /// Products spent on the error estimate, at least 2. Default 4.
@@ -58,37 +58,6 @@ impl LowRankOptions {
     }
 }
 
-/// A symmetric operator, which is its own adjoint.
-pub struct SelfAdjoint<'a> {
-    operator: &'a mut dyn Operator,
-}
-
-impl<'a> SelfAdjoint<'a> {
-    /// # Errors
-    /// [`Error::Numerical`] when the operator is not declared symmetric.
-    pub fn new(operator: &'a mut dyn Operator) -> Result<Self> {
-        symmetric(operator, "the adjoint of an operator that is not its own")?;
-        Ok(Self { operator })
-    }
-}
-
-impl Operator for SelfAdjoint<'_> {
-    delegate!(operator: rows, cols, apply, block_size, observer, standard_errors, frames);
-
-    fn symmetry(&self) -> Symmetry {
-        Symmetry::Symmetric
-    }
-}
-
-impl Adjoint for SelfAdjoint<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.operator.apply(y, x)
-    }
-    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_block(ys, xs)
-    }
-}
-
 pub(super) fn at_least(value: usize, least: usize, option: &str) -> Result<()> {
     if value >= least {
         return Ok(());
@@ -98,13 +67,6 @@ pub(super) fn at_least(value: usize, least: usize, option: &str) -> Result<()> {
         fault: format!("{value} is too few"),
         help: format!("give at least {least}"),
     })
-}
-
-pub(super) fn symmetric(operator: &dyn Operator, what: &str) -> Result<()> {
-    if operator.symmetry() == Symmetry::Symmetric && operator.rows() == operator.cols() {
-        return Ok(());
-    }
-    Err(Error::Numerical(format!("{what}: the operator must be symmetric, and is not declared to be")))
 }
 
 pub(super) fn square(operator: &dyn Operator) -> Result<usize> {
