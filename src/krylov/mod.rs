@@ -29,25 +29,21 @@
 mod basis;
 mod boxed;
 mod completeness;
-mod confirmation;
 mod eigen;
 mod estimators;
 mod factor;
 mod kernels;
 mod linear;
 mod methods;
-mod orthogonalize;
 mod powers;
 mod precondition;
 mod singular;
 mod start;
-mod stats;
 mod sweeps;
-mod vectors;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
-pub use completeness::{Completeness, Confirm, Confirmed, confirming};
+pub use completeness::{Completeness, Confirm, Confirmed, Stats, Status, confirming};
 pub use eigen::{
     Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,
 };
@@ -67,4 +63,3 @@ pub use methods::{Constraint, METHODS, Method, MethodFacts, solve, solve_adjoint
 pub use precondition::{Diagonal, Multiscale, Preconditioner, UserPreconditioner};
 pub use singular::{Singular, SingularOptions, confirm_singular, singular};
 pub use start::Start;
-pub use stats::{Stats, Status};

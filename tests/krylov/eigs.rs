@@ -4,8 +4,7 @@
 use crate::krylov_support::{Dense, Noisy, spread, symmetric_gallery};
 use krylux::Error;
 use krylux::krylov::{
-    Eigs, EigsMethod, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Which,
-    eigs, eigs_from,
+    Eigs, EigsMethod, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Which, eigs, eigs_from,
 };
 
 fn solve(matrix: &mut Dense, options: &EigsOptions) -> Eigs {

@@ -1,9 +1,83 @@
-//! A preconditioner with a gain for each scale of an image pyramid.
+//! Preconditioners: approximate inverses that cost no product.
+//!
+//! | preconditioner | `M⁻¹` | symmetric positive definite |
+//! |---|---|---|
+//! | [`Diagonal`] | division by a vector: `D = A 1`, or the direct image | yes, for positive entries |
+//! | [`Multiscale`] | a gain for each scale of an image pyramid | yes, for positive gains |
+//! | [`UserPreconditioner`] | a closure, or another operator | as the caller says |
 
+use std::fmt;
 use std::ops::Range;
+use std::sync::Mutex;
 
-use super::Preconditioner;
+use super::basis::update2;
 use crate::error::{Error, Result};
+use crate::operator::Operator;
+
+/// An approximate inverse `M⁻¹` of `n × n`. Applying it takes no product with `A`.
+pub trait Preconditioner: Send + Sync {
+    /// The dimension `n`, or `None` where it fits any.
+    fn size(&self) -> Option<usize>;
+    /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten.
+    ///
+    /// # Errors
+    /// The error of a preconditioner that is itself an operator.
+    fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()>;
+    /// Whether `M` is symmetric and positive definite, as CG, MINRES, LSQR and LSMR require.
+    fn is_positive_definite(&self) -> bool;
+}
+
+/// `M = diag(d)`: `M⁻¹ r = r / d`, entry by entry.
+///
+/// With CG and MINRES this is symmetric scaling, `D^-½ A D^-½`. `d = A 1` (the white photo) brings the
+/// spectrum of a non-negative symmetric `A` into [−1, 1]; with `d` = the direct image, `M⁻¹ A` is `I` plus
+/// scaled indirect light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diagonal {
+    entries: Vec<f64>,
+}
+
+impl Diagonal {
+    /// `M = diag(entries)`, `n` positive numbers. Entries below `1e-6` of the largest (pixels that see no
+    /// light) are raised to that, so that they do not dominate the quotient.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when an entry is negative, infinite or NaN, or when none is positive.
+    pub fn new(mut entries: Vec<f64>) -> Result<Self> {
+        if let Some(index) = entries.iter().position(|entry| !entry.is_finite() || *entry < 0.0) {
+            return Err(Error::Numerical(format!(
+                "a preconditioner's diagonal must be finite and not negative, and entry {index} is {}",
+                entries[index]
+            )));
+        }
+        let largest = entries.iter().copied().fold(0.0, f64::max);
+        if largest == 0.0 {
+            return Err(Error::Numerical("all entries of a preconditioner's diagonal are zero".into()));
+        }
+        for entry in &mut entries {
+            *entry = entry.max(1e-6 * largest);
+        }
+        Ok(Self { entries })
+    }
+
+    /// `d`, of length `n`.
+    pub fn entries(&self) -> &[f64] {
+        &self.entries
+    }
+}
+
+impl Preconditioner for Diagonal {
+    fn size(&self) -> Option<usize> {
+        Some(self.entries.len())
+    }
+    fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()> {
+        update2(z, r, &self.entries, |_, r, d| r / d);
+        Ok(())
+    }
+    fn is_positive_definite(&self) -> bool {
+        true
+    }
+}
 
 /// The smallest share of the light that a measured band is assumed to keep.
 const LEAST_SHARE: f64 = 0.1;
@@ -51,7 +125,7 @@ impl Multiscale {
     /// This preconditioner between two divisions by `√d`, for a diagonal `d` of `n` positive entries.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when `d` has not one entry per pixel; as [`super::Diagonal::new`] for its values.
+    /// [`Error::Dimension`] when `d` has not one entry per pixel; as [`Diagonal::new`] for its values.
     pub fn scaled_by(mut self, diagonal: Vec<f64>) -> Result<Self> {
         let pixels = self.width * self.height;
         if diagonal.len() != pixels {
@@ -61,7 +135,7 @@ impl Multiscale {
                 found: diagonal.len().to_string(),
             });
         }
-        self.scaling = super::Diagonal::new(diagonal)?.entries().iter().map(|d| 1.0 / d.sqrt()).collect();
+        self.scaling = Diagonal::new(diagonal)?.entries().iter().map(|d| 1.0 / d.sqrt()).collect();
         Ok(self)
     }
 
@@ -181,5 +255,69 @@ impl Preconditioner for Multiscale {
 
     fn is_positive_definite(&self) -> bool {
         true
+    }
+}
+
+type Apply = dyn Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync;
+
+/// A preconditioner `M⁻¹` of the caller: a closure or an operator. Products with this operator are not
+/// counted, so it should be a cheap one, such as a model of the scene.
+pub struct UserPreconditioner {
+    size: Option<usize>,
+    positive_definite: bool,
+    apply: Box<Apply>,
+}
+
+impl UserPreconditioner {
+    /// `M⁻¹ r` by a closure `(r, z)` that overwrites `z`. `positive_definite` is taken on trust.
+    pub fn closure(
+        positive_definite: bool,
+        apply: impl Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync + 'static,
+    ) -> Self {
+        Self { size: None, positive_definite, apply: Box::new(apply) }
+    }
+
+    /// `M⁻¹` as an operator, which must be square.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when it is not square.
+    pub fn operator(positive_definite: bool, operator: impl Operator + Send + 'static) -> Result<Self> {
+        let (rows, cols) = (operator.rows(), operator.cols());
+        if rows != cols {
+            return Err(Error::Dimension {
+                what: "an operator used as preconditioner",
+                expected: "as many rows as columns".into(),
+                found: format!("{rows}x{cols}"),
+            });
+        }
+        let operator = Mutex::new(operator);
+        let apply = move |r: &[f64], z: &mut [f64]| {
+            // A poisoned lock means that an earlier product panicked. The operator is responsible for its own
+            // state.
+            let mut operator = operator.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            operator.apply(r, z)
+        };
+        Ok(Self { size: Some(rows), positive_definite, apply: Box::new(apply) })
+    }
+}
+
+impl fmt::Debug for UserPreconditioner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("UserPreconditioner")
+            .field("size", &self.size)
+            .field("positive_definite", &self.positive_definite)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Preconditioner for UserPreconditioner {
+    fn size(&self) -> Option<usize> {
+        self.size
+    }
+    fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()> {
+        (self.apply)(r, z)
+    }
+    fn is_positive_definite(&self) -> bool {
+        self.positive_definite
     }
 }

@@ -8,12 +8,10 @@
 
 use rayon::prelude::*;
 
-use super::super::basis::{added, norm, norm_of_square};
-use super::super::kernels::{add_pair_block, dots_pair_block};
-use super::super::sweeps::{PARALLEL, ROWS};
-use super::super::vectors::update2;
-use super::coordinates::Coordinates;
 use super::model::Model;
+use crate::krylov::basis::{added, dot, norm, norm_of_square, update2};
+use crate::krylov::kernels::{add_pair_block, dots_pair_block};
+use crate::krylov::sweeps::{PARALLEL, ROWS};
 
 /// The coefficients of `M̂ y` and of `M̂ D M̂ y` on products and patterns.
 struct Coefficients {
@@ -175,9 +173,79 @@ fn finish_rows(
     sums.map(|[a, b, c, d]| (a + b) + (c + d))
 }
 
+/// The inner products of a vector `u` that a model needs.
+#[derive(Clone, Default)]
+pub(super) struct Coordinates {
+    /// `Vᵀ u`.
+    pub(super) c: Vec<f64>,
+    /// `Wᵀ u`.
+    pub(super) d: Vec<f64>,
+    /// `Vᵀ D u`.
+    c_weighted: Vec<f64>,
+    /// `Wᵀ D u`.
+    d_weighted: Vec<f64>,
+}
+
+impl Coordinates {
+    /// Those of `a u + b v`.
+    pub(super) fn combined(&self, a: f64, other: &Self, b: f64) -> Self {
+        let of = |u: &[f64], v: &[f64]| u.iter().zip(v).map(|(u, v)| a * u + b * v).collect();
+        Self {
+            c: of(&self.c, &other.c),
+            d: of(&self.d, &other.d),
+            c_weighted: of(&self.c_weighted, &other.c_weighted),
+            d_weighted: of(&self.d_weighted, &other.d_weighted),
+        }
+    }
+
+    /// Splits sums in this order.
+    pub(super) fn split(mut sums: Vec<f64>, k: usize) -> Self {
+        let d_weighted = sums.split_off(3 * k);
+        let c_weighted = sums.split_off(2 * k);
+        let d = sums.split_off(k);
+        Self { c: sums, d, c_weighted, d_weighted }
+    }
+}
+
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
+/// [`Model`](crate::krylov::boxed::model::Model).
+#[derive(Clone, Default)]
+pub(super) struct Gram {
+    vv: Vec<Vec<f64>>,
+    vw: Vec<Vec<f64>>,
+    ww: Vec<Vec<f64>>,
+}
+
+impl Gram {
+    /// Adds the last pattern and the last product, which have these coordinates.
+    pub(super) fn extend(&mut self, of_v: Coordinates, of_w: Coordinates) {
+        append(&mut self.vv, of_v.c_weighted, None);
+        append(&mut self.ww, of_w.d_weighted, None);
+        append(&mut self.vw, of_w.c_weighted, Some(of_v.d_weighted));
+    }
+
+    /// `(VᵀDW c + VᵀDV e, WᵀDW c + WᵀDV e)`.
+    pub(super) fn apply(&self, c: &[f64], e: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let of_patterns = self.vw.iter().zip(&self.vv).map(|(vw, vv)| dot(vw, c) + dot(vv, e));
+        let of_products = self.ww.iter().enumerate().map(|(j, ww)| {
+            let transposed: f64 = self.vw.iter().zip(e).map(|(vw, e)| vw[j] * e).sum();
+            dot(ww, c) + transposed
+        });
+        (of_patterns.collect(), of_products.collect())
+    }
+}
+
+/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner, or equal
+/// to the column.
+fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
+    for (row, entry) in matrix.iter_mut().zip(&column) {
+        row.push(*entry);
+    }
+    matrix.push(row.unwrap_or(column));
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::super::basis::dot;
     use super::*;
 
     fn wave(n: usize, step: f64) -> Vec<f64> {

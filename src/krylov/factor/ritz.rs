@@ -1,4 +1,11 @@
-//! Approximate eigenpairs: their order, and their error bounds.
+//! The Rayleigh–Ritz method: approximate eigenpairs from a subspace, their order and their error bounds, without a product.
+
+use faer::linalg::solvers::DenseSolveCore;
+use faer::{Mat, Side, c64};
+
+use super::Expansion;
+use crate::error::{Error, Result};
+use crate::krylov::basis::norm;
 
 /// Which part of the spectrum is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,7 +29,7 @@ pub enum Which {
 impl Which {
     /// Indices of `values` (real and imaginary part), most wanted first. Of equally wanted ones (a complex
     /// pair) that with the positive imaginary part comes first, then the first.
-    pub(in super::super::super) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
+    pub(in crate::krylov) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
         let mut order: Vec<usize> = (0..values.len()).collect();
         let key = |index: usize| {
             let (re, im) = values[index];
@@ -160,7 +167,7 @@ impl RitzPair {
     /// with a unit vector, or what the operator states), and `θ` would change by less than the standard error that
     /// this noise leaves in it. An eigenvalue averages over all `n` entries, so that its error is far below that of
     /// the vector, and is still worth improving when the residual is within the noise.
-    pub(in super::super::super) fn is_settled(&self, noise: f64, n: usize) -> bool {
+    pub(in crate::krylov) fn is_settled(&self, noise: f64, n: usize) -> bool {
         let noise = noise.max(self.noise);
         self.residual <= noise && temple_kato(self.residual, self.gap) <= evenly(noise, n)
     }
@@ -205,4 +212,154 @@ pub fn temple_kato(residual: f64, gap: f64) -> f64 {
 /// The component, along any one direction, of an error of this norm that is spread evenly over `n` entries.
 fn evenly(norm: f64, n: usize) -> f64 {
     norm / (n.max(1) as f64).sqrt()
+}
+
+/// The wanted Ritz pairs, of the symmetric part `T` of `H = Vᵀ A V` ([`Expansion::symmetric`]); the other part, which noise and
+/// a rig's departures from symmetry leave, is part of the residuals. Both triangles hold a measurement of the
+/// same number, and their mean has less noise than either.
+pub(super) fn ritz_of_symmetric(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+    let mut pairs = all_of_symmetric(state, which)?;
+    let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();
+    pairs.truncate(count);
+    for (index, pair) in pairs.iter_mut().enumerate() {
+        let others = residuals.iter().enumerate().filter(|(other, _)| *other != index);
+        pair.gap = others.fold(f64::INFINITY, |gap, (_, (value, residual))| {
+            gap.min((value - pair.value).abs() - residual)
+        });
+    }
+    Ok(pairs)
+}
+
+/// Thick restart from the `keep` wanted pairs.
+pub(super) fn shrink_symmetric(state: &mut Expansion, which: Which, keep: usize) -> Result<()> {
+    if keep >= state.steps() {
+        return Ok(());
+    }
+    let pairs = all_of_symmetric(state, which)?;
+    let kept: Vec<(f64, &[f64])> =
+        pairs.iter().take(keep).map(|pair| (pair.value, pair.coefficients.as_slice())).collect();
+    state.restart(&kept);
+    Ok(())
+}
+
+fn all_of_symmetric(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
+    let m = state.steps();
+    if which == Which::LargestImaginary {
+        return Err(Error::Option {
+            option: "--which".into(),
+            fault: "the eigenvalues of a symmetric operator have no imaginary part".into(),
+            help: "use the Arnoldi method, or ask for another end of the spectrum".into(),
+        });
+    }
+    if m == 0 {
+        return Ok(Vec::new());
+    }
+    let projected = Mat::from_fn(m, m, |i, j| state.symmetric(i, j));
+    let decomposition = projected.self_adjoint_eigen(Side::Lower).map_err(|_| {
+        Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} symmetric matrix"))
+    })?;
+    let values: Vec<(f64, f64)> =
+        decomposition.S().column_vector().iter().map(|value| (*value, 0.0)).collect();
+    let (rounding, asymmetric) = (rounding(state), state.asymmetric_part());
+    Ok(which
+        .order(&values)
+        .into_iter()
+        .map(|k| {
+            let coefficients: Vec<f64> = decomposition.U().col(k).iter().copied().collect();
+            let outside = state.outside(&coefficients, &asymmetric);
+            let residual = norm(&outside.known).hypot(norm(&outside.waiting)).hypot(outside.asymmetric);
+            RitzPair {
+                value: values[k].0,
+                imaginary: 0.0,
+                residual,
+                gap: f64::INFINITY,
+                condition: 1.0,
+                rounding,
+                noise: state.noise(&coefficients, &[]),
+                unresolved: state.unresolved(&outside, &coefficients),
+                asymmetric: state.beyond_errors(outside.asymmetric, &coefficients),
+                coefficients,
+                imaginary_coefficients: Vec::new(),
+            }
+        })
+        .collect())
+}
+
+/// Rounding of products of `n` terms, of orthogonalization, and of the dense eigensolver on `m × m`.
+fn rounding(state: &Expansion) -> f64 {
+    let terms = 10.0 + (state.n() as f64).sqrt() + state.steps() as f64;
+    f64::EPSILON * state.scale() * terms
+}
+
+/// The wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first;
+/// `count` may cut it in two.
+pub(super) fn ritz_of_general(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+    let m = state.steps();
+    if m == 0 || count == 0 {
+        return Ok(Vec::new());
+    }
+    let projected = Mat::from_fn(m, m, |i, j| state.entry(i, j));
+    let decomposition = projected.eigen().map_err(|_| {
+        Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} Hessenberg matrix"))
+    })?;
+    let values: Vec<(f64, f64)> =
+        decomposition.S().column_vector().iter().map(|value| (value.re, value.im)).collect();
+    let right = decomposition.U();
+    let left = right.to_owned().partial_piv_lu().inverse();
+    let rounding = rounding(state);
+    Ok(which
+        .order(&values)
+        .into_iter()
+        .take(count)
+        .map(|k| {
+            let (value, imaginary) = values[k];
+            let column: Vec<c64> = right.col(k).iter().copied().collect();
+            let length = length_of(&column);
+            let condition = length * length_of(&(0..m).map(|j| left[(k, j)]).collect::<Vec<c64>>());
+            // The phase at which the entry of largest magnitude is real and positive.
+            let largest =
+                column.iter().fold(c64::new(0.0, 0.0), |a, &b| if size(b) > size(a) { b } else { a });
+            let unit = c64::new(largest.re / size(largest), -largest.im / size(largest));
+            let turned = column.iter().map(|&entry| {
+                let turned = entry * unit;
+                (turned.re / length, turned.im / length)
+            });
+            let (coefficients, mut imaginary_coefficients): (Vec<f64>, Vec<f64>) = turned.unzip();
+            if imaginary == 0.0 {
+                imaginary_coefficients.clear();
+            }
+            let residual = outside(state, &coefficients).hypot(if imaginary == 0.0 {
+                0.0
+            } else {
+                outside(state, &imaginary_coefficients)
+            });
+            RitzPair {
+                value,
+                imaginary,
+                residual,
+                gap: 0.0,
+                condition: if condition.is_finite() { condition.max(1.0) } else { f64::INFINITY },
+                rounding,
+                noise: state.noise(&coefficients, &imaginary_coefficients),
+                asymmetric: 0.0,
+                unresolved: 0.0,
+                coefficients,
+                imaginary_coefficients,
+            }
+        })
+        .collect())
+}
+
+/// `‖A V s − V H s‖`.
+fn outside(state: &Expansion, s: &[f64]) -> f64 {
+    let [known, waiting] = state.beyond(s);
+    norm(&known).hypot(norm(&waiting))
+}
+
+fn length_of(column: &[c64]) -> f64 {
+    column.iter().map(|entry| entry.re * entry.re + entry.im * entry.im).sum::<f64>().sqrt()
+}
+
+fn size(entry: c64) -> f64 {
+    entry.re.hypot(entry.im)
 }
