@@ -9,8 +9,6 @@
 //! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986),
 //! doi:10.1109/MCG.1986.276832.
 
-mod polygon;
-
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
@@ -19,7 +17,6 @@ use super::geometry::GpuScene;
 use super::pairs::Pair;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use polygon::{Corner, InverseDepth, clip, covers, extent_in_band};
 
 /// Marks a word of the raster that is the index of a list, and each word of a list but its last. It is
 /// `LIST_CONTINUES` in `shaders/shared/light_buffer.wgsl`.
@@ -35,7 +32,7 @@ const MAX_TOUCHED: usize = 1 << 26;
 
 /// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond
 /// the field of view. A fine raster has short lists; a coarse one stays in the cache.
-pub(super) fn side(pairs: usize) -> u32 {
+pub(super) fn light_buffer_side(pairs: usize) -> u32 {
     // Measured on software Vulkan: see guide/src/right/speed.md.
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
 }
@@ -68,7 +65,7 @@ impl LightBuffers {
 }
 
 /// A placeholder for kernels without a light buffer: a binding may not be empty.
-pub(super) fn none(gpu: &Gpu) -> Result<wgpu::TextureView> {
+pub(super) fn no_light_buffer(gpu: &Gpu) -> Result<wgpu::TextureView> {
     gpu.texel_array("empty light buffer", &[])
 }
 
@@ -122,7 +119,7 @@ impl Raster {
         let extent = corners.map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
         let near = 1e-5 * f64::from(extent);
         let tangent = DVec2::new(tangent[0].into(), tangent[1].into());
-        let side = side(pairs.len()) as usize;
+        let side = light_buffer_side(pairs.len()) as usize;
         Self {
             side,
             scale: 0.5 * (side - 2) as f64 / tangent,
@@ -250,6 +247,113 @@ fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<u
         return None;
     }
     Some(low.max(0.0) as usize..=(high as usize).min(side - 1))
+}
+
+/// A corner of a polygon on the raster.
+#[derive(Clone, Copy)]
+struct Corner {
+    /// Position in texels.
+    at: DVec2,
+    /// 1 over its depth, which is linear over the image of a plane.
+    inverse: f64,
+}
+
+/// The part of a triangle with a depth of at least `near`.
+fn clip(corners: &[DVec3; 3], near: f64) -> Vec<DVec3> {
+    let mut kept = Vec::with_capacity(4);
+    for (index, &from) in corners.iter().enumerate() {
+        let to = corners[(index + 1) % 3];
+        let inside = |point: DVec3| point.z <= -near;
+        if inside(from) {
+            kept.push(from);
+        }
+        if inside(from) != inside(to) {
+            kept.push(from.lerp(to, (-near - from.z) / (to.z - from.z)));
+        }
+    }
+    kept
+}
+
+/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` where it does not reach
+/// that band.
+fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<(f64, f64)> {
+    let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut reach = |x: f64| {
+        left = left.min(x);
+        right = right.max(x);
+    };
+    for (index, corner) in polygon.iter().enumerate() {
+        let (from, to) = (corner.at, polygon[(index + 1) % polygon.len()].at);
+        if (low..=high).contains(&from.y) {
+            reach(from.x);
+        }
+        for level in [low, high] {
+            if (from.y < level) != (to.y < level) {
+                reach(from.x + (to.x - from.x) * (level - from.y) / (to.y - from.y));
+            }
+        }
+    }
+    (left <= right).then_some((left, right))
+}
+
+/// Whether a texel lies inside a convex polygon, including its margin.
+fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
+    let [left, top] = [column, row].map(|index| index as f64 - MARGIN);
+    let [right, bottom] = [column, row].map(|index| index as f64 + 1.0 + MARGIN);
+    let (mut all_left, mut all_right) = (true, true);
+    for (index, corner) in polygon.iter().enumerate() {
+        let edge = polygon[(index + 1) % polygon.len()].at - corner.at;
+        for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
+            // NaN counts for neither side, so that the texel is not covered.
+            let side = edge.perp_dot(DVec2::new(x, y) - corner.at);
+            all_left &= side < 0.0;
+            all_right &= side > 0.0;
+        }
+    }
+    all_left || all_right
+}
+
+/// 1 over the depth of a plane, as a linear function of the raster.
+struct InverseDepth {
+    at: DVec2,
+    value: f64,
+    gradient: DVec2,
+}
+
+impl InverseDepth {
+    /// The function through the corners of a polygon. A polygon that is seen edge-on gets an infinite
+    /// gradient: it covers no texel, and is nowhere nearer than its corners.
+    fn through(polygon: &[Corner]) -> Option<Self> {
+        let first = polygon.first()?;
+        let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };
+        let mut largest = 0.0;
+        for pair in polygon[1..].windows(2) {
+            let [a, b] = [pair[0].at - first.at, pair[1].at - first.at];
+            let area = a.perp_dot(b);
+            if area.abs() > largest {
+                largest = area.abs();
+                let [da, db] = [pair[0].inverse - first.inverse, pair[1].inverse - first.inverse];
+                best.gradient = DVec2::new(da * b.y - db * a.y, db * a.x - da * b.x) / area;
+            }
+        }
+        if largest < 1e-9 || !best.gradient.is_finite() {
+            // The polygon is seen nearly edge-on, and its gradient has no meaning. Everywhere its nearest
+            // corner counts.
+            best.gradient = DVec2::splat(f64::INFINITY);
+        }
+        Some(best)
+    }
+
+    /// The least and the greatest value over a texel with its margin.
+    fn over(&self, column: usize, row: usize) -> (f64, f64) {
+        if !self.gradient.is_finite() {
+            return (0.0, f64::INFINITY);
+        }
+        let centre = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+        let middle = self.value + self.gradient.dot(centre - self.at);
+        let reach = (self.gradient.x.abs() + self.gradient.y.abs()) * (0.5 + MARGIN);
+        (middle - reach, middle + reach)
+    }
 }
 
 #[cfg(test)]
