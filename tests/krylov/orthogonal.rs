@@ -1,4 +1,4 @@
-//! Orthogonality of the bases of all factorizations, held to the bound that `src/krylov/factor/delayed.rs` states.
+//! Orthogonality of the bases of all factorizations, held to the bound that `src/krylov/factor/step.rs` states.
 #![allow(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 use crate::krylov_support::{Dense, Noisy, general_gallery, spread, symmetric_gallery};

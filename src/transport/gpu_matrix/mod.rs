@@ -16,7 +16,7 @@ use super::layer::Layer;
 use super::{Part, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::gpu::readback::Results;
+use crate::gpu::buffers::Results;
 use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
