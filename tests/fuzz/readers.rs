@@ -100,6 +100,7 @@ pub fn gltf() -> Reader {
 }
 
 /// Meshes that are compressed by Draco or meshopt.
+#[cfg(feature = "compressed")]
 pub fn compressed() -> Reader {
     Reader {
         name: "compressed",
