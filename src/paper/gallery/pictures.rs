@@ -1,7 +1,7 @@
 //! Panels painted as pictures with legends.
 
 use crate::error::Result;
-use crate::io::tone::{develop, exposure};
+use crate::io::raster::{develop, exposure};
 use crate::paper::{Content, Panel};
 use crate::report::colormap::{paint_sequential, paint_signed, robust_range};
 use crate::report::contact_sheet::ContactSheet;

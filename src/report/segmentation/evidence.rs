@@ -2,7 +2,7 @@
 
 use crate::analysis::Evidence;
 use crate::error::Result;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 use crate::report::figure;
 use crate::report::html::{Block, Section};
 use crate::report::run::Run;

@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade};
 use crate::image::{Image, Resolution};
 use crate::io::exr;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 
 /// A segmentation with what was asked beside it, compared with the true labels.
 #[derive(Clone, Copy, Debug)]
