@@ -9,8 +9,7 @@ mod names;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use krylux::analysis::segment::SegmentRequest;
-use krylux::analysis::{SegmentOptions, adjusted_rand_index};
+use krylux::analysis::adjusted_rand_index;
 use krylux::krylov::{Method, SolveOptions, norm, solve};
 use krylux::lab::Lab;
 use krylux::measure::RigFile;
@@ -18,6 +17,7 @@ use krylux::observer::{Estimate, OnStep, Step};
 use krylux::operator::{Metered, Observed, Operator};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::Part;
+use krylux::verbs::Segment;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -174,9 +174,7 @@ impl std::fmt::Display for Row {
 fn segmented(pair: &mut Pair<'_>) -> Outcome<(f64, usize, u64)> {
     let taken = |rig: &mut Lab| -> Outcome<u64> { Ok(rig.costs()?.map_or(0, |costs| costs.effort.taken)) };
     let before = taken(&mut pair.rig)?;
-    let options = SegmentOptions { photos: 40, ..SegmentOptions::default() };
-    let request = SegmentRequest { options, ..SegmentRequest::default() };
-    let found = pair.rig.segment(&request)?.segmentation;
+    let found = pair.rig.ask(&Segment { photos: Some(40), ..Segment::default() })?.segmentation;
     let rand_index = adjusted_rand_index(&found.labels[0].1, &pair.exact.labels()?)?;
     Ok((rand_index, found.regions.count, taken(&mut pair.rig)? - before))
 }

@@ -7,30 +7,6 @@ import numpy as np
 from . import _checks
 
 
-def segment_question(lab, asked):
-    """What is asked of a segmentation; ``asked`` has the arguments of :meth:`krylux.Lab.segment` by name."""
-    groups = asked["groups"]
-    groups = [groups] if np.ndim(groups) == 0 else list(groups)
-    pixels = [tuple(_checks.count(side, "features", 0) for side in pixel) for pixel in asked["features"]]
-    return {
-        "photos": lab._budget(asked["photos"], 50),
-        "groups": [_checks.count(number, "groups") for number in groups],
-        "starts": lab._starts(asked["starts"]),
-        "eigenvectors": _checks.count(asked["eigenvectors"], "eigenvectors"),
-        "cut": asked["cut"],
-        "mu": _checks.finite(asked["mu"], "mu"),
-        "mask_below": _checks.finite(asked["mask_below"], "mask_below"),
-        "direct": asked["direct"],
-        "direct_photos": _checks.vectors(asked["direct_photos"], "direct_photos", lab._pixels),
-        "direct_square": _checks.count(asked["direct_square"], "direct_square"),
-        "blur": None if asked["blur"] is None else _checks.finite(asked["blur"], "blur"),
-        "features": pixels,
-        "evidence": bool(asked["evidence"]),
-        "confirm": confirm_share(asked["confirm"]),
-        "seed": lab.seed,
-    }
-
-
 def compensate_question(lab, asked):
     """``(target, question)`` of a compensation; ``asked`` has the arguments of :meth:`krylux.Lab.compensate` by name."""
     target = _checks.picture(asked["target"], "target", lab.shape, lab.channels)

@@ -7,7 +7,8 @@ import numpy as np
 
 from . import _checks, answers
 from ._asking import Asking
-from ._questions import compensate_question, eigs_question, segment_question
+from ._declared import asked as as_json
+from ._questions import compensate_question, eigs_question
 
 
 class OnRigs(Asking):
@@ -52,12 +53,12 @@ class OnRigs(Asking):
             raise _checks.refuse("verb", f"there is no plan of {verb!r}", 'give "segment", "compensate" or "eigs"')
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
+        if verb == "segment":
+            return answers.Plan(self._native.plan_segment(as_json(bound.arguments), trials))
         bound.apply_defaults()
         asked = bound.arguments
         _refuse_beside(verb, asked)
-        if verb == "segment":
-            found = self._native.plan_segment(segment_question(self, asked), trials)
-        elif verb == "compensate":
+        if verb == "compensate":
             target, question = compensate_question(self, asked)
             if target.ndim == 3:
                 raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
@@ -152,7 +153,6 @@ class OnRigs(Asking):
 
 #: Arguments of a verb that a plan has no use for.
 _BESIDE = {
-    "segment": ("blur", "features", "evidence"),
     "compensate": ("peak", "crosstalk", "unmix", "compare_methods", "model"),
     "eigs": (),
 }
@@ -163,5 +163,3 @@ def _refuse_beside(verb, asked):
         given = asked[option]
         if given is not None and np.size(given) > 0 and (np.ndim(given) > 0 or bool(given)):
             raise _checks.refuse(option, f"it is no part of a plan of {verb}", "leave it out")
-    if asked.get("direct", "source") not in ("source", "keep"):
-        raise _checks.refuse("direct", f"{asked['direct']!r} is no part of a plan", 'give "source" or "keep"')

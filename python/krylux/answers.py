@@ -3,6 +3,8 @@
 Shapes: ``H×W`` are the pixels of photos; with three channels, pictures are ``H×W×3``. ``k`` counts eigenpairs.
 """
 
+import numpy as np
+
 from . import _display
 from ._answer import Answer
 
@@ -41,6 +43,25 @@ class Segmentation(Answer):
     history : list of tuple
         ``(photos, eigenvalues, residuals)`` after each photo.
     """
+
+    direct = None
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        self.rand_index = {int(groups): score for groups, score in facts["adjusted_rand_index"].items()}
+        self.history = [tuple(row) for row in facts["history"]]
+        self.evidence = {
+            of["groups"]: {
+                "photos": arrays["evidence"][of["groups"]], "exchange": np.array(of["exchange"]), "cut": of["cut"],
+            }
+            for of in facts["evidence"]
+        }
+        if self.features is not None:
+            self.features = {
+                "pixels": [tuple(pixel) for pixel in self.features["pixels"]],
+                "coordinates": np.array(self.features["coordinates"]),
+                "distances": np.array(self.features["distances"]),
+            }
 
     def _repr_html_(self):
         pictures = [

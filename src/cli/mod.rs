@@ -2,6 +2,7 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod asked;
 mod audit;
 mod bar;
 mod cache;
@@ -34,7 +35,6 @@ mod reproduce;
 mod rig;
 mod rig_info;
 mod runs;
-mod segment;
 mod separate;
 mod singular;
 mod solve;
@@ -50,6 +50,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
+use crate::verbs::Segment;
 use console::Console;
 use options::GlobalArgs;
 
@@ -68,7 +69,7 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 #[derive(Subcommand)]
 enum Verb {
     Photo(photo::Args),
-    Segment(segment::Args),
+    Segment(asked::Asked<Segment>),
     Compensate(compensate::Args),
     Separate(separate::Args),
     Relight(relight::Args),
@@ -133,7 +134,7 @@ pub fn main() -> ExitCode {
     let console = Console::new(&cli.global, team.clone());
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console),
-        Verb::Segment(args) => segment::run(args, &console),
+        Verb::Segment(args) => args.run(&console),
         Verb::Compensate(args) => compensate::run(args, &console),
         Verb::Separate(args) => separate::run(args, &console),
         Verb::Relight(args) => relight::run(args, &console),

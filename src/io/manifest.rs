@@ -7,6 +7,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::atomic;
 use super::name::Name;
@@ -30,6 +31,9 @@ pub struct Manifest<R> {
     pub version: String,
     /// The words of the command line.
     pub command: Vec<Name>,
+    /// The question: the fields of the verb's request with their values. Absent before krylux 0.1 kept it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub request: Option<Value>,
     /// The state of the run.
     pub status: Status,
     /// The status as a sentence, such as `reached rtol` or the text of an error.
@@ -288,6 +292,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
             krylux_format: FORMAT,
             version: env!("CARGO_PKG_VERSION").into(),
             command: command.into_iter().map(|word| Name::from(word.as_ref())).collect(),
+            request: None,
             status: Status::Running,
             message: "running".into(),
             started: rfc3339(SystemTime::now()),

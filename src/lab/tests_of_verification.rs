@@ -1,6 +1,6 @@
 //! Answers are checked with light that they were not computed from.
 
-use crate::analysis::segment::{Cut, SegmentRequest};
+use crate::analysis::segment::{Cut, segment};
 use crate::analysis::{CompensateOptions, SegmentOptions};
 use crate::error::{Error, Result};
 use crate::finding::Grade;
@@ -86,12 +86,16 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     Ok(())
 }
 
+fn segmented(lab: &mut Lab, options: SegmentOptions) -> Result<crate::analysis::Segmentation> {
+    let options = SegmentOptions { resolution: Some(lab.resolution()), ..options };
+    segment(&mut lab.operator(Part::Global)?, &options)
+}
+
 #[test]
 fn a_segmentation_is_checked_pair_by_pair() -> Result<()> {
     let mut lab = zigzag()?;
     let options = SegmentOptions { photos: 24, ..SegmentOptions::groups([2]) };
-    let request = SegmentRequest { options, ..SegmentRequest::default() };
-    let found = lab.segment(&request)?.segmentation;
+    let found = segmented(&mut lab, options)?;
     let checked = lab.verify_segmentation(Part::Global, Cut::Normalized, &found)?;
     let Some(checked) = checked else { unreachable!("a scene") };
     assert_eq!(checked.estimates.len(), found.eigenvalues.len() - 1);
@@ -194,8 +198,7 @@ fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     vector.iter_mut().for_each(|u| *u /= length);
     let wrong_pairs = of_pairs(&mut zigzag, &noisy)?;
     let options = SegmentOptions { photos: 24, seed: seed.into(), ..SegmentOptions::groups([2]) };
-    let request = SegmentRequest { options, ..SegmentRequest::default() };
-    let mut groups = zigzag.segment(&request)?.segmentation;
+    let mut groups = segmented(&mut zigzag, options)?;
     let of_groups = |lab: &mut Lab, found: &crate::analysis::Segmentation| {
         lab.verify_segmentation(Part::Global, Cut::Normalized, found)
     };

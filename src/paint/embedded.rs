@@ -13,6 +13,7 @@ use super::page::{WORKER, describe, page};
 use super::question::Answer;
 use crate::analysis::planes::{Planes, difference, norm};
 use crate::error::{Error, Result};
+use crate::report::content::{self as array, Content};
 use crate::report::web::{bundle, deflated};
 use crate::sparse::Csr;
 
@@ -35,6 +36,24 @@ pub struct Kept {
     pub groups: Option<Answer>,
     /// Eigenvectors, one plane each, with their eigenvalues.
     pub eigenvectors: Option<Answer>,
+}
+
+impl Kept {
+    /// What the page shows of an answer: labels, if it has any.
+    pub fn of(answer: &impl crate::lab::Answer, content: &Content<'_>) -> Self {
+        let mut groups = Answer { status: answer.sentence(), ..Answer::default() };
+        for array in &content.arrays {
+            match (array.name, array.key, &array.values) {
+                ("labels", Some(count), array::Values::U8(labels)) => {
+                    groups.groups.push(count);
+                    groups.planes.push(labels.iter().map(|&label| f64::from(label)).collect());
+                }
+                ("eigenvalues", None, array::Values::F64(values)) => groups.values = values.to_vec(),
+                _ => {}
+            }
+        }
+        Self { groups: (!groups.groups.is_empty()).then_some(groups), eigenvectors: None }
+    }
 }
 
 /// A finished page.

@@ -1,11 +1,11 @@
 //! The verbs of a laboratory: a question of Python as a request of krylux, and its answer as attributes.
 
+mod asked;
 mod compensate;
 mod eigs;
 mod light;
 mod plan;
 mod relight;
-mod segment;
 mod separate;
 
 use pyo3::prelude::*;
@@ -13,6 +13,7 @@ use pyo3::types::PyDict;
 
 use crate::answers::Answer;
 
+pub(crate) use asked::verbs;
 pub(crate) use eigs::{EigsQuestion, eigs_fields};
 
 /// The attributes of an answer, and the answer itself, to be saved.

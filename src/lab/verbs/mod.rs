@@ -13,7 +13,6 @@ mod plan;
 mod probe;
 mod relight;
 mod scaling;
-mod segment;
 mod separate;
 mod shard;
 mod solve;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use krylux::analysis::segment::{SegmentRequest, evidence, feature_view, segment};
+use krylux::analysis::segment::{evidence, feature_view, segment};
 use krylux::analysis::{
     Blurred, DirectMethod, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
     measure_direct,
@@ -11,6 +11,7 @@ use krylux::image::{Blur, Resolution};
 use krylux::lab::Lab;
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Assembled, MatrixOperator, Part};
+use krylux::verbs::Segment;
 
 use crate::common::load;
 
@@ -272,7 +273,7 @@ fn the_regions_of_cartons_are_counted_and_grouped_without_being_told_their_numbe
     // Another size and seed than those by which the number of starting patterns was chosen.
     for (scene, regions) in [("carton", 12), ("nine-cells", 9), ("zigzag", 2)] {
         let mut lab = Lab::builder_of_scene(load(scene)).size(96, 96).samples(128).seed(5).open().unwrap();
-        let found = lab.segment(&SegmentRequest::default()).unwrap().segmentation;
+        let found = lab.ask(&Segment::default()).unwrap().segmentation;
         let truth = lab.truth().unwrap().unwrap();
         let (groups, score) = truth.scores(&found).unwrap()[0];
         println!("{scene}: {}; {groups} groups, adjusted Rand index {score:.4}", found.regions.sentence());

@@ -1,62 +1,35 @@
 //! Files and report page of a light transport segmentation.
 
-mod evidence;
-mod features;
-
 use rayon::prelude::*;
 
-use super::html::{Block, Figure, Legend, Report, Section, Swatch, Values};
-use super::palette::{Palette, label_color, paint_labels};
-use super::run::{Files, Run};
-use super::text::with_error;
-use super::{figure, spectrum};
-use crate::analysis::segment::{Segmented, Truth};
-use crate::analysis::{EigenpairEstimate, MASKED};
+use super::{Segmented, features};
+use crate::analysis::segment::Truth;
+use crate::analysis::{Evidence, MASKED};
 use crate::error::Result;
-use crate::finding::{Finding, Grade};
-use crate::image::{Image, Resolution};
+use crate::image::Image;
 use crate::io::exr;
 use crate::io::raster::exposure;
+use crate::lab::Answer;
+use crate::lab::text::with_error;
+use crate::report::html::{Block, Figure, Legend, Report, Section, Swatch, Values};
+use crate::report::palette::{Palette, label_color, paint_labels};
+use crate::report::run::{Files, Run};
+use crate::report::{figure, spectrum};
 
-/// A segmentation with what was asked beside it, compared with the true labels.
-#[derive(Clone, Copy, Debug)]
-pub struct Scored<'a> {
-    /// The groups.
-    pub segmented: &'a Segmented,
-    /// The true labels, where they are known.
-    pub truth: Option<&'a Truth>,
-    /// The adjusted Rand index of each number of groups; empty without true labels.
-    pub scores: &'a [(usize, f64)],
-    /// The eigenvalues of the scene by independent light, without the first, which is known; empty where there are none.
-    pub estimates: &'a [EigenpairEstimate],
-    /// What independent light leaves of the confidence of each number of groups; empty where nothing was checked.
-    pub supported: &'a [(usize, f64)],
-    /// Whether one region was divided into two groups only because no number of groups was asked for.
-    pub is_undivided: bool,
-}
-
-impl<'a> Scored<'a> {
-    /// A segmentation that was not checked.
-    pub fn new(segmented: &'a Segmented, truth: Option<&'a Truth>, scores: &'a [(usize, f64)]) -> Self {
-        Self { segmented, truth, scores, estimates: &[], supported: &[], is_undivided: false }
-    }
-
-    /// The share of the pixels whose label is sure, and no more than independent light supports. `None` for a number of groups that was not asked
-    /// for.
-    pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
-        let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
-        self.segmented.segmentation.share_of_sure(groups).map(|sure| sure * supported)
-    }
-
+impl Segmented {
     /// Writes arrays, pictures and `report.html` into the run's folder and returns their names. `white` is the photo under
     /// a white pattern.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, white: &Image, run: &Run<'_>) -> Result<Vec<String>> {
-        let mut files = Files::new(run.folder);
-        self.write_arrays(&mut files, white)?;
-        self.write_extras(&mut files, run.resolution)?;
+    pub(super) fn write_page(&self, white: &Image, run: &Run<'_>) -> Result<Vec<String>> {
+        let found = &self.segmentation;
+        let mut files = Files::of(run.folder, &self.content())?;
+        if let Some(view) = &self.features {
+            files.text("features.csv", &features::csv(view))?;
+        }
+        files.image("white", white)?;
+        let mut layers = spectrum::layers(self.resolution, &found.eigenvectors)?;
+        layers.push(("degree".into(), spectrum::narrowed(self.resolution, &found.degree)?));
+        let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
+        exr::write_exr(&files.path("eigenvectors.exr"), &layers)?;
         let pictures = self.pictures(white, run)?;
         for (name, figure) in &pictures.all() {
             files.picture(name, figure)?;
@@ -64,48 +37,10 @@ impl<'a> Scored<'a> {
         files.finish(self.page(run, pictures)?)
     }
 
-    fn write_arrays(&self, files: &mut Files<'_>, white: &Image) -> Result<()> {
-        let size @ Resolution { width, height } = white.resolution();
-        let found = &self.segmented.segmentation;
-        let count = found.eigenvectors.len();
-        files.array("eigenvalues", &[count], &found.eigenvalues)?;
-        files.array("residuals", &[count], &found.residuals)?;
-        files.array("eigenvectors", &[count, height, width], &found.eigenvectors.concat())?;
-        files.array("degree", &[height, width], &found.degree)?;
-        for (groups, labels) in &found.labels {
-            files.array(&format!("labels-{groups}"), &[height, width], labels)?;
-        }
-        for (groups, confidence) in &found.confidence {
-            files.array(&format!("confidence-{groups}"), &[height, width], confidence)?;
-        }
-        if let Some(truth) = self.truth {
-            files.array("labels-true", &[height, width], &truth.labels)?;
-        }
-        files.image("white", white)?;
-        let mut layers = spectrum::layers(size, &found.eigenvectors)?;
-        layers.push(("degree".into(), spectrum::narrowed(size, &found.degree)?));
-        let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
-        exr::write_exr(&files.path("eigenvectors.exr"), &layers)
-    }
-
-    fn write_extras(&self, files: &mut Files<'_>, Resolution { width, height }: Resolution) -> Result<()> {
-        if let Some(direct) = &self.segmented.direct {
-            files.array("direct", &[height, width], &direct.direct)?;
-        }
-        if let Some(view) = &self.segmented.features {
-            files.text("features.csv", &features::csv(view))?;
-        }
-        for evidence in &self.segmented.evidence {
-            let name = format!("evidence-{}", evidence.groups);
-            files.array(&name, &[evidence.groups, height, width], &evidence.photos.concat())?;
-        }
-        Ok(())
-    }
-
     fn pictures(&self, white: &Image, run: &Run<'_>) -> Result<Pictures> {
         let white = figure::light(white, exposure(white), run.unit, "The photo under white")?
             .named("white", "white.npy");
-        let truth = self.truth.map(|truth| {
+        let truth = self.truth.as_ref().map(|truth| {
             Ok(Figure {
                 png: paint_labels(run.resolution, &truth.labels).encode_png()?,
                 caption: "The true regions".into(),
@@ -115,8 +50,8 @@ impl<'a> Scored<'a> {
             }
             .named("true region", "labels-true.npy"))
         });
-        let labels = self.segmented.segmentation.labels.par_iter().zip(self.palettes()).map(
-            |((groups, labels), palette)| {
+        let labels =
+            self.segmentation.labels.par_iter().zip(self.palettes()).map(|((groups, labels), palette)| {
                 let score = self.scores.iter().find(|(of, _)| of == groups);
                 let score =
                     score.map_or(String::new(), |(_, score)| format!(", adjusted Rand index {score:.4}"));
@@ -131,9 +66,8 @@ impl<'a> Scored<'a> {
                     .named(format!("{groups} groups"), format!("labels-{groups}.npy"))
                     .in_series("number of groups");
                 Ok((format!("labels-{groups}"), figure))
-            },
-        );
-        let found = &self.segmented.segmentation;
+            });
+        let found = &self.segmentation;
         let caption = "The light that each pixel receives from all others: its degree";
         let degree =
             figure::amounts(run.resolution, &found.degree, run.unit, caption)?.named("degree", "degree.npy");
@@ -155,8 +89,8 @@ impl<'a> Scored<'a> {
 
     /// The colours of each number of groups: those of the true regions, where these are known, and else those of the first number of groups.
     fn palettes(&self) -> Vec<Palette> {
-        let labels = &self.segmented.segmentation.labels;
-        let reference = self.truth.map(|truth| truth.labels.as_slice());
+        let labels = &self.segmentation.labels;
+        let reference = self.truth.as_ref().map(|truth| truth.labels.as_slice());
         let reference = reference.or(labels.first().map(|(_, labels)| labels.as_slice())).unwrap_or_default();
         labels.iter().map(|(_, labels)| Palette::default().matched(reference, labels)).collect()
     }
@@ -169,23 +103,8 @@ impl<'a> Scored<'a> {
         }
     }
 
-    /// Whether the eigenvalues are such as light can have.
-    pub fn findings(&self) -> Vec<Finding> {
-        let mut findings = self.segmented.segmentation.findings();
-        if self.is_undivided {
-            findings.push(Finding::graded(
-                "groups",
-                Grade::Fails,
-                "the light shows one region, which has no groups to tell apart",
-                "two regions or more, where no number of groups is asked for",
-                "ask for a number: --groups 2",
-            ));
-        }
-        findings
-    }
-
     fn page(&self, run: &Run<'_>, pictures: Pictures) -> Result<Report> {
-        let found = &self.segmented.segmentation;
+        let found = &self.segmentation;
         let figures =
             |of: Vec<(String, Figure)>| Block::Figures(of.into_iter().map(|(_, figure)| figure).collect());
         let beside = [Some(pictures.white), Some(pictures.degree), pictures.truth].into_iter().flatten();
@@ -196,15 +115,15 @@ impl<'a> Scored<'a> {
             text: "Pixels of one colour exchange light with one another, and little with the rest. Groups are numbered from 0, as in the arrays. All numbers of groups come from the same photos. A pixel is sure of its group if the probability of this group, by its coordinates, is 0.95 or more; that the number of groups is right is another question.".into(),
             blocks: vec![groups],
         }];
-        for of in &self.segmented.evidence {
-            sections.push(evidence::section(run, of)?);
+        for of in &self.evidence {
+            sections.push(evidence(run, of)?);
         }
         sections.push(Section {
             title: "Eigenvectors".into(),
             text: "The generalized eigenvectors of the cut: regions that exchange no light stand apart as areas of one colour. The first is the same everywhere and was known before any photo was taken.".into(),
             blocks: vec![figures(pictures.eigenvectors)],
         });
-        if let Some(view) = &self.segmented.features {
+        if let Some(view) = &self.features {
             let palette = self.palettes().into_iter().next().unwrap_or_default();
             sections.push(features::section(found, view, &palette));
         }
@@ -219,23 +138,17 @@ impl<'a> Scored<'a> {
             ],
         });
         sections.extend(run.photos(ORDER)?);
-        let masked = found.mask.iter().filter(|&&masked| masked).count();
         let mut more = vec![
-            ("Masked pixels", masked.to_string()),
+            ("Masked pixels", self.masked().to_string()),
             ("Independent regions", found.regions.count.to_string()),
         ];
-        more.extend(
-            self.segmented
-                .direct
-                .as_ref()
-                .map(|direct| ("Photos of direct light", direct.photos.to_string())),
-        );
-        if self.segmented.blur > 0.0 {
-            more.push(("Blur", format!("{} px, of patterns and photos", self.segmented.blur)));
+        more.extend(self.direct.as_ref().map(|direct| ("Photos of direct light", direct.photos.to_string())));
+        if self.blur > 0.0 {
+            more.push(("Blur", format!("{} px, of patterns and photos", self.blur)));
         }
-        let lit: usize = self.segmented.evidence.iter().map(|of| of.photos.len()).sum();
+        let lit: usize = self.evidence.iter().map(|of| of.photos.len()).sum();
         more.extend((lit > 0).then(|| ("Photos of groups lit alone", lit.to_string())));
-        Ok(run.page((self.findings(), self.sentence()), found.photos, more, sections))
+        Ok(run.page((self.findings(), self.headline()), found.photos, more, sections))
     }
 
     /// Further table columns: the eigenvalues of the scene, and which eigenvectors are localized, where there are any.
@@ -245,7 +158,7 @@ impl<'a> Scored<'a> {
             let of_scene = self.estimates.iter().map(|of| with_error(of.value, of.standard_error));
             columns.push(("of the scene", std::iter::once("1, known".into()).chain(of_scene).collect()));
         }
-        let embedding = &self.segmented.segmentation.embedding;
+        let embedding = &self.segmentation.embedding;
         let mark = |index| if embedding.is_local(index) { "a few pixels alone" } else { "regions" };
         let marks = (0..embedding.within.len()).map(|index| mark(index).to_owned()).collect();
         if embedding.local() > 0 {
@@ -254,8 +167,8 @@ impl<'a> Scored<'a> {
         columns
     }
 
-    fn sentence(&self) -> String {
-        let found = &self.segmented.segmentation;
+    fn headline(&self) -> String {
+        let found = &self.segmentation;
         let regions = found.regions.sentence();
         let best = self.scores.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let photos = found.photos;
@@ -298,4 +211,35 @@ impl Pictures {
         );
         all
     }
+}
+
+/// Photos of single groups that are lit alone, and the light that the groups exchange.
+fn evidence(run: &Run<'_>, evidence: &Evidence) -> Result<Section> {
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let kept = evidence.kept();
+    let figures = evidence.photos.iter().zip(&kept).enumerate().map(|(group, (photo, kept))| {
+        let photo = spectrum::narrowed(run.resolution, photo)?;
+        let caption = format!("Group {group} lit alone: it keeps {} of its light", percent(*kept));
+        let file = format!("evidence-{}.npy[{group}]", evidence.groups);
+        let figure = figure::light(&photo, exposure(&photo), run.unit, caption)?;
+        Ok(figure.named(format!("light of group {group}"), file).in_series("group lit alone"))
+    });
+    let row = |(group, shares): (usize, &Vec<f64>)| {
+        std::iter::once(format!("group {group}")).chain(shares.iter().map(|share| percent(*share))).collect()
+    };
+    let table = Block::Table {
+        headers: std::iter::once("arrives in".to_owned())
+            .chain((0..evidence.groups).map(|group| format!("from {group}")))
+            .collect(),
+        rows: evidence.exchange.iter().enumerate().map(row).collect(),
+        caption: "Where the light of each group goes; columns add up to 100 %".into(),
+    };
+    Ok(Section {
+        title: format!("Evidence for {} groups", evidence.groups),
+        text: format!(
+            "Each group was lit alone, in its own photo; each picture is developed by itself, and direct light is left out where it was for the groups. What is dark receives nothing from the group. The cut's value, light that leaves its group in shares of each group's light, added up, is {:.4}.",
+            evidence.cut()
+        ),
+        blocks: vec![Block::Figures(figures.collect::<Result<_>>()?), table],
+    })
 }

@@ -13,6 +13,7 @@ use crate::measure::RigFile;
 use crate::operator::Operator;
 use crate::scene::builtin;
 use crate::transport::Part;
+use crate::verbs::Segment;
 
 fn cornell() -> Result<Lab> {
     Lab::builder_of_scene(builtin::cornell().to_scene()).size(24, 24).samples(64).open()
@@ -22,10 +23,7 @@ fn cornell() -> Result<Lab> {
 fn segmented(mut lab: Lab, folder: &Path) -> Result<Lab> {
     let options = RunOptions { folder: Some(folder.to_path_buf()), ..Default::default() };
     lab.begin_run("segment", &options)?;
-    let found = segment(
-        &mut lab.operator(Part::Global)?,
-        &SegmentOptions { photos: 30, ..SegmentOptions::groups([2]) },
-    )?;
+    let found = lab.ask(&Segment { groups: vec![2], photos: Some(30), ..Segment::default() })?;
     lab.finish(&found)?;
     Ok(lab)
 }
@@ -147,8 +145,7 @@ fn a_run_whose_direct_light_was_measured_by_squares_can_still_be_asked() -> Resu
     rig.calibrate(&Default::default())?;
     let options = RunOptions { folder: Some(run.clone()), ..Default::default() };
     rig.begin_run("segment", &options)?;
-    let settings = SegmentOptions { photos: 12, ..SegmentOptions::groups([2]) };
-    let found = segment(&mut rig.operator(Part::Global)?, &settings)?;
+    let found = rig.ask(&Segment { groups: vec![2], photos: Some(12), ..Segment::default() })?;
     rig.finish(&found)?;
     let pattern = left(&rig)?.plane(0);
     let direct = |lab: &mut Lab| -> Result<Vec<f64>> {
