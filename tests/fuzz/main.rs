@@ -157,7 +157,6 @@ fuzzed_by!(
     exr,
     glb,
     gltf,
-    compressed,
     texture,
     obj,
     mtl,
@@ -172,6 +171,9 @@ fuzzed_by!(
     model,
     model_array
 );
+
+#[cfg(feature = "compressed")]
+fuzzed_by!(readers: compressed);
 
 /// Data that a camera sends: datagrams and its description.
 #[cfg(feature = "gige")]

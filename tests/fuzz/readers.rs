@@ -5,7 +5,7 @@ use std::path::Path;
 use krylux::cache::{Cache, Found, Key, LIMIT, ShardFile, ShardOrigin, write_shard};
 use krylux::image::{Image, Resolution};
 use krylux::io::model::{ChannelArrays, DirectArrays, ModelArrays};
-use krylux::io::{exr, npy, picture, png, sparse};
+use krylux::io::{exr, npy, picture, sparse};
 use krylux::journal::Journal;
 use krylux::measure::{Calibration, RigFile};
 use krylux::render::{AdapterSummary, TraceSettings, Tracer};
@@ -52,7 +52,7 @@ pub fn png() -> Reader {
         seeds: seeds::png,
         read: |folder| {
             let path = folder.join("file.png");
-            let _ = png::read_png(&path);
+            let _ = picture::read_png(&path);
             let _ = picture::read_sized(&path, Resolution::new(4, 2), "the test");
         },
     }
@@ -100,6 +100,7 @@ pub fn gltf() -> Reader {
 }
 
 /// Meshes that are compressed by Draco or meshopt.
+#[cfg(feature = "compressed")]
 pub fn compressed() -> Reader {
     Reader {
         name: "compressed",

@@ -80,6 +80,7 @@ fn a_pointer_of_git_lfs_is_named_as_such() {
     }
 }
 
+#[cfg(feature = "compressed")]
 #[test]
 fn buffers_that_only_compressed_views_name_need_no_data() {
     let whole = std::fs::read(

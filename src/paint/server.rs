@@ -1,10 +1,5 @@
 //! The server of the page, on the loopback interface: one page and one socket, behind an address that cannot be guessed.
 
-mod connection;
-mod guard;
-mod outbox;
-mod socket;
-
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -17,11 +12,12 @@ use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
-use super::mailbox::Mailbox;
+use super::connection;
+use super::connection::Outboxes;
+use super::message::Mailbox;
+use super::page::Served;
 use super::session::{Event, Session};
 use crate::error::{Error, Result};
-pub(super) use guard::Guard;
-use outbox::Outboxes;
 
 /// Connections at a time. A browser needs one or two for each page.
 const MOST_CONNECTIONS: usize = 32;
@@ -48,36 +44,36 @@ pub enum Ended {
 }
 
 /// What all connections share.
-struct Shared {
-    mailbox: Mailbox,
-    outboxes: Outboxes,
-    guard: Guard,
-    page: super::page::Served,
-    sizes: Sizes,
-    clients: AtomicU64,
+pub(super) struct Shared {
+    pub(super) mailbox: Mailbox,
+    pub(super) outboxes: Outboxes,
+    pub(super) guard: Guard,
+    pub(super) page: Served,
+    pub(super) sizes: Sizes,
+    pub(super) clients: AtomicU64,
     /// Milliseconds from the start to the last message of a page.
     last_used: AtomicU64,
-    start: Instant,
+    pub(super) start: Instant,
 }
 
 /// The place of a connection among those that are served at a time.
 #[derive(Default)]
-struct Place {
+pub(super) struct Slot {
     /// Whether it has sent a request.
-    has_asked: Cell<bool>,
+    pub(super) has_asked: Cell<bool>,
     /// Notified when another connection takes the place.
     end: Notify,
 }
 
 /// Planes and pixels of patterns.
 #[derive(Clone, Copy, Debug)]
-struct Sizes {
-    channels: usize,
-    pixels: usize,
+pub(super) struct Sizes {
+    pub(super) channels: usize,
+    pub(super) pixels: usize,
 }
 
 impl Shared {
-    fn used(&self) {
+    pub(super) fn used(&self) {
         self.last_used.store(self.start.elapsed().as_millis() as u64, Ordering::Relaxed);
     }
 
@@ -109,7 +105,7 @@ pub fn serve(
     let shared = Arc::new(Shared {
         mailbox: Mailbox::default(),
         outboxes: Outboxes::default(),
-        page: super::page::Served::new(canvas, guard.nonce())?,
+        page: Served::new(canvas, guard.nonce())?,
         sizes: Sizes { channels: canvas.channels(), pixels: canvas.projector().pixels() },
         guard,
         clients: AtomicU64::new(0),
@@ -146,7 +142,7 @@ async fn accept(
     mut go_on: impl FnMut() -> ControlFlow<()>,
     note: Arc<dyn Fn(&str) + Send + Sync>,
 ) -> Ended {
-    let mut places: VecDeque<Rc<Place>> = VecDeque::new();
+    let mut places: VecDeque<Rc<Slot>> = VecDeque::new();
     let local = tokio::task::LocalSet::new();
     local
         .run_until(async {
@@ -165,11 +161,11 @@ async fn accept(
                             };
                             places.remove(silent).into_iter().for_each(|place| place.end.notify_one());
                         }
-                        let (shared, note, place) = (Arc::clone(&shared), Arc::clone(&note), Rc::new(Place::default()));
+                        let (shared, note, place) = (Arc::clone(&shared), Arc::clone(&note), Rc::new(Slot::default()));
                         places.push_back(Rc::clone(&place));
                         tokio::task::spawn_local(async move {
                             let ended = tokio::select! {
-                                ended = connection::serve(stream, shared, &place) => ended,
+                                ended = connection::serve_connection(stream, shared, &place) => ended,
                                 () = place.end.notified() => Err("dropped a silent connection for another one".into()),
                             };
                             if let Err(why) = ended {
@@ -196,5 +192,114 @@ fn no_listener(address: SocketAddr, reason: &std::io::Error) -> Error {
         option: "--listen".into(),
         fault: format!("{address} cannot be listened on: {reason}"),
         help: "give another port, or port 0 for any free one".into(),
+    }
+}
+
+/// Bytes of a token: too many to be guessed.
+const TOKEN_BYTES: usize = 16;
+
+/// The address of the page with its secret.
+#[derive(Clone, Debug)]
+pub struct Guard {
+    address: SocketAddr,
+    token: String,
+    nonce: String,
+}
+
+/// What a request is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Route {
+    /// The page.
+    Page,
+    /// The socket of the page.
+    Socket,
+}
+
+impl Guard {
+    /// A new token for a server at this address.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] where the system has no random numbers.
+    pub fn new(address: SocketAddr) -> Result<Self> {
+        Ok(Self { address, token: random()?, nonce: random()? })
+    }
+
+    /// The address to open.
+    pub fn url(&self) -> String {
+        format!("http://{}/{}/", self.address, self.token)
+    }
+
+    /// The mark of the scripts that the page may run.
+    pub fn nonce(&self) -> &str {
+        &self.nonce
+    }
+
+    /// What a path asks for; `None` without the token.
+    pub fn route(&self, path: &str) -> Option<Route> {
+        let (token, rest) = path.strip_prefix('/')?.split_once('/')?;
+        // Every byte is compared, so that the time tells nothing.
+        let differs = token.bytes().zip(self.token.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
+        if token.len() != self.token.len() || differs != 0 {
+            return None;
+        }
+        match rest {
+            "" => Some(Route::Page),
+            "socket" => Some(Route::Socket),
+            _ => None,
+        }
+    }
+
+    /// Whether a request names this machine or the address that is listened on. Other names may belong to somebody else's page, whose name
+    /// was made to point here.
+    pub fn knows_host(&self, host: &str) -> bool {
+        let name =
+            host.rsplit_once(':').map_or(host, |(name, port)| if port.ends_with(']') { host } else { name });
+        let name = name.trim_start_matches('[').trim_end_matches(']');
+        let is_here = name.parse::<std::net::IpAddr>().is_ok_and(|ip| {
+            ip.is_loopback() || ip == self.address.ip() || self.address.ip().is_unspecified()
+        });
+        is_here || name.eq_ignore_ascii_case("localhost")
+    }
+
+    /// Whether a socket was opened by a page of this server: its origin is the host that it asks.
+    pub fn knows_origin(&self, origin: Option<&str>, host: &str) -> bool {
+        origin
+            .and_then(|origin| origin.strip_prefix("http://"))
+            .is_some_and(|from| from.eq_ignore_ascii_case(host))
+    }
+}
+
+fn random() -> Result<String> {
+    let mut bytes = [0; TOKEN_BYTES];
+    getrandom::fill(&mut bytes).map_err(|error| {
+        Error::Numerical(format!("the system has no random numbers for a token: {error}"))
+    })?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_token_opens_the_page_and_only_its_own_page_the_socket() -> Result<()> {
+        let guard = Guard::new(SocketAddr::from(([127, 0, 0, 1], 8123)))?;
+        let url = guard.url();
+        let path = url.strip_prefix("http://127.0.0.1:8123").unwrap_or_default();
+        assert_eq!(guard.route(path), Some(Route::Page));
+        assert_eq!(guard.route(&format!("{path}socket")), Some(Route::Socket));
+        for wrong in ["/", "", "/token/", "/0123/socket", &path[..path.len() - 2], &format!("{path}run.json")]
+        {
+            assert_eq!(guard.route(wrong), None, "{wrong}");
+        }
+        let hosts = ["127.0.0.1:8123", "localhost:9000", "[::1]:9000", "localhost"];
+        assert!(hosts.iter().all(|host| guard.knows_host(host)));
+        assert!(!guard.knows_host("evil.example:8123") && !guard.knows_host("192.168.1.7:8123"));
+        assert!(guard.knows_origin(Some("http://localhost:9000"), "localhost:9000"));
+        for origin in [None, Some("null"), Some("http://evil.example"), Some("https://localhost:9000")] {
+            assert!(!guard.knows_origin(origin, "localhost:9000"), "{origin:?}");
+        }
+        assert_ne!(guard.token, Guard::new(guard.address)?.token);
+        Ok(())
     }
 }

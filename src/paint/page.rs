@@ -1,9 +1,5 @@
 //! The page as HTML: one that asks the server, or one file that holds the matrix.
 
-mod embedded;
-mod packed;
-mod thinned;
-
 use askama::Template;
 use hyper::body::Bytes;
 use serde_json::{Value, json};
@@ -11,12 +7,12 @@ use serde_json::{Value, json};
 use super::canvas::Canvas;
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::tone;
+use crate::io::raster;
 use crate::report::colormap::signed_color;
 use crate::report::palette::label_color;
 use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VALUES, VIEW, bundle, embedded_json};
-pub use embedded::{EmbedOptions, Embedded, Kept};
-pub use packed::Precision;
+
+pub use super::embedded::{EmbedOptions, Embedded, Kept, Precision};
 
 /// The modules of the page, each after those that it imports.
 const MODULES: [Module; 18] = [
@@ -26,26 +22,26 @@ const MODULES: [Module; 18] = [
     PICTURE,
     NUMPY,
     VALUES,
-    ("brush.js", include_str!("../web/brush.js")),
-    ("history.js", include_str!("../web/history.js")),
-    ("exr.js", include_str!("../web/exr.js")),
-    ("files.js", include_str!("../web/files.js")),
-    ("served.js", include_str!("../web/served.js")),
-    ("embedded.js", include_str!("../web/embedded.js")),
-    ("conductor.js", include_str!("../web/conductor.js")),
-    ("display.js", include_str!("../web/display.js")),
-    ("easel.js", include_str!("../web/easel.js")),
-    ("pointing.js", include_str!("../web/pointing.js")),
-    ("questions.js", include_str!("../web/questions.js")),
-    ("page.js", include_str!("../web/page.js")),
+    ("brush.js", include_str!("web/brush.js")),
+    ("history.js", include_str!("web/history.js")),
+    ("exr.js", include_str!("web/exr.js")),
+    ("files.js", include_str!("web/files.js")),
+    ("served.js", include_str!("web/served.js")),
+    ("embedded.js", include_str!("web/embedded.js")),
+    ("conductor.js", include_str!("web/conductor.js")),
+    ("display.js", include_str!("web/display.js")),
+    ("easel.js", include_str!("web/easel.js")),
+    ("pointing.js", include_str!("web/pointing.js")),
+    ("questions.js", include_str!("web/questions.js")),
+    ("page.js", include_str!("web/page.js")),
 ];
 
 /// The modules of the worker of a page without server.
-const WORKER: [Module; 4] = [
+pub(super) const WORKER: [Module; 4] = [
     VALUES,
-    ("matrix.js", include_str!("../web/matrix.js")),
-    ("solver.js", include_str!("../web/solver.js")),
-    ("worker.js", include_str!("../web/worker.js")),
+    ("matrix.js", include_str!("web/matrix.js")),
+    ("solver.js", include_str!("web/solver.js")),
+    ("worker.js", include_str!("web/worker.js")),
 ];
 
 /// The page of a server.
@@ -87,12 +83,12 @@ struct Page<'a> {
 }
 
 /// The page as HTML. `info` is what its scripts know of the source, `data` the elements with the matrix.
-fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<String> {
+pub(super) fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<String> {
     let page = Page {
         title: info["name"].as_str().unwrap_or_default(),
         about,
         nonce: nonce.map(|nonce| format!(" nonce=\"{nonce}\"")).unwrap_or_default(),
-        style: include_str!("../web/paint.css"),
+        style: include_str!("web/paint.css"),
         info: embedded_json(info),
         data,
         script: bundle(&MODULES),
@@ -101,7 +97,7 @@ fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<St
 }
 
 /// What the page's scripts know of the source.
-fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
+pub(super) fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
     let channels = canvas.channels();
     let white = Image::from_planes(canvas.camera(), canvas.white()?)?;
     let size = |of: crate::image::Resolution| [of.width, of.height];
@@ -124,7 +120,7 @@ fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
         "isLinear": !canvas.is_live(),
         "isSquare": canvas.projector() == canvas.camera(),
         "isEmbedded": false,
-        "white": 1.0 / f64::from(tone::exposure(&white)),
+        "white": 1.0 / f64::from(raster::exposure(&white)),
         "welcome": welcome,
         "signedColors": signed_colors,
         "labelColors": (0..=u8::MAX).flat_map(label_color).collect::<Vec<u8>>(),
