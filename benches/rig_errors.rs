@@ -16,7 +16,7 @@ use krylux::krylov::{Method, SolveOptions, norm, solve};
 use krylux::lab::Lab;
 use krylux::measure::RigFile;
 use krylux::observer::{Estimate, OnStep, Step};
-use krylux::operator::{Metered, Observed, Operator};
+use krylux::operator::{Observed, Operator, Recorded};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::Part;
 use krylux::verbs::Segment;
@@ -279,7 +279,7 @@ fn solved(
 ) -> Outcome<Solved> {
     let options = SolveOptions { products, rtol: 0.0, diagonal, ..SolveOptions::default() };
     let mut operator = lab.reference_operators(Part::Full)?.swap_remove(0);
-    let mut metered = Metered::new(&mut operator);
+    let mut recorded = Recorded::of_frames(&mut operator);
     let mut answers = Vec::new();
     let observer = OnStep::new(|step: &Step<'_>| {
         if let Estimate::Solution { iterate, .. } = &step.estimate {
@@ -289,8 +289,8 @@ fn solved(
         }
         ControlFlow::Continue(())
     });
-    let last = solve(method, &mut Observed::new(&mut metered, &observer), b, &options)?.x;
-    let frames = metered.frames;
+    let last = solve(method, &mut Observed::new(&mut recorded, &observer), b, &options)?.x;
+    let frames = recorded.frames;
     Ok(Solved { answers, frames, last })
 }
 

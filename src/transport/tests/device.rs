@@ -1,8 +1,8 @@
 //! Matrices whose contributions the device sorted and summed, beside those of the host.
 
-use super::*;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
+use crate::transport::*;
 
 /// Roundings of an entry in single precision, at most: up to 64 contributions in a run, weights, luminance, and the sum of an entry and its mirror image.
 const ROUNDINGS: f64 = 80.0;

@@ -1,10 +1,65 @@
-//! The choice of the inner loop of a product: the fastest instructions of this processor.
+//! The inner loop of a product: its elements, and the choice of the fastest instructions of this processor.
 
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use super::slice::{Kernel, LANES, Slice};
-use super::value::{Interleaved, Value};
+use bytemuck::{Pod, Zeroable};
+
+/// Rows of a slice. Their sums are computed at the same time, one per SIMD lane.
+pub(super) const LANES: usize = 8;
+
+/// Eight rows of a tile with about equally many entries.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::transport) struct Slice {
+    /// Row within the tile for each lane; one past the last row for a lane without a row.
+    pub(super) rows: [u16; LANES],
+    /// Steps: the number of entries of the longest row.
+    pub(super) steps: u32,
+}
+
+/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of
+/// each row in order.
+///
+/// The steps of a slice are taken one after the other. Every row must be below `to.len()`, and every column
+/// below `from.len()`.
+pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);
+
+/// Vectors that are multiplied at once: their four numbers fill one vector register.
+pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
+
+/// The entries of four vectors at one row or column, in one cache line.
+#[repr(C, align(32))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(in crate::transport) struct Interleaved(pub(in crate::transport) [f64; BLOCK_WIDTH]);
+
+/// An element that a product multiplies by weights and sums.
+pub(in crate::transport) trait Value: Pod + Default + Send + Sync + 'static {
+    /// The element times `weight`.
+    fn times(self, weight: f64) -> Self;
+
+    /// The sum of two elements.
+    fn plus(self, other: Self) -> Self;
+}
+
+impl Value for f64 {
+    fn times(self, weight: f64) -> Self {
+        weight * self
+    }
+
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+}
+
+impl Value for Interleaved {
+    fn times(self, weight: f64) -> Self {
+        Self(self.0.map(|value| weight * value))
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self(std::array::from_fn(|vector| self.0[vector] + other.0[vector]))
+    }
+}
 
 /// Elements that have kernels.
 pub(in crate::transport) trait Summable: Value {
