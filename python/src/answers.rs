@@ -3,8 +3,8 @@
 use std::sync::{Mutex, PoisonError};
 
 use krylux::analysis::EigenpairEstimate;
-use krylux::analysis::audit::Audit;
 use krylux::analysis::segment::{SegmentRequest, Segmented, Truth};
+use krylux::bench::audit::Audit;
 use krylux::finding::Finding;
 use krylux::image::Image;
 use krylux::io::manifest::Verification;

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use super::{Lab, RunFolder, SourceKind};
 use crate::analysis::Segmentation;
-use crate::analysis::audit::Audit;
 use crate::analysis::segment::Segmented;
+use crate::bench::audit::Audit;
 use crate::error::Result;
 use crate::finding::Finding;
 use crate::krylov::{Eigs, Singular};

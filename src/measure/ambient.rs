@@ -14,16 +14,16 @@ use crate::rig::Frame;
 
 /// The black photo at each exposure, and the variance of its rate.
 #[derive(Clone, Debug, Default)]
-pub(super) struct BlackPhotos {
+pub(crate) struct BlackPhotos {
     /// The photos, the shortest exposure first. There are none when ambient light is not subtracted.
-    pub(super) exposed: Vec<AveragedExposure>,
+    pub(crate) exposed: Vec<AveragedExposure>,
     /// The variance of the rate, in (linear DN per second)², for each exposure and sample.
-    pub(super) variance: Vec<Vec<f64>>,
+    pub(crate) variance: Vec<Vec<f64>>,
 }
 
 impl BlackPhotos {
     /// Takes the frame `black` `takes` times at each exposure.
-    pub(super) fn take(
+    pub(crate) fn take(
         frames: &mut dyn FrameSource,
         curve: &CameraCurve,
         black: &Arc<Frame>,

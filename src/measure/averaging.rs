@@ -11,25 +11,25 @@ use crate::rig::Frame;
 /// The mean of several takes at one exposure. Values are samples of the camera, interleaved as in
 /// [`crate::rig::RawFrame`].
 #[derive(Clone, Debug)]
-pub(super) struct AveragedExposure {
+pub(crate) struct AveragedExposure {
     /// The exposure of one take, in seconds.
-    pub(super) exposure: f64,
+    pub(crate) exposure: f64,
     /// When the first take began, in seconds on the rig's clock.
-    pub(super) started: f64,
+    pub(crate) started: f64,
     /// The number of takes.
-    pub(super) takes: u32,
+    pub(crate) takes: u32,
     /// The mean, in linear DN.
-    pub(super) mean: Vec<f64>,
+    pub(crate) mean: Vec<f64>,
     /// The variance that rounding to counts adds to one take, in linear DN².
-    pub(super) rounding: Vec<f64>,
+    pub(crate) rounding: Vec<f64>,
     /// The variance of one take, from the differences between the takes, in linear DN². 0 where there is one take.
-    pub(super) scatter: Vec<f64>,
+    pub(crate) scatter: Vec<f64>,
     /// Which samples were saturated in at least one take. Their mean has no meaning.
-    pub(super) saturated: Vec<bool>,
+    pub(crate) saturated: Vec<bool>,
 }
 
 /// Captures `frame` at `exposure` seconds once for each number in `takes`, and averages.
-pub(super) fn average(
+pub(crate) fn average(
     frames: &mut dyn FrameSource,
     curve: &CameraCurve,
     frame: &Arc<Frame>,
@@ -83,7 +83,7 @@ pub(super) fn average(
 
 impl AveragedExposure {
     /// The variance of the mean, in linear DN², where the expected value is `expected`.
-    pub(super) fn variance(&self, curve: &CameraCurve, sample: usize, expected: f64) -> f64 {
+    pub(crate) fn variance(&self, curve: &CameraCurve, sample: usize, expected: f64) -> f64 {
         curve.variance(expected, self.rounding[sample]) / f64::from(self.takes)
     }
 }

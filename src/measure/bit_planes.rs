@@ -18,9 +18,9 @@ use crate::transport::Part;
 
 /// A frame and its weight in the sum.
 #[derive(Clone, Debug)]
-pub(super) struct BitPlane {
-    pub(super) weight: f64,
-    pub(super) displayed: Displayed,
+pub(crate) struct BitPlane {
+    pub(crate) weight: f64,
+    pub(crate) displayed: Displayed,
 }
 
 /// The weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to
@@ -46,7 +46,7 @@ pub fn amplification(weights: &[f64]) -> f64 {
 
 /// Decomposes the pattern `target` into `count` frames. It has one plane for all channels, or one plane per
 /// channel. Frames without light are left out.
-pub(super) fn decompose(
+pub(crate) fn decompose(
     display: &Display,
     target: &[Vec<f64>],
     part: Part,

@@ -16,17 +16,17 @@ const PART: usize = 8;
 
 /// The standard error of the blur, and how direct light depends on it.
 #[derive(Clone, Debug)]
-pub(super) struct BlurDoubt {
+pub(crate) struct BlurDoubt {
     resolution: Resolution,
     /// The standard error of the share of a pixel's light that goes to its neighbours.
-    pub(super) error: f64,
+    pub(crate) error: f64,
     /// The change of `d` with this share, for each of the camera's channels.
-    pub(super) slopes: Vec<Vec<f64>>,
+    pub(crate) slopes: Vec<Vec<f64>>,
 }
 
 impl BlurDoubt {
     /// That of fits of each of the `channels`, where `fit` has so much more light go to the neighbours.
-    pub(super) fn of<'a>(
+    pub(crate) fn of<'a>(
         resolution: Resolution,
         channels: usize,
         fit: &dyn Fn(usize, f64) -> DirectFit<'a>,
@@ -47,18 +47,18 @@ impl BlurDoubt {
 
     /// A blur that is known.
     #[cfg(test)]
-    pub(super) fn none(resolution: Resolution) -> Self {
+    pub(crate) fn none(resolution: Resolution) -> Self {
         Self { resolution, error: 0.0, slopes: vec![vec![0.0; resolution.pixels()]] }
     }
 
     /// The change of a pattern with the share of light that goes to the neighbours.
-    pub(super) fn widened(&self, pattern: &[f64]) -> Vec<f64> {
+    pub(crate) fn widened(&self, pattern: &[f64]) -> Vec<f64> {
         neighbours(self.resolution, pattern).iter().zip(pattern).map(|(near, own)| near - own).collect()
     }
 }
 
 /// The pattern with a share `by` of each pixel's light given to its neighbours.
-pub(super) fn wider(resolution: Resolution, pattern: &[f64], by: f64) -> Vec<f64> {
+pub(crate) fn wider(resolution: Resolution, pattern: &[f64], by: f64) -> Vec<f64> {
     let near = neighbours(resolution, pattern);
     pattern.iter().zip(near).map(|(own, near)| own + by * (near - own)).collect()
 }

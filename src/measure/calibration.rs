@@ -10,7 +10,7 @@ use crate::rig::{CameraInfo, ProjectorInfo};
 /// The calibration of a rig: everything that is needed to convert counts into light, and patterns into
 /// levels.
 ///
-/// `krylux rig calibrate` and [`calibrate`](super::calibrate::calibrate) measure one; [`Calibration::ideal`]
+/// `krylux rig calibrate` and the room `calibrate` measure one; [`Calibration::ideal`]
 /// is that of devices without imperfections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {

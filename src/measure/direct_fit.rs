@@ -9,7 +9,7 @@ use crate::image::{Blur, Resolution};
 const CLEARLY: f64 = 1.6;
 
 /// `Σ_m ‖y_m − S (d ∘ u_m)‖²` with patterns `u_m` and photos `y_m`, each less its mean over the patterns.
-pub(super) struct DirectFit<'a> {
+pub(crate) struct DirectFit<'a> {
     light: Vec<Vec<f64>>,
     /// `Σ_m u_m²` at each pixel.
     square: Vec<f64>,
@@ -24,7 +24,7 @@ impl<'a> DirectFit<'a> {
     ///
     /// Pixels that are not `lit` by any pattern have no direct light. A blur gives them a trace of their neighbours' light, and the camera
     /// pixels at a silhouette may see a trace of them: a fit to both would explain every error of the photos there by an enormous `d`.
-    pub(super) fn new(
+    pub(crate) fn new(
         shown: &[Vec<f64>],
         lit: &[bool],
         blur: Option<&Blur>,
@@ -77,7 +77,7 @@ impl<'a> DirectFit<'a> {
     }
 
     /// Takes so many steps of conjugate gradients for least squares, scaled by the diagonal. Without a spread there is nothing to improve.
-    pub(super) fn improve(&mut self, steps: usize) {
+    pub(crate) fn improve(&mut self, steps: usize) {
         let Some(spread) = self.spread else { return };
         let diagonal: Vec<f64> =
             spread.squares().iter().zip(&self.square).map(|(spread, square)| spread * square).collect();
@@ -108,29 +108,29 @@ impl<'a> DirectFit<'a> {
     }
 
     /// The factor of a photo in the direct light of a pixel, without the spread.
-    pub(super) fn slope(&self, pixel: usize, photo: usize) -> f64 {
+    pub(crate) fn slope(&self, pixel: usize, photo: usize) -> f64 {
         ratio(self.light[photo][pixel], self.square[pixel])
     }
 
     /// The sum of squares that is left.
-    pub(super) fn residual(&self) -> f64 {
+    pub(crate) fn residual(&self) -> f64 {
         self.left.iter().flatten().map(|value| value * value).sum()
     }
 
     /// The sum of squares that is left in each pixel.
-    pub(super) fn residuals(&self) -> Vec<f64> {
+    pub(crate) fn residuals(&self) -> Vec<f64> {
         let of = |pixel: usize| self.left.iter().map(|left| left[pixel] * left[pixel]).sum();
         (0..self.square.len()).map(of).collect()
     }
 
     /// The direct light.
-    pub(super) fn direct(&self) -> &[f64] {
+    pub(crate) fn direct(&self) -> &[f64] {
         &self.direct
     }
 
     /// The direct light. Its variance is that of the photos' `noise`, or that which the residual shows where it is clearly more. A few photos
     /// tell little of one pixel, so that the residuals of neighbours are averaged.
-    pub(super) fn plane(self, noise: Vec<f64>, resolution: Resolution) -> Plane {
+    pub(crate) fn plane(self, noise: Vec<f64>, resolution: Resolution) -> Plane {
         // Each pixel has two unknowns: direct and global light.
         let freedom = self.left.len().saturating_sub(2).max(1) as f64;
         let of = |pixel: usize| self.left.iter().map(|left| left[pixel].powi(2)).sum::<f64>() / freedom;
@@ -149,7 +149,7 @@ fn ratio(a: f64, b: f64) -> f64 {
 }
 
 /// The planes less their mean.
-pub(super) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let count = planes.len() as f64;
     for pixel in 0..planes.first().map_or(0, Vec::len) {
         let mean = planes.iter().map(|plane| plane[pixel]).sum::<f64>() / count;

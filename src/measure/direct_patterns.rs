@@ -17,7 +17,7 @@ const CODES: usize = 8;
 
 /// A set of patterns for direct light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum DirectPatterns {
+pub(crate) enum DirectPatterns {
     /// Near pixels are lit by different codes.
     Codes,
     /// A checkerboard of squares with this side, shifted step by step.
@@ -26,13 +26,13 @@ pub(super) enum DirectPatterns {
 
 impl DirectPatterns {
     /// What suits a pixel map. Runs by calibrations that know no map of the lens were taken with squares of four pixels, and can still be asked.
-    pub(super) fn of(registration: &Registration) -> Self {
+    pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
     }
 
     /// The patterns. Each pixel is lit in about half of them. Pixels that are not `lit` stay dark.
-    pub(super) fn shown(self, resolution: Resolution, lit: &[bool]) -> Vec<Vec<f64>> {
+    pub(crate) fn shown(self, resolution: Resolution, lit: &[bool]) -> Vec<Vec<f64>> {
         let mut shown = match self {
             Self::Codes => codes::patterns(resolution, CODES).collect(),
             Self::Squares(side) => squares(resolution, side),

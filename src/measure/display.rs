@@ -31,7 +31,7 @@ use crate::transport::Part;
 
 /// The conversion of patterns to a projector's frames.
 #[derive(Clone, Debug)]
-pub(super) struct Display {
+pub(crate) struct Display {
     resolution: Resolution,
     /// The response of each channel.
     curves: Vec<ProjectorCurve>,
@@ -42,16 +42,16 @@ pub(super) struct Display {
 
 /// A frame, and the pattern of light that it shows.
 #[derive(Clone, Debug)]
-pub(super) struct Displayed {
-    pub(super) frame: Arc<Frame>,
+pub(crate) struct Displayed {
+    pub(crate) frame: Arc<Frame>,
     /// The pattern that is shown, from 0 to 1: one plane per channel of the projector.
-    pub(super) light: Vec<Vec<f64>>,
+    pub(crate) light: Vec<Vec<f64>>,
 }
 
 impl Display {
     /// The display of a projector with these response curves. `undo` corrects the response; `seed` is that of
     /// random dither.
-    pub(super) fn new(
+    pub(crate) fn new(
         projector: &ProjectorInfo,
         curves: &[Vec<f64>],
         undo: bool,
@@ -71,13 +71,13 @@ impl Display {
     }
 
     /// The widest step between two successive levels in any channel.
-    pub(super) fn widest_step(&self) -> f64 {
+    pub(crate) fn widest_step(&self) -> f64 {
         self.curves.iter().map(|curve| curve.widest).fold(0.0, f64::max)
     }
 
     /// The frame that shows `target` as well as the levels allow, for a product with `part`. `target` has one
     /// plane for all channels, or one plane per channel.
-    pub(super) fn show(&self, target: &[Vec<f64>], part: Part) -> Result<Displayed> {
+    pub(crate) fn show(&self, target: &[Vec<f64>], part: Part) -> Result<Displayed> {
         let dither = match (self.dither, part) {
             (DitherBy::Auto, Part::Global) => DitherBy::Diffusion,
             (DitherBy::Auto, Part::Full | Part::Direct) => DitherBy::None,
@@ -91,12 +91,12 @@ impl Display {
     }
 
     /// The frame that shows at each pixel the brightest level that is not brighter than `target`.
-    pub(super) fn show_below(&self, target: &[Vec<f64>]) -> Result<Displayed> {
+    pub(crate) fn show_below(&self, target: &[Vec<f64>]) -> Result<Displayed> {
         self.quantize(target, |curve, plane| plane.iter().map(|&light| curve.below(light)).collect())
     }
 
     /// A frame, and the light that it shows.
-    pub(super) fn of_frame(&self, frame: &Arc<Frame>) -> Displayed {
+    pub(crate) fn of_frame(&self, frame: &Arc<Frame>) -> Displayed {
         let channels = self.curves.len();
         let plane = |(channel, curve): (usize, &ProjectorCurve)| {
             frame.levels().iter().skip(channel).step_by(channels).map(|&level| curve.light(level)).collect()
@@ -168,7 +168,7 @@ impl Display {
 impl Displayed {
     /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the
     /// mean of the projector's channels where the numbers of channels differ.
-    pub(super) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
+    pub(crate) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
         if self.light.len() == channels || self.light.len() == 1 {
             return self.light[channel.min(self.light.len() - 1)].clone();
         }

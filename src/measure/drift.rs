@@ -7,7 +7,7 @@
 
 /// The brightness of the lamp over time, as far as it is known.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Drift {
+pub(crate) struct Drift {
     /// Times in seconds on the rig's clock, and brightnesses relative to the first white photo.
     sentinels: Vec<[f64; 2]>,
     /// The largest standard error of a brightness.
@@ -28,19 +28,19 @@ pub struct DriftReport {
 
 impl Drift {
     /// The drift after the first white photo, which was taken at this time.
-    pub(super) fn new(started: f64) -> Self {
+    pub(crate) fn new(started: f64) -> Self {
         Self { sentinels: vec![[started, 1.0]], error: 0.0 }
     }
 
     /// Adds a sentinel: its time, and the brightness of the lamp relative to the first white photo with its standard error.
-    pub(super) fn add(&mut self, started: f64, [light, error]: [f64; 2]) {
+    pub(crate) fn add(&mut self, started: f64, [light, error]: [f64; 2]) {
         self.error = self.error.max(error);
         let at = self.sentinels.partition_point(|&[time, _]| time <= started);
         self.sentinels.insert(at, [started, light]);
     }
 
     /// The brightness of the lamp at this time, relative to the first white photo.
-    pub(super) fn light(&self, time: f64) -> f64 {
+    pub(crate) fn light(&self, time: f64) -> f64 {
         let after = self.sentinels.partition_point(|&[at, _]| at <= time);
         let pair = match (self.sentinels.len(), after) {
             (0, _) => return 1.0,
@@ -58,7 +58,7 @@ impl Drift {
     }
 
     /// The drift so far.
-    pub(super) fn report(&self) -> DriftReport {
+    pub(crate) fn report(&self) -> DriftReport {
         let largest = self.sentinels.iter().map(|[_, light]| (light - 1.0).abs()).fold(0.0, f64::max);
         let changes = self.sentinels.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs());
         let step = [changes.fold(0.0, f64::max), std::f64::consts::SQRT_2 * self.error];

@@ -37,7 +37,7 @@ const TEST_PHOTOS: usize = 24;
 
 /// Chooses up to `brackets` exposures in seconds, the shortest first. Only the camera pixels that are `used`
 /// count.
-pub(super) fn choose(
+pub(crate) fn choose(
     frames: &mut dyn FrameSource,
     curve: &CameraCurve,
     white: &Arc<Frame>,

@@ -70,17 +70,17 @@ impl FlatField {
     }
 
     /// The pattern to show for `x`.
-    pub(super) fn pattern(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn pattern(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
 
     /// What a pattern that was shown stands for.
-    pub(super) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
+    pub(crate) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }
 
     /// The light of a photo.
-    pub(super) fn light(&self, plane: Plane) -> Plane {
+    pub(crate) fn light(&self, plane: Plane) -> Plane {
         let divided = |values: Vec<f64>, power: i32| -> Vec<f64> {
             values.into_iter().zip(&self.camera).map(|(value, factor)| value / factor.powi(power)).collect()
         };
@@ -88,7 +88,7 @@ impl FlatField {
     }
 
     /// Whether patterns are shown as they are.
-    pub(super) fn leaves_patterns(&self) -> bool {
+    pub(crate) fn leaves_patterns(&self) -> bool {
         self.projector.iter().all(|&factor| factor == 1.0)
     }
 }

@@ -14,7 +14,7 @@ const COVERED: f64 = 0.25;
 /// The pixel map by overlap: each projector pixel is seen by the camera pixels that overlap it, with weights by which it contains
 /// little light of its neighbours. Camera pixels that are not `lit` do not count. The rows of projector pixels that are covered too
 /// little are empty.
-pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
+pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let (areas, rows) = overlaps(map, lit);
     let shares = Shares::new(&areas, &rows);
     let covered = |row: &Vec<Entry>| row.iter().map(|entry| entry.1).sum::<f64>() > COVERED;
@@ -25,7 +25,7 @@ pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
 }
 
 /// The shares of the areas of the `lit` camera pixels that lie in projector pixels.
-pub(super) fn shares(map: &LensMap, lit: &[bool]) -> Shares {
+pub(crate) fn shares(map: &LensMap, lit: &[bool]) -> Shares {
     let (areas, rows) = overlaps(map, lit);
     Shares::new(&areas, &rows)
 }
@@ -47,13 +47,13 @@ fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
 }
 
 /// The corners of a camera pixel in the projector's raster, in order around it.
-pub(super) fn corners(map: &LensMap, pixel: usize) -> [[f64; 2]; 4] {
+pub(crate) fn corners(map: &LensMap, pixel: usize) -> [[f64; 2]; 4] {
     let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
     [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]].map(|corner| map.to_projector(corner))
 }
 
 /// The projector pixels, by column and row, near a camera pixel with these corners, and the areas that they have in common.
-pub(super) fn overlapped(
+pub(crate) fn overlapped(
     corners: [[f64; 2]; 4],
     projector: Resolution,
 ) -> impl Iterator<Item = ([usize; 2], f64)> {
@@ -69,7 +69,7 @@ pub(super) fn overlapped(
 
 impl Registration {
     /// The pixel map with these rows: camera pixels and their weights.
-    pub(super) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<Entry>>) -> Self {
+    pub(crate) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<Entry>>) -> Self {
         let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
         for row in rows {
             pixels.extend(row.iter().map(|entry| entry.0));
@@ -105,7 +105,7 @@ fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
 }
 
 /// The area of a polygon.
-pub(super) fn area(points: &[[f64; 2]]) -> f64 {
+pub(crate) fn area(points: &[[f64; 2]]) -> f64 {
     let twice: f64 = (0..points.len())
         .map(|index| {
             let (a, b) = (points[index], points[(index + 1) % points.len()]);

@@ -32,24 +32,24 @@ const PASSES: usize = 2;
 /// The merged photo of a frame on the camera's pixels: linear DN per second after the black photo is
 /// subtracted, as interleaved samples.
 #[derive(Clone, Debug)]
-pub(super) struct RateFrame {
+pub(crate) struct RateFrame {
     /// When the first exposure began, in seconds on the rig's clock.
-    pub(super) started: f64,
+    pub(crate) started: f64,
     /// The rates.
-    pub(super) values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
     /// The variances of the rates, without the contribution of the black photo, which all photos have in
     /// common.
-    pub(super) variance: Vec<f64>,
+    pub(crate) variance: Vec<f64>,
     /// The share of each exposure's black rate that was subtracted: one plane per exposure. `None` when there
     /// is only one exposure, whose share is 1.
-    pub(super) shares: Option<Vec<Vec<f64>>>,
+    pub(crate) shares: Option<Vec<Vec<f64>>>,
     /// The factor of the drift correction. The shares must be multiplied by it.
-    pub(super) scale: f64,
+    pub(crate) scale: f64,
 }
 
 impl RateFrame {
     /// Multiplies the photo by `factor`, as if the lamp had been brighter by it.
-    pub(super) fn scale(&mut self, factor: f64) {
+    pub(crate) fn scale(&mut self, factor: f64) {
         self.values.iter_mut().for_each(|value| *value *= factor);
         self.variance.iter_mut().for_each(|variance| *variance *= factor * factor);
         self.scale *= factor;
@@ -58,7 +58,7 @@ impl RateFrame {
 
 /// Merges exposures, the shortest first. `blacks` are the black photos in the same order, or empty. Pixels
 /// that are not `used` may be saturated; their value is 0 with infinite variance.
-pub(super) fn merge(
+pub(crate) fn merge(
     exposed: &[AveragedExposure],
     blacks: &[AveragedExposure],
     curve: &CameraCurve,
@@ -99,7 +99,7 @@ pub(super) fn merge(
 
 /// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the
 /// shortest exposure in seconds.
-pub(super) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
+pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
     Error::Saturated {
         device: "camera".into(),
         fault: format!(

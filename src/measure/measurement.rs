@@ -28,22 +28,22 @@ use crate::rig::Frame;
 /// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that
 /// no camera pixel sees are masked: they are never lit, and their values are 0.
 pub struct Measurement {
-    pub(super) pipeline: PhotoPipeline,
-    pub(super) display: Display,
-    pub(super) registration: Registration,
-    pub(super) importance: Vec<f64>,
-    pub(super) seen: Vec<bool>,
-    pub(super) flat: Option<FlatField>,
-    pub(super) blur: Option<Blur>,
-    pub(super) options: MeasureOptions,
+    pub(crate) pipeline: PhotoPipeline,
+    pub(crate) display: Display,
+    pub(crate) registration: Registration,
+    pub(crate) importance: Vec<f64>,
+    pub(crate) seen: Vec<bool>,
+    pub(crate) flat: Option<FlatField>,
+    pub(crate) blur: Option<Blur>,
+    pub(crate) options: MeasureOptions,
     luma: bool,
     symmetry: Symmetry,
     /// The photo of the brightest frame, for each of the camera's channels.
-    pub(super) full_white: Option<Arc<Vec<Plane>>>,
+    pub(crate) full_white: Option<Arc<Vec<Plane>>>,
     /// The photo under even white.
-    pub(super) white: Option<Photo>,
-    pub(super) direct: Option<Arc<DirectLight>>,
-    pub(super) last: Option<Plane>,
+    pub(crate) white: Option<Photo>,
+    pub(crate) direct: Option<Arc<DirectLight>>,
+    pub(crate) last: Option<Plane>,
 }
 
 impl Measurement {
@@ -198,13 +198,13 @@ impl Measurement {
     }
 
     /// The photo of planes of the camera's channels.
-    pub(super) fn photo(&self, planes: &[Plane]) -> Photo {
+    pub(crate) fn photo(&self, planes: &[Plane]) -> Photo {
         let of = |channel| self.light(self.folded(planes, channel));
         Photo { resolution: self.resolution(), planes: (0..self.channels()).map(of).collect() }
     }
 
     /// One channel of the measurement, from planes of the camera's channels.
-    pub(super) fn folded(&self, planes: &[Plane], channel: usize) -> Plane {
+    pub(crate) fn folded(&self, planes: &[Plane], channel: usize) -> Plane {
         let mut folded = Plane::zero(self.registration.projector.pixels());
         for (camera_channel, weight) in self.channel_weights(channel) {
             folded.add(weight, &planes[camera_channel]);
@@ -213,7 +213,7 @@ impl Measurement {
     }
 
     /// The pattern to show for `x`: with 0 at the masked pixels, and divided by the projector's uneven brightness.
-    pub(super) fn even_pattern(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn even_pattern(&self, x: &[f64]) -> Vec<f64> {
         let masked = self.masked(x);
         match &self.flat {
             Some(flat) => flat.pattern(&masked),
@@ -222,7 +222,7 @@ impl Measurement {
     }
 
     /// The light of a photo: divided by the camera's uneven brightness.
-    pub(super) fn light(&self, plane: Plane) -> Plane {
+    pub(crate) fn light(&self, plane: Plane) -> Plane {
         match &self.flat {
             Some(flat) => flat.light(plane),
             None => plane,
@@ -230,7 +230,7 @@ impl Measurement {
     }
 
     /// The camera's channels that make up one channel of the measurement, and their weights.
-    pub(super) fn channel_weights(&self, channel: usize) -> Vec<(usize, f64)> {
+    pub(crate) fn channel_weights(&self, channel: usize) -> Vec<(usize, f64)> {
         if self.luma && self.camera_channels() == 3 {
             LUMINANCE.into_iter().enumerate().collect()
         } else {
@@ -238,16 +238,16 @@ impl Measurement {
         }
     }
 
-    pub(super) fn camera_channels(&self) -> usize {
+    pub(crate) fn camera_channels(&self) -> usize {
         self.pipeline.camera.frames.camera().channels
     }
 
     /// `x` with 0 at the masked pixels.
-    pub(super) fn masked(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn masked(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.seen).map(|(&x, &seen)| if seen { x } else { 0.0 }).collect()
     }
 
-    pub(super) fn check_length(&self, what: &'static str, found: usize) -> Result<()> {
+    pub(crate) fn check_length(&self, what: &'static str, found: usize) -> Result<()> {
         let expected = self.resolution().pixels();
         if found == expected {
             return Ok(());

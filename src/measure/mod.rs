@@ -2,10 +2,9 @@
 //! vectors `x`.
 //!
 //! Raw frames come from a [`FrameSource`]: live devices ([`LiveFrames`]) or a journal in front of them
-//! ([`JournaledFrames`]). A [`Calibration`] holds the devices' responses, noise and pixel map; [`calibrate`]
+//! ([`JournaledFrames`]). A [`Calibration`] holds the devices' responses, noise and pixel map; the room `calibrate`
 //! measures it. A [`Measurement`] puts all stages together, and its [`MeasuredOperator`] is the linear
-//! operator for the Krylov methods. A [`RigFile`] describes a rig; [`rig_check`] and [`preview`] help to set
-//! one up.
+//! operator for the Krylov methods. A [`RigFile`] describes a rig.
 //!
 //! Each correction is a stage in its own file, and [`MeasureOptions`] can switch it off. Sections are
 //! those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
@@ -35,23 +34,22 @@ mod ambient;
 mod averaging;
 pub mod bit_planes;
 mod blur_doubt;
-pub mod calibrate;
 mod calibration;
 mod calibration_file;
 pub mod codes;
 mod direct;
 mod direct_fit;
 mod direct_patterns;
-mod display;
+pub(crate) mod display;
 mod drift;
 mod exposure;
 mod flat_field;
 mod focus;
-mod footprint;
+pub(crate) mod footprint;
 mod frame_source;
 mod hdr;
 mod journaled;
-mod lens_map;
+pub(crate) mod lens_map;
 mod live;
 mod measurement;
 mod noise;
@@ -61,21 +59,19 @@ mod options;
 mod photo;
 mod photo_pipeline;
 mod photos;
-mod pixel_ratio;
-pub mod preview;
+pub(crate) mod pixel_ratio;
 mod product;
 mod record;
 mod registration;
 mod response;
-pub mod rig_check;
 mod rig_file;
 mod rows;
 mod sharp_weights;
-mod sight;
+pub(crate) mod sight;
 mod signed;
 #[cfg(test)]
-mod simulated;
-mod spread;
+pub(crate) mod simulated;
+pub(crate) mod spread;
 mod times;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
@@ -84,6 +80,7 @@ pub use flat_field::FlatField;
 pub use focus::focus;
 pub use frame_source::{CaptureRequest, Effort, FrameSource};
 pub use journaled::{JournaledFrames, JournaledPhoto, Opener};
+pub use lens_map::{LensMap, Match};
 pub use live::LiveFrames;
 pub use measurement::Measurement;
 pub use noise_ratio::{NoiseRatio, noise_ratio};

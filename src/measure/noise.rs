@@ -11,18 +11,18 @@ use super::signed::PredictNoise;
 /// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. It follows from
 /// the white photo `A 1` for every pattern. The distribution of the light over the pixels matters only where
 /// exposures are merged; it is assumed to be that of white.
-pub(super) struct NoisePrediction<'a> {
-    pub(super) curve: &'a CameraCurve,
-    pub(super) options: &'a MeasureOptions,
-    pub(super) references: &'a ReferencePhotos,
+pub(crate) struct NoisePrediction<'a> {
+    pub(crate) curve: &'a CameraCurve,
+    pub(crate) options: &'a MeasureOptions,
+    pub(crate) references: &'a ReferencePhotos,
     /// The weight of each camera pixel's variance in the total.
-    pub(super) importance: &'a [f64],
+    pub(crate) importance: &'a [f64],
     /// The camera's channels that make up the measured channel, and their weights.
-    pub(super) channel_weights: &'a [(usize, f64)],
+    pub(crate) channel_weights: &'a [(usize, f64)],
     /// The number of the camera's channels.
-    pub(super) channels: usize,
+    pub(crate) channels: usize,
     /// The white photo on the projector's pixels.
-    pub(super) white: &'a [f64],
+    pub(crate) white: &'a [f64],
 }
 
 impl NoisePrediction<'_> {

@@ -13,9 +13,9 @@ use crate::transport::Part;
 /// with the transpose of a matrix that is not symmetric cannot be photographed: camera and projector would
 /// have to change places.
 pub struct MeasuredOperator<'a> {
-    pub(super) measurement: &'a mut Measurement,
-    pub(super) part: Part,
-    pub(super) channel: usize,
+    pub(crate) measurement: &'a mut Measurement,
+    pub(crate) part: Part,
+    pub(crate) channel: usize,
     /// The standard errors of the products of the last call.
     errors: Vec<f64>,
 }

@@ -169,7 +169,7 @@ impl MeasureOptions {
 }
 
 /// The largest number of takes of one frame. Take numbers from here on belong to the sentinels.
-pub(super) const MOST_TAKES: u32 = 65_536;
+pub(crate) const MOST_TAKES: u32 = 65_536;
 
 fn refused(key: &str, found: String, expected: String) -> Error {
     Error::Option {

@@ -25,7 +25,7 @@ pub struct Photo {
 
 impl Plane {
     /// A plane of zeros with variance 0.
-    pub(super) fn zero(pixels: usize) -> Self {
+    pub(crate) fn zero(pixels: usize) -> Self {
         Self { values: vec![0.0; pixels], variance: vec![0.0; pixels] }
     }
 
@@ -36,7 +36,7 @@ impl Plane {
     }
 
     /// Adds `factor` times another plane, whose noise is independent.
-    pub(super) fn add(&mut self, factor: f64, other: &Self) {
+    pub(crate) fn add(&mut self, factor: f64, other: &Self) {
         for (value, more) in self.values.iter_mut().zip(&other.values) {
             *value += factor * more;
         }

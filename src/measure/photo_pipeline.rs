@@ -19,8 +19,8 @@ use crate::rig::Frame;
 
 /// Takes photos with drift correction. Which frames it captures depends only on the options, on the frames
 /// that it is asked for, and on what earlier frames showed, so that a journal can replay it.
-pub(super) struct PhotoPipeline {
-    pub(super) camera: HdrCamera,
+pub(crate) struct PhotoPipeline {
+    pub(crate) camera: HdrCamera,
     references: Option<ReferencePhotos>,
     /// Patterns since the last photo of white.
     since_white: u32,
@@ -28,17 +28,17 @@ pub(super) struct PhotoPipeline {
 
 /// The exposures and the photos of black and white, which all other photos need. They are taken before the
 /// first photo.
-pub(super) struct ReferencePhotos {
+pub(crate) struct ReferencePhotos {
     /// The exposures in seconds, the shortest first.
-    pub(super) exposures: Vec<f64>,
+    pub(crate) exposures: Vec<f64>,
     /// The black photo at each exposure.
-    pub(super) blacks: BlackPhotos,
+    pub(crate) blacks: BlackPhotos,
     /// The white photo.
-    pub(super) white: Arc<RateFrame>,
+    pub(crate) white: Arc<RateFrame>,
     /// The share of the used samples that are saturated in at least one exposure of white.
-    pub(super) saturated: f64,
+    pub(crate) saturated: f64,
     /// The drift of the lamp since the white photo.
-    pub(super) drift: Drift,
+    pub(crate) drift: Drift,
     /// White at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
     /// The sentinels within the run's patterns, without those at an end.
@@ -48,32 +48,32 @@ pub(super) struct ReferencePhotos {
 }
 
 /// Captures frames at several exposures, and merges them.
-pub(super) struct HdrCamera {
-    pub(super) frames: Box<dyn FrameSource>,
-    pub(super) curve: CameraCurve,
+pub(crate) struct HdrCamera {
+    pub(crate) frames: Box<dyn FrameSource>,
+    pub(crate) curve: CameraCurve,
     /// Which camera pixels some projector pixel uses.
-    pub(super) used: Vec<bool>,
+    pub(crate) used: Vec<bool>,
     /// The frame that lights every pixel that is not masked.
-    pub(super) white: Arc<Frame>,
+    pub(crate) white: Arc<Frame>,
     /// The frame of level 0.
-    pub(super) black: Arc<Frame>,
-    pub(super) options: MeasureOptions,
+    pub(crate) black: Arc<Frame>,
+    pub(crate) options: MeasureOptions,
     /// The hashes of the frames shown so far.
-    pub(super) shown: HashSet<u64>,
+    pub(crate) shown: HashSet<u64>,
 }
 
 impl PhotoPipeline {
-    pub(super) fn new(camera: HdrCamera) -> Self {
+    pub(crate) fn new(camera: HdrCamera) -> Self {
         Self { camera, references: None, since_white: 0 }
     }
 
     /// The reference photos, which are taken now unless they have been taken before.
-    pub(super) fn references(&mut self) -> Result<&mut ReferencePhotos> {
+    pub(crate) fn references(&mut self) -> Result<&mut ReferencePhotos> {
         Ok(self.parts()?.0)
     }
 
     /// The reference photos, and the camera.
-    pub(super) fn parts(&mut self) -> Result<(&mut ReferencePhotos, &mut HdrCamera)> {
+    pub(crate) fn parts(&mut self) -> Result<(&mut ReferencePhotos, &mut HdrCamera)> {
         let references = match &mut self.references {
             Some(references) => references,
             missing => missing.insert(self.camera.references()?),
@@ -82,7 +82,7 @@ impl PhotoPipeline {
     }
 
     /// The photo of `frame`, corrected for drift. The photo of white is the reference.
-    pub(super) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
+    pub(crate) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
         let due = self.camera.options.sentinel_every;
         let sentinel_is_due = due > 0 && self.since_white >= due;
         let (references, camera) = self.parts()?;
@@ -101,7 +101,7 @@ impl PhotoPipeline {
 
     /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that goes on with more patterns takes
     /// its sentinels as if this one had not been.
-    pub(super) fn look_again(&mut self) -> Result<()> {
+    pub(crate) fn look_again(&mut self) -> Result<()> {
         if self.since_white == 0 {
             return Ok(());
         }

@@ -265,7 +265,7 @@ impl Measurement {
     }
 
     /// The photo of the brightest frame, for each of the camera's channels.
-    pub(super) fn full_white(&mut self) -> Result<Arc<Vec<Plane>>> {
+    pub(crate) fn full_white(&mut self) -> Result<Arc<Vec<Plane>>> {
         if let Some(white) = &self.full_white {
             return Ok(Arc::clone(white));
         }
@@ -274,7 +274,7 @@ impl Measurement {
     }
 
     /// `Σ coefficient · photo + white · A 1` for each of the camera's channels.
-    pub(super) fn sums(&mut self, terms: &[Term], white: f64) -> Result<Vec<Plane>> {
+    pub(crate) fn sums(&mut self, terms: &[Term], white: f64) -> Result<Vec<Plane>> {
         (0..self.camera_channels()).map(|channel| self.sum(terms, white, channel)).collect()
     }
 }

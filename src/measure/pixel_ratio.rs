@@ -7,11 +7,11 @@ use crate::image::Resolution;
 const ENOUGH: f64 = 1.0;
 
 /// As [`ENOUGH`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
-pub(super) const LEAST: f64 = 0.75;
+pub(crate) const LEAST: f64 = 0.75;
 
 /// The finding about a camera with too few pixels; `None` if it has enough. A camera that sees more than the projector lights has fewer pixels for the
 /// patterns than this counts.
-pub(super) fn too_few(camera: Resolution, projector: Resolution) -> Option<Finding> {
+pub(crate) fn too_few(camera: Resolution, projector: Resolution) -> Option<Finding> {
     let ratios = [(camera.width, projector.width), (camera.height, projector.height)]
         .map(|(camera, projector)| camera as f64 / projector as f64);
     let least = ratios[0].min(ratios[1]);

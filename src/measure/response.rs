@@ -19,13 +19,13 @@ const LEAST_VARIANCE: f64 = 0.25;
 /// The three terms are shot noise, read noise, and the rounding to integers, which acts through the slope of
 /// the curve.
 #[derive(Clone, Debug)]
-pub(super) struct CameraCurve {
+pub(crate) struct CameraCurve {
     /// The linear DN of each count.
     linear: Vec<f64>,
     /// The variance of rounding at each count, in linear DN².
     rounding: Vec<f64>,
     /// The linear DN without light. It is 0 when the response is corrected, and the black level otherwise.
-    pub(super) zero: f64,
+    pub(crate) zero: f64,
     /// The first saturated count.
     saturation: f64,
     gain: f64,
@@ -39,7 +39,7 @@ impl CameraCurve {
     /// # Errors
     /// [`Error::Dimension`] when the curve does not have one value per count; [`Error::Numerical`] when the
     /// gain or the read noise is invalid.
-    pub(super) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
+    pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
             return Err(Error::Dimension {
@@ -75,22 +75,22 @@ impl CameraCurve {
     }
 
     /// The linear DN of a count.
-    pub(super) fn linear(&self, count: u16) -> f64 {
+    pub(crate) fn linear(&self, count: u16) -> f64 {
         self.linear[usize::from(count).min(self.linear.len() - 1)]
     }
 
     /// The variance of rounding at a count, in linear DN².
-    pub(super) fn rounding(&self, count: u16) -> f64 {
+    pub(crate) fn rounding(&self, count: u16) -> f64 {
         self.rounding[usize::from(count).min(self.rounding.len() - 1)]
     }
 
     /// Whether a count is saturated: the light may be more than the count says.
-    pub(super) fn is_saturated(&self, count: u16) -> bool {
+    pub(crate) fn is_saturated(&self, count: u16) -> bool {
         f64::from(count) >= self.saturation
     }
 
     /// The linear DN from which on counts are saturated.
-    pub(super) fn brightest(&self) -> f64 {
+    pub(crate) fn brightest(&self) -> f64 {
         let count = (self.saturation.ceil().max(0.0) as usize).min(self.linear.len() - 1);
         self.linear[count]
     }
@@ -98,7 +98,7 @@ impl CameraCurve {
     /// The variance of a sample whose *expected* value is this many linear DN, in linear DN². `rounding` is
     /// that of its count. The measured value must not be used as the expected one: samples that are low by
     /// chance would then seem to be more certain.
-    pub(super) fn variance(&self, expected: f64, rounding: f64) -> f64 {
+    pub(crate) fn variance(&self, expected: f64, rounding: f64) -> f64 {
         let dark = self.read_variance + rounding;
         ((expected - self.zero) / self.gain + dark).max(LEAST_VARIANCE * dark)
     }
@@ -106,7 +106,7 @@ impl CameraCurve {
 
 impl CameraCurve {
     /// The variance of a sample that has not been measured yet: its rounding is that of the expected count.
-    pub(super) fn variance_of(&self, expected: f64) -> f64 {
+    pub(crate) fn variance_of(&self, expected: f64) -> f64 {
         let count = self.linear.partition_point(|&linear| linear < expected).min(self.linear.len() - 1);
         self.variance(expected, self.rounding[count])
     }
@@ -114,11 +114,11 @@ impl CameraCurve {
 
 /// The conversion of a projector's levels to light, and of light to levels.
 #[derive(Clone, Debug)]
-pub(super) struct ProjectorCurve {
+pub(crate) struct ProjectorCurve {
     /// The light of each level, from 0 to 1.
     light: Vec<f64>,
     /// The widest step between two successive levels.
-    pub(super) widest: f64,
+    pub(crate) widest: f64,
 }
 
 impl ProjectorCurve {
@@ -128,7 +128,7 @@ impl ProjectorCurve {
     /// # Errors
     /// [`Error::Dimension`] when the curve does not have one value per level; [`Error::Numerical`] when it
     /// does not ascend from 0 to 1.
-    pub(super) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
+    pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
             return Err(Error::Dimension {
@@ -155,22 +155,22 @@ impl ProjectorCurve {
     }
 
     /// The light of a level, from 0 to 1.
-    pub(super) fn light(&self, level: u16) -> f64 {
+    pub(crate) fn light(&self, level: u16) -> f64 {
         self.light[usize::from(level)]
     }
 
     /// The brightest level.
-    pub(super) fn top(&self) -> u16 {
+    pub(crate) fn top(&self) -> u16 {
         (self.light.len() - 1) as u16
     }
 
     /// The brightest level that is no brighter than `light`.
-    pub(super) fn below(&self, light: f64) -> u16 {
+    pub(crate) fn below(&self, light: f64) -> u16 {
         self.light.partition_point(|&of| of <= light).saturating_sub(1) as u16
     }
 
     /// The level whose light is nearest.
-    pub(super) fn nearest(&self, light: f64) -> u16 {
+    pub(crate) fn nearest(&self, light: f64) -> u16 {
         let below = self.below(light);
         let above = below.saturating_add(1).min(self.top());
         if self.light(above) - light < light - self.light(below) { above } else { below }

@@ -3,18 +3,18 @@
 use rayon::prelude::*;
 
 /// A column and its weight.
-pub(super) type Entry = (u32, f64);
+pub(crate) type Entry = (u32, f64);
 
 /// A sparse matrix in compressed rows.
 #[derive(Clone, Debug)]
-pub(super) struct Rows {
+pub(crate) struct Rows {
     starts: Vec<usize>,
     entries: Vec<Entry>,
 }
 
 impl Rows {
     /// The matrix with these rows.
-    pub(super) fn new(rows: &[Vec<Entry>]) -> Self {
+    pub(crate) fn new(rows: &[Vec<Entry>]) -> Self {
         let mut starts = vec![0];
         for row in rows {
             starts.push(starts[starts.len() - 1] + row.len());
@@ -23,7 +23,7 @@ impl Rows {
     }
 
     /// The transpose of the matrix with these rows, which has so many `columns`. Its entries ascend in each row.
-    pub(super) fn transposed(rows: &[Vec<Entry>], columns: usize) -> Self {
+    pub(crate) fn transposed(rows: &[Vec<Entry>], columns: usize) -> Self {
         let mut starts = vec![0; columns + 1];
         for &(column, _) in rows.iter().flatten() {
             starts[column as usize + 1] += 1;
@@ -44,25 +44,25 @@ impl Rows {
     }
 
     /// One row.
-    pub(super) fn row(&self, row: usize) -> &[Entry] {
+    pub(crate) fn row(&self, row: usize) -> &[Entry] {
         &self.entries[self.starts[row]..self.starts[row + 1]]
     }
 
     /// The product with `x`, where each entry counts as `weight` makes of it.
-    pub(super) fn apply(&self, x: &[f64], weight: impl Fn(f64) -> f64 + Sync) -> Vec<f64> {
+    pub(crate) fn apply(&self, x: &[f64], weight: impl Fn(f64) -> f64 + Sync) -> Vec<f64> {
         let sum = |row: usize| self.row(row).iter().map(|&(at, w)| weight(w) * x[at as usize]).sum();
         (0..self.starts.len() - 1).into_par_iter().map(sum).collect()
     }
 
     /// The sum of the squares of each row.
-    pub(super) fn squares(&self) -> Vec<f64> {
+    pub(crate) fn squares(&self) -> Vec<f64> {
         let sum = |ends: &[usize]| self.entries[ends[0]..ends[1]].iter().map(|entry| entry.1 * entry.1).sum();
         self.starts.windows(2).map(sum).collect()
     }
 }
 
 /// The entries in ascending order of their columns, those of one column added up.
-pub(super) fn merged(mut entries: Vec<Entry>) -> Vec<Entry> {
+pub(crate) fn merged(mut entries: Vec<Entry>) -> Vec<Entry> {
     entries.sort_by_key(|entry| entry.0);
     let runs = entries.chunk_by(|a, b| a.0 == b.0);
     runs.map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum())).collect()

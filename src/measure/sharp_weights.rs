@@ -29,23 +29,23 @@ const REACH: usize = 2;
 const ACCURACY: f64 = 1e-6;
 
 /// The share of each camera pixel's area that lies in each projector pixel.
-pub(super) struct Shares(Rows);
+pub(crate) struct Shares(Rows);
 
 impl Shares {
     /// The shares from the areas of the camera's pixels and those of their overlaps, which are listed by projector pixel.
-    pub(super) fn new(areas: &[f64], overlaps: &[Vec<Entry>]) -> Self {
+    pub(crate) fn new(areas: &[f64], overlaps: &[Vec<Entry>]) -> Self {
         let share = |&(camera, area): &Entry| (camera, area / areas[camera as usize]);
         let shares: Vec<Vec<Entry>> = overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
         Self(Rows::transposed(&shares, areas.len()))
     }
 
     /// The shares of one camera pixel.
-    pub(super) fn of(&self, camera: u32) -> &[Entry] {
+    pub(crate) fn of(&self, camera: u32) -> &[Entry] {
         self.0.row(camera as usize)
     }
 
     /// The weights of the camera pixels of one projector pixel. `rows` are the overlaps of all.
-    pub(super) fn sharpened(&self, pixel: usize, rows: &Overlaps<'_>) -> Vec<Entry> {
+    pub(crate) fn sharpened(&self, pixel: usize, rows: &Overlaps<'_>) -> Vec<Entry> {
         let mut row = rows.around(pixel);
         let columns: Vec<&[Entry]> = row.iter().map(|entry| self.of(entry.0)).collect();
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -99,9 +99,9 @@ impl Shares {
 }
 
 /// The areas of overlap of all projector pixels with camera pixels.
-pub(super) struct Overlaps<'a> {
-    pub(super) projector: Resolution,
-    pub(super) rows: &'a [Vec<Entry>],
+pub(crate) struct Overlaps<'a> {
+    pub(crate) projector: Resolution,
+    pub(crate) rows: &'a [Vec<Entry>],
 }
 
 impl Overlaps<'_> {

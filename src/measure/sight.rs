@@ -99,7 +99,7 @@ impl Measurement {
 
 /// Whether enough pixels of a map see the projector. `light` has, for each sample of a camera of so many channels, white less black, and the variance
 /// that this would have without any light of the projector.
-pub(super) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) -> Finding {
+pub(crate) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) -> Finding {
     let is_lit = |pixel: usize| {
         (0..channels).any(|channel| {
             let [mut value, mut variance] = [0.0; 2];

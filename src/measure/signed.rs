@@ -13,15 +13,15 @@ use super::options::SignedBy;
 
 /// `x` as a linear combination of the white pattern and patterns in `[0, 1]`.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Signed {
+pub(crate) struct Signed {
     /// The white pattern's coefficient.
-    pub(super) white: f64,
+    pub(crate) white: f64,
     /// The other coefficients and their patterns.
-    pub(super) parts: Vec<(f64, Vec<f64>)>,
+    pub(crate) parts: Vec<(f64, Vec<f64>)>,
 }
 
 /// Predicts the total variance of photos over all pixels.
-pub(super) trait PredictNoise {
+pub(crate) trait PredictNoise {
     /// The variance of the photo of this pattern, without the contribution of the black photo.
     fn of_pattern(&self, pattern: &[f64]) -> f64;
     /// The variance of the white photo, which has been taken already.
@@ -33,7 +33,7 @@ pub(super) trait PredictNoise {
 impl Signed {
     /// The affine form `(x − a)/(b − a)`, where `a` is the least and `b` the largest value of `x` over the
     /// pixels that are not masked. It is 0 at the masked pixels, like the white pattern.
-    pub(super) fn affine(x: &[f64], seen: &[bool]) -> Self {
+    pub(crate) fn affine(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
             return Self { white: a, parts: Vec::new() };
@@ -43,7 +43,7 @@ impl Signed {
     }
 
     /// The split form: the positive and the negative part.
-    pub(super) fn split(x: &[f64], seen: &[bool]) -> Self {
+    pub(crate) fn split(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
             return Self { white: a, parts: Vec::new() };
@@ -58,7 +58,7 @@ impl Signed {
     }
 
     /// The form that `by` asks for: with [`SignedBy::Auto`], the one whose predicted variance is smaller.
-    pub(super) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
+    pub(crate) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
         match by {
             SignedBy::Affine => Self::affine(x, seen),
             SignedBy::Split => Self::split(x, seen),
@@ -70,7 +70,7 @@ impl Signed {
     }
 
     /// The predicted total variance of `A x` over all pixels.
-    pub(super) fn variance(&self, noise: &dyn PredictNoise) -> f64 {
+    pub(crate) fn variance(&self, noise: &dyn PredictNoise) -> f64 {
         let patterns: f64 =
             self.parts.iter().map(|(factor, pattern)| factor * factor * noise.of_pattern(pattern)).sum();
         let black = self.white + self.parts.iter().map(|(factor, _)| factor).sum::<f64>();

@@ -17,14 +17,14 @@ const SMALLEST: f64 = 1e-4;
 
 /// The matrix `S`, `n × n` for `n` projector pixels, and its transpose.
 #[derive(Clone, Debug)]
-pub(super) struct Spread {
+pub(crate) struct Spread {
     rows: Rows,
     columns: Rows,
 }
 
 impl Spread {
     /// The spread of a pixel map that was made with `lens`.
-    pub(super) fn new(registration: &Registration, lens: &LensMap) -> Self {
+    pub(crate) fn new(registration: &Registration, lens: &LensMap) -> Self {
         let shares = shares(lens, &vec![true; registration.camera.pixels()]);
         let row = |pixel: usize| -> Vec<Entry> {
             let of_camera = registration.row(pixel).flat_map(|(camera, weight)| {
@@ -40,27 +40,27 @@ impl Spread {
     }
 
     /// `S y`, for `n` values.
-    pub(super) fn apply(&self, y: &[f64]) -> Vec<f64> {
+    pub(crate) fn apply(&self, y: &[f64]) -> Vec<f64> {
         self.rows.apply(y, |weight| weight)
     }
 
     /// Row `i` of `S`: pixels and their weights.
-    pub(super) fn row(&self, pixel: usize) -> &[Entry] {
+    pub(crate) fn row(&self, pixel: usize) -> &[Entry] {
         self.rows.row(pixel)
     }
 
     /// `Sᵀ z`, for `n` values.
-    pub(super) fn apply_transposed(&self, z: &[f64]) -> Vec<f64> {
+    pub(crate) fn apply_transposed(&self, z: &[f64]) -> Vec<f64> {
         self.columns.apply(z, |weight| weight)
     }
 
     /// The variances of the entries of `S y`, if the entries of `y` are independent and have these variances.
-    pub(super) fn variance(&self, variance: &[f64]) -> Vec<f64> {
+    pub(crate) fn variance(&self, variance: &[f64]) -> Vec<f64> {
         self.rows.apply(variance, |weight| weight * weight)
     }
 
     /// `Σ_i S_ik²` for each pixel `k`.
-    pub(super) fn squares(&self) -> Vec<f64> {
+    pub(crate) fn squares(&self) -> Vec<f64> {
         self.columns.squares()
     }
 }

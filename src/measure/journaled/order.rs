@@ -7,7 +7,7 @@ use crate::journal::{Journal, Key, Kind};
 use crate::rig::Stamp;
 
 /// The photos of a journal, ordered by the camera's frame number.
-pub(super) struct CaptureOrder {
+pub(crate) struct CaptureOrder {
     /// All photos whose stamp is known, including those whose content is damaged.
     photos: BTreeMap<u64, (Stamp, Key)>,
     /// The places where records were lost that may have been photos: the frame number before the gap (`None`
@@ -16,7 +16,7 @@ pub(super) struct CaptureOrder {
 }
 
 impl CaptureOrder {
-    pub(super) fn of(journal: &Journal) -> Self {
+    pub(crate) fn of(journal: &Journal) -> Self {
         let note = |entry| PhotoMetadata::of(entry).map(|note| (note.stamp(), entry.key));
         let photos: Vec<(u64, Stamp, Key)> = journal
             .entries()
@@ -39,23 +39,23 @@ impl CaptureOrder {
     }
 
     /// Adds a photo.
-    pub(super) fn insert(&mut self, stamp: Stamp, key: Key) {
+    pub(crate) fn insert(&mut self, stamp: Stamp, key: Key) {
         self.photos.insert(stamp.id, (stamp, key));
     }
 
     /// The keys in the order of the photos, each once.
-    pub(super) fn keys(&self) -> Vec<Key> {
+    pub(crate) fn keys(&self) -> Vec<Key> {
         let mut seen = HashSet::new();
         self.photos.values().map(|(_, key)| *key).filter(|key| seen.insert(*key)).collect()
     }
 
     /// The key of the photo with this frame number.
-    pub(super) fn key(&self, id: u64) -> Option<Key> {
+    pub(crate) fn key(&self, id: u64) -> Option<Key> {
         self.photos.get(&id).map(|(_, key)| *key)
     }
 
     /// The stamp of the photo that was taken last.
-    pub(super) fn last(&self) -> Option<Stamp> {
+    pub(crate) fn last(&self) -> Option<Stamp> {
         self.photos.values().next_back().map(|(stamp, _)| *stamp)
     }
 
@@ -66,7 +66,7 @@ impl CaptureOrder {
     /// followed by a gap, the missing photo is assumed to be the one that was lost there, because a repeated
     /// run asks for its photos in the order in which they were taken. Any other photo is new and comes after
     /// all others.
-    pub(super) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
+    pub(crate) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
         let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);
         if let Some(id) = lost {
             let before = self.photos.range(..id).next_back().map(|(_, (stamp, _))| *stamp);

@@ -16,7 +16,7 @@ use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
 /// The metadata of a photo, which is stored beside its counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct PhotoMetadata {
+pub(crate) struct PhotoMetadata {
     /// The key of the frame that was shown.
     pattern: String,
     take: u32,
@@ -26,17 +26,17 @@ pub(super) struct PhotoMetadata {
     exposure: f64,
     resolution: Resolution,
     channels: usize,
-    pub(super) id: u64,
+    pub(crate) id: u64,
     #[serde(with = "exact")]
     started: f64,
     /// The time of day of the photo, in seconds since 1970.
     at: u64,
     /// The costs of the session up to this photo.
-    pub(super) effort: Effort,
+    pub(crate) effort: Effort,
 }
 
 impl PhotoMetadata {
-    pub(super) fn new(request: &CaptureRequest, pattern: Key, frame: &RawFrame, effort: Effort) -> Self {
+    pub(crate) fn new(request: &CaptureRequest, pattern: Key, frame: &RawFrame, effort: Effort) -> Self {
         Self {
             pattern: pattern.to_string(),
             take: request.take,
@@ -51,24 +51,24 @@ impl PhotoMetadata {
         }
     }
 
-    pub(super) fn of(entry: &Entry) -> Option<Self> {
+    pub(crate) fn of(entry: &Entry) -> Option<Self> {
         (entry.kind == Kind::Photo).then(|| Self::parse(&entry.metadata)).flatten()
     }
 
-    pub(super) fn parse(metadata: &[u8]) -> Option<Self> {
+    pub(crate) fn parse(metadata: &[u8]) -> Option<Self> {
         serde_json::from_slice(metadata).ok()
     }
 
-    pub(super) fn encode(&self) -> Vec<u8> {
+    pub(crate) fn encode(&self) -> Vec<u8> {
         // Strings, integers and finite numbers can always be written as JSON.
         serde_json::to_vec(self).unwrap_or_default()
     }
 
-    pub(super) fn stamp(&self) -> Stamp {
+    pub(crate) fn stamp(&self) -> Stamp {
         Stamp { id: self.id, time: self.started + self.exposure }
     }
 
-    pub(super) fn frame(&self, payload: &[u8]) -> Option<RawFrame> {
+    pub(crate) fn frame(&self, payload: &[u8]) -> Option<RawFrame> {
         let counts = integers(payload)?;
         let frame = RawFrame {
             resolution: self.resolution,
@@ -93,7 +93,7 @@ pub struct JournaledPhoto {
 
 impl JournaledPhoto {
     /// Reads the photo with this key. `None` when its record or that of its pattern is damaged.
-    pub(super) fn read(journal: &mut Journal, key: Key) -> Result<Option<Self>> {
+    pub(crate) fn read(journal: &mut Journal, key: Key) -> Result<Option<Self>> {
         let Some(stored) = journal.get(key)? else { return Ok(None) };
         let note =
             PhotoMetadata::parse(&stored.metadata).ok_or_else(|| unknown_format(journal, "a photo"))?;
@@ -107,7 +107,7 @@ impl JournaledPhoto {
 }
 
 /// The error for a record that is intact, but not in the format of this version.
-pub(super) fn unknown_format(journal: &Journal, what: &str) -> Error {
+pub(crate) fn unknown_format(journal: &Journal, what: &str) -> Error {
     Error::Journal {
         path: journal.path().into(),
         fault: format!("the record of {what} is intact, but this version does not know its format"),
@@ -116,7 +116,7 @@ pub(super) fn unknown_format(journal: &Journal, what: &str) -> Error {
 }
 
 /// A frame as bytes: width, height and channels as 64-bit integers, then the levels as 16-bit integers.
-pub(super) fn encode_frame(frame: &Frame) -> Vec<u8> {
+pub(crate) fn encode_frame(frame: &Frame) -> Vec<u8> {
     let Resolution { width, height } = frame.resolution();
     let shape = [width as u64, height as u64, frame.channels() as u64];
     let mut bytes: Vec<u8> = shape.iter().flat_map(|side| side.to_le_bytes()).collect();
@@ -133,7 +133,7 @@ fn decode_frame(bytes: &[u8]) -> Option<Frame> {
     Frame::new(resolution, side(2)?, integers(bytes.get(24..)?)?).ok()
 }
 
-pub(super) fn encode_counts(frame: &RawFrame) -> Vec<u8> {
+pub(crate) fn encode_counts(frame: &RawFrame) -> Vec<u8> {
     frame.counts.iter().flat_map(|count| count.to_le_bytes()).collect()
 }
 
@@ -154,7 +154,7 @@ struct DeviceInfos {
     longest_exposure: f64,
 }
 
-pub(super) fn encode_devices(projector: &ProjectorInfo, camera: &CameraInfo) -> Vec<u8> {
+pub(crate) fn encode_devices(projector: &ProjectorInfo, camera: &CameraInfo) -> Vec<u8> {
     let [shortest_exposure, longest_exposure] = camera.exposures;
     let (projector, camera) = (projector.clone(), camera.clone());
     let frame_time = projector.frame_time;
@@ -163,7 +163,7 @@ pub(super) fn encode_devices(projector: &ProjectorInfo, camera: &CameraInfo) -> 
     serde_json::to_vec(&devices).unwrap_or_default()
 }
 
-pub(super) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)> {
+pub(crate) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)> {
     let devices: DeviceInfos = serde_json::from_slice(bytes).ok()?;
     let exposures = [devices.shortest_exposure, devices.longest_exposure];
     Some((
@@ -173,7 +173,7 @@ pub(super) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)
 }
 
 /// The sum of the costs of two sessions. `seconds` is the larger of the two, because the clock continues.
-pub(super) fn sum(first: &Effort, second: &Effort) -> Effort {
+pub(crate) fn sum(first: &Effort, second: &Effort) -> Effort {
     Effort {
         shown: first.shown + second.shown,
         taken: first.taken + second.taken,
@@ -194,11 +194,11 @@ pub(super) fn sum(first: &Effort, second: &Effort) -> Effort {
 mod exact {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
-    pub(super) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(value)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
         String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
     }
 }

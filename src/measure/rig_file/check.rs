@@ -8,21 +8,21 @@ use crate::measure::MeasureOptions;
 use crate::rig::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector, X11Spec};
 
 /// Checks the values of one file.
-pub(super) struct Check {
+pub(crate) struct Check {
     /// The path of the file.
-    pub(super) path: PathBuf,
+    pub(crate) path: PathBuf,
 }
 
-pub(super) type Checked = Result<(), Error>;
+pub(crate) type Checked = Result<(), Error>;
 
 impl Check {
     /// An error of the file.
-    pub(super) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
+    pub(crate) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
     }
 
     /// Checks that `value` lies from `low` to `high`. NaN does not.
-    pub(super) fn range(&self, key: &str, value: f64, low: f64, high: f64) -> Checked {
+    pub(crate) fn range(&self, key: &str, value: f64, low: f64, high: f64) -> Checked {
         if (low..=high).contains(&value) {
             return Ok(());
         }
@@ -30,7 +30,7 @@ impl Check {
         Err(self.fault(format!("{key} is {value}"), format!("give {range}")))
     }
 
-    pub(super) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
+    pub(crate) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
         values
             .iter()
             .try_for_each(|&(key, value, low, high)| self.range(&format!("{table}.{key}"), value, low, high))
@@ -56,7 +56,7 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn channels(&self, table: &str, channels: usize) -> Checked {
+    pub(crate) fn channels(&self, table: &str, channels: usize) -> Checked {
         if channels == 1 || channels == 3 {
             return Ok(());
         }
@@ -76,7 +76,7 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn projector(&self, spec: &VirtualProjector) -> Checked {
+    pub(crate) fn projector(&self, spec: &VirtualProjector) -> Checked {
         self.channels("projector", spec.channels)?;
         self.response("projector", spec.gamma, spec.curve.as_deref())?;
         self.ranges(
@@ -97,7 +97,7 @@ impl Check {
         self.pulse(&spec.pulse, spec.channels)
     }
 
-    pub(super) fn camera(&self, spec: &VirtualCamera) -> Checked {
+    pub(crate) fn camera(&self, spec: &VirtualCamera) -> Checked {
         self.channels("camera", spec.channels)?;
         self.response("camera", spec.gamma, spec.curve.as_deref())?;
         self.range("camera.bits", spec.bits.into(), 8.0, 16.0)?;
@@ -149,7 +149,7 @@ impl Check {
     }
 
     /// That colours that are mixed are there, and that each channel sees something.
-    pub(super) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
+    pub(crate) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
         let Some(matrix) = camera.crosstalk else { return Ok(()) };
         if (projector.channels, camera.channels) != (3, 3) {
             return Err(self.fault(
@@ -166,17 +166,17 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn ambient(&self, spec: &Ambient) -> Checked {
+    pub(crate) fn ambient(&self, spec: &Ambient) -> Checked {
         self.range("ambient.level", spec.level, 0.0, 1e6)?;
         self.wave("ambient", "variation", spec.variation, spec.period)
     }
 
-    pub(super) fn drift(&self, spec: &Drift) -> Checked {
+    pub(crate) fn drift(&self, spec: &Drift) -> Checked {
         self.range("drift.per_hour", spec.per_hour, -1e3, 1e3)?;
         self.wave("drift", "swing", spec.swing, spec.period)
     }
 
-    pub(super) fn faults(&self, spec: &Faults) -> Checked {
+    pub(crate) fn faults(&self, spec: &Faults) -> Checked {
         let shares = [
             ("dropped", spec.dropped, 0.0, 1.0),
             ("repeated", spec.repeated, 0.0, 1.0),
@@ -194,7 +194,7 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn x11(&self, spec: &X11Spec) -> Checked {
+    pub(crate) fn x11(&self, spec: &X11Spec) -> Checked {
         self.channels("projector", spec.channels)?;
         for side in spec.size.into_iter().chain(spec.monitor_size.into_iter().flatten()) {
             self.range("projector.size", side as f64, 1.0, 16384.0)?;
@@ -209,7 +209,7 @@ impl Check {
         )
     }
 
-    pub(super) fn measurement(&self, options: &MeasureOptions) -> Checked {
+    pub(crate) fn measurement(&self, options: &MeasureOptions) -> Checked {
         for &exposure in &options.exposures {
             self.range("measurement.exposures", exposure, 1e-9, 1e6)?;
         }

@@ -7,7 +7,7 @@ use crate::rig::{CameraSpec, Gphoto2Spec, ProgramRig, V4lSpec};
 
 impl Check {
     /// Checks the description of the devices of a program.
-    pub(super) fn program(&self, rig: &ProgramRig) -> Checked {
+    pub(crate) fn program(&self, rig: &ProgramRig) -> Checked {
         let (projector, camera) = (&rig.projector, &rig.camera);
         for (table, size, channels, bits) in [
             ("projector", projector.size, projector.channels, projector.bits),
@@ -22,7 +22,7 @@ impl Check {
         self.times(camera.exposures, 0.0)
     }
 
-    pub(super) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
+    pub(crate) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
         match spec {
             CameraSpec::Gige(spec) => {
                 // From the least that every network carries to the largest datagram.

@@ -5,7 +5,7 @@ use crate::rig::{Pulse, Splitter, VirtualCamera, VirtualProjector};
 
 impl Check {
     /// Checks the way of the light: projector, camera, and what is between them.
-    pub(super) fn between(
+    pub(crate) fn between(
         &self,
         projector: &VirtualProjector,
         camera: &VirtualCamera,
@@ -24,7 +24,7 @@ impl Check {
     }
 
     /// Checks the pulses of a projector with this many channels.
-    pub(super) fn pulse(&self, pulse: &Pulse, channels: usize) -> Checked {
+    pub(crate) fn pulse(&self, pulse: &Pulse, channels: usize) -> Checked {
         self.range("projector.pulse.period", pulse.period, 0.0, 60.0)?;
         self.range("projector.pulse.duty", pulse.duty, 1e-3, 1.0)?;
         if pulse.wheel && channels != 3 {

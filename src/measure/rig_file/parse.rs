@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::rig::nearest::nearest;
 
 /// Parses `text`, the content of the file at `path`.
-pub(super) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, Error> {
+pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, Error> {
     toml::from_str(text).map_err(|error| explain(path, text, &error))
 }
 
