@@ -3,11 +3,14 @@
 //! The rows are summed up as normal equations, because a fit can have a row for every pixel of a camera: a QR factorization would have
 //! to hold them all.
 
+use std::collections::BTreeMap;
+
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Col, Mat, Side};
 
 use crate::error::{Error, Result};
+use crate::measure::lens_map::PARAMETERS;
 
 /// A smaller pivot of the scaled matrix is no more than rounding.
 const SMALLEST_PIVOT: f64 = 1e-13;
@@ -93,6 +96,67 @@ impl Normal {
     }
 }
 
+// Isotonic regression: the ascending curve that is nearest to noisy data.
+
+/// The ascending sequence that is nearest to `values` in the weighted mean square, by the
+/// pool-adjacent-violators algorithm.
+pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
+    let mut pools: Vec<(f64, f64, usize)> = Vec::new();
+    for (&value, &weight) in values.iter().zip(weights) {
+        let mut pool = (value, weight, 1);
+        while let Some(&(before, weight, length)) = pools.last() {
+            if before <= pool.0 {
+                break;
+            }
+            pools.pop();
+            let total = weight + pool.1;
+            pool = ((before * weight + pool.0 * pool.1) / total, total, length + pool.2);
+        }
+        pools.push(pool);
+    }
+    pools.iter().flat_map(|&(value, _, length)| std::iter::repeat_n(value, length)).collect()
+}
+
+// The covariance of a fitted map whose residuals come in groups that err alike (a cluster-robust covariance).
+
+/// The gradients of all residuals, summed by group: those of one column or row of the projector's pixels.
+#[derive(Default)]
+pub(crate) struct Clusters(BTreeMap<(usize, u64), [f64; PARAMETERS]>);
+
+impl Clusters {
+    /// Adds a residual with its derivatives by the parameters to the group of this axis and key.
+    pub(crate) fn add(&mut self, group: (usize, u64), slopes: &[f64; PARAMETERS], weighted_residual: f64) {
+        let pull = self.0.entry(group).or_insert([0.0; PARAMETERS]);
+        pull.iter_mut().zip(slopes).for_each(|(pull, slope)| *pull += weighted_residual * slope);
+    }
+
+    /// The covariance of the parameters, row by row: the squares of what each group moves them by. `inverse` is that of the normal equations.
+    pub(crate) fn covariance(&self, inverse: &[f64]) -> Vec<f64> {
+        let mut covariance = vec![0.0; PARAMETERS * PARAMETERS];
+        for pull in self.0.values() {
+            let shift = times(inverse, pull);
+            for (i, row) in covariance.chunks_exact_mut(PARAMETERS).enumerate() {
+                row.iter_mut().zip(&shift).for_each(|(entry, other)| *entry += shift[i] * other);
+            }
+        }
+        covariance
+    }
+}
+
+/// `aᵀ M a` for a square matrix.
+pub(crate) fn form(matrix: &[f64], a: &[f64; PARAMETERS]) -> f64 {
+    a.iter().zip(times(matrix, a)).map(|(a, b)| a * b).sum()
+}
+
+/// The product of a square matrix with a vector.
+fn times(matrix: &[f64], vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
+    let mut product = [0.0; PARAMETERS];
+    for (value, row) in product.iter_mut().zip(matrix.chunks_exact(PARAMETERS)) {
+        *value = row.iter().zip(vector).map(|(a, x)| a * x).sum();
+    }
+    product
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -119,5 +183,27 @@ mod tests {
         let mut normal = Normal::new(2);
         normal.add_full(&[1.0, 2.0], 3.0, 1.0);
         assert!(normal.solve().is_err());
+    }
+
+    #[test]
+    fn neighbours_out_of_order_are_replaced_by_their_weighted_mean() {
+        assert_eq!(ascending(&[1.0, 3.0, 2.0, 4.0], &[1.0, 1.0, 3.0, 1.0]), [1.0, 2.25, 2.25, 4.0]);
+        assert_eq!(ascending(&[3.0, 2.0, 1.0], &[1.0; 3]), [2.0; 3]);
+    }
+
+    #[test]
+    fn residuals_of_one_group_add_before_they_are_squared() {
+        let mut identity = vec![0.0; PARAMETERS * PARAMETERS];
+        (0..PARAMETERS).for_each(|i| identity[i * PARAMETERS + i] = 1.0);
+        let mut first = [0.0; PARAMETERS];
+        first[0] = 1.0;
+        let [mut together, mut apart] = [Clusters::default(), Clusters::default()];
+        for number in 0..4 {
+            together.add((0, 7), &first, 0.5);
+            apart.add((0, number), &first, 0.5);
+        }
+        // (4 · ½)² and 4 · (½)².
+        assert_eq!(form(&together.covariance(&identity), &first), 4.0);
+        assert_eq!(form(&apart.covariance(&identity), &first), 1.0);
     }
 }

@@ -4,8 +4,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::clusters::{Clusters, form};
-use super::least_squares::Normal;
+use super::least_squares::{Clusters, Normal, form};
 use crate::error::{Error, Result};
 use crate::image::{Resolution, percentile};
 use crate::measure::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};

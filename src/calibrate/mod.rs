@@ -15,49 +15,34 @@
 //! [`map_check`](map_check()) tests a known pixel map.
 
 mod camera;
-mod camera_model;
-mod checkerboard;
-mod clusters;
-mod comparison;
 mod displacement;
 mod exposure;
-mod gray_code;
-mod isotonic;
-mod latency;
+mod flat_field;
 mod least_squares;
-mod linear;
 mod map_check;
 mod map_fit;
-mod measured_value;
 mod pixel_map;
 mod ramp;
-mod reciprocity;
 mod report;
 mod response;
-mod saturation;
 mod session;
-mod sheet;
-mod stability;
 mod stripe_fit;
 mod structured_light;
-mod summary;
-mod transfer;
 
 pub use displacement::Displacement;
 pub use exposure::WhiteExposure;
-pub use gray_code::{Decoded, DecodedPixel, Stripes};
+pub use flat_field::flat_field_of_sheet;
 pub use map_check::map_check;
 pub use map_fit::Fit;
-pub use measured_value::MeasuredValue;
-pub use report::{CalibrationReport, CameraFigures, MapBy, MapFigures, ProjectorFigures, StabilityFigures};
-pub use sheet::flat_field_of_sheet;
-pub use structured_light::StructuredLight;
+pub use report::{
+    CalibrationReport, CameraFigures, MapBy, MapFigures, MeasuredValue, ProjectorFigures, StabilityFigures,
+};
+pub use structured_light::{Decoded, DecodedPixel, Stripes, StructuredLight};
 
 use std::ops::ControlFlow;
 
-use camera_model::CameraModel;
 use ramp::Ramp;
-use session::CalibrationSession;
+use session::{CalibrationSession, CameraModel};
 
 use crate::error::{Error, Result};
 use crate::measure::{Calibration, CameraResponse, FlatField, FrameSource, Stability};
@@ -103,13 +88,13 @@ pub fn calibrate(
         ControlFlow::Break(()) => Err(Error::Interrupted),
     };
     let mut session = CalibrationSession::new(frames);
-    session.set_settle(latency::CAREFUL);
+    session.set_settle(session::CAREFUL);
     let white = session.filled(session.top());
     step("exposure")?;
     let exposure = exposure::fill(&mut session, &white)?;
     step("latency")?;
     let short = session.allowed(0.25 * exposure);
-    let latency = latency::latency(&mut session, short)?;
+    let latency = session::latency(&mut session, short)?;
     let settle = latency.settle.value * SETTLE_MARGIN;
     session.set_settle(settle);
     step("camera")?;
@@ -133,13 +118,13 @@ pub fn calibrate(
     let curves: Vec<Vec<f64>> = ramps.iter().map(|ramp| ramp.curve.clone()).collect();
     let ratio = if options.coaxial {
         step("flat field")?;
-        Some(reciprocity::ratio(&mut session, &model, &curves, (&registration, map.error))?)
+        Some(flat_field::ratio(&mut session, &model, &curves, (&registration, map.error))?)
     } else {
         None
     };
     let whites = ramps.iter().map(|ramp| ramp.whites.as_slice()).collect::<Vec<_>>();
     let white_error = ramps.iter().map(|ramp| ramp.white_error).fold(0.0, f64::max);
-    let drift_per_hour = stability::drift_per_hour(whites[0], white_error)?;
+    let drift_per_hour = ramp::drift_per_hour(whites[0], white_error)?;
     let watched =
         whites[0].last().map_or(0.0, |last| last.0) - whites[0].first().map_or(0.0, |first| first.0);
     let calibration = Calibration {

@@ -13,10 +13,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::clusters::{Clusters, form};
-use super::gray_code::{Decoded, SIGMAS, gray_bit};
-use super::least_squares::Normal;
+use super::least_squares::{Clusters, Normal, form};
 use super::map_fit::{Fit, weight};
+use super::structured_light::{Decoded, SIGMAS, gray_bit};
 use crate::error::Result;
 use crate::image::{Resolution, percentile};
 use crate::measure::footprint::{area, corners, overlapped};
@@ -203,9 +202,9 @@ fn product(a: &[f64; PLANES], b: &[f64; PLANES]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::gray_code::Stripes;
     use super::super::map_fit::fit;
     use super::*;
+    use crate::calibrate::structured_light::Stripes;
     use crate::measure::lens_map::Match;
 
     fn truth() -> LensMap {
