@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn the_noise_of_white_is_that_of_electrons_and_of_reading_relative_to_its_light() {
         let white = RawFrame {
-            resolution: crate::image::Resolution::new(2, 2),
+            resolution: Resolution::new(2, 2),
             channels: 1,
             // One pixel is below black, which counts as no light.
             counts: vec![410, 810, 1210, 5],

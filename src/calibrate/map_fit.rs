@@ -8,7 +8,7 @@ use super::least_squares::{Clusters, Normal, form};
 use crate::error::{Error, Result};
 use crate::image::{Resolution, percentile};
 use crate::measure::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};
-use crate::measure::pixel_ratio;
+use crate::measure::sight;
 
 /// The number of quadruples that RANSAC tries.
 const TRIALS: usize = 400;
@@ -83,8 +83,7 @@ pub(crate) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
 
 /// The error that no map fits: only `count` points agree.
 pub(crate) fn no_map(count: usize, camera: Resolution, projector: Resolution) -> Error {
-    let coarse =
-        pixel_ratio::too_few(camera, projector).map(|found| (format!(": {}", found.found), found.help));
+    let coarse = sight::too_few(camera, projector).map(|found| (format!(": {}", found.found), found.help));
     let (because, help) = coarse.unwrap_or_else(|| {
         (
             String::new(),

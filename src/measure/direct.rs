@@ -18,15 +18,12 @@
 
 use std::sync::Arc;
 
-use super::ambient::BlackPhotos;
-use super::blur_doubt::{BlurDoubt, wider};
 use super::calibration::Registration;
-use super::direct_fit::{DirectFit, without_mean};
-use super::hdr::RateFrame;
-use super::photo::Plane;
+use super::direct_fit::{BlurDoubt, DirectFit, wider, without_mean};
+use super::hdr::{BlackPhotos, RateFrame};
+use super::photos::Plane;
 use super::registration::combine;
-use super::rows::{Entry, merged};
-use super::spread::Spread;
+use super::spread::{Entry, Spread, merged};
 use crate::image::Blur;
 
 /// The widest blur that is considered, in pixels, as a standard deviation. It must be narrower than the squares.

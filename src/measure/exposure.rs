@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
-use super::averaging::{AveragedExposure, average};
 use super::frame_source::FrameSource;
+use super::hdr::{AveragedExposure, average};
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::rig::Frame;

@@ -12,17 +12,15 @@
 
 use std::sync::Arc;
 
-use super::bit_planes::decompose;
 use super::direct::{DirectLight, DirectPhotos};
 use super::direct_patterns::DirectPatterns;
-use super::display::Displayed;
+use super::display::{Displayed, decompose};
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
-use super::noise::NoisePrediction;
 use super::options::DirectBy;
-use super::photo::{Photo, Plane};
+use super::photos::{Photo, Plane};
 use super::registration::combine;
-use super::signed::Signed;
+use super::signed::{NoisePrediction, Signed};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 use crate::transport::Part;

@@ -4,10 +4,9 @@
 //! Linear combinations of photos are formed at the same time, because only then the noise that they share is
 //! known exactly.
 
-use super::ambient::BlackPhotos;
 use super::calibration::Registration;
-use super::hdr::RateFrame;
-use super::photo::Plane;
+use super::hdr::{BlackPhotos, RateFrame};
+use super::photos::Plane;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};

@@ -1,7 +1,7 @@
 //! The checks of an audit, one function each.
 
-use super::subject::Seen;
 use crate::analysis::Crosstalk;
+use crate::bench::audit::Seen;
 use crate::finding::{Finding, Grade, Ratio};
 
 /// A pixel is in shadow if less than this share of its light under white is direct.

@@ -30,16 +30,10 @@
 //! ```
 
 mod brightness;
-mod calibration;
-mod colours;
 mod devices;
-mod disk;
-mod ghost;
-mod light;
 mod photos;
 mod picture;
 mod probe;
-mod sequence;
 pub mod thresholds;
 mod timing;
 
@@ -48,7 +42,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 pub use crate::finding::{Finding, Findings, Grade};
-use crate::measure::{Calibration, FrameSource, RigFile, pixel_ratio};
+use crate::measure::{Calibration, FrameSource, RigFile, sight};
 use crate::rig::Helper;
 use photos::{Seen, Setup};
 use probe::Probe;
@@ -94,14 +88,14 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
     let file = rig.file;
     recorder.add(devices::file(file))?;
     let [camera, projector] = [file.kind.camera_info().resolution, file.kind.projector_info().resolution];
-    if let Some(finding) = pixel_ratio::too_few(camera, projector) {
+    if let Some(finding) = sight::too_few(camera, projector) {
         recorder.add(finding)?;
     }
-    recorder.add(disk::space(rig.folder, &file.kind.camera_info()))?;
+    recorder.add(devices::space(rig.folder, &file.kind.camera_info()))?;
     if !devices::devices(&file.kind, rig.helper, recorder)? {
         return Ok(false);
     }
-    let known = calibration::calibration(file, recorder)?;
+    let known = devices::calibration(file, recorder)?;
     let mut frames = match (rig.open)() {
         Ok(frames) => frames,
         Err(error) => return recorder.failure("session", error),
@@ -131,7 +125,7 @@ fn map(
     recorder: &mut Recorder<'_, '_>,
 ) -> Result<()> {
     let because = match (seen.settled, seen.in_range) {
-        (true, true) => return calibration::pixel_map(setup.known, frames, seen.exposure, recorder),
+        (true, true) => return devices::pixel_map(setup.known, frames, seen.exposure, recorder),
         (false, _) => "the light of a frame has not settled in its photo",
         (true, false) => "white is saturated",
     };
@@ -191,7 +185,7 @@ fn imperfections(
     timing::pulses(&mut probe, recorder)?;
     timing::shutter(&mut probe, setup.settle, recorder)?;
     picture::picture(&mut probe, recorder)?;
-    colours::colours(&mut probe, recorder)
+    brightness::colours(&mut probe, recorder)
 }
 
 /// Keeps the findings, and reports each.

@@ -4,8 +4,7 @@ use super::probe::{Probe, average};
 use super::thresholds::{PULSES, PULSES_UNCALIBRATED, ROLLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
-use crate::finding::Ratio;
-use crate::finding::decimal;
+use crate::finding::{Ratio, decimal};
 
 /// Exposures in refreshes of the projector that are not whole multiples of it, or of its usual parts.
 const EXPOSURES: [f64; 3] = [0.63, 1.37, 1.63];
@@ -138,8 +137,8 @@ fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
 mod tests {
     use std::ops::ControlFlow;
 
-    use super::super::sequence::take;
     use super::*;
+    use crate::bench::rig_check::probe::take;
     use crate::image::Resolution;
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::check::Check;
 use crate::error::Error;
 use crate::image::Resolution;
+use crate::measure::rig_file::check::Check;
 use crate::render::MAX_BOUNCES;
 use crate::rig::VirtualScene;
 

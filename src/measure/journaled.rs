@@ -1,14 +1,10 @@
 //! Journaled raw frames: each frame is written to disk before it is used, and is never taken twice.
 
-mod order;
-mod photo;
-
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
-use order::CaptureOrder;
-pub use photo::JournaledPhoto;
-use photo::PhotoMetadata;
-
+pub use super::journal_records::JournaledPhoto;
+use super::journal_records::{self, PhotoMetadata};
 use super::{CaptureRequest, Effort, FrameSource};
 use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
@@ -54,7 +50,7 @@ impl<'a> JournaledFrames<'a> {
             None => {
                 let after = CaptureOrder::of(&journal).last();
                 let inner = opener(after)?;
-                let devices = photo::encode_devices(inner.projector(), inner.camera());
+                let devices = journal_records::encode_devices(inner.projector(), inner.camera());
                 journal.note(DEVICES, &devices)?;
                 (devices, Some((inner, after)))
             }
@@ -80,8 +76,8 @@ impl<'a> JournaledFrames<'a> {
     }
 
     fn with(journal: Journal, devices: &[u8], opener: Option<Opener<'a>>) -> Result<Self> {
-        let (projector, camera) =
-            photo::decode_devices(devices).ok_or_else(|| photo::unknown_format(&journal, "the devices"))?;
+        let (projector, camera) = journal_records::decode_devices(devices)
+            .ok_or_else(|| journal_records::unknown_format(&journal, "the devices"))?;
         let (order, effort) = (CaptureOrder::of(&journal), Effort::default());
         Ok(Self {
             journal,
@@ -133,9 +129,10 @@ impl<'a> JournaledFrames<'a> {
         self.journal.damages()[known..].iter().for_each(&mut self.report);
         let Some(stored) = stored else { return Ok(None) };
         let note = PhotoMetadata::parse(&stored.metadata)
-            .ok_or_else(|| photo::unknown_format(&self.journal, "a photo"))?;
-        let frame =
-            note.frame(&stored.payload).ok_or_else(|| photo::unknown_format(&self.journal, "a photo"))?;
+            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
+        let frame = note
+            .frame(&stored.payload)
+            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
         self.last = Some(note.stamp());
         self.effort.replayed += 1;
         Ok(Some(frame))
@@ -157,7 +154,7 @@ impl<'a> JournaledFrames<'a> {
             Some((inner, stamp)) if stamp == after => inner,
             other => {
                 if let Some((inner, _)) = &other {
-                    self.effort = photo::sum(&self.effort, &inner.effort());
+                    self.effort = journal_records::sum(&self.effort, &inner.effort());
                 }
                 // The old rig is closed before the new one is opened.
                 drop(other);
@@ -177,8 +174,8 @@ impl<'a> JournaledFrames<'a> {
     fn open(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> {
         let Some(opener) = &mut self.opener else { return Err(self.missing(request)) };
         let mut inner = opener(after)?;
-        let found = photo::encode_devices(inner.projector(), inner.camera());
-        if found != photo::encode_devices(&self.projector, &self.camera) {
+        let found = journal_records::encode_devices(inner.projector(), inner.camera());
+        if found != journal_records::encode_devices(&self.projector, &self.camera) {
             return Err(Error::Rig {
                 device: "rig".into(),
                 fault: format!(
@@ -233,7 +230,7 @@ impl FrameSource for JournaledFrames<'_> {
     }
 
     fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
-        let pattern = photo::encode_frame(&request.frame);
+        let pattern = journal_records::encode_frame(&request.frame);
         let key = self.key(request, &pattern);
         if let Some(frame) = self.replayed(key)? {
             self.repair_pattern(&pattern)?;
@@ -249,7 +246,7 @@ impl FrameSource for JournaledFrames<'_> {
         frame.check()?;
         let pattern = self.journal.pattern(&pattern)?;
         let note = PhotoMetadata::new(request, pattern, &frame, self.effort());
-        self.journal.append(Kind::Photo, key, &note.encode(), &photo::encode_counts(&frame))?;
+        self.journal.append(Kind::Photo, key, &note.encode(), &journal_records::encode_counts(&frame))?;
         self.order.insert(stamp, key);
         self.last = Some(stamp);
         Ok(frame)
@@ -264,7 +261,7 @@ impl FrameSource for JournaledFrames<'_> {
 
     fn effort(&self) -> Effort {
         match &self.inner {
-            Some((inner, _)) => photo::sum(&self.effort, &inner.effort()),
+            Some((inner, _)) => journal_records::sum(&self.effort, &inner.effort()),
             None => self.effort,
         }
     }
@@ -273,4 +270,84 @@ impl FrameSource for JournaledFrames<'_> {
 fn mean(frame: &Arc<Frame>) -> f64 {
     let levels = frame.levels();
     levels.iter().map(|&level| f64::from(level)).sum::<f64>() / levels.len() as f64
+}
+
+// The order in which the photos of a journal were taken, and the places of lost photos in it.
+
+/// The photos of a journal, ordered by the camera's frame number.
+pub(crate) struct CaptureOrder {
+    /// All photos whose stamp is known, including those whose content is damaged.
+    photos: BTreeMap<u64, (Stamp, Key)>,
+    /// The places where records were lost that may have been photos: the frame number before the gap (`None`
+    /// at the beginning), and the one after it.
+    gaps: Vec<(Option<u64>, u64)>,
+}
+
+impl CaptureOrder {
+    pub(crate) fn of(journal: &Journal) -> Self {
+        let note = |entry| PhotoMetadata::of(entry).map(|note| (note.stamp(), entry.key));
+        let photos: Vec<(u64, Stamp, Key)> = journal
+            .entries()
+            .iter()
+            .filter(|entry| entry.kind == Kind::Photo)
+            .filter_map(|entry| note(entry).map(|(stamp, key)| (entry.offset, stamp, key)))
+            .collect();
+        let lost = journal.damages().iter().filter(|damage| damage.entry.is_none());
+        let gaps = lost.filter_map(|damage| {
+            let before = photos.iter().rfind(|(offset, ..)| *offset < damage.offset);
+            let from = before.map(|(_, stamp, _)| stamp.id);
+            let later = photos.iter().filter(|(offset, stamp, _)| {
+                *offset > damage.offset && from.is_none_or(|from| stamp.id > from)
+            });
+            // A lost record at the end makes no gap: the next photo comes after it in any case.
+            Some((from, later.map(|(_, stamp, _)| stamp.id).next()?))
+        });
+        let gaps = gaps.collect();
+        Self { photos: photos.into_iter().map(|(_, stamp, key)| (stamp.id, (stamp, key))).collect(), gaps }
+    }
+
+    /// Adds a photo.
+    pub(crate) fn insert(&mut self, stamp: Stamp, key: Key) {
+        self.photos.insert(stamp.id, (stamp, key));
+    }
+
+    /// The keys in the order of the photos, each once.
+    pub(crate) fn keys(&self) -> Vec<Key> {
+        let mut seen = HashSet::new();
+        self.photos.values().map(|(_, key)| *key).filter(|key| seen.insert(*key)).collect()
+    }
+
+    /// The key of the photo with this frame number.
+    pub(crate) fn key(&self, id: u64) -> Option<Key> {
+        self.photos.get(&id).map(|(_, key)| *key)
+    }
+
+    /// The stamp of the photo that was taken last.
+    pub(crate) fn last(&self) -> Option<Stamp> {
+        self.photos.values().next_back().map(|(stamp, _)| *stamp)
+    }
+
+    /// The place of a missing photo: the stamp of the photo before it, and the frame number that it must stay
+    /// below. `last` is the photo that was returned last.
+    ///
+    /// A photo whose record is damaged but whose stamp is known comes after the photo before it. If `last` is
+    /// followed by a gap, the missing photo is assumed to be the one that was lost there, because a repeated
+    /// run asks for its photos in the order in which they were taken. Any other photo is new and comes after
+    /// all others.
+    pub(crate) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
+        let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);
+        if let Some(id) = lost {
+            let before = self.photos.range(..id).next_back().map(|(_, (stamp, _))| *stamp);
+            let after = self.photos.range(id + 1..).next().map(|(&id, _)| id);
+            return (before, after);
+        }
+        let here = last.map(|stamp| stamp.id);
+        let next = match here {
+            Some(id) => self.photos.range(id + 1..).next(),
+            None => self.photos.iter().next(),
+        };
+        let next = next.map(|(&id, _)| id);
+        let in_gap = self.gaps.iter().any(|&(from, to)| from <= here && Some(to) == next);
+        if in_gap { (last, next) } else { (self.last(), None) }
+    }
 }

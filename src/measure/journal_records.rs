@@ -8,10 +8,10 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
+use super::{CaptureRequest, Effort};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::journal::{Entry, Journal, Key, Kind};
-use crate::measure::{CaptureRequest, Effort};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
 /// The metadata of a photo, which is stored beside its counts.
