@@ -93,13 +93,15 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, paint, verbs, lab, report, analysis, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
+//! cli       → paper, paint, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
 //! paint     → verbs, lab, report, analysis, transport, krylov, io, sparse, operator, image, error
-//! paper     → verbs, lab, report, analysis, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
+//! paper     → verbs, lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
 //! verbs     → lab, report, analysis, transport, krylov, io, operator, finding, image, error
-//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
-//! report    → analysis, measure, rig, krylov, io, finding, image, file, error
+//! lab       → report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
+//! report    → bench, analysis, calibrate, measure, rig, krylov, io, finding, image, file, error
+//! bench     → analysis, calibrate, measure, rig, io, operator, finding, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
+//! calibrate → measure, rig, transport, finding, image, error
 //! cache     → transport, render, scene, gpu, io, image, file, error
 //! measure   → rig, transport, render, io, operator, journal, finding, image, file, error
 //! rig       → transport, image, machine, error
@@ -123,7 +125,9 @@
 //! <!-- rooms: end -->
 
 pub mod analysis;
+pub mod bench;
 pub mod cache;
+pub mod calibrate;
 pub mod cli;
 pub mod error;
 mod file;

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use krylux::analysis::audit::Audit;
+use krylux::bench::audit::Audit;
 use krylux::finding::Finding;
 use krylux::krylov::{Method, Solution};
 use krylux::lab::{

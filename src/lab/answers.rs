@@ -1,7 +1,7 @@
 //! What can be saved: the answers of the Krylov methods and of the analyses, as a run's folder holds them.
 
 use super::{Answer, Lab, RunFolder};
-use crate::analysis::audit::Audit;
+use crate::bench::audit::Audit;
 use crate::error::Result;
 use crate::finding::Finding;
 use crate::report;

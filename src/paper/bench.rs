@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::figure::{Content, Panel, Rig};
+use crate::calibrate::CalibrateOptions;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
-use crate::measure::calibrate::CalibrateOptions;
 use crate::measure::{Calibration, RigFile, RigKind};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;

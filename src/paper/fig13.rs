@@ -6,8 +6,9 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::norm;
 use crate::lab::Lab;
-use crate::measure::bit_planes::{amplification, weights};
-use crate::measure::{Calibration, MeasureOptions, RigFile, RigKind};
+use crate::measure::{
+    Calibration, MeasureOptions, RigFile, RigKind, bit_plane_amplification, bit_plane_weights,
+};
 use crate::report::plot::Series;
 use crate::rig::VirtualRig;
 
@@ -66,7 +67,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         Ok(error(&take(&read_only, planes, DIM)?, &take(&silent, planes, DIM)?))
     };
     let grown = noise(PLANES)? / noise(1)?;
-    let predicted = amplification(&weights(PLANES, 1.0));
+    let predicted = bit_plane_amplification(&bit_plane_weights(PLANES, 1.0));
     let least = |curve: &[(f64, f64)]| {
         curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::NAN, |&(planes, _)| planes)
     };

@@ -1,6 +1,6 @@
 //! Picture of one alignment round: the photo, its shadows, and arrows for displaced cells.
 
-use crate::analysis::align::{Alignment, Sight};
+use crate::bench::align::{Alignment, Sight};
 use crate::image::Resolution;
 use crate::io::raster::Raster;
 use crate::io::raster::encode_srgb;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use crate::analysis::audit::AuditOptions;
 use crate::analysis::segment::segment;
 use crate::analysis::{Cut, SegmentOptions};
+use crate::bench::audit::AuditOptions;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::norm;

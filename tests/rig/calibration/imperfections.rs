@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use krylux::Error;
+use krylux::bench::rig_check::{self, Finding, Grade, RigToCheck};
 use krylux::image::Resolution;
-use krylux::measure::rig_check::{self, Finding, Grade, RigToCheck};
 use krylux::measure::{FrameSource, LiveFrames, RigFile, RigKind};
 use krylux::rig::{Iris, Pulse, Splitter, VirtualProjector, VirtualRig};
 

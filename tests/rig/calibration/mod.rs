@@ -7,8 +7,8 @@ pub mod scene;
 
 use std::ops::ControlFlow;
 
+use krylux::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
 use krylux::image::Resolution;
-use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
 use krylux::measure::{Calibration, LiveFrames};
 use krylux::rig::VirtualRig;
 use scene::Folded;
