@@ -223,6 +223,13 @@ class Separation(Answer):
         Whether the error is as small as was asked for.
     """
 
+    standard_error = global_error = truth = second = rest = near = far = None
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        self.error = facts["relative_error"]
+        self.near_noise, self.near_error = facts["near_indirect_noise"], facts["near_indirect_error"]
+
     def _repr_html_(self):
         pictures = [
             _display.image(_display.light(picture), caption)

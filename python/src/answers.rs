@@ -7,7 +7,7 @@ use krylux::finding::Finding;
 use krylux::krylov::{Eigs, Method, Singular, Solution};
 use krylux::lab::{
     CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Relighting, Saved,
-    Separated, SingularTriplets, Solved, Verified, VerifiedCompensation, VerifiedEigenpairs,
+    SingularTriplets, Solved, Verified, VerifiedCompensation, VerifiedEigenpairs,
 };
 use krylux::transport::Part;
 use pyo3::prelude::*;
@@ -24,7 +24,6 @@ pub(crate) enum Kept {
     Probe(ProbedLight),
     Relight(Box<Relighting>),
     Asked(Box<dyn krylux::lab::Answer + Send>),
-    Separate(Box<Separated>),
     Singular { found: Box<Singular>, wanted: usize },
     Solve { found: Box<Solution>, method: Method },
 }
@@ -42,7 +41,6 @@ impl Kept {
             Self::Probe(found) => work(found),
             Self::Relight(found) => work(&**found),
             Self::Asked(found) => work(&**found),
-            Self::Separate(found) => work(&**found),
             Self::Singular { found, wanted } => work(&SingularTriplets { found, wanted: *wanted }),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
         }
@@ -90,7 +88,6 @@ impl Answer {
                 lab.verify_compensation(&answer.found)?.map(of_compensation)
             }
             Kept::Relight(found) => lab.verify_relighting(found)?.map(Verified::from),
-            Kept::Separate(found) => lab.verify_separation(found)?.map(Verified::from),
             _ => None,
         })
     }
@@ -104,7 +101,6 @@ impl Answer {
             Kept::Probe(_) => "probe",
             Kept::Relight(_) => "relight",
             Kept::Asked(found) => found.verb(),
-            Kept::Separate(_) => "separate",
             Kept::Solve { .. } => "solve",
         }
     }

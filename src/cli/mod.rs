@@ -35,7 +35,6 @@ mod reproduce;
 mod rig;
 mod rig_info;
 mod runs;
-mod separate;
 mod singular;
 mod solve;
 mod team;
@@ -50,7 +49,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::Segment;
+use crate::verbs::{Segment, Separate};
 use console::Console;
 use options::GlobalArgs;
 
@@ -71,7 +70,7 @@ enum Verb {
     Photo(photo::Args),
     Segment(asked::Asked<Segment>),
     Compensate(compensate::Args),
-    Separate(separate::Args),
+    Separate(asked::Asked<Separate>),
     Relight(relight::Args),
     Paint(paint::Args),
     Probe(probe::Args),
@@ -136,7 +135,7 @@ pub fn main() -> ExitCode {
         Verb::Photo(args) => photo::run(args, &console),
         Verb::Segment(args) => args.run(&console),
         Verb::Compensate(args) => compensate::run(args, &console),
-        Verb::Separate(args) => separate::run(args, &console),
+        Verb::Separate(args) => args.run(&console),
         Verb::Relight(args) => relight::run(args, &console),
         Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),

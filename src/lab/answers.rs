@@ -11,7 +11,6 @@ use crate::report::eigenpairs::Eigenpairs;
 use crate::report::probing::ProbedLight;
 use crate::report::relighting::Relighting;
 use crate::report::run::Run;
-use crate::report::separation::Separated;
 use crate::report::singular::SingularTriplets;
 use crate::report::solution::Solved;
 
@@ -212,28 +211,6 @@ impl Answer for Relighting {
         let strip = run.strip.filter(|_| self.photos > 0);
         files.extend(Self::write(self, &Run { title, unit: &self.model.unit, strip, ..run })?);
         Ok(files)
-    }
-}
-
-impl Answer for Separated {
-    fn verb(&self) -> &'static str {
-        "separate"
-    }
-
-    fn photos(&self) -> usize {
-        self.all_photos()
-    }
-
-    fn sentence(&self) -> String {
-        Self::sentence(self)
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        Self::findings(self)
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        Self::write(self, &lab.page("direct and global light", run, seconds))
     }
 }
 

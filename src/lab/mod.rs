@@ -73,7 +73,7 @@ pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
 pub use verbs::{
     BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
-    PlanRequest, Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto, TracedShard, join_shards,
+    PlanRequest, Questions, RelightRequest, Scaling, SinglePhoto, TracedShard, join_shards,
 };
 pub use verification::{VerifiedCompensation, VerifiedEigenpairs};
 
@@ -87,7 +87,6 @@ use crate::report::contact_sheet::ContactSheet;
 pub use crate::report::eigenpairs::Eigenpairs;
 pub use crate::report::probing::ProbedLight;
 pub use crate::report::relighting::Relighting;
-pub use crate::report::separation::Separated;
 pub use crate::report::singular::SingularTriplets;
 pub use crate::report::solution::Solved;
 pub use crate::report::text;

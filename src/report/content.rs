@@ -7,6 +7,8 @@ use std::fmt::Display;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use crate::image::Resolution;
+
 /// The content of an answer.
 #[derive(Clone, Debug, Default)]
 pub struct Content<'a> {
@@ -85,6 +87,14 @@ impl<'a> Content<'a> {
     /// Adds one of several arrays of a name, which is written to `NAME-KEY.npy`.
     pub fn keyed(&mut self, name: &'static str, key: usize, shape: &[usize], values: impl Into<Values<'a>>) {
         self.push(name, Some(key), shape, values.into(), true);
+    }
+
+    /// Adds light of each channel, `[H, W]` or `[H, W, 3]`, that programs can use.
+    pub fn planes(&mut self, name: &'static str, size: Resolution, planes: &[Vec<f64>]) {
+        let shape = [size.height, size.width, planes.len()];
+        let shape = if planes.len() == 1 { &shape[..2] } else { &shape };
+        let samples = (0..size.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel]));
+        self.attribute(name, shape, samples.collect::<Vec<f64>>());
     }
 
     /// Adds an array that programs can use and that no file holds.

@@ -6,6 +6,7 @@
 
 pub mod options;
 pub mod segment;
+pub mod separate;
 #[cfg(test)]
 mod tests_of_runs;
 
@@ -14,6 +15,7 @@ use serde::de::DeserializeOwned;
 
 pub use options::{from_json, signature};
 pub use segment::{Segment, Segmented};
+pub use separate::{Separate, Separated};
 
 /// A request that is declared once: asked on the command line and by keywords.
 pub trait Request: crate::lab::Verb + clap::Args + Serialize + DeserializeOwned + Default {}

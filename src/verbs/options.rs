@@ -46,6 +46,22 @@ pub(crate) fn count<T: TryFrom<u64>>(text: &str) -> std::result::Result<T, Strin
     count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
 }
 
+/// Checks that so many vectors fit into memory.
+///
+/// # Errors
+/// [`Error::Option`] naming the option that asks for them.
+pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Result<()> {
+    let fits = vectors.checked_mul(length).is_some_and(|n| Vec::<f64>::new().try_reserve_exact(n).is_ok());
+    if fits {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: option.into(),
+        fault: format!("{vectors} vectors of {length} entries do not fit into memory"),
+        help: "give a smaller number".into(),
+    })
+}
+
 /// The option of a field on the command line: `--direct-photos` for `direct_photos`.
 fn option_of(field: &str) -> String {
     format!("--{}", field.replace('_', "-"))
@@ -96,7 +112,8 @@ pub struct Parameter {
     pub help: String,
 }
 
-/// The fields of a request in the order of the options, and what the request is for.
+/// The fields of a request in the order of the options, and what the request is for. Options that say how the source is opened are not among
+/// them: they are no part of the record.
 pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     let command = V::augment_args(clap::Command::new("request"));
     let defaults = serde_json::to_value(V::default()).unwrap_or_default();
@@ -107,7 +124,8 @@ pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
         let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
         Parameter { kind: kind(arg, default), default: default.to_string(), name, help }
     };
-    (about, command.get_arguments().map(of).collect())
+    let is_recorded = |arg: &&clap::Arg| defaults.get(arg.get_id().as_str()).is_some();
+    (about, command.get_arguments().filter(is_recorded).map(of).collect())
 }
 
 /// The type of an option's value in Python.

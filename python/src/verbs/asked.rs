@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use krylux::Error;
 use krylux::lab::{Answer as Answering, Verb};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Request, Segment, from_json, signature};
+use krylux::verbs::{Request, Segment, Separate, from_json, signature};
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
@@ -22,7 +22,7 @@ type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 /// The verbs that [`Lab::ask`] knows.
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
-    vec![described::<Segment>()]
+    vec![described::<Segment>(), described::<Separate>()]
 }
 
 fn described<V: Request>() -> Signature {
@@ -50,6 +50,7 @@ impl Lab {
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)> {
         match verb {
             Segment::NAME => self.answered::<Segment>(py, asked),
+            Separate::NAME => self.answered::<Separate>(py, asked),
             other => Err(errors::option(py, "verb", &format!("there is no {other}"), "see krylux.Lab")),
         }
     }

@@ -6,7 +6,6 @@ mod eigs;
 mod light;
 mod plan;
 mod relight;
-mod separate;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

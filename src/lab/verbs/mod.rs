@@ -13,7 +13,6 @@ mod plan;
 mod probe;
 mod relight;
 mod scaling;
-mod separate;
 mod shard;
 mod solve;
 
@@ -25,5 +24,4 @@ pub use photo::SinglePhoto;
 pub use plan::{Plan, PlanRequest};
 pub use relight::{BLOCK, Questions, RelightRequest};
 pub use scaling::Scaling;
-pub use separate::SeparateRequest;
 pub use shard::TracedShard;
