@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import _checks, answers
+from . import _checks, _declared, answers
 from ._questions import compensate_question
 
 
@@ -105,10 +105,6 @@ class Lighting:
         ----------
         O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010).
         """
-        for option, value in (("photos", photos), ("block", block), ("max_error", max_error)):
-            if self._has_model and value is not None:
-                fault = f"{self.name} holds a model that is captured already, and no scene to compare it with"
-                raise _checks.refuse(option, fault, "leave it out, or open the scene or the rig")
         if patterns is None:
             patterns = {"white": np.ones(self.projector_shape, np.float32)}
 
@@ -116,11 +112,10 @@ class Lighting:
             return [(name, _checks.picture(array, f"{option}[{name!r}]", size, self.channels))
                     for name, array in dict(of or {}).items()]
 
-        asked = (
+        asked = [
             named(patterns, "patterns", self.projector_shape),
             named(duals, "duals", self.shape),
             named(photographs, "photographs", self.shape),
-        )
-        block = _checks.maybe(_checks.vectors, block, "block", self._pixels)
-        max_error = _checks.maybe(_checks.finite, max_error, "max_error")
-        return answers.Relighting(*self._native.relight(*asked, (self._budget(photos, 40), block, max_error)), self)
+        ]
+        options = _declared.asked({"photos": photos, "block": block, "max_error": max_error})
+        return answers.Relighting(*self._native.relight(asked, options), self)

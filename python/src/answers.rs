@@ -6,8 +6,8 @@ use krylux::analysis::audit::Audit;
 use krylux::finding::Finding;
 use krylux::krylov::{Eigs, Method, Singular, Solution};
 use krylux::lab::{
-    CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Relighting, Saved,
-    SingularTriplets, Solved, Verified, VerifiedCompensation, VerifiedEigenpairs,
+    CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Saved, SingularTriplets,
+    Solved, Verified, VerifiedCompensation, VerifiedEigenpairs,
 };
 use krylux::transport::Part;
 use pyo3::prelude::*;
@@ -22,7 +22,6 @@ pub(crate) enum Kept {
     Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
     Eigs { found: Box<Eigs>, wanted: usize, part: Part },
     Probe(ProbedLight),
-    Relight(Box<Relighting>),
     Asked(Box<dyn krylux::lab::Answer + Send>),
     Singular { found: Box<Singular>, wanted: usize },
     Solve { found: Box<Solution>, method: Method },
@@ -39,7 +38,6 @@ impl Kept {
             }
             Self::Eigs { found, wanted, .. } => work(&Eigenpairs::new(found, *wanted)),
             Self::Probe(found) => work(found),
-            Self::Relight(found) => work(&**found),
             Self::Asked(found) => work(&**found),
             Self::Singular { found, wanted } => work(&SingularTriplets { found, wanted: *wanted }),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
@@ -54,13 +52,7 @@ impl Answer {
 
     /// Writes the answer into the folder of the open run.
     pub(crate) fn finish(&self, lab: &mut Lab) -> krylux::Result<Saved> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let saved = kept.shown(|answer| lab.finish(answer))?;
-        if let Kept::Relight(found) = &mut *kept {
-            // Another folder gets a model of its own.
-            found.files = None;
-        }
-        Ok(saved)
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).shown(|answer| lab.finish(answer))
     }
 
     /// What was found of the answer and of the rig whose photos it is from.
@@ -87,7 +79,6 @@ impl Answer {
             Kept::Compensate(request, answer) if request.colors.is_none() => {
                 lab.verify_compensation(&answer.found)?.map(of_compensation)
             }
-            Kept::Relight(found) => lab.verify_relighting(found)?.map(Verified::from),
             _ => None,
         })
     }
@@ -99,7 +90,6 @@ impl Answer {
             Kept::Compensate(..) => "compensate",
             Kept::Eigs { .. } | Kept::Singular { .. } => "eigs",
             Kept::Probe(_) => "probe",
-            Kept::Relight(_) => "relight",
             Kept::Asked(found) => found.verb(),
             Kept::Solve { .. } => "solve",
         }

@@ -23,14 +23,12 @@ mod opening;
 mod operator;
 mod options;
 mod paint;
-mod pattern;
 mod photo;
 mod plan;
 mod plan_ranks;
 mod probe;
 mod progress;
 mod projector;
-mod relight;
 mod reproduce;
 mod rig;
 mod rig_info;
@@ -49,7 +47,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Segment, Separate};
+use crate::verbs::{Relight, Segment, Separate, pattern};
 use console::Console;
 use options::GlobalArgs;
 
@@ -71,7 +69,7 @@ enum Verb {
     Segment(asked::Asked<Segment>),
     Compensate(compensate::Args),
     Separate(asked::Asked<Separate>),
-    Relight(relight::Args),
+    Relight(asked::Asked<Relight>),
     Paint(paint::Args),
     Probe(probe::Args),
     Eigs(eigs::Args),
@@ -136,7 +134,7 @@ pub fn main() -> ExitCode {
         Verb::Segment(args) => args.run(&console),
         Verb::Compensate(args) => compensate::run(args, &console),
         Verb::Separate(args) => args.run(&console),
-        Verb::Relight(args) => relight::run(args, &console),
+        Verb::Relight(args) => args.run(&console),
         Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),
         Verb::Eigs(args) => eigs::run(args, &console),

@@ -72,8 +72,8 @@ pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOv
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
 pub use verbs::{
-    BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
-    PlanRequest, Questions, RelightRequest, Scaling, SinglePhoto, TracedShard, join_shards,
+    Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
+    PlanRequest, Scaling, SinglePhoto, TracedShard, join_shards,
 };
 pub use verification::{VerifiedCompensation, VerifiedEigenpairs};
 
@@ -86,7 +86,6 @@ pub use crate::report::compensation::Compensated;
 use crate::report::contact_sheet::ContactSheet;
 pub use crate::report::eigenpairs::Eigenpairs;
 pub use crate::report::probing::ProbedLight;
-pub use crate::report::relighting::Relighting;
 pub use crate::report::singular::SingularTriplets;
 pub use crate::report::solution::Solved;
 pub use crate::report::text;

@@ -7,7 +7,7 @@ use crate::finding::Grade;
 use crate::image::Image;
 use crate::io::manifest::{CheckVerdict, Independent, Verification};
 use crate::krylov::EigsOptions;
-use crate::lab::{CompensateRequest, Lab, Questions, RelightRequest, RunOptions};
+use crate::lab::{CompensateRequest, Lab, RunOptions};
 use crate::measure::RigFile;
 use crate::scene::builtin;
 use crate::transport::Part;
@@ -104,22 +104,6 @@ fn a_segmentation_is_checked_pair_by_pair() -> Result<()> {
     assert!((second.value - 1.0).abs() < 3.0 * second.standard_error + 0.01, "{second:?}");
     assert_eq!(checked.refuted(2), 0, "{:?}", checked.estimates);
     assert_eq!(lab.verify_segmentation(Part::Global, Cut::Average, &found)?, None);
-    Ok(())
-}
-
-#[test]
-fn a_model_is_scored_by_light_that_it_did_not_see() -> Result<()> {
-    let mut lab = zigzag()?;
-    let white = Image::filled(lab.projector_resolution(), 1, 1.0);
-    let questions = Questions { patterns: vec![("white".into(), white)], ..Questions::default() };
-    let request = RelightRequest { photos: 20, block: 4, questions, max_error: None };
-    let model = lab.relight(&request)?;
-    let worst = model.worst().unwrap_or(f64::NAN);
-    // White is among the photos of the model, so that it has white's own noise: that of the matrix.
-    let noise = lab.noise()?.map_or(f64::NAN, |noise| noise.white_relative);
-    assert!((worst / noise - 1.0).abs() < 0.5, "{worst} {noise}");
-    let Some(checked) = lab.verify_relighting(&model)? else { unreachable!("a scene") };
-    assert!((checked.error / worst - 1.0).abs() < 0.3, "{checked:?}");
     Ok(())
 }
 

@@ -32,7 +32,6 @@ pub(crate) mod planes;
 pub mod plot;
 pub mod preview;
 pub mod probing;
-pub mod relighting;
 mod residuals;
 pub mod run;
 pub mod scatter;

