@@ -3,14 +3,13 @@
 //! `cargo run --release --example relight_run`
 
 use krylux::image::{Image, Resolution};
-use krylux::lab::{BLOCK, ChannelChoice, Lab, Questions, RelightRequest};
+use krylux::lab::{ChannelChoice, Lab};
+use krylux::verbs::Relight;
 
 fn main() -> krylux::Result<()> {
     let folder = std::env::temp_dir().join(format!("krylux-relight-{}", std::process::id()));
     let mut lab = Lab::builder("assets/scenes/corner/scene.glb").size(32, 32).open()?;
-    let request =
-        RelightRequest { photos: 20, block: BLOCK, questions: Questions::default(), max_error: None };
-    let captured = lab.relight(&request)?;
+    let captured = lab.ask(&Relight { photos: Some(20), ..Relight::default() })?;
     lab.save(&folder, &captured)?;
     println!("captured {} photos into {}", captured.photos, folder.display());
 

@@ -26,6 +26,21 @@ class Asking(Lighting):
         evidence: bool = False,
         confirm: float | None = None,
     ) -> answers.Segmentation: ...
+    def separate(
+        self,
+        by: Literal["exact", "checkerboards", "sinusoids", "codes", "random", "capture"] | None = None,
+        *,
+        square: int = 2,
+        shifts: int = 4,
+        period: float = 4.0,
+        phases: int = 3,
+        photos: int | None = None,
+        bounces: bool = False,
+        sigma: float | None = None,
+        probes: int | None = None,
+        compare: bool = False,
+        max_error: float | None = None,
+    ) -> answers.Separation: ...
     def eigs(
         self,
         count: int = 6,

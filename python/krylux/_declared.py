@@ -8,7 +8,7 @@ import textwrap
 from . import _checks, _krylux, answers
 
 #: The class of each verb's answer.
-_ANSWERS = {"eigs": answers.Eigenpairs, "segment": answers.Segmentation}
+_ANSWERS = {"eigs": answers.Eigenpairs, "segment": answers.Segmentation, "separate": answers.Separation}
 
 
 def add_verbs(cls):

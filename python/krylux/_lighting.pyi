@@ -26,21 +26,6 @@ class Lighting:
         compare_methods: bool = False,
         model: str | PathLike[str] | None = None,
     ) -> answers.Compensation: ...
-    def separate(
-        self,
-        by: Literal["exact", "checkerboards", "sinusoids", "random", "capture"] | None = None,
-        *,
-        square: int = 2,
-        shifts: int = 4,
-        period: float = 4.0,
-        phases: int = 3,
-        photos: int | None = None,
-        sigma: float | None = None,
-        probes: int | None = None,
-        bounces: bool = False,
-        compare: bool = False,
-        max_error: float | None = None,
-    ) -> answers.Separation: ...
     def probe(
         self,
         paths: Literal["direct", "indirect", "near", "far", "near-indirect"] = "indirect",

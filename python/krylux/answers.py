@@ -238,6 +238,13 @@ class Separation(Answer):
         Whether the error is as small as was asked for.
     """
 
+    standard_error = global_error = truth = second = rest = near = far = None
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        self.error = facts["relative_error"]
+        self.near_noise, self.near_error = facts["near_indirect_noise"], facts["near_indirect_error"]
+
     def _repr_html_(self):
         pictures = [
             _display.image(_display.light(picture), caption)
@@ -293,6 +300,17 @@ class Relighting(Answer):
     good : bool
         Whether the errors are as small as was asked for.
     """
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({name: facts[name] for name in ("photos", "status", "rank", "curve", "good")}, native, lab)
+        names = {"relit": [of["pattern"] for of in facts["relit"]], "duals": [of["pattern"] for of in facts["dual"]],
+                 "direct": [of["photo"] for of in facts["inverse"]]}
+        names["truth"] = names["relit"]
+        for attribute, of in names.items():
+            setattr(self, attribute, {of[index]: picture for index, picture in arrays.get(attribute, {}).items()})
+        self.errors = {of["pattern"]: of["relative_error"] for of in facts["relit"]}
+        self.ambient = arrays["ambient"]
+        self.model = [(basis, arrays["basis_photos"][channel]) for channel, basis in arrays["basis"].items()]
 
     def _repr_html_(self):
         pictures = [_display.image(_display.light(picture), name) for name, picture in self.relit.items()]

@@ -6,8 +6,8 @@ use krylux::bench::audit::Audit;
 use krylux::finding::Finding;
 use krylux::krylov::{Method, Solution};
 use krylux::lab::{
-    CompensateAnswer, CompensateRequest, Compensated, Lab, ProbedLight, Relighting, Saved, Separated, Solved,
-    Verified, VerifiedCompensation,
+    CompensateAnswer, CompensateRequest, Compensated, Lab, ProbedLight, Saved, Solved, Verified,
+    VerifiedCompensation,
 };
 use pyo3::prelude::*;
 
@@ -20,9 +20,7 @@ pub(crate) enum Kept {
     Audit(Audit),
     Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
     Probe(ProbedLight),
-    Relight(Box<Relighting>),
     Asked(Box<dyn krylux::lab::Answer + Send>),
-    Separate(Box<Separated>),
     Solve { found: Box<Solution>, method: Method },
 }
 
@@ -36,9 +34,7 @@ impl Kept {
                 work(&Compensated { methods: &answer.methods, ..shown })
             }
             Self::Probe(found) => work(found),
-            Self::Relight(found) => work(&**found),
             Self::Asked(found) => work(&**found),
-            Self::Separate(found) => work(&**found),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
         }
     }
@@ -51,13 +47,7 @@ impl Answer {
 
     /// Writes the answer into the folder of the open run.
     pub(crate) fn finish(&self, lab: &mut Lab) -> krylux::Result<Saved> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let saved = kept.shown(|answer| lab.finish(answer))?;
-        if let Kept::Relight(found) = &mut *kept {
-            // Another folder gets a model of its own.
-            found.files = None;
-        }
-        Ok(saved)
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).shown(|answer| lab.finish(answer))
     }
 
     /// What was found of the answer and of the rig whose photos it is from.
@@ -79,8 +69,6 @@ impl Answer {
             Kept::Compensate(request, answer) if request.colors.is_none() => {
                 lab.verify_compensation(&answer.found)?.map(of_compensation)
             }
-            Kept::Relight(found) => lab.verify_relighting(found)?.map(Verified::from),
-            Kept::Separate(found) => lab.verify_separation(found)?.map(Verified::from),
             _ => None,
         })
     }
@@ -91,9 +79,7 @@ impl Answer {
             Kept::Audit(_) => "audit",
             Kept::Compensate(..) => "compensate",
             Kept::Probe(_) => "probe",
-            Kept::Relight(_) => "relight",
             Kept::Asked(found) => found.verb(),
-            Kept::Separate(_) => "separate",
             Kept::Solve { .. } => "solve",
         }
     }

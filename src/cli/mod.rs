@@ -22,19 +22,16 @@ mod opening;
 mod operator;
 mod options;
 mod paint;
-mod pattern;
 mod photo;
 mod plan;
 mod plan_ranks;
 mod probe;
 mod progress;
 mod projector;
-mod relight;
 mod reproduce;
 mod rig;
 mod rig_info;
 mod runs;
-mod separate;
 mod solve;
 mod team;
 mod tev;
@@ -48,7 +45,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Eigs, Segment};
+use crate::verbs::{Eigs, Relight, Segment, Separate, pattern};
 use console::Console;
 use options::GlobalArgs;
 
@@ -69,8 +66,8 @@ enum Verb {
     Photo(photo::Args),
     Segment(asked::Asked<Segment>),
     Compensate(compensate::Args),
-    Separate(separate::Args),
-    Relight(relight::Args),
+    Separate(asked::Asked<Separate>),
+    Relight(asked::Asked<Relight>),
     Paint(paint::Args),
     Probe(probe::Args),
     Eigs(asked::Asked<Eigs>),
@@ -134,8 +131,8 @@ pub fn main() -> ExitCode {
         Verb::Photo(args) => photo::run(args, &console),
         Verb::Segment(args) => args.run(&console),
         Verb::Compensate(args) => compensate::run(args, &console),
-        Verb::Separate(args) => separate::run(args, &console),
-        Verb::Relight(args) => relight::run(args, &console),
+        Verb::Separate(args) => args.run(&console),
+        Verb::Relight(args) => args.run(&console),
         Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),
         Verb::Eigs(args) => args.run(&console),

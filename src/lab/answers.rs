@@ -7,9 +7,6 @@ use crate::finding::Finding;
 use crate::report;
 use crate::report::compensation::Compensated;
 use crate::report::probing::ProbedLight;
-use crate::report::relighting::Relighting;
-use crate::report::run::Run;
-use crate::report::separation::Separated;
 use crate::report::solution::Solved;
 
 impl Answer for Audit {
@@ -87,58 +84,6 @@ impl Answer for ProbedLight {
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         Self::write(self, &lab.page("probing of light transport", run, seconds))
-    }
-}
-
-impl Answer for Relighting {
-    fn verb(&self) -> &'static str {
-        "relight"
-    }
-
-    fn photos(&self) -> usize {
-        self.photos
-    }
-
-    fn sentence(&self) -> String {
-        Self::sentence(self)
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        Self::findings(self)
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let mut files = match &self.files {
-            Some(files) => files.clone(),
-            None => self.model.write(&run.answer)?,
-        };
-        let run = lab.page("", run, seconds);
-        let title = format!("{} · low-rank light transport", self.model.source);
-        let strip = run.strip.filter(|_| self.photos > 0);
-        files.extend(Self::write(self, &Run { title, unit: &self.model.unit, strip, ..run })?);
-        Ok(files)
-    }
-}
-
-impl Answer for Separated {
-    fn verb(&self) -> &'static str {
-        "separate"
-    }
-
-    fn photos(&self) -> usize {
-        self.all_photos()
-    }
-
-    fn sentence(&self) -> String {
-        Self::sentence(self)
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        Self::findings(self)
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        Self::write(self, &lab.page("direct and global light", run, seconds))
     }
 }
 

@@ -13,7 +13,7 @@ use crate::transport::{EstimatedProduct, Part, Question, Retraced, with_other_se
 impl Lab {
     /// Operators of a scene by light paths of another seed, one for each channel, which state the errors of their products. Each product traces the
     /// scene once more. `None` for other sources, and for one light path per pixel, whose noise is not known.
-    pub(super) fn independent_operators(&mut self, part: Part) -> Result<Option<Vec<LabOperator>>> {
+    pub(crate) fn independent_operators(&mut self, part: Part) -> Result<Option<Vec<LabOperator>>> {
         let Source::Scene(scene) = &self.source else { return Ok(None) };
         if scene.settings.samples < 2 {
             return Ok(None);

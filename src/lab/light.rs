@@ -48,6 +48,11 @@ impl Lab {
         Ok((0..channels).map(operator).collect())
     }
 
+    /// Traces the scene or opens the rig, where that was not done yet.
+    pub(crate) fn prepare(&mut self) -> Result<()> {
+        self.transport().map(drop)
+    }
+
     /// The light transport, opened now if it is not.
     pub(super) fn transport(&mut self) -> Result<&Arc<Mutex<LightTransport>>> {
         let transport = match self.transport.take() {
@@ -101,7 +106,7 @@ impl Lab {
     }
 
     /// From now on photos are not kept in the journal of the run.
-    pub(super) fn without_journal(&mut self) {
+    pub(crate) fn without_journal(&mut self) {
         if self.keeps_photos && self.run.is_some() {
             self.transport = None;
         }

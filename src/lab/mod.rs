@@ -70,8 +70,8 @@ pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOv
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
 pub use verbs::{
-    BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
-    PlanRequest, Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto, TracedShard, join_shards,
+    Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
+    PlanRequest, Scaling, SinglePhoto, TracedShard, join_shards,
 };
 pub use verification::{VerifiedCompensation, VerifiedEigenpairs};
 
@@ -83,8 +83,6 @@ use crate::render::{TraceSettings, Tracer};
 pub use crate::report::compensation::Compensated;
 use crate::report::contact_sheet::ContactSheet;
 pub use crate::report::probing::ProbedLight;
-pub use crate::report::relighting::Relighting;
-pub use crate::report::separation::Separated;
 pub use crate::report::solution::Solved;
 pub use crate::report::text;
 use crate::scene::Scene;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::{Lab, RunFolder};
+use super::{ChannelChoice, Lab, RunFolder, SourceKind};
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::Finding;
@@ -21,6 +21,16 @@ pub trait Verb: Serialize {
 
     /// What is found.
     type Answer: Answer;
+
+    /// Gray or coloured photos of a source of this kind.
+    fn channels(&self, _kind: SourceKind) -> ChannelChoice {
+        ChannelChoice::Luma
+    }
+
+    /// Whether the bounces of a scene's light must be kept apart.
+    fn splits_bounces(&self) -> bool {
+        false
+    }
 
     /// Checks the request itself, before a source is opened.
     ///

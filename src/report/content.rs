@@ -7,6 +7,8 @@ use std::fmt::Display;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use crate::image::{Image, Resolution};
+
 /// The content of an answer.
 #[derive(Clone, Debug, Default)]
 pub struct Content<'a> {
@@ -39,6 +41,7 @@ pub struct Array<'a> {
 #[allow(missing_docs, reason = "each variant is named by its element")]
 pub enum Values<'a> {
     F64(Cow<'a, [f64]>),
+    F32(Cow<'a, [f32]>),
     U8(Cow<'a, [u8]>),
     Bool(Cow<'a, [bool]>),
 }
@@ -65,7 +68,7 @@ macro_rules! values {
     )* };
 }
 
-values!(F64 of f64, U8 of u8, Bool of bool);
+values!(F64 of f64, F32 of f32, U8 of u8, Bool of bool);
 
 /// A named value.
 #[derive(Clone, Debug)]
@@ -87,9 +90,35 @@ impl<'a> Content<'a> {
         self.push(name, Some(key), shape, values.into(), true);
     }
 
+    /// Adds light of each channel, `[H, W]` or `[H, W, 3]`, that programs can use.
+    pub fn planes(&mut self, name: &'static str, size: Resolution, planes: &[Vec<f64>]) {
+        let shape = [size.height, size.width, planes.len()];
+        let shape = if planes.len() == 1 { &shape[..2] } else { &shape };
+        let samples = (0..size.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel]));
+        self.attribute(name, shape, samples.collect::<Vec<f64>>());
+    }
+
+    /// Adds an image, `[H, W]` or `[H, W, 3]`, that programs can use; one of several of a name has a number.
+    pub fn picture(&mut self, name: &'static str, key: Option<usize>, image: &'a Image) {
+        let shape = [image.resolution().height, image.resolution().width, image.channels()];
+        let shape = if image.channels() == 1 { &shape[..2] } else { &shape };
+        self.push(name, key, shape, image.samples().into(), false);
+    }
+
     /// Adds an array that programs can use and that no file holds.
     pub fn attribute(&mut self, name: &'static str, shape: &[usize], values: impl Into<Values<'a>>) {
         self.push(name, None, shape, values.into(), false);
+    }
+
+    /// Adds one of several arrays of a name that programs can use and that no file holds.
+    pub fn keyed_attribute(
+        &mut self,
+        name: &'static str,
+        key: usize,
+        shape: &[usize],
+        values: impl Into<Values<'a>>,
+    ) {
+        self.push(name, Some(key), shape, values.into(), false);
     }
 
     fn push(

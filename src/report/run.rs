@@ -125,6 +125,7 @@ impl<'a> Files<'a> {
             let (name, shape) = (array.file(), array.shape.as_slice());
             match &array.values {
                 Values::F64(values) => files.array(&name, shape, values)?,
+                Values::F32(values) => files.array(&name, shape, values)?,
                 Values::U8(values) => files.array(&name, shape, values)?,
                 Values::Bool(values) => files.array(&name, shape, values)?,
             }

@@ -6,7 +6,10 @@
 
 pub mod eigs;
 pub mod options;
+pub mod pattern;
+pub mod relight;
 pub mod segment;
+pub mod separate;
 #[cfg(test)]
 mod tests_of_runs;
 #[cfg(test)]
@@ -17,7 +20,9 @@ use serde::de::DeserializeOwned;
 
 pub use eigs::{Eigs, Spectrum};
 pub use options::{from_json, signature};
+pub use relight::{Relight, Relighting};
 pub use segment::{Segment, Segmented};
+pub use separate::{Separate, Separated};
 
 /// A request that is declared once: asked on the command line and by keywords.
 pub trait Request: crate::lab::Verb + clap::Args + Serialize + DeserializeOwned + Default {}

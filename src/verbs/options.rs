@@ -134,7 +134,8 @@ pub struct Parameter {
     pub help: String,
 }
 
-/// The fields of a request in the order of the options, and what the request is for.
+/// The fields of a request in the order of the options, and what the request is for. Options that say how the source is opened are not among
+/// them: they are no part of the record.
 pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     let command = V::augment_args(clap::Command::new("request"));
     let defaults = serde_json::to_value(V::default()).unwrap_or_default();
@@ -145,7 +146,8 @@ pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
         let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
         Parameter { kind: kind(arg, default), default: default.to_string(), name, help }
     };
-    (about, command.get_arguments().map(of).collect())
+    let is_recorded = |arg: &&clap::Arg| defaults.get(arg.get_id().as_str()).is_some();
+    (about, command.get_arguments().filter(is_recorded).map(of).collect())
 }
 
 /// The type of an option's value in Python.

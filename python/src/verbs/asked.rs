@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use krylux::Error;
 use krylux::lab::{Answer as Answering, Verb};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Eigs, Request, Segment, from_json, signature};
+use krylux::verbs::{Eigs, Request, Segment, Separate, from_json, signature};
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
@@ -22,7 +22,7 @@ type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 /// The verbs that [`Lab::ask`] knows.
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
-    vec![described::<Eigs>(), described::<Segment>()]
+    vec![described::<Eigs>(), described::<Segment>(), described::<Separate>()]
 }
 
 fn described<V: Request>() -> Signature {
@@ -51,6 +51,7 @@ impl Lab {
         match verb {
             Eigs::NAME => self.answered::<Eigs>(py, asked),
             Segment::NAME => self.answered::<Segment>(py, asked),
+            Separate::NAME => self.answered::<Separate>(py, asked),
             other => Err(errors::option(py, "verb", &format!("there is no {other}"), "see krylux.Lab")),
         }
     }
@@ -91,6 +92,7 @@ fn arrays<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, Py
     for array in &content.arrays {
         let values = match &array.values {
             Values::F64(values) => shaped(py, &array.shape, values)?,
+            Values::F32(values) => shaped(py, &array.shape, values)?,
             Values::U8(values) => shaped(py, &array.shape, values)?,
             Values::Bool(values) => shaped(py, &array.shape, values)?,
         };

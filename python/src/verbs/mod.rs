@@ -5,7 +5,6 @@ mod compensate;
 mod light;
 mod plan;
 mod relight;
-mod separate;
 mod solve;
 
 use pyo3::prelude::*;

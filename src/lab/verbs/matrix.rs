@@ -70,7 +70,7 @@ impl Lab {
     }
 
     /// One part of the traced matrix, `[channel]`, where there is one.
-    pub(super) fn traced_matrices(&mut self, part: Part) -> Result<Option<Vec<Csr>>> {
+    pub(crate) fn traced_matrices(&mut self, part: Part) -> Result<Option<Vec<Csr>>> {
         let Some(traced) = self.assembled()? else { return Ok(None) };
         let channels = 0..traced.matrix.channels().count();
         channels.map(|channel| traced.matrix.to_csr(part, channel)).collect::<Result<_>>().map(Some)

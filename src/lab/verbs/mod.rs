@@ -10,9 +10,7 @@ mod model;
 mod photo;
 mod plan;
 mod probe;
-mod relight;
 mod scaling;
-mod separate;
 mod shard;
 mod solve;
 
@@ -22,7 +20,5 @@ pub use join::{JoinedShards, join_shards};
 pub use matrix::MatrixRequest;
 pub use photo::SinglePhoto;
 pub use plan::{Plan, PlanRequest};
-pub use relight::{BLOCK, Questions, RelightRequest};
 pub use scaling::Scaling;
-pub use separate::SeparateRequest;
 pub use shard::TracedShard;

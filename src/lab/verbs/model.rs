@@ -1,11 +1,15 @@
-//! The model of light transport that a run left, or that its photos give.
+//! Low-rank models of light transport: one that a run left, one of the photos that a run took, or one that is captured.
 
-use crate::analysis::low_rank::SavedModel;
+use crate::analysis::low_rank::{
+    DirectPart, LowRankCapture, SavedModel, capture_channels, diagonal_of, smooth_starts,
+};
 use crate::error::{Error, Result};
 use crate::io::model;
 use crate::lab::Lab;
 use crate::lab::run_model::open_model;
 use crate::lab::source::Source;
+use crate::sparse::Csr;
+use crate::transport::Part;
 
 impl Lab {
     /// The low-rank model of the light transport: the one that a run left, or one from all the photos that a run took. No photo is taken.
@@ -38,4 +42,74 @@ impl Lab {
             _ => false,
         }
     }
+
+    /// Captures the light transport: `photos` photos, of which those of `block` patterns are chosen before any photo is projected back: white, and
+    /// smooth random ones; 1 is white alone.
+    ///
+    /// # Errors
+    /// As [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] where camera and projector differ in their number of pixels.
+    pub fn capture_model(&mut self, photos: usize, block: usize) -> Result<SavedModel> {
+        let (resolution, projector) = (self.resolution(), self.projector_resolution());
+        if resolution.pixels() != projector.pixels() {
+            return Err(Error::Option {
+                option: "--projector-size".into(),
+                fault: format!(
+                    "the camera has {resolution} pixels and the projector {projector}, but a Krylov process projects its photos"
+                ),
+                help: "give both as many pixels".into(),
+            });
+        }
+        self.transport()?;
+        let (name, unit) = (self.name(), self.unit().to_owned());
+        let seed = self.seed();
+        let channels = self.photos(|lab| {
+            let ambient = lab.ambient()?;
+            let direct = lab.direct_parts()?;
+            // A capture starts with no more patterns than it takes photos, or than there are pixels.
+            let block = block.min(photos).min(projector.pixels());
+            let beside = smooth_starts(projector, block.max(1) - 1, seed);
+            let options = LowRankCapture { photos, start: None, beside };
+            lab.expect(photos);
+            let mut operators = lab.operators(Part::Global)?;
+            Ok((ambient, capture_channels(&mut operators, direct, &options)?))
+        });
+        let (ambient, channels) = channels?;
+        Ok(SavedModel { channels, ambient, resolution, projector, unit, source: name })
+    }
+
+    /// The direct light of each channel: a diagonal where it is one.
+    fn direct_parts(&mut self) -> Result<Vec<DirectPart>> {
+        if let Some(diagonals) = self.direct_diagonal()? {
+            return Ok(diagonals.into_iter().map(DirectPart::Diagonal).collect());
+        }
+        if let Some(parts) = self.measured_direct()? {
+            return Ok(parts);
+        }
+        match self.traced_matrices(Part::Direct)? {
+            Some(matrices) => Ok(matrices.into_iter().map(DirectPart::Matrix).collect()),
+            None => self.reference_operators(Part::Direct)?.iter_mut().map(|of| diagonal_of(of)).collect(),
+        }
+    }
+
+    /// The direct light of a rig, which its lenses spread.
+    fn measured_direct(&mut self) -> Result<Option<Vec<DirectPart>>> {
+        self.with_measurement(|measurement| {
+            let channels = 0..measurement.channels();
+            channels.map(|channel| direct_part(measurement.direct_rows(channel)?)).collect()
+        })
+    }
+}
+
+/// The direct light with these rows.
+fn direct_part(rows: Vec<Vec<(u32, f64)>>) -> Result<DirectPart> {
+    let is_diagonal =
+        |(pixel, row): (usize, &Vec<(u32, f64)>)| row.iter().all(|entry| entry.0 as usize == pixel);
+    if rows.iter().enumerate().all(is_diagonal) {
+        let own = |row: &Vec<(u32, f64)>| row.iter().map(|entry| entry.1).sum();
+        return Ok(DirectPart::Diagonal(rows.iter().map(own).collect()));
+    }
+    let mut starts = vec![0];
+    rows.iter().for_each(|row| starts.push(starts[starts.len() - 1] + row.len()));
+    let (columns, weights) = rows.iter().flatten().copied().unzip();
+    Csr::new(rows.len(), starts, columns, weights).map(DirectPart::Matrix)
 }

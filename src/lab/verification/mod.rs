@@ -9,9 +9,11 @@ mod compensation;
 
 pub use compensation::VerifiedCompensation;
 
+use super::Lab;
 use super::source::Source;
-use super::{Lab, Relighting, Separated};
 use crate::analysis::Segmentation;
+use crate::analysis::low_rank::{Relit, SavedModel};
+use crate::analysis::planes::Planes;
 use crate::analysis::segment::MASKED;
 use crate::analysis::segment::{Cut, KEPT};
 use crate::analysis::verification::{
@@ -198,19 +200,19 @@ impl Lab {
     ///
     /// # Errors
     /// As [`Lab::operator`].
-    pub fn verify_relighting(&mut self, found: &Relighting) -> Result<Option<Verification>> {
+    pub fn verify_relighting(&mut self, model: &SavedModel, relit: &[Relit]) -> Result<Option<Verification>> {
         let of = "relit photos";
         if matches!(self.source, Source::Rig(_)) {
-            let first = found.relit.iter().take(1).map(|relit| (&relit.pattern, &relit.relit));
-            let mut predicted = self.predicted(&first.collect::<Vec<_>>(), &found.model.ambient);
+            let first = relit.iter().take(1).map(|relit| (&relit.pattern, &relit.relit));
+            let mut predicted = self.predicted(&first.collect::<Vec<_>>(), &model.ambient);
             for one in &mut predicted {
-                one.stated = found.relit[0].stated.value().unwrap_or(0.0) * norm(&one.photo);
+                one.stated = relit[0].stated.value().unwrap_or(0.0) * norm(&one.photo);
             }
             return self.verify(Part::Full, of, &predicted);
         }
         // The answer to each question holds this comparison already.
         let by = Independent::AnotherSeed;
-        let comparisons = found.relit.iter().filter_map(|relit| {
+        let comparisons = relit.iter().filter_map(|relit| {
             let squares = relit.comparison?;
             Some(compared(by, squares, relit.stated.value().unwrap_or(0.0) * squares.product.sqrt()))
         });
@@ -218,11 +220,17 @@ impl Lab {
         Ok(self.checked(by, of, &comparisons, |_| None))
     }
 
-    /// Checks a separation: the photo of a checkerboard of three pixels, which is its direct light and half of the global light.
+    /// Checks a separation: the photo of a checkerboard of three pixels, which is its direct light and half of the global light. `error` is that
+    /// of the direct light, relative to it.
     ///
     /// # Errors
     /// As [`Lab::operator`].
-    pub fn verify_separation(&mut self, found: &Separated) -> Result<Option<Verification>> {
+    pub fn verify_separation(
+        &mut self,
+        direct: &Planes,
+        global: &Planes,
+        error: f64,
+    ) -> Result<Option<Verification>> {
         let size = self.projector_resolution();
         if size.pixels() != self.resolution().pixels() {
             return Ok(None);
@@ -230,20 +238,20 @@ impl Lab {
         let pattern = checkerboard(size, 3);
         // What global light makes of the squares, beyond half of it: a scene's matrix tells it. Of a rig it is not known, and at most as much again.
         let signs: Vec<f64> = pattern.iter().map(|x| x - 0.5).collect();
-        let mut global = match self.source {
+        let mut resolving = match self.source {
             Source::Scene(_) => Some(self.reference_operators(Part::Global)?),
             _ => None,
         };
-        let mut predicted = Vec::with_capacity(found.direct.len());
-        for (channel, (direct, indirect)) in found.direct.iter().zip(&found.global).enumerate() {
+        let mut predicted = Vec::with_capacity(direct.len());
+        for (channel, (direct, indirect)) in direct.iter().zip(global).enumerate() {
             let mut resolved = vec![0.0; pattern.len()];
-            if let Some(operators) = &mut global {
+            if let Some(operators) = &mut resolving {
                 operators[channel].apply(&signs, &mut resolved)?;
             }
             let light = direct.iter().zip(indirect).zip(&pattern).zip(&resolved);
             let photo = light.map(|(((d, g), x), resolved)| d * x + 0.5 * g + resolved).collect();
-            let of_direct = found.error().unwrap_or(0.0) * norm(direct);
-            let of_global = if global.is_some() { 0.0 } else { 0.5 * norm(indirect) };
+            let of_direct = error * norm(direct);
+            let of_global = if resolving.is_some() { 0.0 } else { 0.5 * norm(indirect) };
             let stated = of_direct.hypot(of_global);
             predicted.push(Predicted { channel, photo, pattern: pattern.clone(), stated });
         }

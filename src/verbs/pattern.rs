@@ -3,14 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::io::picture;
 
 /// A pattern by name, or an image file.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Pattern {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum Pattern {
+    /// Every pixel is lit.
     White,
+    /// No pixel is lit.
     Black,
     /// Squares of this many pixels; the one at the top left is lit.
     Checker(usize),
@@ -20,6 +25,7 @@ pub(super) enum Pattern {
     Left,
     /// One pixel, by column and row.
     Pixel(usize, usize),
+    /// An image.
     File(PathBuf),
 }
 
@@ -52,6 +58,20 @@ impl FromStr for Pattern {
     }
 }
 
+impl TryFrom<String> for Pattern {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<Pattern> for String {
+    fn from(pattern: Pattern) -> Self {
+        pattern.to_string()
+    }
+}
+
 /// As it is written on the command line.
 impl std::fmt::Display for Pattern {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -72,7 +92,7 @@ impl Pattern {
     ///
     /// # Errors
     /// When a file cannot be read or has another size, or the pixel lies outside.
-    pub(super) fn image(&self, resolution: Resolution) -> Result<Image> {
+    pub fn image(&self, resolution: Resolution) -> Result<Image> {
         let Resolution { width, height } = resolution;
         let lit: Box<dyn Fn(usize, usize) -> bool> = match *self {
             Self::White => Box::new(|_, _| true),
@@ -101,7 +121,7 @@ impl Pattern {
 ///
 /// # Errors
 /// When it cannot be read or has another size.
-pub(super) fn read_sized(path: &Path, resolution: Resolution) -> Result<Image> {
+pub(crate) fn read_sized(path: &Path, resolution: Resolution) -> Result<Image> {
     picture::read_sized(path, resolution, "the projector")
 }
 

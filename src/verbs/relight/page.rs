@@ -1,89 +1,24 @@
 //! Files and report page of low-rank relighting.
 
-mod curves;
-
 use std::fmt::Write;
 
-use super::colormap::robust_range;
-use super::figure;
-use super::html::{Block, Figure, Section};
-use super::planes::{difference, percent};
-use super::run::{Files, Run};
-use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit, SavedModel};
+use super::Relighting;
+use crate::analysis::low_rank::{RankRow, Relit};
 use crate::error::Result;
-use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
 use crate::io::raster::exposure;
-
-/// A captured model and what it answered.
-#[derive(Clone, Debug)]
-pub struct Relighting {
-    /// The model.
-    pub model: SavedModel,
-    /// Photos that this run took.
-    pub photos: usize,
-    /// Relit patterns.
-    pub relit: Vec<Relit>,
-    /// Dual photographs.
-    pub duals: Vec<Dual>,
-    /// Photos without interreflections.
-    pub reduced: Vec<Reduced>,
-    /// The model's error for each number of photos, where the matrix is known.
-    pub curve: Vec<RankRow>,
-    /// The largest error of a relit photo that is good enough, where there is one.
-    pub max_error: Option<f64>,
-    /// Files of the model that are in the folder of the run already; `None` where the model is still to be written there.
-    pub files: Option<Vec<String>>,
-}
+use crate::lab::Answer;
+use crate::report::colormap::robust_range;
+use crate::report::figure;
+use crate::report::html::{Block, Figure, Section};
+use crate::report::planes::{difference, percent};
+use crate::report::plot::{LinePlot, Series};
+use crate::report::run::{Files, Run};
 
 impl Relighting {
-    /// A model of which nothing was asked.
-    pub fn new(model: SavedModel, photos: usize) -> Self {
-        Self {
-            model,
-            photos,
-            relit: Vec::new(),
-            duals: Vec::new(),
-            reduced: Vec::new(),
-            curve: Vec::new(),
-            max_error: None,
-            files: None,
-        }
-    }
-
-    /// The largest error of a relit photo, where it is known.
-    pub fn worst(&self) -> Option<f64> {
-        self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
-    }
-
-    /// Whether it is as good as was asked for.
-    pub fn is_good(&self) -> bool {
-        match (self.max_error, self.worst()) {
-            (Some(most), Some(worst)) => worst <= most,
-            _ => true,
-        }
-    }
-
-    /// Whether it is as good as was asked for, as a finding.
-    pub fn findings(&self) -> Vec<Finding> {
-        let (Some(most), Some(worst)) = (self.max_error, self.worst()) else { return Vec::new() };
-        let grade = if worst <= most { Grade::Ok } else { Grade::Fails };
-        let found = format!("within {} of the true photos", percent(worst));
-        vec![Finding::graded(
-            "relit photos",
-            grade,
-            found,
-            format!("within {}", percent(most)),
-            "give more --photos",
-        )]
-    }
-
     /// Writes images, `error-curve.csv`, `relighting-errors.csv` and `report.html` into the run's folder and returns
     /// their names. Relit and true photos share one exposure.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
+    pub(super) fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
         let mut files = Files::new(run.folder);
         let mut sections = vec![self.relit_section(&mut files)?];
         if !self.curve.is_empty() {
@@ -98,32 +33,6 @@ impl Relighting {
         sections.extend(run.photos(ORDER)?);
         let more = [("Rank of the model", self.model.rank().to_string())];
         files.finish(run.page((self.findings(), self.sentence()), self.photos, more, sections))
-    }
-
-    /// The result in one or two sentences.
-    pub fn sentence(&self) -> String {
-        let count = match self.relit.len() {
-            1 => "1 pattern".to_owned(),
-            count => format!("{count} patterns"),
-        };
-        let mut text = format!("A model from {} photos relit {count}", self.model.rank());
-        if self.photos == 0 {
-            text += " at no further photo";
-        }
-        match self.worst() {
-            Some(worst) => {
-                let _ = write!(text, ", at worst within {} of the true photo.", percent(worst));
-            }
-            None => text.push('.'),
-        }
-        if let Some(row) = self.curve.last()
-            && let Some(optimal) = row.optimal
-        {
-            let of = Ratio::of(row.error, optimal, 0.0);
-            let _ =
-                write!(text, " Its error as a matrix is {of} of the best that any matrix of that rank has.");
-        }
-        text
     }
 
     fn relit_section(&self, files: &mut Files<'_>) -> Result<Section> {
@@ -144,16 +53,14 @@ impl Relighting {
             };
             let [own, other] = ["relit", "true"].map(|name| format!("{name}-{number}"));
             let found = self.image(files, &own, &relit.relit, scale, caption)?;
-            if let Some(truth) = &relit.truth {
-                let caption = format!("True photo {number}");
-                let truth = self.image(files, &other, truth, scale, caption)?.flipped_with([&own]);
-                figures.extend([found.flipped_with([&other]), truth]);
-            } else {
+            let Some(truth) = &relit.truth else {
                 figures.push(found);
-            }
-            if let Some(truth) = &relit.truth {
-                figures.push(self.error(&relit.relit, truth, format!("Relit {number} less true"))?);
-            }
+                continue;
+            };
+            let error = self.error(&relit.relit, truth, format!("Relit {number} less true"))?;
+            let caption = format!("True photo {number}");
+            let truth = self.image(files, &other, truth, scale, caption)?.flipped_with([&own]);
+            figures.extend([found.flipped_with([&other]), truth, error]);
         }
         let mut blocks = vec![Block::Figures(figures)];
         if self.relit.iter().any(|relit| relit.errors.len() > 1) {
@@ -231,7 +138,95 @@ impl Relighting {
         files.picture(name, &figure)?;
         Ok(figure.named(name, format!("{name}.npy")))
     }
+
+    /// Error of each relit photo after each photo of the capture.
+    fn errors_by_rank(&self, files: &mut Files<'_>) -> Result<Block> {
+        let known: Vec<(usize, &Relit)> =
+            self.relit.iter().enumerate().filter(|(_, relit)| relit.errors.len() > 1).collect();
+        let mut csv = "photos".to_owned();
+        for (index, _) in &known {
+            // Writing to a string cannot fail.
+            let _ = write!(csv, ",pattern_{}", index + 1);
+        }
+        csv.push('\n');
+        for photos in 0..self.model.rank() {
+            let _ = write!(csv, "{}", photos + 1);
+            for (_, relit) in &known {
+                let error = relit.errors.get(photos.min(relit.errors.len() - 1)).copied();
+                let _ = write!(csv, ",{:e}", error.unwrap_or(f64::NAN));
+            }
+            csv.push('\n');
+        }
+        files.text("relighting-errors.csv", &csv)?;
+        let series = |(index, relit): &(usize, &Relit)| Series {
+            name: format!("{}: {}", index + 1, short(&relit.name)),
+            points: relit.errors.iter().enumerate().map(|(k, &error)| ((k + 1) as f64, error)).collect(),
+        };
+        let plot = LinePlot {
+            x_label: "photos".into(),
+            y_label: "relative error of the photo".into(),
+            logarithmic: true,
+            series: known.iter().map(series).collect(),
+            marks: Vec::new(),
+        };
+        let caption = "The relit photos' errors, had the capture ended after so many photos.";
+        Ok(Block::Plot { svg: plot.render(), caption: caption.into() })
+    }
+
+    /// Error of the model matrix after each photo.
+    fn curve_section(&self, files: &mut Files<'_>) -> Result<Section> {
+        let mut csv = "photos,error,one_sided_error,optimal_error\n".to_owned();
+        for row in &self.curve {
+            let optimal = row.optimal.map_or_else(String::new, |optimal| format!("{optimal:e}"));
+            let _ = writeln!(csv, "{},{:e},{:e},{optimal}", row.photos, row.error, row.one_sided);
+        }
+        files.text("error-curve.csv", &csv)?;
+        let line = |name: &str, of: fn(&RankRow) -> Option<f64>| Series {
+            name: name.into(),
+            points: self.curve.iter().filter_map(|row| Some((row.photos as f64, of(row)?))).collect(),
+        };
+        let plot = LinePlot {
+            x_label: "photos (rank)".into(),
+            y_label: "relative error of global light, Frobenius norm".into(),
+            logarithmic: true,
+            series: vec![
+                line("the model", |row| Some(row.error)),
+                line("W Qᵀ alone", |row| Some(row.one_sided)),
+                line("the best of this rank", |row| row.optimal),
+            ],
+            marks: Vec::new(),
+        };
+        let marked = |row: &&RankRow| {
+            [1, 2, 5, 10, 20, 40, 80, 160].contains(&row.photos) || row.photos == self.curve.len()
+        };
+        let row = |row: &RankRow| {
+            vec![
+                row.photos.to_string(),
+                percent(row.error),
+                percent(row.one_sided),
+                row.optimal.map_or_else(|| "–".into(), percent),
+                row.optimal.map_or_else(|| "–".into(), |optimal| format!("{:.3}", row.error / optimal)),
+            ]
+        };
+        let table = Block::Table {
+            headers: ["photos", "the model", "W Qᵀ alone", "best of this rank", "ratio to the best"]
+                .map(String::from)
+                .to_vec(),
+            rows: self.curve.iter().filter(marked).map(row).collect(),
+            caption: "Errors of the global part of the matrix, relative to it, in the Frobenius norm".into(),
+        };
+        Ok(Section {
+            title: "Error by rank".into(),
+            text: "Against the true matrix, whose own sampling noise has no low rank: no model comes near 0 here, and what counts is the ratio to the best one (by singular values).".into(),
+            blocks: vec![Block::Plot { svg: plot.render(), caption: String::new() }, table],
+        })
+    }
 }
 
 /// Explains the order of the photos.
 const ORDER: &str = "White and smooth random patterns come first, then photos that are projected back. Direct light, which is kept apart, is not in them.";
+
+/// The file name without its folders.
+fn short(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
+}

@@ -1,0 +1,222 @@
+//! The answer of a relighting.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::Relight;
+use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit, SavedModel};
+use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio};
+use crate::lab::text::{self, decimal};
+use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::report::content::Content;
+use crate::report::planes::percent;
+use crate::report::run::Run;
+
+/// A captured model and what it answered.
+#[derive(Clone, Debug)]
+pub struct Relighting {
+    /// The model.
+    pub model: SavedModel,
+    /// Photos that this run took.
+    pub photos: usize,
+    /// Relit patterns.
+    pub relit: Vec<Relit>,
+    /// Dual photographs.
+    pub duals: Vec<Dual>,
+    /// Photos without interreflections.
+    pub reduced: Vec<Reduced>,
+    /// The model's error for each number of photos, where the matrix is known.
+    pub curve: Vec<RankRow>,
+    /// The largest error of a relit photo that is good enough, where there is one.
+    pub(super) max_error: Option<f64>,
+    pub(super) place: ModelPlace,
+}
+
+/// Where the model is already.
+#[derive(Clone, Debug)]
+pub(super) enum ModelPlace {
+    /// Nowhere but here: it is written with the answer.
+    Memory,
+    /// In the folder that is the source: it is not copied.
+    Source,
+    /// In this folder, as these files. Another folder gets a model of its own.
+    Folder(PathBuf, Vec<String>),
+}
+
+impl Relighting {
+    /// A model of which nothing was asked yet.
+    pub(super) fn new(asked: &Relight, model: SavedModel) -> Self {
+        Self {
+            model,
+            photos: 0,
+            relit: Vec::new(),
+            duals: Vec::new(),
+            reduced: Vec::new(),
+            curve: Vec::new(),
+            max_error: asked.max_error,
+            place: ModelPlace::Memory,
+        }
+    }
+
+    /// The largest error of a relit photo, where it is known.
+    pub fn worst(&self) -> Option<f64> {
+        self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
+    }
+
+    /// The largest error of a relit photo and the largest that is good enough, where both are known.
+    fn judged(&self) -> Option<[f64; 2]> {
+        Some([self.worst()?, self.max_error?])
+    }
+
+    fn arrays<'a>(&'a self, content: &mut Content<'a>) {
+        for (index, relit) in self.relit.iter().enumerate() {
+            content.picture("relit", Some(index), &relit.relit);
+            if let Some(truth) = &relit.truth {
+                content.picture("truth", Some(index), truth);
+            }
+        }
+        for (index, dual) in self.duals.iter().enumerate() {
+            content.picture("duals", Some(index), &dual.image);
+        }
+        for (index, reduced) in self.reduced.iter().enumerate() {
+            content.picture("direct", Some(index), &reduced.direct);
+        }
+        content.picture("ambient", None, &self.model.ambient);
+        let [projector, camera] = [self.model.projector, self.model.resolution].map(|size| size.pixels());
+        for (channel, model) in self.model.channels.iter().enumerate() {
+            for (name, rows, length) in
+                [("basis", model.basis(), projector), ("basis_photos", model.photos(), camera)]
+            {
+                content.keyed_attribute(name, channel, &[rows.len(), length], rows.concat());
+            }
+        }
+    }
+
+    fn facts(&self, content: &mut Content<'_>) {
+        content.fact("photos", self.photos);
+        content.fact("rank", self.model.rank());
+        let relit = self.relit.iter().map(|relit| {
+            json!({
+                "pattern": relit.name,
+                "relative_error": relit.errors.last(),
+                "stated_error": relit.stated,
+            })
+        });
+        content.fact("relit", relit.collect::<Vec<_>>());
+        let duals =
+            self.duals.iter().map(|dual| json!({ "pattern": dual.name, "relative_error": dual.error }));
+        content.fact("dual", duals.collect::<Vec<_>>());
+        let reduced = self.reduced.iter().map(|reduced| {
+            json!({
+                "photo": reduced.name,
+                "residual": reduced.residual,
+                "relative_error": reduced.error,
+            })
+        });
+        content.fact("inverse", reduced.collect::<Vec<_>>());
+        content.fact("matrix", self.curve.last());
+        content.detail("curve", &self.curve);
+        content.detail("good", self.judged().is_none_or(|[worst, most]| worst <= most));
+    }
+
+    fn lines(&self, content: &mut Content<'_>) {
+        content.line(format_args!("photos    {}; the model has rank {}", self.photos, self.model.rank()));
+        for Relit { name, errors, stated, .. } in &self.relit {
+            let stated = text::percent(*stated);
+            match errors.last() {
+                Some(error) => content.line(format_args!(
+                    "relit     {name}: within {} % of independent light; the photos leave about {stated} % open",
+                    text::percent(*error)
+                )),
+                None => content
+                    .line(format_args!("relit     {name}: about {stated} % off, by what the photos leave open")),
+            }
+        }
+        for Reduced { name, error, .. } in &self.reduced {
+            let error = error.map(|error| format!(", within {} %", text::percent(error)));
+            content.line(format_args!("direct    of {name}{}", error.unwrap_or_default()));
+        }
+        if let Some(row) = self.curve.last() {
+            let optimal = row.optimal.map(|optimal| {
+                let (of, best) = (Ratio::of(row.error, optimal, 0.0), text::percent(optimal));
+                format!("; the best of rank {} {best} %, of which it is {of}", row.photos)
+            });
+            let error = text::percent(row.error);
+            content.line(format_args!("matrix    within {error} %{}", optimal.unwrap_or_default()));
+        }
+    }
+}
+
+impl Answer for Relighting {
+    fn verb(&self) -> &'static str {
+        Relight::NAME
+    }
+
+    fn photos(&self) -> usize {
+        self.photos
+    }
+
+    fn sentence(&self) -> String {
+        let count = match self.relit.len() {
+            1 => "1 pattern".to_owned(),
+            count => format!("{count} patterns"),
+        };
+        let mut text = format!("A model from {} photos relit {count}", self.model.rank());
+        if self.photos == 0 {
+            text += " at no further photo";
+        }
+        match self.worst() {
+            Some(worst) => {
+                let _ = write!(text, ", at worst within {} of the true photo.", percent(worst));
+            }
+            None => text.push('.'),
+        }
+        if let Some((row, optimal)) = self.curve.last().and_then(|row| Some((row, row.optimal?))) {
+            let of = Ratio::of(row.error, optimal, 0.0);
+            let _ =
+                write!(text, " Its error as a matrix is {of} of the best that any matrix of that rank has.");
+        }
+        text
+    }
+
+    fn content(&self) -> Content<'_> {
+        let mut content = Content::default();
+        self.arrays(&mut content);
+        self.facts(&mut content);
+        self.lines(&mut content);
+        if let Some([worst, most]) = self.judged().filter(|[worst, most]| worst > most) {
+            content.note(format_args!("the error of a relit photo, {}, is above {most}", decimal(worst, 5)));
+        }
+        content
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        let finding = |[worst, most]: [f64; 2]| {
+            let grade = if worst <= most { Grade::Ok } else { Grade::Fails };
+            let [found, expected] = [worst, most].map(|error| format!("within {}", percent(error)));
+            let found = format!("{found} of the true photos");
+            Finding::graded("relit photos", grade, found, expected, "give more --photos")
+        };
+        self.judged().map(finding).into_iter().collect()
+    }
+
+    fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
+        Ok(lab.verify_relighting(&self.model, &self.relit)?.map(Verified::from))
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        let mut files = match &self.place {
+            ModelPlace::Source => Vec::new(),
+            ModelPlace::Folder(folder, files) if *folder == run.path => files.clone(),
+            ModelPlace::Folder(..) | ModelPlace::Memory => self.model.write(&run.answer)?,
+        };
+        let run = lab.page("", run, seconds);
+        let title = format!("{} · low-rank light transport", self.model.source);
+        let strip = run.strip.filter(|_| self.photos > 0);
+        files.extend(self.write_page(&Run { title, unit: &self.model.unit, strip, ..run })?);
+        Ok(files)
+    }
+}

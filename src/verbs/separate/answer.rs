@@ -1,0 +1,236 @@
+//! The answer of a separation.
+
+use std::fmt::Write;
+
+use super::Separate;
+use crate::analysis::planes::{Planes, norm, relative_error, relative_to, sum};
+use crate::analysis::separate::{ComparisonRow, NearFar};
+use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio};
+use crate::image::Resolution;
+use crate::lab::text::{self, decimal};
+use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::report::content::Content;
+use crate::report::planes::percent;
+
+/// Direct and global light under white, with what was asked beside it.
+#[derive(Clone, Debug)]
+pub struct Separated {
+    /// The method with its setting, in words.
+    pub method: String,
+    /// The method's name.
+    pub name: &'static str,
+    /// The pixels of all light.
+    pub resolution: Resolution,
+    /// Photos that the method took; those of `near_far` are beside them.
+    pub photos: usize,
+    /// One bounce.
+    pub direct: Planes,
+    /// Two bounces and more.
+    pub global: Planes,
+    /// Standard errors of `direct`, where the method knows them.
+    pub standard_error: Option<Planes>,
+    /// Standard errors of `global`, where the method knows them.
+    pub global_error: Option<Planes>,
+    /// The exact first bounce, where a simulator knows it and the method is another.
+    pub truth: Option<Planes>,
+    /// The second bounce, and three and more.
+    pub bounces: Option<[Planes; 2]>,
+    /// Global light by how far it went.
+    pub near_far: Option<NearFar>,
+    /// Every method at several photo counts; may be empty.
+    pub comparison: Vec<ComparisonRow>,
+    /// The largest error of `direct` that is good enough, where there is one.
+    pub(super) max_error: Option<f64>,
+}
+
+/// An image of the answer.
+pub(super) struct Layer<'a> {
+    /// The name of its files.
+    pub(super) file: &'static str,
+    /// The name of its attribute in Python.
+    pub(super) attribute: &'static str,
+    pub(super) planes: &'a Planes,
+    pub(super) caption: String,
+}
+
+impl Separated {
+    /// Light that the simulator knows.
+    pub(super) fn exact(asked: &Separate, resolution: Resolution, [direct, global]: [Planes; 2]) -> Self {
+        Self {
+            method: "the simulator".into(),
+            name: "exact",
+            resolution,
+            photos: 0,
+            direct,
+            global,
+            standard_error: None,
+            global_error: None,
+            truth: None,
+            bounces: None,
+            near_far: None,
+            comparison: Vec::new(),
+            max_error: asked.max_error,
+        }
+    }
+
+    /// The relative error of the direct light, where the truth is known.
+    pub fn error(&self) -> Option<f64> {
+        self.truth.as_ref().and_then(|truth| relative_error(&self.direct, truth).value())
+    }
+
+    /// The error of the direct light and the largest that is good enough, where it is above it.
+    fn excess(&self) -> Option<[f64; 2]> {
+        Some([self.error()?, self.max_error?]).filter(|[error, most]| error > most)
+    }
+
+    /// All images of light.
+    pub(super) fn layers(&self) -> Vec<Layer<'_>> {
+        let layer = |[file, attribute]: [&'static str; 2], planes, caption: &str| Layer {
+            file,
+            attribute,
+            planes,
+            caption: caption.into(),
+        };
+        let mut layers = vec![
+            layer(["direct", "direct"], &self.direct, "Direct light: one bounce"),
+            layer(["global", "global_"], &self.global, "Global light: two bounces and more"),
+        ];
+        if let Some([second, rest]) = &self.bounces {
+            layers.push(layer(["second", "second"], second, "The second bounce"));
+            layers.push(layer(["rest", "rest"], rest, "Three bounces and more"));
+        }
+        if let Some(reach) = &self.near_far {
+            let near = format!("Global light from near by, σ {} px", reach.sigma);
+            layers.push(layer(["near-indirect", "near"], &reach.near, &near));
+            layers.push(layer(["far-indirect", "far"], &reach.far, "Global light from farther away"));
+        }
+        if let Some(truth) = &self.truth {
+            layers.push(layer(["exact", "truth"], truth, "The exact first bounce"));
+        }
+        layers
+    }
+
+    /// The standard errors that are known.
+    pub(super) fn standard_errors(&self) -> impl Iterator<Item = Layer<'_>> {
+        let known = [
+            ("standard-error", "standard_error", &self.standard_error, "direct"),
+            ("standard-error-global", "global_error", &self.global_error, "global"),
+        ];
+        known.into_iter().filter_map(|(file, attribute, errors, whose)| {
+            let caption = format!("Standard error of the {whose} light");
+            Some(Layer { file, attribute, planes: errors.as_ref()?, caption })
+        })
+    }
+
+    fn lines(&self, content: &mut Content<'_>) {
+        content.line(format_args!("photos    {}: {}", self.photos, self.method));
+        if let Some(error) = self.error() {
+            let error = text::percent(error);
+            content.line(format_args!("direct    within {error} % of the exact first bounce"));
+        }
+        if let Some(reach) = &self.near_far {
+            let error = reach.error.map(|error| format!(", error {} %", text::percent(error)));
+            content.line(format_args!(
+                "near      σ {} px, {} photos: noise {} %{}",
+                reach.sigma,
+                reach.photos,
+                text::percent(reach.noise),
+                error.unwrap_or_default()
+            ));
+        }
+        for ComparisonRow { error, photos, setting, .. } in &self.comparison {
+            let error = text::percent(*error);
+            content.line(format_args!("compared  {error:>6} % with {photos:>3} photos: {setting}"));
+        }
+    }
+}
+
+impl Answer for Separated {
+    fn verb(&self) -> &'static str {
+        Separate::NAME
+    }
+
+    /// The photos of the method, and those that tell near from far.
+    fn photos(&self) -> usize {
+        self.photos + self.near_far.as_ref().map_or(0, |near_far| near_far.photos)
+    }
+
+    fn sentence(&self) -> String {
+        let share = Ratio::of(norm(&self.global), norm(&sum(&self.direct, &self.global)), 0.0);
+        let photos = if self.photos > 0 { format!(", {} photos", self.photos) } else { String::new() };
+        let mut text = format!(
+            "By {}{photos}: global light is {} of all that is seen under white.",
+            self.method,
+            percent(share)
+        );
+        if let Some(error) = self.error() {
+            let _ = write!(text, " The direct light is within {} of the exact first bounce.", percent(error));
+        }
+        if let (Some(direct), Some(global)) = (&self.standard_error, &self.global_error) {
+            let [direct, global] = [(direct, &self.direct), (global, &self.global)]
+                .map(|(errors, light)| percent(relative_to(norm(errors), light, errors)));
+            let _ = write!(text, " Standard errors: {direct} of the direct light, {global} of the global.");
+        }
+        text
+    }
+
+    fn content(&self) -> Content<'_> {
+        let mut content = Content::default();
+        for layer in self.layers().into_iter().chain(self.standard_errors()) {
+            content.planes(layer.attribute, self.resolution, layer.planes);
+        }
+        let near_far = self.near_far.as_ref();
+        content.fact("method", self.name);
+        content.fact("photos", self.photos);
+        content.fact("photos_near_far", near_far.map_or(0, |near_far| near_far.photos));
+        content.fact("relative_error", self.error());
+        content.fact("near_indirect_noise", near_far.map(|near_far| near_far.noise));
+        content.fact("near_indirect_error", near_far.and_then(|near_far| near_far.error));
+        content.fact("comparison", &self.comparison);
+        content.detail("good", self.excess().is_none());
+        self.lines(&mut content);
+        if let Some([error, most]) = self.excess() {
+            let error = decimal(error, 5);
+            content.note(format_args!("the error of the direct light, {error}, is above {most}"));
+        }
+        content
+    }
+
+    /// Whether there is global light beyond its error, and whether the direct light is as good as was asked for.
+    fn findings(&self) -> Vec<Finding> {
+        let share = match &self.global_error {
+            Some(errors) => relative_to(1.0, &self.global, errors),
+            // Photos are products of numbers of single precision.
+            None => Ratio::of(
+                1.0,
+                norm(&self.global),
+                f64::from(f32::EPSILON) * norm(&sum(&self.direct, &self.global)),
+            ),
+        };
+        let mut findings = Vec::new();
+        if share.value().is_none() {
+            let found = "no global light to measure: it is no more than its error";
+            findings.push(Finding::graded("global light", Grade::Unmeasured, found, "", ""));
+        }
+        findings.extend(self.max_error.map(|most| match self.error() {
+            Some(error) => {
+                let grade = if self.excess().is_none() { Grade::Ok } else { Grade::Fails };
+                let found = format!("within {} of the exact first bounce", percent(error));
+                let expected = format!("within {}", percent(most));
+                Finding::graded("direct light", grade, found, expected, "give more photos, or another --by")
+            }
+            None => Finding::unmeasured("direct light", "there is none, or its true value is not known"),
+        }));
+        findings
+    }
+
+    fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
+        let error = self.error().unwrap_or(0.0);
+        Ok(lab.verify_separation(&self.direct, &self.global, error)?.map(Verified::from))
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        self.write_page(&lab.page("direct and global light", run, seconds))
+    }
+}

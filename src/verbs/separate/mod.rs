@@ -1,0 +1,244 @@
+//! Separation of direct and global light.
+
+mod answer;
+mod page;
+
+use serde::{Deserialize, Serialize};
+
+use super::options::{check_vectors, count, defaults, number};
+use crate::analysis::planes::Planes;
+use crate::analysis::probe::default_sigma;
+use crate::analysis::separate::{
+    NearFar, NearFarOptions, SeparateBy, Separation, compare_separations, near_far, second_and_rest, separate,
+};
+use crate::error::{Error, Result};
+use crate::lab::{ChannelChoice, Lab, LabOperator, Log, SourceKind, Verb};
+use crate::operator::Operator;
+use crate::transport::{Channels, Part};
+
+pub use answer::Separated;
+
+/// Separate direct and global light, and the global light by bounces and by how far it went
+#[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(after_help = "Example:\n  krylux separate scene.glb --by checkerboards --compare -o out/separated")]
+pub struct Separate {
+    /// One gray system, or red, green and blue as three
+    #[arg(long, value_enum, default_value = "luma")]
+    #[serde(skip)]
+    pub channels: Channels,
+    /// The method [default: exact on scenes, checkerboards on rigs]
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub by: Option<SeparationMethod>,
+    /// Pixels of a checkerboard's squares
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count::<usize>)]
+    pub square: usize,
+    /// Places that checkerboards are shifted to in each direction: as many photos squared
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<usize>)]
+    pub shifts: usize,
+    /// Pixels of a sinusoid's wave
+    #[arg(long, value_name = "X", default_value_t = 4.0, value_parser = number::<f64>)]
+    pub period: f64,
+    /// Photos of a sinusoid in each of two directions
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = count::<usize>)]
+    pub phases: usize,
+    /// Photos of random patterns or of the capture, beside the white one [default: 40, or the budget of the run that is
+    /// SOURCE]; of codes 4, 8, 16 and so on [default: 16]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
+    pub photos: Option<usize>,
+    /// The second bounce, and three and more, as images (scenes only)
+    #[arg(long)]
+    pub bounces: bool,
+    /// Near indirect light is weighted by exp(−d²/2σ²) of the distance d in pixels [default: a sixteenth of the width]
+    #[arg(long, value_name = "σ", value_parser = number::<f64>)]
+    pub sigma: Option<f64>,
+    /// Photos of random patterns that tell near from far indirect light; 0 leaves it out [default: 100 on scenes, 0 on
+    /// rigs]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
+    pub probes: Option<usize>,
+    /// All methods at several photo counts against the exact first bounce (scenes only)
+    #[arg(long)]
+    pub compare: bool,
+    /// Exit status 1 if the direct light differs from the exact first bounce by more than this share of it (scenes only)
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
+    pub max_error: Option<f64>,
+}
+
+/// A method of separation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SeparationMethod {
+    /// What the simulator knows of each bounce
+    Exact,
+    /// Nayar's shifted checkerboards
+    Checkerboards,
+    /// Shifted sinusoids
+    Sinusoids,
+    /// Patterns in which pixels near to each other have different codes, so that light from near by does not count as direct. For devices in
+    /// focus
+    Codes,
+    /// The diagonal of the matrix from patterns of random signs
+    Random,
+    /// The same from the photos of a Krylov capture
+    Capture,
+}
+
+impl Default for Separate {
+    fn default() -> Self {
+        defaults()
+    }
+}
+
+impl Verb for Separate {
+    const NAME: &'static str = "separate";
+    type Answer = Separated;
+
+    fn channels(&self, _: SourceKind) -> ChannelChoice {
+        self.channels.into()
+    }
+
+    fn splits_bounces(&self) -> bool {
+        self.bounces
+    }
+
+    /// Refuses what only a simulator knows where there is none, and settings that a method cannot use.
+    fn check_on(&self, lab: &Lab) -> Result<()> {
+        let by = self.by(lab);
+        let asked = [
+            (by.is_none(), "--by exact"),
+            (self.bounces, "--bounces"),
+            (self.compare, "--compare"),
+            (self.max_error.is_some(), "--max-error"),
+        ];
+        let is_scene = lab.kind() == SourceKind::Scene;
+        if let Some((_, option)) = asked.into_iter().find(|(is_asked, _)| *is_asked && !is_scene) {
+            return Err(Error::Option {
+                option: option.into(),
+                fault: "a rig does not know the exact bounces of its light".into(),
+                help: "leave it out, or give a scene".into(),
+            });
+        }
+        check_vectors("--photos", self.budget(lab), lab.projector_resolution().pixels())?;
+        by.map_or(Ok(()), SeparateBy::check)
+    }
+
+    /// Separates direct and global light under white. The photos of a scene are not kept in a journal: a simulator is also asked for the
+    /// truth, by hundreds of products.
+    fn answer(&self, lab: &mut Lab) -> Result<Separated> {
+        lab.allow_photos(self.budget(lab));
+        let (is_scene, seed) = (lab.kind() == SourceKind::Scene, lab.seed());
+        if is_scene {
+            lab.without_journal();
+        }
+        lab.prepare()?;
+        let exact = if is_scene { Some(lab.timed("exact bounces", exact_bounces)?) } else { None };
+        let mut found = match self.by(lab) {
+            Some(by) => self.by_photos(lab, by, exact.as_ref())?,
+            // It is a scene: nothing else is asked for exact light.
+            None => Separated::exact(self, lab.resolution(), exact.clone().unwrap_or_default()),
+        };
+        if self.bounces {
+            found.bounces = lab.assembled()?.map(|traced| second_and_rest(&traced.matrix)).transpose()?;
+        }
+        let probes = self.probes.unwrap_or(if is_scene { 100 } else { 0 });
+        if probes > 0 {
+            let sigma = self.sigma.unwrap_or_else(|| default_sigma(lab.resolution()));
+            let options = NearFarOptions { sigma, photos: probes, seed };
+            found.near_far = lab.timed("probing", |lab| probed(lab, options, &found.global))?;
+        }
+        if let (true, Some(exact)) = (self.compare, &exact) {
+            let resolution = lab.resolution();
+            let mut full = lab.reference_operators(Part::Full)?;
+            found.comparison = lab.timed("comparison", |_| {
+                compare_separations(&mut full, resolution, exact, self.period, seed)
+            })?;
+        }
+        Ok(found)
+    }
+}
+
+impl Separate {
+    /// Photos of random patterns or of the capture.
+    fn budget(&self, lab: &Lab) -> usize {
+        self.photos.or(lab.photos_of_run()).unwrap_or(40)
+    }
+
+    /// The method with its settings; `None` is what a simulator knows.
+    fn by(&self, lab: &Lab) -> Option<SeparateBy> {
+        let photos = self.budget(lab);
+        let is_scene = lab.kind() == SourceKind::Scene;
+        let default = if is_scene { SeparationMethod::Exact } else { SeparationMethod::Checkerboards };
+        Some(match self.by.unwrap_or(default) {
+            SeparationMethod::Exact => return None,
+            SeparationMethod::Checkerboards => {
+                SeparateBy::Checkerboards { square: self.square, shifts: self.shifts }
+            }
+            SeparationMethod::Sinusoids => SeparateBy::Sinusoids { period: self.period, phases: self.phases },
+            // A run may have any number of photos, and codes need a power of two.
+            SeparationMethod::Codes => SeparateBy::Codes { photos: self.photos.unwrap_or(16) },
+            SeparationMethod::Random => SeparateBy::Random { photos },
+            SeparationMethod::Capture => SeparateBy::Capture { photos },
+        })
+    }
+
+    fn by_photos(&self, lab: &mut Lab, by: SeparateBy, exact: Option<&[Planes; 2]>) -> Result<Separated> {
+        let (resolution, seed) = (lab.resolution(), lab.seed());
+        let mut operators = lab.operators(Part::Full)?;
+        lab.expect(by.photos());
+        let one = |operator: &mut LabOperator| separate(operator, resolution, by, seed);
+        let found = lab.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
+        let of = |part: fn(&Separation) -> &Vec<f64>| found.iter().map(|f| part(f).clone()).collect();
+        let light = [of(|found| &found.direct), of(|found| &found.global)];
+        Ok(Separated {
+            method: by.in_words(),
+            name: by.name(),
+            photos: by.photos(),
+            standard_error: found.iter().map(|found| found.standard_error.clone()).collect(),
+            global_error: found.iter().map(|found| found.global_error.clone()).collect(),
+            truth: exact.map(|[direct, _]| direct.clone()),
+            ..Separated::exact(self, resolution, light)
+        })
+    }
+}
+
+/// The light of one bounce, and that of two bounces and more, under white.
+fn exact_bounces(lab: &mut Lab) -> Result<[Planes; 2]> {
+    Ok([lab.white_of(Part::Direct)?, lab.white_of(Part::Global)?])
+}
+
+/// Global light by how far it went; `None` where that cannot be photographed.
+fn probed(lab: &mut Lab, options: NearFarOptions, global: &Planes) -> Result<Option<NearFar>> {
+    let resolution = lab.resolution();
+    let mut operators = lab.operators(Part::Global)?;
+    if operators.iter().any(|operator| operator.rows() != operator.cols()) {
+        lab.observer().note(format_args!(
+            "note: near and far indirect light are left out: projector and camera differ in their pixels"
+        ));
+        return Ok(None);
+    }
+    lab.expect(options.photos);
+    let matrices = lab.traced_matrices(Part::Global)?;
+    near_far(&mut operators, resolution, options, global, matrices.as_deref()).map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::Answer;
+    use crate::scene::builtin;
+
+    #[test]
+    fn a_separation_predicts_a_checkerboard_that_it_did_not_see() -> Result<()> {
+        let mut lab = Lab::builder_of_scene(builtin::corner().to_scene()).size(24, 24).samples(64).open()?;
+        let mut found = lab.ask(&Separate { probes: Some(0), ..Separate::default() })?;
+        let error = |found: &mut Separated, lab: &mut Lab| -> Result<f64> {
+            Ok(found.verify(lab)?.map_or(f64::NAN, |checked| checked.verification.error))
+        };
+        let right = error(&mut found, &mut lab)?;
+        assert!(right < 0.05, "{right}");
+        found.direct[0].iter_mut().for_each(|value| *value *= 1.3);
+        let wrong = error(&mut found, &mut lab)?;
+        assert!(wrong > 0.15, "{wrong}");
+        Ok(())
+    }
+}
