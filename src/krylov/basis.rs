@@ -21,32 +21,26 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// No columns yet.
     pub(super) fn new(rows: usize) -> Self {
         Self { rows, columns: Vec::new(), spare: Vec::new() }
     }
 
-    /// The length of each column.
     pub(super) fn rows(&self) -> usize {
         self.rows
     }
 
-    /// The number of columns.
     pub(super) fn len(&self) -> usize {
         self.columns.len()
     }
 
-    /// The columns, in the order in which they were appended.
     pub(super) fn columns(&self) -> &[Vec<f64>] {
         &self.columns
     }
 
-    /// The columns, to change their entries.
     pub(super) fn columns_mut(&mut self) -> &mut [Vec<f64>] {
         &mut self.columns
     }
 
-    /// Appends `w / divisor`.
     pub(super) fn push_scaled(&mut self, w: &[f64], divisor: f64) {
         debug_assert_eq!(w.len(), self.rows);
         let mut column = self.spare.pop().unwrap_or_default();
@@ -89,17 +83,10 @@ impl Basis {
     /// `Vᵀ w` over the columns from `first` on.
     pub(super) fn dots(&self, first: usize, w: &[f64]) -> Vec<f64> {
         let columns = self.columns.get(first..).unwrap_or_default();
-        let block_sums = |(index, rows): (usize, &[f64])| -> Vec<f64> {
-            let mut sums = vec![0.0; columns.len()];
-            dots_block(columns, index * BLOCK, rows, &mut sums);
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if w.len() <= 2 * BLOCK {
-            w.chunks(BLOCK).enumerate().map(block_sums).collect()
-        } else {
-            w.par_chunks(BLOCK).enumerate().map(block_sums).collect()
-        };
-        added(columns.len(), &partial)
+        let is_long = w.len() > 2 * BLOCK;
+        summed(columns.len(), is_long, w.chunks(BLOCK), |index, rows, sums| {
+            dots_block(columns, index * BLOCK, rows, sums);
+        })
     }
 
     /// `w ← w + sign · V h` over the columns from `first` on.
@@ -114,8 +101,24 @@ impl Basis {
     }
 }
 
-/// The sums of all blocks, in the order of the rows.
-pub(super) fn added(count: usize, partial: &[Vec<f64>]) -> Vec<f64> {
+/// The `count` sums that `block` makes of each block of rows, added in the order of the rows. Long vectors are summed on several threads.
+pub(super) fn summed<T: Send>(
+    count: usize,
+    is_long: bool,
+    blocks: impl Iterator<Item = T>,
+    block: impl Fn(usize, T, &mut [f64]) + Sync,
+) -> Vec<f64> {
+    let of_block = |(index, rows): (usize, T)| {
+        let mut sums = vec![0.0; count];
+        block(index, rows, &mut sums);
+        sums
+    };
+    let blocks: Vec<(usize, T)> = blocks.enumerate().collect();
+    let partial: Vec<Vec<f64>> = if is_long {
+        blocks.into_par_iter().map(of_block).collect()
+    } else {
+        blocks.into_iter().map(of_block).collect()
+    };
     let mut sums = vec![0.0; count];
     for block in partial {
         sums.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
@@ -194,10 +197,8 @@ pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, 
 // The loops over entries are compiled for every `f`, the distribution over threads only once: it is by far the larger
 // part of the code, and one indirect call a block costs nothing.
 
-/// An update of one chunk: `w`, `a`.
 type Update<'a> = dyn Fn(&mut [f64], &[f64]) + Sync + 'a;
 
-/// An update of one chunk: `w`, `a`, `b`.
 type Update2<'a> = dyn Fn(&mut [f64], &[f64], &[f64]) + Sync + 'a;
 
 fn in_blocks(w: &mut [f64], a: &[f64], block: &Update<'_>) {
@@ -329,7 +330,6 @@ mod tests {
         }
     }
 
-    /// The entry of a matrix in a row and a column.
     type Entry<'a> = dyn Fn(usize, usize) -> f64 + 'a;
 
     /// The bound of the module's comment for `m` columns of `n` rows.

@@ -4,9 +4,27 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bench::Stage;
 use super::figure::{Content, Panel};
-use crate::analysis::{MASKED, Segmentation};
+use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
+
+/// The options of a segmentation that uses all its photos, from one start. The resolution lets a noisy rig low-pass its directions, as
+/// `krylux segment` does.
+pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> SegmentOptions {
+    SegmentOptions {
+        photos,
+        tolerance: 0.0,
+        starts: Some(1),
+        resolution: Some(resolution),
+        groups: groups.to_vec(),
+        ..SegmentOptions::default()
+    }
+}
+
+/// The labels of this number of groups; empty where they were not asked for.
+pub(super) fn labels(found: &Segmentation, groups: usize) -> &[u8] {
+    found.labels.iter().find(|(of, _)| *of == groups).map_or(&[], |(_, labels)| labels)
+}
 
 /// The photo under white, the groups, and `eigenvectors` eigenvectors after the first, which is constant.
 pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -> Vec<Panel> {

@@ -78,7 +78,7 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
 /// Reproduces `figures` on one bench after the other. `made` is told of each figure as soon as it is there.
 ///
 /// # Errors
-/// Those of [`reproduce`] and of `made`.
+/// The errors of [`reproduce`] and of `made`.
 pub fn reproduce_all(
     figures: &[Figure],
     benches: impl IntoIterator<Item = BenchOptions>,

@@ -134,7 +134,7 @@ impl CameraFrame {
 }
 
 /// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are
-/// white, and its normals are those of the plane, to the precision of 16-bit coordinates.
+/// white, and its normals are the plane's, to the precision of 16-bit coordinates.
 fn is_plain(triangle: &Triangle) -> bool {
     // Single precision cannot hold the square of a small area.
     let [a, b, c] = triangle.positions.map(|corner| corner.as_dvec3());

@@ -83,7 +83,7 @@ impl Expansion {
             let (error, along) = match self.filtered(error, removed.norm) {
                 Some((direction, along)) => {
                     self.basis.push_scaled(&direction, 1.0);
-                    // What the filter removes counts as noise of the product.
+                    // The part that the filter removes counts as noise of the product.
                     let noise = (removed.norm.powi(2) - along * along).max(0.0).sqrt();
                     (noise.max(error), along)
                 }
@@ -135,7 +135,6 @@ const LATE: f64 = 1e-12;
 struct Rest {
     /// The coefficients of the product on the basis.
     coefficients: Vec<f64>,
-    /// The norm of the rest.
     norm: f64,
     /// The parts along the basis that are still in the rest; empty if there are none.
     late: Vec<f64>,
@@ -159,7 +158,7 @@ impl Expansion {
         }
         let settling = Settling { late: &late, along, ahead: &ahead };
         let (mut rest, mut length) = self.basis.settle_and_dot(&settling, &mut self.work);
-        // What is removed so far, on the settled basis, less what the late parts have added to the product.
+        // The coefficients removed so far, on the settled basis, less what the late parts have added to the product.
         let mut coefficients: Vec<f64> = (0..total)
             .map(|i| {
                 let near = if i < first { ahead.get(i).copied().unwrap_or(0.0) } else { along[i - first] };
