@@ -274,7 +274,10 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
     Some(equal[turn % equal.len()])
 }
 
-/// The kernels that a device has compiled. Clones share them.
+/// The kernels that a device has compiled, as bytes where the driver gives them out: a later process on an equal device need not compile them
+/// again. Clones share them.
+///
+/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without such a store of the application give nothing out.
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,

@@ -3,7 +3,7 @@
 //! Figure 4 has two groups that exchange no light, and horizontal cuts at six and ten groups.
 //!
 //! The folded sheets are the zigzag's, whose creases are sharp at every scale. There the light has only four separated eigenvalues: two
-//! groups, each cut in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands ([`super::fold`]); the
+//! groups, each cut in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands ([`continuous`]); the
 //! value of the cut measures that. Bent sheets, as paper is where one looks closely, are cut into bands.
 
 use std::ops::ControlFlow;

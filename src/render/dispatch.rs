@@ -177,7 +177,7 @@ const PILE: usize = MAX_ITERATIONS / 16;
 /// How many cells as wide as the difference of two places the scene's diagonal has.
 const CELLS: f32 = 1000.0;
 
-/// The error about light paths that never finished.
+/// The error about light paths that never finished. It tells the reason as far as the scene shows it: triangles piled up in one place.
 pub(super) fn unfinished_paths(unfinished: u64, total: u64, scene: &GpuScene) -> Error {
     let (pile, size) = highest(&scene.pairs_in_order);
     let size = size * scene.unit.metres;

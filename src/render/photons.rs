@@ -236,7 +236,7 @@ pub(super) type Photon = [[u32; 4]; 4];
 /// buckets an even selection of photons is kept, and their power is increased accordingly.
 const MAX_BUCKET: usize = 512;
 
-/// Photons in the buckets of a hash grid.
+/// Photons in the buckets of a hash grid: the photons of a cell lie side by side, and so do the photons of two neighbouring cells along x.
 struct Grid {
     /// Number of buckets, a power of two, minus 1.
     mask: u32,

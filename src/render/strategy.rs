@@ -177,7 +177,8 @@ fn parameters(
     }
 }
 
-/// Camera and projector, the endpoints of light paths.
+/// Camera and projector, the endpoints of light paths, in the camera's frame: the lens centre of the camera is the origin, and the camera looks
+/// along −z.
 pub(super) struct Endpoints {
     camera: Camera,
     projector: Option<Camera>,

@@ -192,7 +192,7 @@ impl Coordinates {
 }
 
 /// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
-/// [`SecantModel`](crate::krylov::boxed::model::SecantModel).
+/// [`SecantModel`]. With them, the coordinates of `M̂ D M̂ u` follow from those of `u`.
 #[derive(Clone, Default)]
 pub(super) struct InnerProducts {
     vv: Vec<Vec<f64>>,

@@ -141,8 +141,24 @@ struct Rest {
 }
 
 impl Expansion {
-    /// Orthogonalizes the product in `work` against the basis. `along` holds the product's inner products with the last columns,
-    /// which contain, up to rounding, its whole part in the span; it is empty where that is not known.
+    /// Orthogonalizes the product in `work` against the basis, with one reading of the basis. `along` holds the product's inner products with
+    /// the last columns, which contain, up to rounding, its whole part in the span; it is empty where that is not known.
+    ///
+    /// Full reorthogonalization takes the inner products of the product with all basis vectors and then removes these components: two
+    /// readings, and four for Arnoldi. Here the removal waits for the next step, whose inner products need a reading anyway (delayed
+    /// reorthogonalization: Bielich, Langou, Thomas, Świrydowicz, Yamazaki and Boman, *Low-synch Gram–Schmidt with delayed
+    /// reorthogonalization for Krylov solvers*, Parallel Computing 112 (2022), doi:10.1016/j.parco.2022.102940): one, and two for Arnoldi.
+    ///
+    /// The last basis vector `û = v + V s` is then multiplied while it still has small parts `s` along the others. By
+    /// linearity `A v = A û − A V s`, and `A V s = V⁺H s` is known from the coefficients of the products before. The same
+    /// number, known beforehand, is the part of `A û` along the basis beside the three terms of Lanczos; it is removed in the
+    /// sweep that takes the inner products, since it would grow like `(‖A‖/β)^k` over `k` steps otherwise.
+    ///
+    /// # Bound
+    /// Only parts of norm at most [`LATE`] wait; larger ones (from noise, or of a product that is nearly in the span) are removed at
+    /// once, by passes as in [`orthogonalize`]. So `v` has norm `1 + O(ε)`, and with the rounding error `γ`
+    /// stated there, `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`: no error is passed on. `m` vectors have
+    /// `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been reorthogonalized at once. The tests hold hard cases to this.
     fn orthogonalize_product(&mut self, along: &[f64]) -> Rest {
         let (total, first) = (self.basis.len(), self.basis.len() - along.len());
         let late = std::mem::take(&mut self.late);
