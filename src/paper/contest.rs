@@ -10,7 +10,7 @@ use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
-use crate::operator::{Adjoint, Metered, Observed, Operator, Product, Recorded, Symmetry};
+use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
 use crate::report::plot::Series;
 use crate::transport::Part;
 
@@ -111,8 +111,7 @@ pub(super) fn enter(
         options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
     }
     let mut entry = MethodRun::default();
-    let mut metered = Metered::new(operator);
-    let mut recorded = Recorded::new(&mut metered);
+    let mut recorded = Recorded::new(operator);
     let observer = OnStep::new(|step: &Step<'_>| {
         let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
         let answer = iterate();
@@ -127,7 +126,7 @@ pub(super) fn enter(
     let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
     entry.pattern = found.x;
     entry.shots = recorded.products;
-    entry.frames = metered.frames;
+    entry.frames = recorded.frames;
     Ok(entry)
 }
 

@@ -13,7 +13,7 @@ use crate::analysis::low_rank::smooth_starts;
 use crate::analysis::segment::{Graph, NormalizedAdjacency};
 use crate::error::Result;
 use crate::krylov::{Factorization, Lanczos, Method, Start, Which, dot, norm};
-use crate::operator::{Adjoint, Metered, Operator};
+use crate::operator::{Adjoint, Operator, Recorded};
 use crate::report::plot::Series;
 use crate::transport::Part;
 
@@ -259,14 +259,14 @@ pub(super) fn fitted(
     target_light: &TargetLight,
     patterns: &[Vec<f64>],
 ) -> Result<MethodRun> {
-    let mut metered = Metered::new(operator);
+    let mut recorded = Recorded::of_frames(operator);
     let mut left = target_light.wanted();
     let mut entry = MethodRun { pattern: vec![0.0; left.len()], ..MethodRun::default() };
     // Photos made orthonormal, and the same combinations of patterns.
     let mut known: Vec<[Vec<f64>; 2]> = Vec::new();
     for pattern in patterns {
         let mut pair = [vec![0.0; left.len()], pattern.clone()];
-        metered.apply(pattern, &mut pair[0])?;
+        recorded.apply(pattern, &mut pair[0])?;
         if make_orthonormal(&mut pair, &known) > 0.0 {
             let share = dot(&pair[0], &left);
             left.iter_mut().zip(&pair[0]).for_each(|(left, value)| *left -= share * value);
@@ -276,7 +276,7 @@ pub(super) fn fitted(
         entry.answered.push(target_light.residual(stage, &entry.pattern));
         entry.displayed.push(target_light.residual(stage, &clamped(&entry.pattern)));
     }
-    entry.frames = metered.frames;
+    entry.frames = recorded.frames;
     Ok(entry)
 }
 

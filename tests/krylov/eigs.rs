@@ -73,7 +73,7 @@ fn every_method_finds_both_ends_of_the_gallery() {
                     EigsOptions { count: 1, which, products: 200, method, start, ..EigsOptions::default() };
                 let found = solve(&mut matrix, &options);
                 assert_eq!(found.statuses[0], PairStatus::Converged, "{name}, {method:?}, {which:?}");
-                // By Weyl an eigenvalue is within the residual; that it is the right one is what is tested.
+                // An eigenvalue is within the residual (Weyl); the test shows that it is the right one.
                 assert!(
                     (found.values[0] - wanted).abs() <= 2e-8 * size,
                     "{name}, {method:?}, {which:?}: {} is not {wanted}",
@@ -355,13 +355,13 @@ fn stated_errors_end_the_search_and_give_values_their_standard_error() {
             count += 1.0;
         }
     }
-    // Of 60 independent errors the root mean square is within 0.8 and 1.2 in 97 of 100 cases; what is left of the
+    // The root mean square of 60 independent errors is within 0.8 and 1.2 in 97 of 100 cases; the rest of the
     // search may add as much as the noise.
     let z = (squares / count).sqrt();
     assert!((0.7..1.5).contains(&z), "{z}");
 }
 
-/// A start without any part along an eigenvector hides it where the products have noise: residuals within the noise are no proof.
+/// A start without any part along an eigenvector hides it if the products have noise: residuals within the noise prove nothing.
 #[test]
 fn an_eigenvalue_that_the_noise_of_the_start_hides_is_found_before_the_search_ends() {
     let values: Vec<f64> =
@@ -382,7 +382,7 @@ fn an_eigenvalue_that_the_noise_of_the_start_hides_is_found_before_the_search_en
     }
 }
 
-/// Where eigenvalues are dense, a few products leave more than their noise does, and standard errors say so.
+/// If eigenvalues are dense, a few products leave more than their noise does, and standard errors say so.
 #[test]
 fn standard_errors_hold_what_more_products_would_change() {
     let noise = 1e-4;

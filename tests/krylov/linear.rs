@@ -179,7 +179,7 @@ fn products_per_iteration_are_those_of_the_table() {
         );
         let regular = moves.windows(2).filter(|pair| pair[1] - pair[0] == stride).count();
         let wanted = if facts.method == Method::KrylovBox { 2 } else { moves.len() - 1 };
-        // Where the residual is below 1e-13 it may no longer change.
+        // A residual below 1e-13 may no longer change.
         assert!(regular >= wanted && wanted >= 2, "{}: {moves:?}", facts.name);
         assert!(facts.needs_transpose || matrix.adjoint == 0, "{}: took a transposed product", facts.name);
         assert!(!facts.needs_transpose || matrix.adjoint > 0, "{}: took no transposed product", facts.name);
@@ -441,11 +441,11 @@ fn preconditioned_least_squares_keeps_to_the_true_residual_whatever_the_shape() 
             let what = format!("{method:?} on {name}: {:?}", found.stats);
             let size = norm(&system.b);
             let truth = misfit(&system.matrix, &found.x, &system.b);
-            // By recurrence, LSMR's by one of scalars: rounding of some dozen products.
+            // The residual follows by recurrence, LSMR's by one of scalars: rounding of some dozen products.
             assert!((truth - found.residual * size).abs() <= 1e-9 * size, "{what}");
             assert!(truth <= system.residual + 1e-9 * size, "{what}: {truth:e} {:e}", system.residual);
             assert!(matches!(found.stats.status, Status::ReachedTolerance | Status::LeastSquares), "{what}");
-            // Of many solutions the one whose `M x` is shortest: `M² x` is then a combination of rows.
+            // The solution whose `M x` is shortest: `M² x` is then a combination of rows.
             let by_hand = Dense::new(system.matrix.rows, system.n(), |i, j| {
                 system.matrix.entries[i * system.n() + j] / d[j]
             });
@@ -682,7 +682,7 @@ fn an_operator_that_states_its_errors_is_not_taken_for_one_without_symmetry() {
         let found = solve(method, &mut stating, &system.b, &options).unwrap();
         assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
         let truth = misfit(&system.matrix, &found.x, &system.b) / norm(&system.b);
-        // As in the test before: the floor, and the errors of up to ten products.
+        // The bound is that of the test before: the floor, and the errors of up to ten products.
         assert!(truth < 1e-3 * (1.0 + 9.5), "{method:?}: {truth:e}");
         // A tolerance of zero asks for the whole budget.
         let whole = SolveOptions { rtol: 0.0, products: 12, ..SolveOptions::default() };

@@ -12,7 +12,7 @@ use super::{Content, Figure, Panel, Reproduced};
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::name::Name;
-use crate::io::tone::{develop, exposure};
+use crate::io::raster::{develop, exposure};
 use crate::lab::RunFolder;
 use crate::measure::RunManifest;
 use crate::report::colormap::{paint_sequential, paint_signed, robust_range};
