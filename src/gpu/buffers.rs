@@ -61,7 +61,7 @@ impl Gpu {
         u64::from(self.device.limits().max_texture_dimension_2d) * u64::from(TEXTURE_WIDTH) * 16
     }
 
-    /// As [`Gpu::texel_array`], with rows of `width` texels.
+    /// The same as [`Gpu::texel_array`], with rows of `width` texels.
     pub(crate) fn texel_rows(
         &self,
         label: &str,

@@ -7,10 +7,10 @@ use crate::machine;
 
 const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-get install -y --no-install-recommends mesa-vulkan-drivers";
 
-/// What to do about a lack of the device's memory.
+/// The advice about a lack of the device's memory.
 const OUT_OF_MEMORY: &str = "use a smaller --size, fewer --spp, a simpler scene or another --adapter, or close other programs that use the device; --memory bounds the memory of the machine, which is another";
 
-/// What to do about a device that is lost.
+/// The advice about a device that is lost.
 const LOST: &str = "run it again: the driver has reset the device, or its memory is used up. With --resume a run goes on, and no photo of its journal is taken again. If it happens again, use a smaller --size or another --adapter";
 
 /// The kind of an adapter that is the processor itself.
@@ -83,7 +83,7 @@ pub(crate) struct Gpu {
     /// The device is the processor itself, so that the host reads results in place. (A GPU that shares its
     /// memory with the host could do so, too; whether that is faster was not measured.)
     pub(crate) shares_memory: bool,
-    /// What it has compiled, if somebody keeps that for later processes.
+    /// The kernels that it has compiled, if somebody keeps them for later processes.
     pub(crate) compiled: Option<Compiled>,
     /// The reason of the driver once the device was lost, or has failed outside of [`Gpu::guarded`].
     pub(crate) failure: Arc<OnceLock<String>>,
@@ -274,7 +274,10 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
     Some(equal[turn % equal.len()])
 }
 
-/// The kernels that a device has compiled. Clones share them.
+/// The kernels that a device has compiled, as bytes where the driver gives them out: a later process on an equal device need not compile them
+/// again. Clones share them.
+///
+/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without such a store of the application give nothing out.
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,

@@ -63,10 +63,10 @@ pub fn compose(name: &str) -> Result<String> {
     compose_source(name, source)
 }
 
-/// As [`compose`], for WGSL that is not one of [`SOURCES`], such as a test of a single function.
+/// The same as [`compose`], for WGSL that is not one of [`SOURCES`], such as a test of a single function.
 ///
 /// # Errors
-/// As [`compose`].
+/// The errors of [`compose`].
 pub fn compose_source(name: &str, source: &str) -> Result<String> {
     let text = assemble(name, source)?;
     validate(name, &text)?;
@@ -166,10 +166,10 @@ fn parse(name: &str, text: &str) -> Result<naga::Module> {
     naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))
 }
 
-/// The composed shader `name` as a naga module, for example to compare its layouts with those of the host.
+/// The composed shader `name` as a naga module, for example to compare its layouts with the host's.
 ///
 /// # Errors
-/// As [`compose`].
+/// The errors of [`compose`].
 pub fn module(name: &str) -> Result<naga::Module> {
     validate(name, &compose(name)?)
 }

@@ -21,32 +21,26 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// No columns yet.
     pub(super) fn new(rows: usize) -> Self {
         Self { rows, columns: Vec::new(), spare: Vec::new() }
     }
 
-    /// The length of each column.
     pub(super) fn rows(&self) -> usize {
         self.rows
     }
 
-    /// The number of columns.
     pub(super) fn len(&self) -> usize {
         self.columns.len()
     }
 
-    /// The columns, in the order in which they were appended.
     pub(super) fn columns(&self) -> &[Vec<f64>] {
         &self.columns
     }
 
-    /// The columns, to change their entries.
     pub(super) fn columns_mut(&mut self) -> &mut [Vec<f64>] {
         &mut self.columns
     }
 
-    /// Appends `w / divisor`.
     pub(super) fn push_scaled(&mut self, w: &[f64], divisor: f64) {
         debug_assert_eq!(w.len(), self.rows);
         let mut column = self.spare.pop().unwrap_or_default();
@@ -89,17 +83,10 @@ impl Basis {
     /// `Vᵀ w` over the columns from `first` on.
     pub(super) fn dots(&self, first: usize, w: &[f64]) -> Vec<f64> {
         let columns = self.columns.get(first..).unwrap_or_default();
-        let block_sums = |(index, rows): (usize, &[f64])| -> Vec<f64> {
-            let mut sums = vec![0.0; columns.len()];
-            dots_block(columns, index * BLOCK, rows, &mut sums);
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if w.len() <= 2 * BLOCK {
-            w.chunks(BLOCK).enumerate().map(block_sums).collect()
-        } else {
-            w.par_chunks(BLOCK).enumerate().map(block_sums).collect()
-        };
-        added(columns.len(), &partial)
+        let is_long = w.len() > 2 * BLOCK;
+        summed(columns.len(), is_long, w.chunks(BLOCK), |index, rows, sums| {
+            dots_block(columns, index * BLOCK, rows, sums);
+        })
     }
 
     /// `w ← w + sign · V h` over the columns from `first` on.
@@ -114,8 +101,24 @@ impl Basis {
     }
 }
 
-/// The sums of all blocks, in the order of the rows.
-pub(super) fn added(count: usize, partial: &[Vec<f64>]) -> Vec<f64> {
+/// The `count` sums that `block` makes of each block of rows, added in the order of the rows. Long vectors are summed on several threads.
+pub(super) fn summed<T: Send>(
+    count: usize,
+    is_long: bool,
+    blocks: impl Iterator<Item = T>,
+    block: impl Fn(usize, T, &mut [f64]) + Sync,
+) -> Vec<f64> {
+    let of_block = |(index, rows): (usize, T)| {
+        let mut sums = vec![0.0; count];
+        block(index, rows, &mut sums);
+        sums
+    };
+    let blocks: Vec<(usize, T)> = blocks.enumerate().collect();
+    let partial: Vec<Vec<f64>> = if is_long {
+        blocks.into_par_iter().map(of_block).collect()
+    } else {
+        blocks.into_iter().map(of_block).collect()
+    };
     let mut sums = vec![0.0; count];
     for block in partial {
         sums.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
@@ -194,10 +197,8 @@ pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, 
 // The loops over entries are compiled for every `f`, the distribution over threads only once: it is by far the larger
 // part of the code, and one indirect call a block costs nothing.
 
-/// An update of one chunk: `w`, `a`.
 type Update<'a> = dyn Fn(&mut [f64], &[f64]) + Sync + 'a;
 
-/// An update of one chunk: `w`, `a`, `b`.
 type Update2<'a> = dyn Fn(&mut [f64], &[f64], &[f64]) + Sync + 'a;
 
 fn in_blocks(w: &mut [f64], a: &[f64], block: &Update<'_>) {
@@ -244,7 +245,22 @@ pub(super) struct Removed {
     pub(super) norm: f64,
 }
 
-/// `w ← (I − V Vᵀ) w` by classical Gram–Schmidt, for `V` with orthonormal columns.
+/// `w ← (I − V Vᵀ) w` by blocked classical Gram–Schmidt with a selective second pass, for `V` with orthonormal columns.
+///
+/// A pass takes all inner products and then removes all components. The inner products of the next pass are taken in the sweep that removes
+/// these components, so that `p` passes read the basis `p + 1` times and not `2p` times.
+///
+/// # Bound
+/// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`: inner products are sums of blocks of
+/// 512 rows in four lanes, of the blocks, and of a few ends (a relative error of `(r + 10) ε/2`), and a removal rounds `m + 1` times. One
+/// pass leaves `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is
+/// skipped in two cases only:
+///
+/// * more than `1/√2` of the norm is left (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`;
+/// * the inner products with the rest, which are known by then, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.
+///
+/// Either way, `m` columns made so have `‖I − VᵀV‖_F ≤ √(2 Σ_k ‖V_kᵀv_{k+1}‖²) ≤ m (√2 γ + 8ε)`, since the sum of `2k` over the
+/// columns is at most `m²`. A test holds hard cases to this.
 pub(super) fn orthogonalize(basis: &Basis, w: &mut [f64]) -> Removed {
     let (mut next, mut length) = basis.dots_and_norm(0, w);
     let mut coefficients = vec![0.0; basis.len()];
@@ -329,10 +345,9 @@ mod tests {
         }
     }
 
-    /// The entry of a matrix in a row and a column.
     type Entry<'a> = dyn Fn(usize, usize) -> f64 + 'a;
 
-    /// The bound of the module's comment for `m` columns of `n` rows.
+    /// The bound of [`orthogonalize`] for `m` columns of `n` rows.
     fn bound(m: usize, n: usize) -> f64 {
         let gamma = (128.0 + n as f64 / 512.0 + 2.0 * m as f64 + 12.0) * f64::EPSILON / 2.0;
         m as f64 * (std::f64::consts::SQRT_2 * gamma + 8.0 * f64::EPSILON)

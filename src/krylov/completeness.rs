@@ -8,6 +8,7 @@ use std::fmt;
 
 use super::powers::scaled;
 use crate::error::{Error, Result};
+use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
 
 /// The cost of a run, and why it ended.
@@ -34,13 +35,13 @@ pub enum Status {
     /// The residual is down to the noise of the products, which is above the tolerance: further steps would
     /// fit noise.
     NoiseFloor,
-    /// No vector has a smaller residual: the system has no solution, and this is a least-squares one.
+    /// No vector has a smaller residual: the system cannot be solved exactly, and this is a least-squares solution.
     LeastSquares,
     /// No vector inside the box has a smaller residual, as far as the products can tell.
     ConstrainedOptimum,
     /// The iterate no longer moves.
     Stalled,
-    /// The products are not those of a symmetric operator, and the method needs one; the result is the best
+    /// The products show an operator that is not symmetric, and the method needs a symmetric one; the result is the best
     /// before the asymmetry was found.
     NotSymmetric,
     /// The method cannot continue, for this reason; the result is the best so far.
@@ -80,7 +81,6 @@ pub(super) struct FurtherSteps {
 }
 
 impl FurtherSteps {
-    /// For vectors of `n` entries.
     pub(super) fn new(n: usize) -> Self {
         let steps = (0.5 * (n.max(1) as f64).ln()).ceil();
         // Exact: at most 23, for the largest integer.
@@ -106,7 +106,7 @@ impl FurtherSteps {
 ///
 /// The largest Ritz value `ξ` of `q` Lanczos steps from a direction that is uniform on the sphere of `n` dimensions fulfils
 /// `λ_max ≤ ξ + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer the largest eigenvalue
-/// on the complement of `k` vectors is at least the `k+1`st of the whole matrix, whatever these vectors are.
+/// on the complement of `k` vectors is at least the `k+1`st of the whole matrix, for any such vectors.
 ///
 /// Kuczyński and Woźniakowski, *Estimating the largest eigenvalue by the power and Lanczos algorithms with a random start* (1992),
 /// doi:10.1137/0613066, theorem 4.2.
@@ -155,7 +155,7 @@ impl Confirm {
         Self { products: self.products.min(2 * self.steps(n)), ..self }
     }
 
-    /// The share `ε` that so many steps in `n` dimensions reach.
+    /// The share `ε` that this number of steps in `n` dimensions reaches.
     pub(super) fn share_of(&self, steps: usize, n: usize) -> f64 {
         let factor = (1.648 * (n as f64).sqrt() / self.chance).ln() / (2 * steps).saturating_sub(1) as f64;
         (factor * factor).max(self.share)
@@ -181,7 +181,7 @@ impl Confirm {
 /// where the photos of a run answer, which hold what was asked of the run and confirm nothing else.
 ///
 /// # Errors
-/// Those of `work`.
+/// The errors of `work`.
 pub fn confirming<O: Operator + ?Sized, T>(
     operator: &mut O,
     work: impl FnOnce(&mut O, bool) -> Result<T>,
@@ -195,10 +195,20 @@ pub fn confirming<O: Operator + ?Sized, T>(
     }
 }
 
+/// Tells the observer of a step that confirms an answer.
+///
+/// # Errors
+/// [`Error::Interrupted`] when the observer stops it.
+pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize) -> Result<()> {
+    let (done, total) = (done as u64, total.max(done) as u64);
+    let flow = observer.step(&Step { stage: "confirming", done, total, estimate: Estimate::None });
+    if flow.is_break() { Err(Error::Interrupted) } else { Ok(()) }
+}
+
 /// Beyond half of the spectrum's spread, a confirmation says nothing that is of use.
 pub(super) const MOST: f64 = 0.5;
 
-/// What is known of eigenvalues (or singular values) that a search may have missed. Displays as a sentence without its full stop.
+/// The claim about eigenvalues (or singular values) that a search may have missed. Displays as a sentence without its full stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 #[serde(tag = "claim", rename_all = "kebab-case")]
 pub enum Completeness {
@@ -224,7 +234,7 @@ pub struct Confirmed {
 }
 
 impl Completeness {
-    /// The claim of the last of several vectors, after so many others: their chances add up.
+    /// The claim of the last of several vectors: the chances of the `others` add to its own.
     #[must_use]
     pub fn after(self, others: u64) -> Self {
         match self {

@@ -85,14 +85,8 @@ fn at_least(value: usize, least: usize, option: &str) -> Result<()> {
 
 fn square(operator: &dyn Operator) -> Result<usize> {
     let (rows, n) = (operator.rows(), operator.cols());
-    if rows == n {
-        return Ok(n);
-    }
-    Err(Error::Dimension {
-        what: "the operator of an estimator",
-        expected: format!("{n}x{n}"),
-        found: format!("{rows}x{n}"),
-    })
+    Error::check_size("the operator of an estimator", format!("{n}x{n}"), format!("{rows}x{n}"))?;
+    Ok(n)
 }
 
 /// `count` vectors of `n` random signs.
@@ -173,7 +167,7 @@ fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) naming `--photos`; [`Error::Dimension`](crate::Error::Dimension)
-/// when `A` is not square; [`Error::Numerical`](crate::Error::Numerical) for NaN; whatever the product fails
+/// when `A` is not square; [`Error::Numerical`](crate::Error::Numerical) for NaN; the error of a product
 /// with.
 ///
 /// # References
@@ -195,7 +189,7 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 /// against `1/√products`; it is without bias for any `A`. The standard error is that of the second part.
 ///
 /// # Errors
-/// As [`hutchinson`].
+/// The errors of [`hutchinson`].
 ///
 /// # References
 /// Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
@@ -240,7 +234,7 @@ pub struct DiagonalEstimate {
 /// matrix good where much of the light is direct. The standard error falls as `1/√products`.
 ///
 /// # Errors
-/// As [`hutchinson`](hutchinson).
+/// The errors of [`hutchinson`].
 ///
 /// # References
 /// Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007),
@@ -292,7 +286,7 @@ pub struct RandomizedSvd {
 /// Takes `2 (q + 1) l + probes` products (less where the sketch is rank-deficient).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; whatever the product fails
+/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product
 /// with.
 ///
 /// # References

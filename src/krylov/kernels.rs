@@ -15,7 +15,7 @@
 /// Columns that are read at the same time.
 const TOGETHER: usize = 8;
 
-/// As many where fewer are left.
+/// The columns in a group where fewer than that are left.
 const HALF: usize = 4;
 
 /// Partial sums of each column, so that the compiler can use vector registers. It may not reorder a single
@@ -99,7 +99,6 @@ fn dots(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) {
 /// Inner products with two vectors, as in [`dots_block`].
 pub(super) type Pair<'a> = (&'a [f64], &'a [f64]);
 
-/// Two vectors to be changed.
 pub(super) type PairMut<'a> = (&'a mut [f64], &'a mut [f64]);
 
 /// `Vᵀ x` and `Vᵀ z` for the rows of one block, which begins at `start`.

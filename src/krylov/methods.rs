@@ -1,43 +1,12 @@
-//! All methods for `A x = b` as a table, and one call for any of them.
+//! All methods for `A x = b` as a list, and one call for any of them.
 
 use super::boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi};
-use super::linear::system::square;
 use super::linear::{
     BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Solution, SolveOptions, Solver, solve_from,
+    square,
 };
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator};
-
-/// A method for `A x = b`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Method {
-    /// [`Minres`].
-    Minres,
-    /// [`Gmres`].
-    Gmres,
-    /// [`Gmres::flexible`].
-    Fgmres,
-    /// [`Cg`].
-    Cg,
-    /// [`Cgs`].
-    Cgs,
-    /// [`BiCgStab`].
-    BiCgStab,
-    /// [`Lsqr`].
-    Lsqr,
-    /// [`Lsmr`].
-    Lsmr,
-    /// [`ProjectedJacobi`].
-    Jacobi,
-    /// [`Fista`].
-    Fista,
-    /// [`KrylovBox`].
-    KrylovBox,
-    /// [`Mrnsd`].
-    Mrnsd,
-    /// [`Multiplicative`].
-    Multiplicative,
-}
 
 /// The constraint that all iterates of a method satisfy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,50 +43,64 @@ pub struct MethodFacts {
     pub products_per_iteration: usize,
 }
 
-/// One row per method.
-#[rustfmt::skip]
-pub const METHODS: [MethodFacts; 13] = [
-    // Aᵀ    A=Aᵀ                          images  start/iteration
-    row(Method::Minres,         "minres",         [false, true],  Constraint::None,        [12, 0], [0, 1]),
-    row(Method::Gmres,          "gmres",          [false, false], Constraint::None,        [7, 1],  [0, 1]),
-    row(Method::Fgmres,         "fgmres",         [false, false], Constraint::None,        [7, 2],  [0, 1]),
-    row(Method::Cg,             "cg",             [false, true],  Constraint::None,        [7, 0],  [0, 1]),
-    row(Method::Cgs,            "cgs",            [false, false], Constraint::None,        [12, 0], [0, 2]),
-    row(Method::BiCgStab,       "bicgstab",       [false, false], Constraint::None,        [9, 0],  [0, 2]),
-    row(Method::Lsqr,           "lsqr",           [true, false],  Constraint::None,        [9, 0],  [1, 2]),
-    row(Method::Lsmr,           "lsmr",           [true, false],  Constraint::None,        [10, 0], [1, 2]),
-    row(Method::Jacobi,         "jacobi",         [false, false], Constraint::Box,         [7, 0],  [0, 1]),
-    row(Method::Fista,          "fista",          [true, false],  Constraint::Box,         [11, 0], [1, 2]),
-    row(Method::KrylovBox,      "krylov-box",     [false, false], Constraint::Box,         [14, 2], [0, 1]),
-    row(Method::Mrnsd,          "mrnsd",          [true, false],  Constraint::NonNegative, [7, 0],  [1, 2]),
-    row(Method::Multiplicative, "multiplicative", [true, false],  Constraint::NonNegative, [8, 0],  [2, 2]),
-];
+/// Declares the methods, a line each: its name here and on the command line, whether it needs `Aᵀ` and `A = Aᵀ`, its constraint, its images
+/// and those that each product adds, its products before the first iteration and in each, and how its state is made of `cols`, `b` and the
+/// options.
+macro_rules! methods {
+    ($($method:ident $name:literal [$transpose:literal, $symmetry:literal] $constraint:ident [$images:literal, $more:literal]
+        [$start:literal, $products:literal] $new:expr;)*) => {
+        /// A method for `A x = b`.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Method {
+            $(#[doc = concat!("`", $name, "` on the command line.")] $method),*
+        }
 
-const fn row(
-    method: Method,
-    name: &'static str,
-    needs: [bool; 2],
-    constraint: Constraint,
-    images: [usize; 2],
-    products: [usize; 2],
-) -> MethodFacts {
-    MethodFacts {
-        method,
-        name,
-        needs_transpose: needs[0],
-        needs_symmetry: needs[1],
-        constraint,
-        images: images[0],
-        images_per_product: images[1],
-        products_to_start: products[0],
-        products_per_iteration: products[1],
-    }
+        /// One row per method.
+        pub const METHODS: [MethodFacts; [$($name),*].len()] = [$(MethodFacts {
+            method: Method::$method,
+            name: $name,
+            needs_transpose: $transpose,
+            needs_symmetry: $symmetry,
+            constraint: Constraint::$constraint,
+            images: $images,
+            images_per_product: $more,
+            products_to_start: $start,
+            products_per_iteration: $products,
+        }),*];
+
+        /// The state of a method before its first step.
+        fn state(method: Method, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
+            Ok(match method {
+                $(Method::$method => {
+                    let new: fn(usize, &[f64], &SolveOptions) -> Result<_> = $new;
+                    Box::new(new(cols, b, options)?)
+                })*
+            })
+        }
+    };
+}
+
+#[rustfmt::skip]
+methods! {
+    //                                 Aᵀ     A=Aᵀ               images   start/iteration
+    Minres         "minres"           [false, true]  None        [12, 0] [0, 1] |_, b, options| Minres::new(b, options);
+    Gmres          "gmres"            [false, false] None        [7, 1]  [0, 1] |_, b, options| Gmres::new(b, options);
+    Fgmres         "fgmres"           [false, false] None        [7, 2]  [0, 1] |_, b, options| Gmres::flexible(b, options);
+    Cg             "cg"               [false, true]  None        [7, 0]  [0, 1] |_, b, options| Cg::new(b, options);
+    Cgs            "cgs"              [false, false] None        [12, 0] [0, 2] |_, b, options| Cgs::new(b, options);
+    BiCgStab       "bicgstab"         [false, false] None        [9, 0]  [0, 2] |_, b, options| BiCgStab::new(b, options);
+    Lsqr           "lsqr"             [true, false]  None        [9, 0]  [1, 2] Lsqr::new;
+    Lsmr           "lsmr"             [true, false]  None        [10, 0] [1, 2] Lsmr::new;
+    Jacobi         "jacobi"           [false, false] Box         [7, 0]  [0, 1] |_, b, options| ProjectedJacobi::new(b, options);
+    Fista          "fista"            [true, false]  Box         [11, 0] [1, 2] |_, b, options| Fista::new(b, options);
+    KrylovBox      "krylov-box"       [false, false] Box         [14, 2] [0, 1] |_, b, options| KrylovBox::new(b, options);
+    Mrnsd          "mrnsd"            [true, false]  NonNegative [7, 0]  [1, 2] |_, b, options| Mrnsd::new(b, options);
+    Multiplicative "multiplicative"   [true, false]  NonNegative [8, 0]  [2, 2] |_, b, options| Multiplicative::new(b, options);
 }
 
 impl Method {
     /// The needs, storage and cost of the method.
     pub fn facts(self) -> MethodFacts {
-        // The table is in the order of the enum, which a test checks.
         METHODS[self as usize]
     }
 
@@ -139,27 +122,13 @@ impl Method {
     /// The method's state before its first step, for `b` and `x` of length `cols`.
     ///
     /// # Errors
-    /// As the method's own `new`. [`Error::Dimension`] when `cols` differs from `b`'s length and the method
+    /// The errors of the method's own `new`. [`Error::Dimension`] when `cols` differs from `b`'s length and the method
     /// is for square systems.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             square(b.len(), cols)?;
         }
-        Ok(match self {
-            Self::Minres => Box::new(Minres::new(b, options)?),
-            Self::Gmres => Box::new(Gmres::new(b, options)?),
-            Self::Fgmres => Box::new(Gmres::flexible(b, options)?),
-            Self::Cg => Box::new(Cg::new(b, options)?),
-            Self::Cgs => Box::new(Cgs::new(b, options)?),
-            Self::BiCgStab => Box::new(BiCgStab::new(b, options)?),
-            Self::Lsqr => Box::new(Lsqr::new(cols, b, options)?),
-            Self::Lsmr => Box::new(Lsmr::new(cols, b, options)?),
-            Self::Jacobi => Box::new(ProjectedJacobi::new(b, options)?),
-            Self::Fista => Box::new(Fista::new(b, options)?),
-            Self::KrylovBox => Box::new(KrylovBox::new(b, options)?),
-            Self::Mrnsd => Box::new(Mrnsd::new(b, options)?),
-            Self::Multiplicative => Box::new(Multiplicative::new(b, options)?),
-        })
+        state(self, cols, b, options)
     }
 }
 
@@ -170,7 +139,7 @@ impl Method {
 /// [`solve_adjoint`].
 ///
 /// # Errors
-/// As [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the
+/// The errors of [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the
 /// solver yourself and use [`solve_from`].
 pub fn solve<O: Operator + ?Sized>(
     method: Method,
@@ -182,10 +151,10 @@ pub fn solve<O: Operator + ?Sized>(
     solve_adjoint(method, &mut ForwardOnly(&mut operator), b, options)
 }
 
-/// As [`solve`], for an operator whose transpose can be applied.
+/// The same as [`solve`], for an operator whose transpose can be applied.
 ///
 /// # Errors
-/// As [`solve`].
+/// The errors of [`solve`].
 pub fn solve_adjoint<O: Adjoint + ?Sized>(
     method: Method,
     operator: &mut O,

@@ -22,7 +22,7 @@ pub(super) fn exponent(size: f64) -> i32 {
     }
 }
 
-/// The power of two by which numbers of this exponent are divided: 0 for those of ordinary size, and for zero and infinity.
+/// The power of two by which numbers of this exponent are divided: 0 for numbers of ordinary size, for zero and for infinity.
 pub(super) fn power(exponent: i32) -> i32 {
     if (SAFE + 1..10_000).contains(&exponent.abs()) { exponent } else { 0 }
 }

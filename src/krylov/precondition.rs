@@ -94,7 +94,7 @@ const LEAST_SHARE: f64 = 0.1;
 /// smooth instead.
 ///
 /// # References
-/// The bands are those of the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
+/// The bands form the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Multiscale {
     width: usize,
@@ -128,13 +128,7 @@ impl Multiscale {
     /// [`Error::Dimension`] when `d` has not one entry per pixel; as [`Diagonal::new`] for its values.
     pub fn scaled_by(mut self, diagonal: Vec<f64>) -> Result<Self> {
         let pixels = self.width * self.height;
-        if diagonal.len() != pixels {
-            return Err(Error::Dimension {
-                what: "the diagonal of a multiscale preconditioner",
-                expected: pixels.to_string(),
-                found: diagonal.len().to_string(),
-            });
-        }
+        Error::check_size("the diagonal of a multiscale preconditioner", pixels, diagonal.len())?;
         self.scaling = Diagonal::new(diagonal)?.entries().iter().map(|d| 1.0 / d.sqrt()).collect();
         Ok(self)
     }
@@ -148,18 +142,13 @@ impl Multiscale {
     /// amplified. Bands with fewer than 64 blocks, whose estimates are rough, have the gain 1.
     ///
     /// # Errors
-    /// As [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] when `x` or `y` is of
+    /// The errors of [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] when `x` or `y` is of
     /// another length.
     pub fn measured(width: usize, height: usize, diagonal: Vec<f64>, x: &[f64], y: &[f64]) -> Result<Self> {
         let mut measured = Self::new(width, height, vec![1.0])?.scaled_by(diagonal)?;
         for vector in [x, y] {
-            if vector.len() != width * height {
-                return Err(Error::Dimension {
-                    what: "the pattern and the photo that measure a multiscale preconditioner",
-                    expected: (width * height).to_string(),
-                    found: vector.len().to_string(),
-                });
-            }
+            let what = "the pattern and the photo that measure a multiscale preconditioner";
+            Error::check_size(what, width * height, vector.len())?;
         }
         let u: Vec<f64> = x.iter().zip(&measured.scaling).map(|(x, s)| x / s).collect();
         let w: Vec<f64> = y.iter().zip(&measured.scaling).map(|(y, s)| y * s).collect();

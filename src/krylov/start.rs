@@ -58,7 +58,7 @@ impl Start {
     }
 
     /// `count` vectors of length `n` for a block start. Random ones are drawn one after the other from one
-    /// generator, so that the first is [`Start::vector`]; [`Start::Given`] is followed by those of
+    /// generator, so that the first is [`Start::vector`]; [`Start::Given`] is followed by the vectors of
     /// [`Start::Random`] of seed 0.
     pub fn block(&self, n: usize, count: usize) -> Vec<Vec<f64>> {
         let draw = |seed: u64, count: usize, one: fn(usize, &mut Pcg64) -> Vec<f64>| -> Vec<Vec<f64>> {
@@ -89,6 +89,16 @@ fn signed(n: usize, random: &mut Pcg64) -> Vec<f64> {
 
 fn rademacher(n: usize, random: &mut Pcg64) -> Vec<f64> {
     (0..n).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()
+}
+
+/// A vector of standard normal entries that is drawn with this seed.
+pub(super) fn seeded(n: usize, seed: u64) -> Vec<f64> {
+    gaussian(n, &mut Pcg64::seed_from_u64(seed))
+}
+
+/// The seed of one of several vectors that belong to a search of this seed.
+pub(super) fn seed_of(seed: u64, number: u64) -> u64 {
+    seed.wrapping_add(number).wrapping_mul(0x9E37_79B9_7F4A_7C15)
 }
 
 pub(super) fn gaussian(n: usize, random: &mut Pcg64) -> Vec<f64> {

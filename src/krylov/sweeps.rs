@@ -1,23 +1,23 @@
 //! Sweeps: readings of a whole basis that do several things with each block of rows while it is in the cache.
 //!
 //! A basis of fifty vectors of 512×512 pixels takes 100 MiB. It has to come from memory each time that it is
-//! read, and that time is all that counts: whatever else is done with a block of rows is nearly free.
+//! read, and that time is all that counts: further work on a block of rows is nearly free.
 //!
-//! As in [`Basis`], blocks have a fixed number of rows, and their sums are added in the order of the rows.
+//! Blocks have, as in [`Basis`], a fixed number of rows, and their sums are added in the order of the rows.
 
 use rayon::prelude::*;
 
-use super::basis::{Basis, added, norm_of_square};
+use super::basis::{Basis, norm_of_square, summed};
 use super::kernels::{add_block, dot_block, dots_block, settle_block};
 
-/// Rows in a block. The blocks of eight columns (32 KiB) stay in the first-level cache, those of a hundred columns in the
+/// Rows in a block. The blocks of eight columns (32 KiB) stay in the first-level cache, the blocks of a hundred columns in the
 /// second-level cache.
 pub(super) const ROWS: usize = 512;
 
 /// Below this length, threads cost more time than they save.
 pub(super) const PARALLEL: usize = 2048;
 
-/// What a sweep removes from a vector and from the last column.
+/// The parts that a sweep removes from a vector and from the last column.
 pub(super) struct Settling<'a> {
     /// The parts of the last column along those before it, which it loses; empty for none.
     pub(super) late: &'a [f64],
@@ -31,39 +31,25 @@ impl Basis {
     /// `Vᵀ w` over the columns from `first` on, and `‖w‖`.
     pub(super) fn dots_and_norm(&self, first: usize, w: &[f64]) -> (Vec<f64>, f64) {
         let columns = self.columns().get(first..).unwrap_or_default();
-        let block = |(index, w): (usize, &[f64])| {
-            let mut sums = vec![0.0; columns.len() + 1];
-            let (square, dots) = last_and_others(&mut sums);
+        let sums = summed(columns.len() + 1, w.len() > PARALLEL, w.chunks(ROWS), |index, w, sums| {
+            let (square, dots) = last_and_others(sums);
             dots_block(columns, index * ROWS, w, dots);
             *square = dot_block(w, w);
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if w.len() <= PARALLEL {
-            w.chunks(ROWS).enumerate().map(block).collect()
-        } else {
-            w.par_chunks(ROWS).enumerate().map(block).collect()
-        };
-        with_norm(added(columns.len() + 1, &partial), w)
+        });
+        with_norm(sums, w)
     }
 
     /// `w ← w − V h`; returns `Vᵀ w` and `‖w‖` of the new `w`. One reading of the basis.
     pub(super) fn remove_and_dot(&self, h: &[f64], w: &mut [f64]) -> (Vec<f64>, f64) {
         let columns = self.columns();
         debug_assert_eq!(columns.len(), h.len());
-        let block = |(index, w): (usize, &mut [f64])| {
-            let mut sums = vec![0.0; columns.len() + 1];
-            let (square, dots) = last_and_others(&mut sums);
+        let sums = summed(columns.len() + 1, w.len() > PARALLEL, w.chunks_mut(ROWS), |index, w, sums| {
+            let (square, dots) = last_and_others(sums);
             add_block(columns, h, -1.0, index * ROWS, w);
             dots_block(columns, index * ROWS, w, dots);
             *square = dot_block(w, w);
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if w.len() <= PARALLEL {
-            w.chunks_mut(ROWS).enumerate().map(block).collect()
-        } else {
-            w.par_chunks_mut(ROWS).enumerate().map(block).collect()
-        };
-        with_norm(added(columns.len() + 1, &partial), w)
+        });
+        with_norm(sums, w)
     }
 
     /// Takes from the last column `u` its late parts, `u ← u − V s`, and from `w` what is known to be in it, and
@@ -73,18 +59,12 @@ impl Basis {
         let Some((u, columns)) = self.columns_mut().split_last_mut() else {
             return self.dots_and_norm(0, w);
         };
-        let total = columns.len() + 1;
-        let block = |(index, (u, w)): (usize, (&mut [f64], &mut [f64]))| {
-            let mut sums = vec![0.0; total + 1];
-            settle_rows(columns, settling, index * ROWS, (u, w), &mut sums);
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if w.len() <= PARALLEL {
-            u.chunks_mut(ROWS).zip(w.chunks_mut(ROWS)).enumerate().map(block).collect()
-        } else {
-            u.par_chunks_mut(ROWS).zip(w.par_chunks_mut(ROWS)).enumerate().map(block).collect()
-        };
-        with_norm(added(total + 1, &partial), w)
+        let is_long = u.len() > PARALLEL;
+        let blocks = u.chunks_mut(ROWS).zip(w.chunks_mut(ROWS));
+        let sums = summed(columns.len() + 2, is_long, blocks, |index, rows, sums| {
+            settle_rows(columns, settling, index * ROWS, rows, sums);
+        });
+        with_norm(sums, w)
     }
 
     /// Takes from the last column its late parts, to the same bits as [`Basis::settle_and_dot`] does.

@@ -3,7 +3,7 @@
 //! With the projector beside the camera `A` is not symmetric, and no photo of that arrangement is one of `Aᵀ`. By Helmholtz reciprocity the
 //! exchanged arrangement photographs it: a projector where the camera was, and a camera where the projector was. So each step takes two photos,
 //! one of either. Golub–Kahan bidiagonalization finds the singular vectors of `A` from them. `A Aᵀ` and `AᵀA` are symmetric, and pixels are
-//! grouped by their graphs: those of the camera by the first, those of the projector by the second. Two pixels are neighbours in these graphs
+//! grouped by their graphs: the camera's by the first, the projector's by the second. Two pixels are neighbours in these graphs
 //! where the same light reaches both.
 //!
 //! Direct light is kept: it is on no diagonal here, so that no photo tells it apart. It connects no regions.
@@ -12,15 +12,15 @@
 //! exchanged, by light paths of its own. How far the two traced scenes are from transposes of each other is stated.
 
 use super::bench::{APART, Bench, Set, Stage};
-use super::dense::{SingularTriplets, singular_triplets};
+use super::contest::line;
+use super::dense::{DenseTriplets, singular_triplets};
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
-use super::groups::purity;
+use super::groups::{asked, labels, purity};
 use crate::analysis::segment::segment;
-use crate::analysis::{MASKED, SegmentOptions, Segmentation};
+use crate::analysis::{MASKED, Segmentation};
 use crate::error::Result;
 use crate::krylov::{Singular, SingularOptions, Start, dot, norm, singular};
 use crate::operator::{Adjoint, Exchanged, Gram, Operator};
-use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -36,13 +36,15 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let (stage, exchanged) = (bench.stage(Set::Apart, side)?, bench.stage(Set::Exchanged, side)?);
     let mut both = arrangements(bench, &stage, &exchanged)?;
-    let of_photos = segment(&mut Gram::of_photos(&mut *both), &asked(&stage))?;
-    let of_patterns = segment(&mut Gram::of_patterns(&mut *both), &asked(&exchanged))?;
+    // Each product of the graph is two photos.
+    let of_photos = segment(&mut Gram::of_photos(&mut *both), &asked(PHOTOS / 2, &[2], stage.resolution))?;
+    let of_patterns =
+        segment(&mut Gram::of_patterns(&mut *both), &asked(PHOTOS / 2, &[2], exchanged.resolution))?;
     let mut checks = vectors.checks;
     for (whose, found, truth) in
         [("camera", &of_photos, &stage.truth), ("projector", &of_patterns, &exchanged.truth)]
     {
-        let labels = found.labels.first().map_or(&[][..], |(_, labels)| labels);
+        let labels = labels(found, 2);
         let inside = purity(labels, &without_border(truth, side));
         checks.push(
             Check::at_least(
@@ -95,18 +97,6 @@ fn arrangements(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<B
     })
 }
 
-/// Half the photos: each product of the graph is two.
-fn asked(stage: &Stage) -> SegmentOptions {
-    SegmentOptions {
-        photos: PHOTOS / 2,
-        tolerance: 0.0,
-        starts: Some(1),
-        resolution: Some(stage.resolution),
-        groups: vec![2],
-        ..SegmentOptions::default()
-    }
-}
-
 /// The singular vectors that were found, and their comparison with the dense ones.
 struct Compared {
     found: Singular,
@@ -119,7 +109,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let (stage, exchanged) = (bench.stage(Set::Apart, side)?, bench.stage(Set::Exchanged, side)?);
     let dense = singular_triplets(&bench.lab(&stage)?.matrix(Part::Full, 0)?, PHOTOS)?;
     let mut both = arrangements(bench, &stage, &exchanged)?;
-    // The rig's unit, by which its values are compared with those of the matrix.
+    // The rig's unit, by which its values are compared with the matrix's.
     let white = vec![1.0; stage.pixels()];
     let mut photo = white.clone();
     both.apply(&white, &mut photo)?;
@@ -177,26 +167,16 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
             found.disagreement,
         ),
     ]);
-    let line = |name: &str, values: &[f64]| Series {
-        name: name.into(),
-        points: values.iter().enumerate().map(|(k, &value)| (k as f64 + 1.0, value)).collect(),
-    };
-    let plot = Plot {
-        caption: format!(
-            "The largest singular values: those of the dense matrix, and those from {PHOTOS} photos."
-        ),
-        lines: LinePlot {
-            x_label: "singular value".into(),
-            y_label: "σ".into(),
-            series: vec![line("dense", &dense.values[..2 * COUNT]), line("from photos", &values)],
-            ..LinePlot::default()
-        },
-    };
+    let plot = Plot::linear(
+        format!("The largest singular values: those of the dense matrix, and those from {PHOTOS} photos."),
+        ["singular value", "σ"],
+        vec![line("dense", &dense.values[..2 * COUNT]), line("from photos", &values)],
+    );
     Ok((Compared { found, checks, plot }, stage))
 }
 
 /// Why the first vectors may be turned: the error of the rig's photo of the dense one, against the gap to the next singular value.
-fn turned(both: &mut dyn Adjoint, dense: &SingularTriplets, unit: f64) -> Result<String> {
+fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<String> {
     let mut photo = vec![0.0; both.rows()];
     both.apply(&dense.right[0], &mut photo)?;
     let off: Vec<f64> =
@@ -229,7 +209,7 @@ fn without_border(truth: &[u8], width: usize) -> Vec<u8> {
     (0..truth.len()).map(|at| if is_inside(at) { truth[at] } else { MASKED }).collect()
 }
 
-/// What a device sees, and the groups of its pixels.
+/// The light that a device sees, and the groups of its pixels.
 fn groups(stage: &Stage, found: &Segmentation, whose: &str) -> Vec<Panel> {
     let seen = Content::Light { values: stage.white(), white: None };
     let mut panels = vec![stage.panel(

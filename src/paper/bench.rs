@@ -42,7 +42,7 @@ pub struct Bench {
 struct OpenScene {
     stage: Arc<Stage>,
     lab: Lab,
-    /// That of the virtual devices in front of it, from the first time that they are used.
+    /// The calibration of the virtual devices in front of it, from the first time that they are used.
     calibration: Option<Calibration>,
 }
 
@@ -105,7 +105,7 @@ impl Bench {
         self.open(stage.set, stage.resolution)?.through_devices(known)
     }
 
-    /// The frames that virtual cameras took for photos since this was asked last, those of black, white and exposures included and those of
+    /// The frames that virtual cameras took for photos since this was asked last, frames of black, white and exposures included and frames of
     /// calibrations not.
     pub(super) fn frames(&mut self) -> u64 {
         self.meters.drain(..).filter_map(|rig| rig.frames()).sum()
@@ -194,7 +194,7 @@ pub(super) enum Set {
     Apart,
     /// The same with projector and camera exchanged.
     Exchanged,
-    /// The corner with the projector so many tenths of a millimetre to the right of the camera, and turned towards the point of the corner
+    /// The corner with the projector this number of tenths of a millimetre to the right of the camera, and turned towards the point of the corner
     /// that the camera looks at.
     Beside(u32),
 }
@@ -318,14 +318,14 @@ const ONE_BIT: &[u8] = include_bytes!("../../assets/rigs/one-bit.toml");
 /// Captures averaged per pattern; the virtual rig runs unattended.
 const TAKES: u32 = 2;
 
-/// An 8-bit projector of so many pixels with gamma 2.2 and a 14-bit camera, both with realistic errors.
+/// An 8-bit projector of this size with gamma 2.2 and a 14-bit camera, both with realistic errors.
 pub(super) fn realistic(resolution: Resolution) -> Result<RigFile> {
     let (mut file, rig) = shipped("realistic.toml", REALISTIC, resolution, 2.5)?;
     file.measurement.takes = TAKES;
     Ok(RigFile { kind: RigKind::Virtual(rig), ..file })
 }
 
-/// A projector of one bit and so many pixels, and a camera of as many: the rig file, and the devices to be put into it.
+/// A projector of one bit and this size, and a camera of the same size: the rig file, and the devices to be put into it.
 pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
     shipped("one-bit.toml", ONE_BIT, resolution, 1.0)
 }

@@ -5,6 +5,7 @@
 //! same space, and have the condition number 1.
 
 use super::bench::{Bench, Set};
+use super::contest::line;
 use super::dense::{conditions, spectrum_of_rows};
 use super::figure::{Check, Content, Figure, Plot, Reproduced};
 use super::random::{graph, make_orthonormal};
@@ -90,7 +91,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The value after so many photos.
+/// The value after this number of photos.
 fn at(values: &[f64], photos: usize) -> f64 {
     values.get(photos - 1).copied().unwrap_or(f64::NAN)
 }
@@ -136,7 +137,7 @@ fn projected_back(
     Ok((pairs, noise))
 }
 
-/// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R` the photos of `Q` are those of
+/// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R` the photos of `Q` are the photos of
 /// `X` times `R⁻¹`, and so are their errors.
 fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Vec<(f64, f64)>> {
     let mut basis: Vec<[Vec<f64>; 2]> = Vec::new();
@@ -164,17 +165,13 @@ fn errors_by_lanczos(process: &Lanczos, reference: f64) -> Result<Vec<(f64, f64)
 }
 
 fn plots(conditions: [Vec<f64>; 3], by_power: Vec<(f64, f64)>, by_lanczos: Vec<(f64, f64)>) -> Vec<Plot> {
-    let line = |(name, values): (&str, Vec<f64>)| Series {
-        name: name.into(),
-        points: values.into_iter().enumerate().map(|(k, value)| (k as f64 + 1.0, value)).collect(),
-    };
     let names = ["photos projected back as they are", "photos of orthogonal patterns", "orthogonal patterns"];
     vec![
         Plot::logarithmic(
             "Condition number of the first k vectors, each of norm 1. Where noise is in the photos, the first line stops near the inverse of \
              their relative noise: what differs then is noise.",
             ["photos", "condition number"],
-            names.into_iter().zip(conditions).map(line).collect(),
+            names.into_iter().zip(&conditions).map(|(name, values)| line(name, values)).collect(),
         ),
         Plot::logarithmic(
             "Relative error of the second eigenvalue of the normalized cut, from the same space by either basis. An error of the photos grows \

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
 use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 /// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
@@ -36,7 +36,7 @@ impl TargetLight {
         Ok(Self { light: target.iter().map(|value| peak * value).collect(), peak, white, unit })
     }
 
-    /// `‖b − A x‖ / ‖b‖` with the true matrix, whatever the rig measured.
+    /// `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
     pub(super) fn residual(&self, stage: &Stage, pattern: &[f64]) -> f64 {
         let seen = stage.photo(pattern);
         let misfit: Vec<f64> = self.light.iter().zip(&seen).map(|(b, y)| b - y).collect();
@@ -57,7 +57,7 @@ impl TargetLight {
 
 /// The run of one method.
 #[derive(Default)]
-pub(super) struct Entry {
+pub(super) struct MethodRun {
     /// Residual of the method's answer after each photo.
     pub(super) answered: Vec<f64>,
     /// Residual of that answer clamped to [0, 1], as a projector displays it.
@@ -70,7 +70,7 @@ pub(super) struct Entry {
     pub(super) frames: Vec<u64>,
 }
 
-impl Entry {
+impl MethodRun {
     /// Residual of the clamped answer after `photos` photos, or after the last photo if the method stopped earlier.
     pub(super) fn displayed_at(&self, photos: usize) -> f64 {
         at(&self.displayed, photos)
@@ -81,7 +81,7 @@ impl Entry {
         self.answered.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// The residual of the answer that is not clamped, as [`Entry::displayed_at`].
+    /// The residual of the answer that is not clamped, as [`MethodRun::displayed_at`].
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
     }
@@ -98,7 +98,7 @@ pub(super) fn enter(
     target_light: &TargetLight,
     (method, scaled): (Method, bool),
     photos: usize,
-) -> Result<Entry> {
+) -> Result<MethodRun> {
     let mut options = target_light.options(method, photos);
     if scaled {
         // The measurements of very dark pixels are mostly noise, hence the floor.
@@ -110,7 +110,7 @@ pub(super) fn enter(
     if method == Method::KrylovBox && blurred {
         options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
     }
-    let mut entry = Entry::default();
+    let mut entry = MethodRun::default();
     let mut recorded = Recorded::new(operator);
     let observer = OnStep::new(|step: &Step<'_>| {
         let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
@@ -134,11 +134,11 @@ pub(super) fn enter(
 pub(super) struct Contest {
     pub(super) target_light: TargetLight,
     /// The paper's method: a Krylov method whose last answer is clamped.
-    pub(super) recipe: Entry,
+    pub(super) recipe: MethodRun,
     /// The same method, preconditioned by the white photo.
-    pub(super) scaled: Entry,
-    pub(super) boxed: Entry,
-    pub(super) jacobi: Entry,
+    pub(super) scaled: MethodRun,
+    pub(super) boxed: MethodRun,
+    pub(super) jacobi: MethodRun,
     /// Lower bound of the residual; see [`optimum`].
     pub(super) bound: f64,
     pub(super) optimum: f64,
@@ -177,7 +177,7 @@ pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
 
 /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
 ///
-/// By convexity `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
+/// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
 /// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only how tight the bound is.
 pub(super) fn optimum(
     operator: &mut dyn Adjoint,
@@ -199,8 +199,8 @@ pub(super) fn optimum(
 }
 
 /// Curves of displayed residuals over the frames that they took; none by an ideal rig, which takes none.
-pub(super) fn over_frames(entries: &[(&str, &Entry)]) -> Vec<Series> {
-    let line = |(name, entry): &(&str, &Entry)| Series {
+pub(super) fn over_frames(entries: &[(&str, &MethodRun)]) -> Vec<Series> {
+    let line = |(name, entry): &(&str, &MethodRun)| Series {
         name: (*name).into(),
         points: entry
             .frames
@@ -213,9 +213,9 @@ pub(super) fn over_frames(entries: &[(&str, &Entry)]) -> Vec<Series> {
     if lines.iter().all(|line| line.points.is_empty()) { Vec::new() } else { lines }
 }
 
-/// The frames of the methods' first so many photos, as numbers without a bound; none by an ideal rig.
-pub(super) fn frames_taken(entries: &[(&str, &Entry)], photos: usize) -> Vec<Check> {
-    let taken = |(name, entry): &(&str, &Entry)| {
+/// The frames of each method's first `photos` photos, as numbers without a bound; none by an ideal rig.
+pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec<Check> {
+    let taken = |(name, entry): &(&str, &MethodRun)| {
         let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
         Some(Check::stated(format!("frames of {photos} photos, {name}"), *frames as f64))
     };
@@ -233,7 +233,12 @@ pub(super) fn percent(share: f64) -> f64 {
 }
 
 /// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
-pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], best: &Entry) -> Vec<Panel> {
+pub(super) fn panels(
+    stage: &Stage,
+    target_light: &TargetLight,
+    plain: &[f64],
+    best: &MethodRun,
+) -> Vec<Panel> {
     let light = |values: Vec<f64>| Content::Light { values, white: Some(target_light.peak) };
     let pattern = clamped(&best.pattern);
     let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
@@ -262,7 +267,7 @@ pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], b
 /// Displayed residuals at equal photo counts and, through a rig, at equal frames.
 pub(super) fn at_equal_costs(
     lines: Vec<Series>,
-    entries: &[(&str, &Entry)],
+    entries: &[(&str, &MethodRun)],
     uncompensated: f64,
     optimum: f64,
 ) -> Vec<Plot> {
@@ -282,16 +287,13 @@ pub(super) fn at_equal_costs(
 
 /// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
 fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
-    Plot {
-        caption: "Relative residual by the light itself, at equal photos (the white one not counted).".into(),
-        lines: LinePlot {
-            x_label: "photos".into(),
-            y_label: "relative residual".into(),
-            logarithmic: true,
-            series: lines,
-            marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
-        },
-    }
+    Plot::logarithmic(
+        "Relative residual by the light itself, at equal photos (the white one not counted).",
+        ["photos", "relative residual"],
+        lines,
+    )
+    .marked(uncompensated, "uncompensated")
+    .marked(optimum, "best inside the box")
 }
 
 /// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer to the

@@ -37,20 +37,20 @@ fn of_dense(dense: &Mat<f64>) -> Result<Spectrum> {
 }
 
 /// The largest singular values of a matrix, descending, with their left and right vectors of norm 1.
-pub(super) struct SingularTriplets {
+pub(super) struct DenseTriplets {
     pub(super) values: Vec<f64>,
     pub(super) left: Vec<Vec<f64>>,
     pub(super) right: Vec<Vec<f64>>,
 }
 
 /// The `count` largest singular values by a dense solver. It needs `24 n²` bytes and O(`n³`) operations.
-pub(super) fn singular_triplets(matrix: &Csr, count: usize) -> Result<SingularTriplets> {
+pub(super) fn singular_triplets(matrix: &Csr, count: usize) -> Result<DenseTriplets> {
     let mut dense = Mat::<f64>::zeros(matrix.rows(), matrix.cols());
     matrix.entries().for_each(|(row, column, weight)| dense[(row, column)] += weight);
     let found = dense.thin_svd().map_err(|error| Error::Numerical(format!("the dense SVD: {error:?}")))?;
     let count = count.min(matrix.rows()).min(matrix.cols());
     let column = |of: faer::MatRef<'_, f64>, at: usize| of.col(at).iter().copied().collect();
-    Ok(SingularTriplets {
+    Ok(DenseTriplets {
         values: (0..count).map(|at| found.S().column_vector()[at]).collect(),
         left: (0..count).map(|at| column(found.U(), at)).collect(),
         right: (0..count).map(|at| column(found.V(), at)).collect(),

@@ -1,4 +1,4 @@
-//! What a rig does that is not quite coaxial: the disparity that is left, and what it does to methods for symmetric matrices.
+//! A rig that is not quite coaxial: the disparity that is left, and its effect on methods for symmetric matrices.
 //!
 //! The devices are calibrated while they share one viewpoint. Then the projector is moved to the right and turned, so that it still looks at the
 //! point of the corner's edge that the camera looks at. Surfaces in front of that point are displaced in its view against the camera's. For a corner
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::bench::{Bench, EDGE, Set, Stage};
-use super::contest::{Entry, TargetLight, enter, percent, picture};
+use super::contest::{MethodRun, TargetLight, enter, percent, picture};
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
 use crate::calibrate::StructuredLight;
 use crate::error::{Error, Result};
@@ -22,7 +22,7 @@ use crate::image::percentile;
 use crate::krylov::{EigsOptions, Method, Start, eigs};
 use crate::lab::LabOperator;
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -33,15 +33,15 @@ const PHOTOS: usize = 10;
 const OF_EIGENVALUES: usize = 20;
 /// Pixels within which the measured disparity must agree with geometry: what calibration promises for a map.
 const AGREE: f64 = 0.1;
-/// A method is as good as without disparity where its residual is at most so many times as large, or below a tenth of a per cent.
+/// A method is as good as without disparity where its residual is at most this many times as large, or below a tenth of a per cent.
 const AS_GOOD: f64 = 1.5;
 const SMALL: f64 = 1e-3;
-/// Side of the cells of the projector's pixels over which codes are averaged, since those of single camera pixels are rounded, and the least number of
+/// Side of the cells of the projector's pixels over which codes are averaged, since codes of single camera pixels are rounded, and the least number of
 /// codes in one.
 const CELL: f64 = 4.0;
 const CODES: usize = 12;
 
-/// What was measured with the projector so far aside.
+/// The measurements with the projector this far aside.
 struct Row {
     millimetres: f64,
     /// The median displacement over the picture, and the 95th percentile, by geometry and as measured, in pixels.
@@ -50,8 +50,8 @@ struct Row {
     /// `‖H − Hᵀ‖/‖H‖` as Lanczos sees it.
     asymmetry: f64,
     /// The residual of the compensated light, by MINRES and by GMRES.
-    minres: Entry,
-    gmres: Entry,
+    minres: MethodRun,
+    gmres: MethodRun,
 }
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -107,7 +107,7 @@ fn checks(rows: &[Row]) -> Vec<Check> {
         AGREE,
     )];
     let mut still = [0.0_f64; 2];
-    let methods: [fn(&Row) -> &Entry; 2] = [|row| &row.minres, |row| &row.gmres];
+    let methods: [fn(&Row) -> &MethodRun; 2] = [|row| &row.minres, |row| &row.gmres];
     for (which, of) in methods.iter().enumerate() {
         for row in rows {
             if of(row).least_answered() > (AS_GOOD * of(&rows[0]).least_answered()).max(SMALL) {
@@ -264,14 +264,10 @@ fn plots(rows: &[Row]) -> Vec<Plot> {
             [axis, "relative residual"],
             residuals,
         ),
-        Plot {
-            caption: "The disparity as measured, against that by geometry; pixels.".into(),
-            lines: LinePlot {
-                x_label: axis.into(),
-                y_label: "measured".into(),
-                series: measured,
-                ..LinePlot::default()
-            },
-        },
+        Plot::linear(
+            "The disparity as measured, against that by geometry; pixels.",
+            [axis, "measured"],
+            measured,
+        ),
     ]
 }

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{
-    Contest, Entry, TargetLight, at_equal_costs, clamped, enter, frames_taken, line, optimum, panels,
+    Contest, MethodRun, TargetLight, at_equal_costs, clamped, enter, frames_taken, line, optimum, panels,
     percent, picture,
 };
 use super::figure::{Check, Figure, Reproduced, Strip};
@@ -89,7 +89,7 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     let target = picture(side);
     let contest = Contest::hold(bench, &stage, &target, Method::Gmres, PHOTOS, OPTIMUM)?;
     let Contest { target_light, recipe, scaled, boxed, jacobi, .. } = &contest;
-    let worst = |clamped: &Entry| {
+    let worst = |clamped: &MethodRun| {
         (1..=PHOTOS)
             .map(|k| boxed.displayed_at(k) / clamped.displayed_at(k))
             .fold(f64::NEG_INFINITY, f64::max)
@@ -206,7 +206,7 @@ fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
 
 /// The photos of the paper's shorter run, which are to suffice.
 const FEWER: usize = 8;
-/// As good as all photos: a residual that is at most this share above theirs.
+/// A residual that is at most this share above that of all photos is as good as theirs.
 const ENOUGH: f64 = 0.05;
 
 pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
@@ -253,7 +253,7 @@ pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
 }
 
 /// The number of photos from which on the displayed residual is nearly that of all.
-fn enough(entry: &Entry) -> usize {
+fn enough(entry: &MethodRun) -> usize {
     let wanted = (1.0 + ENOUGH) * entry.displayed_at(PHOTOS);
     let worse =
         |&photos: &usize| entry.displayed_at(photos).partial_cmp(&wanted).is_none_or(|order| order.is_gt());
@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn photos_are_enough_after_the_last_that_were_not() {
-        let of = |residuals: Vec<f64>| enough(&Entry { displayed: residuals, ..Entry::default() });
+        let of = |residuals: Vec<f64>| enough(&MethodRun { displayed: residuals, ..MethodRun::default() });
         assert_eq!(of(vec![0.5, 0.1, 0.3, 0.104, 0.1]), 4);
         assert_eq!(of(vec![0.1; 12]), 1);
         assert_eq!(of(vec![0.2, f64::NAN, 0.1]), 3);

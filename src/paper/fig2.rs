@@ -10,7 +10,7 @@ use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, dot, eigs, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -107,7 +107,7 @@ struct Speed {
 }
 
 impl Speed {
-    /// That from white, for the leading eigenvalues and the principal eigenvector of so many pixels.
+    /// The speed from white, for the leading eigenvalues and the principal eigenvector of `pixels` pixels.
     fn of(values: &[f64], pixels: usize, principal: &[f64]) -> Self {
         let ratio = values[1] / values[0];
         let from = overlap(principal, &vec![1.0; pixels]).acos().tan();
@@ -200,21 +200,11 @@ fn sharing(pattern: &[f64]) -> f64 {
 }
 
 fn plot(power: Vec<(f64, f64)>, krylov: Vec<(f64, f64)>) -> Plot {
-    Plot {
-        caption: "How far the pattern is from the principal eigenvector (one minus overlap), and how far the best vector of the Krylov \
-                  space of as many photos is."
-            .into(),
-        lines: LinePlot {
-            x_label: "photos".into(),
-            y_label: "1 − overlap".into(),
-            logarithmic: true,
-            series: vec![
+    Plot::logarithmic("How far the pattern is from the principal eigenvector (one minus overlap), and how far the best vector of the Krylov \
+                  space of as many photos is.", ["photos", "1 − overlap"], vec![
                 Series { name: "power iteration".into(), points: power },
                 Series { name: "Krylov space".into(), points: krylov },
-            ],
-            marks: vec![(1.0 - ALIKE, "wanted".into())],
-        },
-    }
+            ]).marked(1.0 - ALIKE, "wanted")
 }
 
 fn panels(stage: &Stage, patterns: &[Vec<f64>], reference: &[f64]) -> Vec<Panel> {

@@ -3,21 +3,21 @@
 //! Figure 4 has two groups that exchange no light, and horizontal cuts at six and ten groups.
 //!
 //! The folded sheets are the zigzag's, whose creases are sharp at every scale. There the light has only four separated eigenvalues: two
-//! groups, each cut in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands ([`super::fold`]); the
+//! groups, each cut in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands ([`continuous`]); the
 //! value of the cut measures that. Bent sheets, as paper is where one looks closely, are cut into bands.
 
 use std::ops::ControlFlow;
 
 use super::bench::{Bench, Set, Stage};
+use super::contest::line;
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
-use super::groups::{bands, continuous, panels, purity, straight_bands};
+use super::groups::{asked, bands, continuous, labels, panels, purity, straight_bands};
 use crate::analysis::segment::{evidence, segment};
 use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
-use crate::image::Resolution;
 use crate::observer::{OnStep, Step};
 use crate::operator::{Observed, Operator};
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 pub(super) const SIDE: usize = 100;
@@ -36,7 +36,8 @@ pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Zigzag, side)?;
     let (found, curve) = segment_step_by_step(&mut bench.photos(&stage, Part::Global)?, &stage)?;
     let bent_stage = bench.stage(Set::TwoSheets, side)?;
-    let bent = segment(&mut bench.photos(&bent_stage, Part::Global)?, &asked(&BENT, bent_stage.resolution))?;
+    let bent =
+        segment(&mut bench.photos(&bent_stage, Part::Global)?, &asked(PHOTOS, &BENT, bent_stage.resolution))?;
     let [mut light, mut bent_light] =
         [bench.truth(&stage, Part::Global)?, bench.truth(&bent_stage, Part::Global)?];
 
@@ -86,28 +87,12 @@ pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Marks the captions of group images as those of the folded sheets.
+/// Marks the captions of group images as images of the folded sheets.
 fn folded(mut panel: Panel) -> Panel {
     if matches!(panel.content, Content::Labels(_)) {
         panel.caption += " of folded sheets";
     }
     panel
-}
-
-/// The resolution lets a noisy rig low-pass its directions, as `krylux segment` does.
-fn asked(groups: &[usize], resolution: Resolution) -> SegmentOptions {
-    SegmentOptions {
-        photos: PHOTOS,
-        tolerance: 0.0,
-        starts: Some(1),
-        resolution: Some(resolution),
-        groups: groups.to_vec(),
-        ..SegmentOptions::default()
-    }
-}
-
-fn labels(found: &Segmentation, groups: usize) -> &[u8] {
-    found.labels.iter().find(|(of, _)| *of == groups).map_or(&[], |(_, labels)| labels)
 }
 
 /// Checks that each group spans a sheet's width and that the borders run along the rows.
@@ -146,7 +131,7 @@ fn segment_step_by_step(
     operator: &mut dyn Operator,
     stage: &Stage,
 ) -> Result<(Segmentation, Vec<(f64, f64)>)> {
-    let mut capture = Capture::new(asked(&FOLDED, stage.resolution))?;
+    let mut capture = Capture::new(asked(PHOTOS, &FOLDED, stage.resolution))?;
     let mut curve = Vec::new();
     for photos in 4..=20 {
         let observer =
@@ -165,15 +150,10 @@ fn segment_step_by_step(
     Ok((found, curve))
 }
 
-/// The eigenvalues of both kinds of sheets, and what those of a sharp crease follow from.
+/// The eigenvalues of both kinds of sheets, and the derivation of a sharp crease's.
 fn spectra(folded: &Segmentation, bent: &Segmentation, edge: f64) -> Plot {
-    let line = |name: &str, found: &Segmentation| Series {
-        name: name.into(),
-        points: found.eigenvalues.iter().enumerate().map(|(k, &value)| (k as f64 + 1.0, value)).collect(),
-    };
     let [quarter, half] = [0.25, 0.5].map(|frequency| continuous(OPENING, frequency));
-    Plot {
-        caption: format!(
+    Plot::linear(format!(
             "Why a sharp crease forbids bands. A strip at distance s of one face sends to that at t of the other the share K(s,t) = s t \
              sin²φ / (2 (s² + t² − 2 s t cos φ)^(3/2)), at φ = 67.4° here. K is homogeneous of degree −1: s^(−a) is its eigenfunction, \
              with κ(a) = ∫ K(1,t) t^(−a) dt, and all a = ½ + iω give a continuum. With g(κ) = κ + 0.8 κ² + … + 0.8⁴ κ⁵ for up to six \
@@ -181,15 +161,7 @@ fn spectra(folded: &Segmentation, bent: &Segmentation, edge: f64) -> Plot {
              {half:.3} at ½. Only eigenvalues above the edge are separate: those of the two sheets and of their halves. Below it \
              eigenvectors are those of the crease's tip at the size of a pixel. A bent sheet has one for each half wave from top to \
              bottom, which are the bands."
-        ),
-        lines: LinePlot {
-            x_label: "eigenvector".into(),
-            y_label: "eigenvalue λ".into(),
-            series: vec![line("folded sheets", folded), line("bent sheets", bent)],
-            marks: vec![(edge, "edge of a sharp crease".into())],
-            ..LinePlot::default()
-        },
-    }
+        ), ["eigenvector", "eigenvalue λ"], vec![line("folded sheets", &folded.eigenvalues), line("bent sheets", &bent.eigenvalues)]).marked(edge, "edge of a sharp crease")
 }
 
 /// The smallest number of photos from which on the purity stays sufficient; infinite if the last one is insufficient.
@@ -199,16 +171,12 @@ fn fewest(curve: &[(f64, f64)]) -> f64 {
 }
 
 fn purity_plot(points: Vec<(f64, f64)>) -> Plot {
-    Plot {
-        caption: "Purity of two groups if the photos had ended there.".into(),
-        lines: LinePlot {
-            x_label: "photos".into(),
-            y_label: "purity".into(),
-            series: vec![Series { name: "two groups".into(), points }],
-            marks: vec![(PURE, "wanted".into())],
-            ..LinePlot::default()
-        },
-    }
+    Plot::linear(
+        "Purity of two groups if the photos had ended there.",
+        ["photos", "purity"],
+        vec![Series { name: "two groups".into(), points }],
+    )
+    .marked(PURE, "wanted")
 }
 
 /// Chosen pixels: name and position in the photo, 0 to 1.
@@ -222,13 +190,7 @@ const CHOSEN: [(&str, [f64; 2]); 4] = [
 pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
-    let options = SegmentOptions {
-        photos: PHOTOS,
-        tolerance: 0.0,
-        starts: Some(1),
-        resolution: Some(stage.resolution),
-        ..SegmentOptions::default()
-    };
+    let options = asked(PHOTOS, &SegmentOptions::default().groups, stage.resolution);
     let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
     let features: Vec<Vec<f64>> = (0..stage.pixels()).map(|pixel| found.feature(pixel)).collect();
     let chosen = CHOSEN.map(|(name, [x, y])| {
@@ -271,17 +233,12 @@ pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
         setting: format!("zigzag, {}, {PHOTOS} photos, 10 eigenvectors", stage.resolution),
         checks,
         panels: distance_maps(&stage, &chosen, &distances),
-        plots: vec![Plot {
-            caption: "What each pixel has in the eigenvectors, weighted as for the groups. A and B are alike, though \
-                      they are apart in the photo."
-                .into(),
-            lines: LinePlot {
-                x_label: "eigenvector".into(),
-                y_label: "entry / √(1 − λ)".into(),
-                series: lines.collect(),
-                ..LinePlot::default()
-            },
-        }],
+        plots: vec![Plot::linear(
+            "What each pixel has in the eigenvectors, weighted as for the groups. A and B are alike, though \
+                      they are apart in the photo.",
+            ["eigenvector", "entry / √(1 − λ)"],
+            lines.collect(),
+        )],
         photos: found.photos,
         ..Reproduced::of(Figure::Fig5, bench.rig())
     })

@@ -8,14 +8,14 @@
 //! Figure 8 divides an egg carton, empty and with eggs, into ten groups from 50 photos that are blurred on both sides.
 
 use super::bench::{Bench, Set, Stage};
+use super::contest::line;
 use super::figure::{Check, Figure, Panel, Plot, Reproduced, Strip};
-use super::groups::{components, panels, purity};
+use super::groups::{asked, components, labels, panels, purity};
 use crate::analysis::segment::segment;
 use crate::analysis::{Blurred, MASKED, SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::{Error, Result};
 use crate::image::Blur;
 use crate::operator::Recorded;
-use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const PATCH_GROUPS: [usize; 3] = [2, 4, 6];
@@ -28,14 +28,7 @@ const POST: u8 = 2;
 
 pub(super) fn fig6(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Post, bench.side(SIDE))?;
-    let options = SegmentOptions {
-        photos: PHOTOS,
-        tolerance: 0.0,
-        groups: PATCH_GROUPS.to_vec(),
-        starts: Some(1),
-        resolution: Some(stage.resolution),
-        ..SegmentOptions::default()
-    };
+    let options = asked(PHOTOS, &PATCH_GROUPS, stage.resolution);
     let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
     let two = &found.labels[0].1;
     // The post reflects no light and belongs to no group.
@@ -107,14 +100,8 @@ pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
     let (empty_stage, empty) = run(bench, Set::Carton, side, BLUR)?;
     let (_, sharp) = run(bench, Set::Carton, side, 0.0)?;
     let (egg_stage, eggs) = run(bench, Set::CartonEggs, side, BLUR)?;
-    let labels = |groups: usize| {
-        let of = |found: &Segmentation| {
-            found.labels.iter().find(|(of, _)| *of == groups).map_or(Vec::new(), |(_, labels)| labels.clone())
-        };
-        [of(&empty), of(&eggs)]
-    };
-    let [without, with] = labels(GROUPS);
-    let [nine_without, nine_with] = labels(CELLS);
+    let (without, with) = (labels(&empty, GROUPS), labels(&eggs, GROUPS));
+    let (nine_without, nine_with) = (labels(&empty, CELLS), labels(&eggs, CELLS));
     // Flat spots where rims meet exchange light among two or three pixels only. They add eigenvalues at one, which are excluded.
     let ones = |found: &Segmentation| {
         let at_one = found.eigenvalues.iter().enumerate().filter(|(_, value)| **value >= ONE);
@@ -123,17 +110,17 @@ pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
     let checks = vec![
         Check::at_least(
             "purity of ten groups: the share of pixels in the cell that most of their group is in, empty",
-            purity(&without, &empty_stage.truth),
+            purity(without, &empty_stage.truth),
             0.95,
         ),
         Check::at_least(
             "adjusted Rand index of nine groups with the nine cells, empty",
-            adjusted_rand_index(&nine_without, &empty_stage.truth)?,
+            adjusted_rand_index(nine_without, &empty_stage.truth)?,
             0.95,
         ),
         Check::at_most(
             "adjusted Rand index of ten groups with eggs and ten without: they change",
-            adjusted_rand_index(&with, &without)?,
+            adjusted_rand_index(with, without)?,
             0.9,
         ),
         Check::at_least(
@@ -154,7 +141,7 @@ pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
         Check::stated("localized eigenvectors, empty", empty.embedding.local() as f64),
         Check::stated(
             "adjusted Rand index of nine groups with the cells, with eggs",
-            adjusted_rand_index(&nine_with, &egg_stage.truth)?,
+            adjusted_rand_index(nine_with, &egg_stage.truth)?,
         ),
     ];
     let panels = panels_of("empty", "Empty", &empty_stage, &empty)
@@ -175,35 +162,25 @@ pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
 }
 
 fn spectra(empty: &Segmentation, eggs: &Segmentation) -> Plot {
-    let spectrum = |name: &str, found: &Segmentation| Series {
-        name: name.into(),
-        points: found.eigenvalues.iter().enumerate().map(|(k, value)| (k as f64 + 1.0, *value)).collect(),
-    };
-    Plot {
-        caption:
-            "Eigenvalues of the normalized cut: as many near one as there are cells that exchange no light, beside those of a few pixels."
-                .into(),
-        lines: LinePlot {
-            x_label: "eigenvector".into(),
-            y_label: "eigenvalue λ".into(),
-            series: vec![spectrum("empty", empty), spectrum("with eggs", eggs)],
-            ..LinePlot::default()
-        },
-    }
+    Plot::linear(
+        "Eigenvalues of the normalized cut: as many near one as there are cells that exchange no light, beside those of a few pixels.",
+        ["eigenvector", "eigenvalue λ"],
+        vec![line("empty", &empty.eigenvalues), line("with eggs", &eggs.eigenvalues)],
+    )
 }
 
 fn run(bench: &mut Bench, set: Set, side: usize, blur: f64) -> Result<(std::sync::Arc<Stage>, Segmentation)> {
     let stage = bench.stage(set, side)?;
     let mut operator = bench.photos(&stage, Part::Global)?;
     let found = match Blur::new(stage.resolution, blur) {
-        Some(blur) => segment(&mut Blurred::new(&mut operator, blur)?, &asked(&stage))?,
-        None => segment(&mut operator, &asked(&stage))?,
+        Some(blur) => segment(&mut Blurred::new(&mut operator, blur)?, &asked_of_carton(&stage))?,
+        None => segment(&mut operator, &asked_of_carton(&stage))?,
     };
     Ok((stage, found))
 }
 
-/// What is asked of the photos of a carton.
-pub(super) fn asked(stage: &Stage) -> SegmentOptions {
+/// The question to the photos of a carton.
+fn asked_of_carton(stage: &Stage) -> SegmentOptions {
     SegmentOptions {
         photos: PHOTOS,
         tolerance: 0.0,
@@ -229,9 +206,9 @@ pub(super) fn fig9(bench: &mut Bench) -> Result<Reproduced> {
     // Recorded is what is really projected, and its photo before that is blurred in turn.
     let mut recorded = Recorded::new(&mut operator);
     let blur = Blur::new(stage.resolution, BLUR).ok_or(Error::Interrupted)?;
-    let found = segment(&mut Blurred::new(&mut recorded, blur)?, &asked(&stage))?;
+    let found = segment(&mut Blurred::new(&mut recorded, blur)?, &asked_of_carton(&stage))?;
     let shots = recorded.products;
-    let nine = found.labels.iter().find(|(groups, _)| *groups == CELLS).map_or(&[][..], |(_, nine)| nine);
+    let nine = labels(&found, CELLS);
     Ok(Reproduced {
         setting: format!("the empty carton, {}, the run of figure 8", stage.resolution),
         checks: vec![

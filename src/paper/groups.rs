@@ -4,9 +4,27 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bench::Stage;
 use super::figure::{Content, Panel};
-use crate::analysis::{MASKED, Segmentation};
+use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
+
+/// The options of a segmentation that uses all its photos, from one start. The resolution lets a noisy rig low-pass its directions, as
+/// `krylux segment` does.
+pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> SegmentOptions {
+    SegmentOptions {
+        photos,
+        tolerance: 0.0,
+        starts: Some(1),
+        resolution: Some(resolution),
+        groups: groups.to_vec(),
+        ..SegmentOptions::default()
+    }
+}
+
+/// The labels of this number of groups; empty where they were not asked for.
+pub(super) fn labels(found: &Segmentation, groups: usize) -> &[u8] {
+    found.labels.iter().find(|(of, _)| *of == groups).map_or(&[], |(_, labels)| labels)
+}
 
 /// The photo under white, the groups, and `eigenvectors` eigenvectors after the first, which is constant.
 pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -> Vec<Panel> {
@@ -156,7 +174,18 @@ fn bounced(kernel: f64) -> f64 {
     (1..=BOUNCES).map(|bounce| ALBEDO.powi(bounce - 1) * kernel.powi(bounce)).sum()
 }
 
-/// The eigenvalue of the normalized cut at `a = ½ + iω` of a fold with this opening angle; its edge is at `ω = 0`.
+/// The eigenvalue of the normalized cut at `a = ½ + iω` of a fold with this opening angle that is sharp at every scale; the edge of its spectrum
+/// is at `ω = 0`.
+///
+/// From a strip at distance `s` from the crease on one face, this share goes to the strip at `t` on the other, for the opening angle `φ`:
+///
+/// ```text
+/// K(s, t) dt = s t sin²φ / (2 (s² + t² − 2 s t cos φ)^{3/2}) dt
+/// ```
+///
+/// `K` is homogeneous of degree −1, so that `s^{-a}` is an eigenfunction on the half line, of the eigenvalue `κ(a) = ∫ K(1, t) t^{-a} dt`. All
+/// `a = ½ + iω` fill a continuous spectrum. Global light of albedo `ρ` and up to six bounces is the polynomial `g(κ) = Σ ρ^{b−1} κ^b`, `b` from 1
+/// to 5, and the normalized cut divides it by that of even light, `g(κ(0))`. `guide/src/concepts/segmentation.md` tells what follows.
 pub(super) fn continuous(angle: f64, frequency: f64) -> f64 {
     bounced(kernel(angle, [0.5, frequency])) / bounced(kernel(angle, [0.0, 0.0]))
 }

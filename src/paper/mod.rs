@@ -1,19 +1,19 @@
 //! Reproduction of the paper's figures: scene, number of photos, measured numbers, and the paper's statement about each.
 //!
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, at the paper's resolutions and numbers of
-//! photos, on our own scenes ([`crate::scene::builtin`]). Each figure has a file here with a function of a [`Bench`], which
-//! provides the photos. The function returns a [`Reproduced`]: pictures, curves, and numbers with their bounds.
+//! photos, on our own scenes ([`crate::scene::builtin`]). Each figure is a function of a [`Bench`], which
+//! provides the photos, and returns a [`Reproduced`]: pictures, curves, and numbers with their bounds.
 //!
 //! | figure | shows | here |
 //! |---|---|---|
 //! | 2 | the principal eigenvector by power iteration | `fig2` |
-//! | 4 | segmentation into two, six and ten groups | `fig4` |
-//! | 5 | pixels as points in the space of eigenvectors | `fig5` |
-//! | 6 | patches that are apart in the photo but exchange light share a group | `fig6` |
-//! | 8 | an egg carton, empty and with eggs | `fig8` |
-//! | 9, 10 | the photos of a run in order | `fig9`, `fig10` |
-//! | 11 | compensation in focus with five photos | `fig11` |
-//! | 12 | compensation with a defocused projector, twelve photos | `fig12` |
+//! | 4 | segmentation into two, six and ten groups | `fig4_5` |
+//! | 5 | pixels as points in the space of eigenvectors | `fig4_5` |
+//! | 6 | patches that are apart in the photo but exchange light share a group | `fig6_8_9` |
+//! | 8 | an egg carton, empty and with eggs | `fig6_8_9` |
+//! | 9, 10 | the photos of a run in order | `fig6_8_9`, `fig10_11_12` |
+//! | 11 | compensation in focus with five photos | `fig10_11_12` |
+//! | 12 | compensation with a defocused projector, twelve photos | `fig10_11_12` |
 //! | 13 | bit planes of a one-bit projector | `fig13` |
 //! | – | random patterns at equal photos | `random` |
 //! | – | photos without orthogonalisation | `conditioning` |
@@ -78,7 +78,7 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
 /// Reproduces `figures` on one bench after the other. `made` is told of each figure as soon as it is there.
 ///
 /// # Errors
-/// Those of [`reproduce`] and of `made`.
+/// The errors of [`reproduce`] and of `made`.
 pub fn reproduce_all(
     figures: &[Figure],
     benches: impl IntoIterator<Item = BenchOptions>,

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::krylov::{Factorization, Lanczos, dot, norm};
 use crate::lab::text::decimal;
 use crate::operator::Operator;
-use crate::report::plot::{LinePlot, Series};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 /// Pixels per side for the dense eigensolver: 1024 unknowns.
@@ -94,7 +94,7 @@ fn curve(name: String, [low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Series
     Series { name, points: (0..POINTS).map(|index| (at(index), of(at(index)))).collect() }
 }
 
-/// What the devices add to the residual of an answer, by one more photo of it.
+/// The residual that the devices add to an answer's, by one more photo of it.
 fn devices(
     operator: &mut dyn Operator,
     target_light: &TargetLight,
@@ -124,18 +124,8 @@ fn photos_named(k: usize) -> String {
 
 fn residual_plot(run: &Run, ends: [f64; 2]) -> Plot {
     let line = |k: usize| curve(photos_named(k), ends, run.residual_polynomial(k));
-    Plot {
-        caption: "Residual polynomials of MINRES: all are 1 at 0, and the residual's part along an eigenvector is the target's times the value \
-                  at its eigenvalue. They are small where the target has its light, which the next plot shows."
-            .into(),
-        lines: LinePlot {
-            x_label: "eigenvalue λ, W/(m² sr)".into(),
-            y_label: "p(λ)".into(),
-            series: SHOWN.map(line).into(),
-            marks: vec![(0.0, String::new())],
-            ..LinePlot::default()
-        },
-    }
+    Plot::linear("Residual polynomials of MINRES: all are 1 at 0, and the residual's part along an eigenvector is the target's times the value \
+                  at its eigenvalue. They are small where the target has its light, which the next plot shows.", ["eigenvalue λ, W/(m² sr)", "p(λ)"], SHOWN.map(line).into()).marked(0.0, "")
 }
 
 /// The share of the target's light in eigenvectors of at most an eigenvalue, and the share of the eigenvalues themselves.
@@ -150,20 +140,15 @@ fn share_plot(exact: &Spectrum, shares: &[f64], scale: f64) -> Plot {
         Series { name: name.into(), points: points.collect() }
     };
     let count = exact.values.len() as f64;
-    Plot {
-        caption: "The spectrum: the share of the eigenvalues that are no larger than λ, and of the square of the target's light in their \
-                  eigenvectors."
-            .into(),
-        lines: LinePlot {
-            x_label: "eigenvalue λ, W/(m² sr)".into(),
-            y_label: "share".into(),
-            series: vec![
-                steps("eigenvalues", &|_| 1.0 / count),
-                steps("light of the target", &|at| (shares[at] / scale).powi(2)),
-            ],
-            ..LinePlot::default()
-        },
-    }
+    Plot::linear(
+        "The spectrum: the share of the eigenvalues that are no larger than λ, and of the square of the target's light in their \
+                  eigenvectors.",
+        ["eigenvalue λ, W/(m² sr)", "share"],
+        vec![
+            steps("eigenvalues", &|_| 1.0 / count),
+            steps("light of the target", &|at| (shares[at] / scale).powi(2)),
+        ],
+    )
 }
 
 fn minimal_plot(run: &Run, ends: [f64; 2]) -> Plot {
@@ -174,20 +159,11 @@ fn minimal_plot(run: &Run, ends: [f64; 2]) -> Plot {
     };
     let found = run.ritz_values(JUDGED).unwrap_or_default();
     let list = found.iter().map(|value| decimal(*value, 4)).collect::<Vec<_>>().join(", ");
-    Plot {
-        caption: format!(
+    Plot::linear(format!(
             "Towards the minimal polynomial: the monic polynomial of each degree with the least norm on the target's light, here divided by its \
              largest value. Its zeros are the Ritz values, after {JUDGED} photos {list}. Where it vanished on all eigenvalues it would be the \
              minimal polynomial, and the answer exact."
-        ),
-        lines: LinePlot {
-            x_label: "eigenvalue λ, W/(m² sr)".into(),
-            y_label: "q(λ) / max |q|".into(),
-            series: SHOWN.map(line).into(),
-            marks: vec![(0.0, String::new())],
-            ..LinePlot::default()
-        },
-    }
+        ), ["eigenvalue λ, W/(m² sr)", "q(λ) / max |q|"], SHOWN.map(line).into()).marked(0.0, "")
 }
 
 fn monic_plot(run: &Run, largest: f64) -> Plot {
@@ -214,7 +190,7 @@ struct Run {
 }
 
 impl Run {
-    /// The process of so many photos from `b`, both as a rig reads them that gives `unit` for 1 W/(m² sr).
+    /// The process of this number of photos from `b`, as a rig reads them that gives `unit` for 1 W/(m² sr).
     fn of(operator: &mut dyn Operator, b: &[f64], (photos, unit): (usize, f64)) -> Result<Self> {
         let mut process = Lanczos::new(b, &[])?;
         for _ in 0..photos {

@@ -6,7 +6,7 @@
 //! random patterns whose photos add up to the target's light with least squares.
 
 use super::bench::{Bench, Set, Stage};
-use super::contest::{Entry, TargetLight, clamped, enter, line, over_frames, percent, picture};
+use super::contest::{MethodRun, TargetLight, clamped, enter, line, over_frames, percent, picture};
 use super::dense::spectrum_of_rows;
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
 use crate::analysis::low_rank::smooth_starts;
@@ -108,7 +108,7 @@ fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>
     let signs = fitted(&stage, &mut photos, &target_light, &signs)?;
     let smooth = smooth_starts(stage.resolution, PHOTOS, SEED);
     let smooth = fitted(&stage, &mut photos, &target_light, &smooth)?;
-    let points = |entry: &Entry| -> Vec<(f64, f64)> { line("", &entry.answered).points };
+    let points = |entry: &MethodRun| -> Vec<(f64, f64)> { line("", &entry.answered).points };
     let checks = vec![
         Check::at_most(
             format!("photos of MINRES to compensate as {PHOTOS} of random signs do, over {PHOTOS}"),
@@ -142,7 +142,7 @@ fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>
         let caption = "The same, clamped to what can be displayed, at equal frames.";
         plots.push(Plot::logarithmic(caption, ["frames", "relative residual"], frames));
     }
-    let seen = |name: &str, caption: &str, entry: &Entry| {
+    let seen = |name: &str, caption: &str, entry: &MethodRun| {
         let values = stage.photo(&clamped(&entry.pattern));
         stage.panel(name, caption, Content::Light { values, white: Some(target_light.peak) })
     };
@@ -172,7 +172,7 @@ pub(super) fn graph(global: &mut dyn Operator) -> Result<Graph> {
     Graph::measure(&white, 0.01, 0.0, photo)
 }
 
-/// The second eigenvector of the normalized cut, on all pixels, after each of so many photos of the Lanczos process.
+/// The second eigenvector of the normalized cut, on all pixels, after each of this number of photos of the Lanczos process.
 pub(super) fn lanczos(
     global: &mut dyn Operator,
     graph: &Graph,
@@ -258,10 +258,10 @@ pub(super) fn fitted(
     operator: &mut dyn Adjoint,
     target_light: &TargetLight,
     patterns: &[Vec<f64>],
-) -> Result<Entry> {
+) -> Result<MethodRun> {
     let mut recorded = Recorded::of_frames(operator);
     let mut left = target_light.wanted();
-    let mut entry = Entry { pattern: vec![0.0; left.len()], ..Entry::default() };
+    let mut entry = MethodRun { pattern: vec![0.0; left.len()], ..MethodRun::default() };
     // Photos made orthonormal, and the same combinations of patterns.
     let mut known: Vec<[Vec<f64>; 2]> = Vec::new();
     for pattern in patterns {

@@ -21,7 +21,7 @@ pub struct Run {
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Recorded {
     first_path: u64,
-    layout: Layout,
+    layout: RecordLayout,
     #[serde(with = "as_bytes")]
     records: Vec<[u32; 4]>,
 }
@@ -40,7 +40,6 @@ mod as_bytes {
 }
 
 impl Recorded {
-    /// The batch.
     pub(crate) fn batch(&self) -> Batch<'_> {
         Batch::new(self.first_path, self.layout, &self.records)
     }
@@ -49,11 +48,11 @@ impl Recorded {
 /// Records of consecutive paths from one endpoint of the rig.
 ///
 /// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the
-/// projector stands apart from the camera, the batches of the projector's paths follow those of the camera's
+/// projector stands apart from the camera, the batches of the projector's paths follow the batches of the camera's
 /// paths.
 pub struct Batch<'a> {
     first_path: u64,
-    layout: Layout,
+    layout: RecordLayout,
     paths: usize,
     records: &'a [[u32; 4]],
     merged: Option<Merged<'a>>,
@@ -61,15 +60,15 @@ pub struct Batch<'a> {
 
 impl<'a> Batch<'a> {
     /// The batch of the paths from number `first_path` on, with their records.
-    pub(super) fn new(first_path: u64, layout: Layout, records: &'a [[u32; 4]]) -> Self {
+    pub(super) fn new(first_path: u64, layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
         Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
     }
 
-    /// The batch of so many paths whose connections are in `merged`. Of the records there are at least the first slots; those of the ambient light, if
-    /// there is any.
+    /// The batch of this number of paths whose connections are in `merged`. `records` hold at least the first slots of the paths, and the slots of
+    /// ambient light, if there is any.
     pub(super) fn merged(
         first_path: u64,
-        layout: Layout,
+        layout: RecordLayout,
         paths: usize,
         (records, merged): (&'a [[u32; 4]], Option<Merged<'a>>),
     ) -> Self {
@@ -167,7 +166,7 @@ impl<'a> Batch<'a> {
         self.connections_from(self.pixel(index), index)
     }
 
-    /// As [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts
+    /// The same as [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts
     /// from `pixel`.
     pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
         let from_camera = self.layout.from_camera;
@@ -205,7 +204,6 @@ impl<'a> Batch<'a> {
         self.records[..self.paths].par_chunks(8192).map(count).reduce(|| (0, 0), add)
     }
 
-    /// One slot of a path's record.
     fn slot(&self, index: usize, slot: usize) -> [u32; 4] {
         debug_assert!(index < self.paths);
         self.records[slot * self.paths + index]
@@ -229,10 +227,8 @@ pub struct Connection {
 
 /// Which slots the record of a path has.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Layout {
-    /// Paths per pixel.
+pub(super) struct RecordLayout {
     pub(super) samples: u32,
-    /// The most surfaces of a path.
     pub(super) max_bounces: u32,
     /// The connection from the first surface is the direct light, which is stored in the head instead of a
     /// slot.
@@ -243,11 +239,10 @@ pub(super) struct Layout {
     pub(super) ambient: bool,
     /// The rig is coaxial: camera and projector are one lens.
     pub(super) symmetric: bool,
-    /// The paths start at the camera.
     pub(super) from_camera: bool,
 }
 
-impl Layout {
+impl RecordLayout {
     /// Number of slots of a path: head, connections, gathered connections, ambient light. The records of a
     /// batch hold the first slots of all paths, then their second slots, and so on.
     pub(crate) fn stride(&self) -> usize {
@@ -256,7 +251,6 @@ impl Layout {
             + usize::from(self.ambient)
     }
 
-    /// The most connections of a path.
     pub(super) fn most_ends(&self) -> usize {
         self.stride() - 1 - usize::from(self.ambient)
     }
@@ -317,7 +311,7 @@ mod tests {
 
     /// Two paths of at most three surfaces, with ambient light.
     pub(crate) fn batch(records: &[[u32; 4]]) -> Batch<'_> {
-        let layout = Layout {
+        let layout = RecordLayout {
             samples: 4,
             max_bounces: 3,
             direct: true,
@@ -370,7 +364,7 @@ mod tests {
         let runs = |first_path, samples, paths: usize| {
             let records = vec![[0; 4]; 4 * paths];
             let batch = batch(&records);
-            let batch = Batch::new(first_path, Layout { samples, ..batch.layout }, &records);
+            let batch = Batch::new(first_path, RecordLayout { samples, ..batch.layout }, &records);
             let halves = |path: usize| {
                 let at = first_path + path as u64;
                 (

@@ -29,7 +29,6 @@ pub(super) const MAX_PATHS: u32 = 65_535 * 64;
 /// surfaces.
 const SURFACES_OF_INVOCATION: u32 = 384;
 
-/// The most paths of one invocation.
 const MAX_PATHS_PER_INVOCATION: u32 = 64;
 
 /// The most paths that one invocation may trace, one after the other.
@@ -87,14 +86,14 @@ impl Dispatches {
 
 /// The parameters that decide, together with the kernel and its scene, how long a path takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Work {
+pub(super) struct PathWork {
     max_bounces: u32,
     stride: u32,
     bucket_mask: u32,
     gather_radius: f32,
 }
 
-impl Work {
+impl PathWork {
     pub(super) fn of(parameters: &Parameters) -> Self {
         let &Parameters { max_bounces, stride, bucket_mask, gather_radius, .. } = parameters;
         Self { max_bounces, stride, bucket_mask, gather_radius }
@@ -106,9 +105,9 @@ impl Work {
 #[derive(Debug, Default)]
 pub(super) struct DispatchSizer {
     /// Target number of paths; `None` before the first dispatch. That one compiles the pipeline, so that its
-    /// time is no measure.
+    /// time says nothing.
     target: Option<u32>,
-    work: Option<Work>,
+    work: Option<PathWork>,
     /// The driver stopped invocations with several paths, so that each invocation traces one.
     one_path_each: bool,
 }
@@ -121,9 +120,9 @@ impl DispatchSizer {
     /// The largest factor by which one measurement increases the size, since the next paths may take longer.
     const GROWTH: f64 = 16.0;
 
-    /// Prepares for a trace of such paths. Where they differ from those of the last trace, the size starts
+    /// Prepares for a trace of such paths. Where they differ from the paths of the last trace, the size starts
     /// anew.
-    pub(super) fn begin(&mut self, work: Work) {
+    pub(super) fn begin(&mut self, work: PathWork) {
         if self.work.replace(work) != Some(work) {
             self.one_path_each = false;
             self.target = self.target.map(|_| Self::FIRST);
@@ -178,7 +177,7 @@ const PILE: usize = MAX_ITERATIONS / 16;
 /// How many cells as wide as the difference of two places the scene's diagonal has.
 const CELLS: f32 = 1000.0;
 
-/// The error about light paths that never finished.
+/// The error about light paths that never finished. It tells the reason as far as the scene shows it: triangles piled up in one place.
 pub(super) fn unfinished_paths(unfinished: u64, total: u64, scene: &GpuScene) -> Error {
     let (pile, size) = highest(&scene.pairs_in_order);
     let size = size * scene.unit.metres;
@@ -218,7 +217,7 @@ mod tests {
 
     use super::*;
 
-    const WORK: Work = Work { max_bounces: 6, stride: 6, bucket_mask: 0, gather_radius: 0.0 };
+    const WORK: PathWork = PathWork { max_bounces: 6, stride: 6, bucket_mask: 0, gather_radius: 0.0 };
 
     fn sized(millis: &[u64]) -> DispatchSizer {
         let mut sizer = DispatchSizer::default();
@@ -262,7 +261,7 @@ mod tests {
             1,
             "the driver stopped invocations with several paths"
         );
-        sizer.begin(Work { max_bounces: 2, ..WORK });
+        sizer.begin(PathWork { max_bounces: 2, ..WORK });
         assert_eq!(sizer.paths_per_invocation(1000 * 256 * cores, 64), 64);
     }
 
@@ -280,7 +279,7 @@ mod tests {
         let mut sizer = sized(&[900, 1]);
         sizer.begin(WORK);
         assert_eq!(sizer.paths(u32::MAX), 16 * 4096);
-        sizer.begin(Work { max_bounces: 64, ..WORK });
+        sizer.begin(PathWork { max_bounces: 64, ..WORK });
         assert_eq!((sizer.paths(u32::MAX), sizer.max_in_flight()), (4096, 2));
     }
 

@@ -134,7 +134,7 @@ impl CameraFrame {
 }
 
 /// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are
-/// white, and its normals are those of the plane, to the precision of 16-bit coordinates.
+/// white, and its normals are the plane's, to the precision of 16-bit coordinates.
 fn is_plain(triangle: &Triangle) -> bool {
     // Single precision cannot hold the square of a small area.
     let [a, b, c] = triangle.positions.map(|corner| corner.as_dvec3());
@@ -190,7 +190,12 @@ fn pack_corners(triangle: &Triangle, frame: &CameraFrame) -> [[[u32; 4]; 2]; 3] 
 /// The share of what the camera sees within whose distance the unit is.
 const NEAR: f64 = 0.25;
 
-/// A power of two of metres.
+/// The unit of length of the tracer, a power of two of metres.
+///
+/// Offsets of rays, products of lengths and hidden thresholds suit distances of about 1. Therefore all geometry on the device is in units of the
+/// power of two of the distance within which a quarter of the surfaces lies, as the camera sees them. Far surfaces are offset by their own
+/// coordinates, so that they bear a small unit, and near ones would not bear a large one. Photos of a scene that is `2^k` times as large have the
+/// same bits, times `2^-2k`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Unit {
     /// The length of the unit in metres.

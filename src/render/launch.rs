@@ -6,9 +6,11 @@ use std::time::Instant;
 
 use wgpu::BufferUsages;
 
-use super::batch::{Batch, Layout};
-use super::device_merge::{DeviceMerge, MergeInFlight, MergeRequest, MergedView, Merging, agree, host_terms};
-use super::dispatch::{DispatchSizer, Dispatches, Work, unfinished_paths};
+use super::batch::{Batch, RecordLayout};
+use super::device_merge::{
+    DeviceMerge, MergeInFlight, MergeRequest, MergeSession, MergedView, agree, host_terms,
+};
+use super::dispatch::{DispatchSizer, Dispatches, PathWork, unfinished_paths};
 use super::geometry::GpuScene;
 use super::kernel::{Parameters, PhotonBuffers, Pipeline};
 use super::settings::TraceSummary;
@@ -18,7 +20,7 @@ use crate::gpu::Gpu;
 use crate::gpu::buffers::{Readback, Results};
 
 /// A compiled kernel, and the sizer of its dispatches.
-pub(super) struct Kernel {
+pub(super) struct SizedKernel {
     pub(super) pipeline: Pipeline,
     pub(super) sizer: DispatchSizer,
 }
@@ -44,13 +46,13 @@ pub(super) struct StrategyRun<'a> {
     gpu: &'a Gpu,
     scene: &'a GpuScene,
     strategy: &'a Strategy,
-    kernel: &'a mut Kernel,
+    kernel: &'a mut SizedKernel,
     dispatches: &'a mut Dispatches,
     /// One for each dispatch that may be in flight.
     outputs: Vec<Output>,
     /// The device sorts and sums contributions: one for each output.
     merges: Vec<DeviceMerge>,
-    merging: Option<Merging<'a>>,
+    merging: Option<MergeSession<'a>>,
     staging: Vec<StagingBuffers>,
     /// The most paths of one dispatch.
     capacity: u32,
@@ -69,16 +71,16 @@ impl<'a> StrategyRun<'a> {
         scene: &'a GpuScene,
         strategy: &'a Strategy,
         paths: Range<u64>,
-        kernel: &'a mut Kernel,
+        kernel: &'a mut SizedKernel,
         dispatches: &'a mut Dispatches,
-        (mut staging, mut merging): (Vec<StagingBuffers>, Option<Merging<'a>>),
+        (mut staging, mut merging): (Vec<StagingBuffers>, Option<MergeSession<'a>>),
     ) -> Result<Self> {
         let stride = u64::from(strategy.parameters.stride);
         let total = paths.end - paths.start;
         let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, total);
         let bytes = record_bytes(&strategy.parameters, capacity);
-        kernel.sizer.begin(Work::of(&strategy.parameters));
-        // While the host reads the records of one dispatch, the device writes those of the next one to a
+        kernel.sizer.begin(PathWork::of(&strategy.parameters));
+        // While the host reads the records of one dispatch, the device writes the records of the next one to a
         // second buffer. Where the device is the processor itself, one buffer is faster: the host then has
         // all cores while it reads. A dispatch in flight would keep them busy: the driver gives each core an
         // equal part of it, and all would wait for the core that the host uses, too.
@@ -98,7 +100,7 @@ impl<'a> StrategyRun<'a> {
             let of = (&strategy.layout, strategy.parameters.end.pixels());
             let merge =
                 |buffers: &StagingBuffers| DeviceMerge::new(gpu, merging, of, capacity, buffers.buffer());
-            // Where the device has no room for it, the host sorts and sums.
+            // If the device lacks the room for it, the host sorts and sums.
             let made: Result<Option<Vec<DeviceMerge>>> = staging.iter().map(merge).collect();
             merges = made.ok().flatten().unwrap_or_default();
         }
@@ -132,7 +134,7 @@ impl<'a> StrategyRun<'a> {
 
     /// Launches the next dispatch.
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
-        let Self { strategy, left, kernel: Kernel { pipeline, sizer }, .. } = self;
+        let Self { strategy, left, kernel: SizedKernel { pipeline, sizer }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
         let merging = self.merging.as_ref().filter(|merging| !*merging.is_lost);
         // Not more than the capacity, which has 32 bits.
@@ -153,7 +155,7 @@ impl<'a> StrategyRun<'a> {
         };
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
-        // Of merged paths the host reads the heads of the records, and ambient light, which is at their end.
+        // The host reads only the heads of the records of merged paths, and ambient light, which is at their end.
         let needs_all = merging.is_none_or(|merging| !*merging.is_checked) || strategy.layout.ambient;
         let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
         let merge = merging.map(|merging| (&self.merges[output], merging.request, &strategy.layout));
@@ -246,7 +248,7 @@ impl<'a> StrategyRun<'a> {
     }
 }
 
-/// Bytes of the records that so many paths leave.
+/// Bytes of the records of this number of paths.
 fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
     u64::from(paths) * u64::from(parameters.stride) * 16
 }
@@ -335,7 +337,7 @@ impl Output {
         kernel: &Pipeline,
         parameters: &Parameters,
         bytes: u64,
-        merge: Option<(&DeviceMerge, &MergeRequest<'_>, &Layout)>,
+        merge: Option<(&DeviceMerge, &MergeRequest<'_>, &RecordLayout)>,
     ) -> Result<(Readback, wgpu::SubmissionIndex)> {
         let submission = gpu.guarded("dispatch", || {
             gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));

@@ -99,10 +99,10 @@ pub(super) fn pack_materials(scene: &Scene, unit: Unit) -> (Vec<[u32; 4]>, Vec<G
     (bytemuck::cast_slice(&materials).to_vec(), textures)
 }
 
-/// The factor of the material that a texture multiplies. The numbers are those of
+/// The factor of the material that a texture multiplies. The numbers are defined in
 /// `shaders/shared/texture.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Role {
+pub(super) enum TextureRole {
     BaseColor,
     MetallicRoughness,
     Normal,
@@ -114,7 +114,7 @@ pub(super) enum Role {
     DiffuseTransmissionColor,
 }
 
-impl Role {
+impl TextureRole {
     /// Whether RGB is sRGB-encoded.
     fn is_color(self) -> bool {
         matches!(
@@ -128,7 +128,7 @@ impl Role {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct GpuTexture {
-    /// Rows of the affine map from the surface's texture coordinates to those of the picture.
+    /// Rows of the affine map from the surface's texture coordinates to coordinates of the picture.
     u: Vec3,
     first_texel: u32,
     v: Vec3,
@@ -142,15 +142,15 @@ impl GpuTexture {
     /// All textures of one material.
     pub(super) fn of(scene: &Scene, material: &Material) -> Vec<Self> {
         [
-            (&material.base_color_texture, Role::BaseColor),
-            (&material.metallic_roughness_texture, Role::MetallicRoughness),
-            (&material.normal_texture, Role::Normal),
-            (&material.specular_texture, Role::Specular),
-            (&material.specular_color_texture, Role::SpecularColor),
-            (&material.emission_texture, Role::Emission),
-            (&material.transmission_texture, Role::Transmission),
-            (&material.diffuse_transmission_texture, Role::DiffuseTransmission),
-            (&material.diffuse_transmission_color_texture, Role::DiffuseTransmissionColor),
+            (&material.base_color_texture, TextureRole::BaseColor),
+            (&material.metallic_roughness_texture, TextureRole::MetallicRoughness),
+            (&material.normal_texture, TextureRole::Normal),
+            (&material.specular_texture, TextureRole::Specular),
+            (&material.specular_color_texture, TextureRole::SpecularColor),
+            (&material.emission_texture, TextureRole::Emission),
+            (&material.transmission_texture, TextureRole::Transmission),
+            (&material.diffuse_transmission_texture, TextureRole::DiffuseTransmission),
+            (&material.diffuse_transmission_color_texture, TextureRole::DiffuseTransmissionColor),
         ]
         .into_iter()
         .filter_map(|(texture, role)| texture.as_ref().map(|texture| Self::new(scene, texture, role)))
@@ -158,7 +158,7 @@ impl GpuTexture {
     }
 
     /// One use of a texture.
-    pub(super) fn new(scene: &Scene, reference: &TextureRef, role: Role) -> Self {
+    pub(super) fn new(scene: &Scene, reference: &TextureRef, role: TextureRole) -> Self {
         let texture = &scene.textures[reference.texture as usize];
         let wrap = texture.wrap.map(|wrap| match wrap {
             Wrap::Repeat => 0,

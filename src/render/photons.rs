@@ -88,7 +88,7 @@ impl PhotonMap {
         dispatches: &mut Dispatches,
     ) -> Result<Self> {
         let ChainRequest { features, endpoint, gather, base } = *request;
-        // Of a path's surfaces, at least the first and the last one that scatter do not belong to this chain.
+        // At least the first and the last of a path's surfaces that scatter do not belong to this chain.
         let chain = base.max_bounces.saturating_sub(2).min(MAX_CHAIN);
         if chain == 0 || gather.photons == 0 {
             return Self::empty(gpu);
@@ -112,7 +112,7 @@ impl PhotonMap {
                 first_sample: (done % u64::from(gather.photons)) as u32,
                 paths,
                 samples: gather.photons,
-                // Random numbers independent of those of the gathering paths.
+                // Random numbers independent of the numbers of the gathering paths.
                 seed: base.seed ^ 0x5eed_f00d,
                 mark: dispatches.mark(),
                 scale: (endpoint.image_area() / total as f64) as f32,
@@ -236,7 +236,7 @@ pub(super) type Photon = [[u32; 4]; 4];
 /// buckets an even selection of photons is kept, and their power is increased accordingly.
 const MAX_BUCKET: usize = 512;
 
-/// Photons in the buckets of a hash grid.
+/// Photons in the buckets of a hash grid: the photons of a cell lie side by side, and so do the photons of two neighbouring cells along x.
 struct Grid {
     /// Number of buckets, a power of two, minus 1.
     mask: u32,

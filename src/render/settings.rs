@@ -16,7 +16,7 @@ pub const MAX_BOUNCES: u32 = 64;
 pub struct TraceSettings {
     /// Pixels of the camera, and of a projector whose resolution is not given.
     pub resolution: Resolution,
-    /// Pixels of the projector; `None` for those of the camera.
+    /// Pixels of the projector; `None` for as many as the camera has.
     pub projector: Option<Resolution>,
     /// Light paths per camera pixel, at least 1.
     pub samples: u32,

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::batch::Layout;
+use super::batch::RecordLayout;
 use super::dispatch::{Dispatches, max_paths_per_invocation};
 use super::geometry::{GpuScene, Unit};
 use super::kernel::{Features, GpuEndpoint, Parameters};
@@ -28,7 +28,7 @@ pub(super) struct Strategy {
     pub(super) chains: PhotonMap,
     /// The light buffer of the shared pinhole, or a placeholder where no ray uses it.
     pub(super) light_buffer: wgpu::TextureView,
-    pub(super) layout: Layout,
+    pub(super) layout: RecordLayout,
 }
 
 impl Strategy {
@@ -50,7 +50,7 @@ impl Strategy {
 pub(super) struct StrategyBuilder<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) scene: &'a GpuScene,
-    pub(super) rig: &'a Rig,
+    pub(super) rig: &'a Endpoints,
     pub(super) dispatches: &'a mut Dispatches,
     pub(super) light_buffers: &'a mut LightBuffers,
     pub(super) chains: &'a mut ChainCache,
@@ -83,7 +83,7 @@ impl StrategyBuilder<'_> {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        // Where light may pass straight through a surface, a ray needs all its hits in order, which the light
+        // If light may pass straight through a surface, a ray needs all its hits in order, which the light
         // buffer does not give.
         let lists = if coaxial_pinhole && !self.scene.features.passable {
             self.light_buffers.lists(self.gpu, self.scene, start.tangent)?
@@ -120,7 +120,7 @@ impl StrategyBuilder<'_> {
         let max_paths_per_invocation =
             max_paths_per_invocation(self.gpu, &self.scene.features, gathers, settings.max_bounces);
         features.several_paths = max_paths_per_invocation > 1;
-        let layout = Layout {
+        let layout = RecordLayout {
             samples,
             max_bounces: settings.max_bounces,
             direct: coaxial_pinhole,
@@ -138,7 +138,7 @@ impl StrategyBuilder<'_> {
     }
 }
 
-/// The parameters of a strategy's dispatches, without those of its photon map. Arguments as in
+/// The parameters of a strategy's dispatches, without the values of its photon map. The arguments are those of
 /// [`StrategyBuilder::strategy`].
 fn parameters(
     settings: &TraceSettings,
@@ -177,14 +177,15 @@ fn parameters(
     }
 }
 
-/// Camera and projector, the endpoints of light paths.
-pub(super) struct Rig {
+/// Camera and projector, the endpoints of light paths, in the camera's frame: the lens centre of the camera is the origin, and the camera looks
+/// along −z.
+pub(super) struct Endpoints {
     camera: Camera,
     projector: Option<Camera>,
     unit: Unit,
 }
 
-impl Rig {
+impl Endpoints {
     /// The rig of a scene, with lengths in `unit`. A scene without a projector has a coaxial rig.
     pub(super) fn new(scene: &Scene, unit: Unit) -> Self {
         Self { camera: scene.camera.clone(), projector: scene.projector.clone(), unit }

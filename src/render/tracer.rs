@@ -10,12 +10,12 @@ use super::device_merge::{MergeRequest, Trust};
 use super::dispatch::{DispatchSizer, Dispatches, MAX_PATHS};
 use super::geometry::GpuScene;
 use super::kernel::{Features, Parameters, Pipeline};
-use super::launch::{Kernel, Output, StagingBuffers, StrategyRun};
+use super::launch::{Output, SizedKernel, StagingBuffers, StrategyRun};
 use super::light_buffer::LightBuffers;
 use super::materials::NONE;
 use super::photons::ChainCache;
 use super::settings::{StartPixels, TraceSettings, TraceSummary};
-use super::strategy::{Rig, Strategy, StrategyBuilder};
+use super::strategy::{Endpoints, Strategy, StrategyBuilder};
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
@@ -27,9 +27,9 @@ use crate::team::Remote;
 pub struct Tracer {
     gpu: Gpu,
     scene: GpuScene,
-    rig: Rig,
+    rig: Endpoints,
     /// The kernels compiled so far.
-    kernels: HashMap<Features, Kernel>,
+    kernels: HashMap<Features, SizedKernel>,
     dispatches: Dispatches,
     light_buffers: LightBuffers,
     chains: ChainCache,
@@ -52,15 +52,15 @@ impl Tracer {
         Self::open_turn(scene, adapter, 0)
     }
 
-    /// As [`Tracer::new`]. Where a machine has several adapters that are equal to the one that would be opened, `turn` goes round among them.
+    /// The same as [`Tracer::new`]. Where a machine has several adapters that are equal to the one that would be opened, `turn` goes round among them.
     ///
     /// # Errors
-    /// As [`Tracer::new`].
+    /// The errors of [`Tracer::new`].
     pub fn open_turn(scene: &Scene, adapter: Option<&str>, turn: usize) -> Result<Self> {
         Self::on(Gpu::open(adapter, turn)?, scene)
     }
 
-    /// As [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being
+    /// The same as [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being
     /// opened.
     ///
     /// # Errors
@@ -86,7 +86,7 @@ impl Tracer {
 
     fn on(gpu: Gpu, scene: &Scene) -> Result<Self> {
         let uploaded = GpuScene::upload(&gpu, scene)?;
-        let rig = Rig::new(scene, uploaded.unit);
+        let rig = Endpoints::new(scene, uploaded.unit);
         Ok(Self {
             gpu,
             scene: uploaded,
@@ -103,7 +103,7 @@ impl Tracer {
     }
 
     /// From now on kernels are compiled with the help of `kept`, which an earlier process got of [`Tracer::compiled_kernels`] for the same adapter.
-    /// What is of another device, driver or version is ignored. To be called before anything is traced.
+    /// Kernels of another device, driver or version are ignored. To be called before anything is traced.
     pub fn restore_kernels(&mut self, kept: Option<&[u8]>) {
         self.gpu.restore_compiled(kept);
     }
@@ -155,7 +155,7 @@ impl Tracer {
         settings.projector.unwrap_or(settings.resolution)
     }
 
-    /// All pixels that paths start from: those of the camera, and those of a projector that stands apart.
+    /// All pixels that paths start from: the camera's, and the pixels of a projector that stands apart.
     pub fn start_pixels(&self, settings: &TraceSettings) -> StartPixels {
         let apart = !self.symmetric(settings);
         let projector = if apart { self.projector_resolution(settings).pixels() } else { 0 };
@@ -180,10 +180,10 @@ impl Tracer {
         self.trace_from(settings, &self.start_pixels(settings), visit)
     }
 
-    /// As [`Tracer::trace`], for the paths that start from these pixels only.
+    /// The same as [`Tracer::trace`], for the paths that start from these pixels only.
     ///
     /// # Errors
-    /// As [`Tracer::trace`].
+    /// The errors of [`Tracer::trace`].
     pub fn trace_from(
         &mut self,
         settings: &TraceSettings,
@@ -193,10 +193,10 @@ impl Tracer {
         self.trace_merged(settings, pixels, None, visit)
     }
 
-    /// As [`Tracer::trace_from`]. Where the device sorts and sums contributions, batches have terms as `request` asks for them, in place of connections.
+    /// The same as [`Tracer::trace_from`]. Where the device sorts and sums contributions, batches have terms as `request` asks for them, in place of connections.
     ///
     /// # Errors
-    /// As [`Tracer::trace`].
+    /// The errors of [`Tracer::trace`].
     pub(crate) fn trace_merged(
         &mut self,
         settings: &TraceSettings,
@@ -212,13 +212,13 @@ impl Tracer {
         for (strategy, paths) in strategies.iter().zip(all) {
             self.run((strategy, request), paths, total, &mut summary, visit)?;
         }
-        // Everything has been traced, so that a request to stop has no effect any more.
+        // Everything has been traced, so that a request to stop changes nothing.
         let _ = step(&*self.observer, total, total);
         Ok(summary)
     }
 
     /// Whether the device sorts and sums contributions to a matrix, so that fewer bytes come back. By default it does unless it is the processor itself,
-    /// which would gain nothing. The sums are rounded to single precision in another order than those of the host. A device that does not agree with
+    /// which would gain nothing. The sums are rounded to single precision in another order than the host's. A device that does not agree with
     /// the host is not used for that: [`TraceSummary::merged`] tells.
     pub fn merge_on_device(&mut self, asked: bool) {
         self.trust.asked = Some(asked);
@@ -284,14 +284,14 @@ fn step(observer: &dyn Observer, done: u64, total: u64) -> ControlFlow<()> {
 /// The kernel for paths with these features, compiled at its first use.
 fn kernel<'a>(
     gpu: &Gpu,
-    kernels: &'a mut HashMap<Features, Kernel>,
+    kernels: &'a mut HashMap<Features, SizedKernel>,
     features: &Features,
-) -> Result<&'a mut Kernel> {
+) -> Result<&'a mut SizedKernel> {
     Ok(match kernels.entry(*features) {
         Entry::Occupied(entry) => entry.into_mut(),
         Entry::Vacant(entry) => {
             let pipeline = Pipeline::new(gpu, "trace_paths", features)?;
-            entry.insert(Kernel { pipeline, sizer: DispatchSizer::default() })
+            entry.insert(SizedKernel { pipeline, sizer: DispatchSizer::default() })
         }
     })
 }

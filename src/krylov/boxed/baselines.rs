@@ -4,7 +4,7 @@ use super::Boxed;
 use crate::error::Result;
 use crate::krylov::basis::{axpy, dot, norm, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::linear::{Advance, SolveOptions, Solver, Tally};
+use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
 use crate::operator::Adjoint;
 
 /// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
@@ -13,7 +13,7 @@ use crate::operator::Adjoint;
 /// # Properties
 /// One product an iteration; needs neither transpose nor symmetry. For a non-negative symmetric `A` with
 /// `D = A 1` the step is a contraction where direct light dominates. At its fixed point the signs of
-/// `b − A x` fit the bounds, and not those of `Aᵀ(b − A x)`. So it ends near the least-squares optimum but
+/// `b − A x` fit the bounds, and not the signs of `Aᵀ(b − A x)`. So it ends near the least-squares optimum but
 /// not at it, and may pass a better point; the best iterate is returned.
 ///
 /// # Storage
@@ -66,12 +66,8 @@ impl Solver for ProjectedJacobi {
         Ok(Advance::Continuing)
     }
 
-    fn tally(&self) -> Tally {
-        self.boxed.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best()
+    fn system(&self) -> &System {
+        &self.boxed.system
     }
 }
 
@@ -101,7 +97,7 @@ impl Mrnsd {
     /// without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         Ok(Self {
@@ -164,12 +160,8 @@ impl Solver for Mrnsd {
         Ok(if tau == 0.0 { Advance::Ended(Status::Stalled) } else { Advance::Continuing })
     }
 
-    fn tally(&self) -> Tally {
-        self.boxed.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best()
+    fn system(&self) -> &System {
+        &self.boxed.system
     }
 }
 
@@ -200,7 +192,7 @@ impl Multiplicative {
     /// without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         Ok(Self {
@@ -248,11 +240,7 @@ impl Solver for Multiplicative {
         Ok(Advance::Continuing)
     }
 
-    fn tally(&self) -> Tally {
-        self.boxed.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best()
+    fn system(&self) -> &System {
+        &self.boxed.system
     }
 }

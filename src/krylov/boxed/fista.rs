@@ -4,7 +4,7 @@ use super::Boxed;
 use crate::error::Result;
 use crate::krylov::basis::{dot, norm, update, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::linear::{Advance, SolveOptions, Solver, Tally};
+use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
 use crate::operator::Adjoint;
 
 /// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any square `A` of `n × n` with its
@@ -47,7 +47,7 @@ impl Fista {
     /// the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {
@@ -130,11 +130,7 @@ impl Solver for Fista {
         })
     }
 
-    fn tally(&self) -> Tally {
-        self.boxed.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best()
+    fn system(&self) -> &System {
+        &self.boxed.system
     }
 }

@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use super::model::{Model, Surrogate, Work};
-use super::sweep::Row;
+use super::model::{SecantModel, Surrogate, WorkVectors};
+use super::sweep::SweptRow;
 use super::{Bounds, Boxed};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::krylov::basis::{axpy, dot, norm, update, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::linear::system::same_length;
-use crate::krylov::linear::{Advance, SolveOptions, Solver, Tally};
+use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
 use crate::operator::{Adjoint, Symmetry};
 
 /// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that
@@ -40,7 +39,7 @@ use crate::operator::{Adjoint, Symmetry};
 pub struct KrylovBox {
     boxed: Boxed,
     white_known: bool,
-    model: Option<Model>,
+    model: Option<SecantModel>,
     candidate: Vec<f64>,
     next: Next,
     rtol: f64,
@@ -76,11 +75,11 @@ impl KrylovBox {
     /// the options must be `A 1`: it is used as a photo.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new);
+    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new);
     /// [`Error::Dimension`](crate::Error::Dimension) when the surrogate is of another size.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         if let Some(surrogate) = &options.surrogate {
-            same_length("the surrogate's rows and columns", b.len(), surrogate.size())?;
+            Error::check_size("the surrogate's rows and columns", b.len(), surrogate.size())?;
         }
         Ok(Self {
             boxed: Boxed::new("krylov-box", b, options)?,
@@ -123,7 +122,7 @@ impl Solver for KrylovBox {
             Some(model) => model,
             none => {
                 let mut model =
-                    Model::new(&self.boxed.diagonal, symmetric, self.surrogate.clone(), self.capacity);
+                    SecantModel::new(&self.boxed.diagonal, symmetric, self.surrogate.clone(), self.capacity);
                 let ones = vec![1.0; self.boxed.system.b.len()];
                 if taken {
                     model.learn(&ones, &self.boxed.system.work);
@@ -193,12 +192,8 @@ impl Solver for KrylovBox {
         Ok(Advance::Continuing)
     }
 
-    fn tally(&self) -> Tally {
-        self.boxed.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.boxed.system.best()
+    fn system(&self) -> &System {
+        &self.boxed.system
     }
 }
 
@@ -233,7 +228,7 @@ impl Momentum {
     }
 }
 
-impl Model {
+impl SecantModel {
     /// `x ← argmin ‖M x − b‖` over the box, from `x`. Returns `‖M x − b‖`.
     fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         // Moved out of the model, which is borrowed meanwhile.
@@ -252,8 +247,8 @@ impl Model {
     }
 
     /// One reading of patterns and products an iteration. All vectors are in the coordinates `u = D^½ x`.
-    fn minimize_symmetric(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        let Work { u, y: before, g: constant, dominant, .. } = work;
+    fn minimize_symmetric(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
+        let WorkVectors { u, y: before, g: constant, dominant, .. } = work;
         let lipschitz = self.lipschitz_symmetric(dominant, before);
         // M̂ D^½ b
         update2(before, b, &self.root, |_, b, s| s * b);
@@ -270,7 +265,7 @@ impl Model {
         for _ in 0..ITERATIONS {
             let of_y = of_u.combined(1.0 + weight, &of_before, -weight);
             let swept =
-                self.sweep((1.0 + weight, u), (-weight, before), &of_y, |Row { index, y, product }| {
+                self.sweep((1.0 + weight, u), (-weight, before), &of_y, |SweptRow { index, y, product }| {
                     let s = self.root[index];
                     let g = product - constant[index];
                     ((y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s), g)
@@ -303,8 +298,8 @@ impl Model {
                 return 0.0;
             }
             let of_y = of_u.combined(length.recip(), &of_u, 0.0);
-            let swept =
-                self.sweep((length.recip(), u), (0.0, v), &of_y, |Row { product, .. }| (product, product));
+            let swept = self
+                .sweep((length.recip(), u), (0.0, v), &of_y, |SweptRow { product, .. }| (product, product));
             std::mem::swap(u, v);
             of_u = swept.coordinates;
             length = swept.norm;
@@ -324,8 +319,8 @@ impl Model {
     }
 
     /// For a model that is not symmetric. All vectors are in the coordinates `u = D^½ x`.
-    fn minimize_general(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        let Work { u, y, next, image, g, .. } = work;
+    fn minimize_general(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
+        let WorkVectors { u, y, next, image, g, .. } = work;
         let lipschitz = self.lipschitz_general(next, image, g);
         update2(u, x, &self.root, |_, x, s| x * s);
         if lipschitz <= 0.0 {
@@ -355,7 +350,7 @@ impl Model {
         norm(image)
     }
 
-    /// As [`Model::lipschitz_symmetric`], always from the white pattern. Overwrites its arguments.
+    /// The same as [`SecantModel::lipschitz_symmetric`], always from the white pattern. Overwrites its arguments.
     fn lipschitz_general(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
         v.copy_from_slice(&self.root);
         let mut square = 0.0_f64;

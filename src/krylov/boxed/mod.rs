@@ -13,8 +13,7 @@ mod model;
 mod sweep;
 
 use super::basis::{dot, update, update2};
-use super::linear::SolveOptions;
-use super::linear::system::{System, same_length};
+use super::linear::{SolveOptions, System};
 use super::powers::{exponent, power, scale, scaled};
 use crate::error::{Error, Result};
 use crate::operator::Adjoint;
@@ -75,7 +74,7 @@ impl Boxed {
         system.tally.best = f64::INFINITY;
         let mut boxed = Self { system, bounds, diagonal: Vec::new(), given_start: options.x0.is_some() };
         if let Some(diagonal) = &options.diagonal {
-            same_length("the diagonal's length", b.len(), diagonal.len())?;
+            Error::check_size("the diagonal's length", b.len(), diagonal.len())?;
             let mut diagonal = diagonal.clone();
             let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
             let operator_power = power(exponent(largest));

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sweep::Gram;
+use super::sweep::InnerProducts;
 use crate::krylov::basis::{Basis, axpy, dot, norm, orthogonalize, update, update2};
 
 /// The model `M ≈ A`: `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal on the
@@ -31,7 +31,7 @@ use crate::krylov::basis::{Basis, axpy, dot, norm, orthogonalize, update, update
 /// ‖D^½ M̂ u − b‖² + δ² ‖(I − VVᵀ) u‖²
 /// ```
 #[derive(Clone)]
-pub(super) struct Model {
+pub(super) struct SecantModel {
     /// `D^½`.
     pub(super) root: Vec<f64>,
     pub(super) patterns: Basis,
@@ -39,19 +39,18 @@ pub(super) struct Model {
     /// `H`, by columns; symmetrized.
     projected: Vec<Vec<f64>>,
     /// Inner products; only for a symmetric model.
-    pub(super) gram: Gram,
+    pub(super) gram: InnerProducts,
     pub(super) theta: f64,
     pub(super) symmetric: bool,
     pub(super) surrogate: Option<Corrected>,
     /// `δ²`: the square of what a product with a vector of norm 1 outside the patterns is expected to differ from the model's, measured
     /// by what the surrogate misses of the products taken; 0 without a surrogate.
     pub(super) doubt: f64,
-    pub(super) work: Work,
+    pub(super) work: WorkVectors,
 }
 
-/// The work vectors of the box problem.
 #[derive(Clone, Default)]
-pub(super) struct Work {
+pub(super) struct WorkVectors {
     pub(super) u: Vec<f64>,
     pub(super) y: Vec<f64>,
     pub(super) g: Vec<f64>,
@@ -63,7 +62,7 @@ pub(super) struct Work {
     pub(super) image: Vec<f64>,
 }
 
-impl Work {
+impl WorkVectors {
     fn new(n: usize, symmetric: bool) -> Self {
         let zero = || vec![0.0; n];
         let only = |needed: bool| if needed { zero() } else { Vec::new() };
@@ -76,7 +75,7 @@ impl Work {
 /// nothing.
 const NEW: f64 = 1e-8;
 
-impl Model {
+impl SecantModel {
     /// The model before any product, with memory for `products` of them. A model with a surrogate is not
     /// symmetric.
     pub(super) fn new(
@@ -95,18 +94,18 @@ impl Model {
             patterns,
             products: taken,
             projected: Vec::new(),
-            gram: Gram::default(),
+            gram: InnerProducts::default(),
             theta: 1.0,
             symmetric,
             surrogate: surrogate.map(Corrected::new),
             doubt: 0.0,
-            work: Work::new(n, symmetric),
+            work: WorkVectors::new(n, symmetric),
         }
     }
 
     /// Adds the product `A x = y`. False when `x` is in the span of the known patterns.
     pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) -> bool {
-        let Work { u: v, y: w, .. } = &mut self.work;
+        let WorkVectors { u: v, y: w, .. } = &mut self.work;
         update2(v, x, &self.root, |_, x, s| x * s);
         update2(w, y, &self.root, |_, y, s| y / s);
         let before = norm(v);
@@ -290,7 +289,7 @@ mod tests {
         let entry = |i: usize, j: usize| 0.1 * ((3 * i + 5 * j) % 7) as f64 + if i == j { 1.0 } else { 0.0 };
         let b = [0.5, -0.25, 1.0, 0.75];
         for (symmetric, doubt) in [(true, 0.0), (false, 0.0), (false, 0.3)] {
-            let mut model = Model::new(&[1.0, 0.5, 2.0, 0.8], symmetric, None, 4);
+            let mut model = SecantModel::new(&[1.0, 0.5, 2.0, 0.8], symmetric, None, 4);
             for x in [[1.0, 0.5, 0.2, 0.7], [0.1, 0.9, 0.4, 0.3]] {
                 let a = |i, j| if symmetric { entry(i, j) + entry(j, i) } else { entry(i, j) };
                 let y: Vec<f64> = (0..4).map(|i| (0..4).map(|j| a(i, j) * x[j]).sum()).collect();

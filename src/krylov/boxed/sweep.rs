@@ -3,13 +3,11 @@
 //! A gradient of `½‖M x − b‖²` needs inner products with all patterns `V` and products `W`, and sums of them: two
 //! readings. But inner products are linear, and the iterate of which the next gradient is taken is a combination of the
 //! last two. So the sweep that makes an iterate takes the inner products with it at once, while the rows of `V` and `W`
-//! are in the cache, and those of the combination follow from them. Nothing else of an iteration is as long as an image, apart
+//! are in the cache, and the inner products of the combination follow from them. Nothing else of an iteration is as long as an image, apart
 //! from the two iterates.
 
-use rayon::prelude::*;
-
-use super::model::Model;
-use crate::krylov::basis::{added, dot, norm, norm_of_square, update2};
+use super::model::SecantModel;
+use crate::krylov::basis::{dot, norm, norm_of_square, summed, update2};
 use crate::krylov::kernels::{add_pair_block, dots_pair_block};
 use crate::krylov::sweeps::{PARALLEL, ROWS};
 
@@ -22,15 +20,15 @@ struct Coefficients {
 }
 
 /// A row of a sweep: its index, `y` and `M̂ D M̂ y` there.
-pub(super) struct Row {
+pub(super) struct SweptRow {
     pub(super) index: usize,
     pub(super) y: f64,
     pub(super) product: f64,
 }
 
-/// What a sweep finds beside the vector `z` that it makes.
+/// The sums that a sweep finds beside the vector `z` that it makes.
 pub(super) struct Swept {
-    /// Those of `z`.
+    /// The coordinates of `z`.
     pub(super) coordinates: Coordinates,
     /// `gᵀ(z − u)`, with the gradient `g` and the vector `u` before.
     pub(super) slope: f64,
@@ -40,21 +38,14 @@ pub(super) struct Swept {
     pub(super) norm: f64,
 }
 
-impl Model {
+impl SecantModel {
     /// The inner products with `u`: one reading of patterns and products.
     pub(super) fn coordinates(&self, u: &[f64]) -> Coordinates {
         let k = self.patterns.len();
-        let block = |(index, u): (usize, &[f64])| {
-            let mut sums = vec![0.0; 4 * k];
-            self.coordinates_of_rows(index * ROWS, u, &mut sums);
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if u.len() <= PARALLEL {
-            u.chunks(ROWS).enumerate().map(block).collect()
-        } else {
-            u.par_chunks(ROWS).enumerate().map(block).collect()
-        };
-        Coordinates::split(added(4 * k, &partial), k)
+        let sums = summed(4 * k, u.len() > PARALLEL, u.chunks(ROWS), |index, u, sums| {
+            self.coordinates_of_rows(index * ROWS, u, sums);
+        });
+        Coordinates::split(sums, k)
     }
 
     fn coordinates_of_rows(&self, start: usize, u: &[f64], sums: &mut [f64]) {
@@ -91,11 +82,12 @@ impl Model {
         (a, u): (f64, &[f64]),
         (b, v): (f64, &mut [f64]),
         of_y: &Coordinates,
-        finish: impl Fn(Row) -> (f64, f64) + Sync,
+        finish: impl Fn(SweptRow) -> (f64, f64) + Sync,
     ) -> Swept {
         let k = self.patterns.len();
         let coefficients = self.coefficients(of_y);
-        let block = |(index, (u, v)): (usize, (&[f64], &mut [f64]))| {
+        let blocks = u.chunks(ROWS).zip(v.chunks_mut(ROWS));
+        let mut sums = summed(4 * k + 3, u.len() > PARALLEL, blocks, |index, (u, v), sums| {
             let start = index * ROWS;
             let mut y = [0.0; ROWS];
             let mut image = [0.0; ROWS];
@@ -107,17 +99,9 @@ impl Model {
             }
             image.iter_mut().zip(y.iter()).for_each(|(image, y)| *image = self.theta * y);
             self.product_of_rows(&coefficients, start, image, product);
-            let mut sums = vec![0.0; 4 * k + 3];
             sums[4 * k..].copy_from_slice(&finish_rows(start, (u, v), (y, product), &finish));
             self.coordinates_of_rows(start, v, &mut sums[..4 * k]);
-            sums
-        };
-        let partial: Vec<Vec<f64>> = if u.len() <= PARALLEL {
-            u.chunks(ROWS).zip(v.chunks_mut(ROWS)).enumerate().map(block).collect()
-        } else {
-            u.par_chunks(ROWS).zip(v.par_chunks_mut(ROWS)).enumerate().map(block).collect()
-        };
-        let mut sums = added(4 * k + 3, &partial);
+        });
         let totals = sums.split_off(4 * k);
         Swept {
             coordinates: Coordinates::split(sums, k),
@@ -155,14 +139,14 @@ fn finish_rows(
     start: usize,
     (u, v): (&[f64], &mut [f64]),
     (y, product): (&[f64], &[f64]),
-    finish: &impl Fn(Row) -> (f64, f64),
+    finish: &impl Fn(SweptRow) -> (f64, f64),
 ) -> [f64; 3] {
-    // As many sums of each, which do not wait for one another.
+    // Four sums of each, which do not wait for one another.
     const LANES: usize = 4;
     let mut sums = [[0.0; LANES]; 3];
     for first in (0..u.len()).step_by(LANES) {
         for (lane, i) in (first..u.len().min(first + LANES)).enumerate() {
-            let (z, g) = finish(Row { index: start + i, y: y[i], product: product[i] });
+            let (z, g) = finish(SweptRow { index: start + i, y: y[i], product: product[i] });
             let step = z - u[i];
             sums[0][lane] += g * step;
             sums[1][lane] += step * step;
@@ -187,7 +171,7 @@ pub(super) struct Coordinates {
 }
 
 impl Coordinates {
-    /// Those of `a u + b v`.
+    /// The coordinates of `a u + b v`.
     pub(super) fn combined(&self, a: f64, other: &Self, b: f64) -> Self {
         let of = |u: &[f64], v: &[f64]| u.iter().zip(v).map(|(u, v)| a * u + b * v).collect();
         Self {
@@ -208,15 +192,15 @@ impl Coordinates {
 }
 
 /// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
-/// [`Model`](crate::krylov::boxed::model::Model).
+/// [`SecantModel`]. With them, the coordinates of `M̂ D M̂ u` follow from those of `u`.
 #[derive(Clone, Default)]
-pub(super) struct Gram {
+pub(super) struct InnerProducts {
     vv: Vec<Vec<f64>>,
     vw: Vec<Vec<f64>>,
     ww: Vec<Vec<f64>>,
 }
 
-impl Gram {
+impl InnerProducts {
     /// Adds the last pattern and the last product, which have these coordinates.
     pub(super) fn extend(&mut self, of_v: Coordinates, of_w: Coordinates) {
         append(&mut self.vv, of_v.c_weighted, None);
@@ -263,7 +247,7 @@ mod tests {
         // One block, and enough for threads; fewer and more vectors than a group.
         for (n, count) in [(300, 3), (5 * ROWS + 9, 11)] {
             let (diagonal, smooth) = (wave(n, 0.3), wave(n, 0.01));
-            let mut model = Model::new(&diagonal, true, None, count);
+            let mut model = SecantModel::new(&diagonal, true, None, count);
             for k in 0..count {
                 let x = wave(n, 0.2 + k as f64);
                 let share = dot(&smooth, &x) / n as f64;

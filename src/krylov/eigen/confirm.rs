@@ -1,20 +1,16 @@
-//! Confirms that a search has missed no eigenvalue, and inserts those that it has missed.
-
-use rand::SeedableRng;
-use rand_pcg::Pcg64;
+//! Confirms that a search has missed no eigenvalue, and inserts the missed ones.
 
 use super::{Eigs, EigsOptions, Found};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::krylov::basis::norm;
-use crate::krylov::completeness::{Completeness, Confirm, Confirmed, MOST, Status};
+use crate::krylov::completeness::{Completeness, Confirm, Confirmed, MOST, Status, confirming_step};
 use crate::krylov::factor::{Factorization, Lanczos, PairStatus, RitzPair, Which, temple_kato};
-use crate::krylov::start::gaussian;
-use crate::observer::{Estimate, Step};
+use crate::krylov::start::{seed_of, seeded};
 use crate::operator::{Operator, Symmetry};
 
 /// Confirms eigenpairs of a symmetric operator (`n × n`) that all converged, or are down to the noise: draws a Gaussian vector
 /// orthogonal to them and takes [`Confirm::steps`] products from there. Eigenvalues beyond the last one that come out are inserted, and
-/// another vector is drawn, until none comes out. `options` are those of the search. The products are counted in
+/// another vector is drawn, until none comes out. `options` are the options of the search. The products are counted in
 /// [`Eigs::confirming`].
 ///
 /// Nothing is taken, and `found` stays as it is, where the search did not end with all pairs, where the operator is not symmetric, and
@@ -46,7 +42,7 @@ pub(super) fn confirm_dyn(
     done
 }
 
-/// A pair that has come out gets so many times the steps of a confirmation to converge.
+/// A pair that has come out gets this many times the steps of a confirmation to converge.
 const PATIENCE: usize = 10;
 
 struct Confirmation<'a> {
@@ -79,8 +75,8 @@ impl Confirmation<'_> {
                 found.completeness = self.spanned(0.0);
                 break;
             }
-            let seed = self.options.start.seed().wrapping_add(round).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-            let mut process = Lanczos::new(&gaussian(n, &mut Pcg64::seed_from_u64(!seed)), &known)?;
+            let seed = seed_of(self.options.start.seed(), round);
+            let mut process = Lanczos::new(&seeded(n, !seed), &known)?;
             let steps = self.confirm.steps(free).min(self.left());
             let share = self.confirm.share_of(steps, free);
             if steps < free && share > MOST {
@@ -132,13 +128,7 @@ impl Confirmation<'_> {
         process.expand(&mut *self.operator)?;
         self.products += 1;
         self.scale = self.scale.max(process.scale());
-        let flow = self.operator.observer().step(&Step {
-            stage: "confirming",
-            done: process.steps() as u64,
-            total: total.max(process.steps()) as u64,
-            estimate: Estimate::None,
-        });
-        if flow.is_break() { Err(Error::Interrupted) } else { Ok(()) }
+        confirming_step(self.operator.observer(), process.steps(), total)
     }
 
     /// The last values at the lower and at the upper end that were asked for: beyond them, none may be missing.
@@ -224,27 +214,19 @@ impl Confirmation<'_> {
         let new = Found { pairs: missed, vectors, common, imaginary, scale: self.scale, rows: process.n() };
         let new = new.eigs(self.options, process.asymmetry(), Vec::new(), found.stats);
         found.asymmetry = found.asymmetry.max(new.asymmetry);
-        found.values.extend(new.values);
-        found.imaginary_values.extend(new.imaginary_values);
-        found.vectors.extend(new.vectors);
-        found.imaginary_vectors.extend(new.imaginary_vectors);
-        found.residuals.extend(new.residuals);
-        found.standard_errors.extend(new.standard_errors);
-        found.bounds.extend(new.bounds);
-        found.gap_bounds.extend(new.gap_bounds);
-        found.statuses.extend(new.statuses);
-        let complex: Vec<(f64, f64)> = found.values.iter().map(|&value| (value, 0.0)).collect();
+        let all = found.values.iter().chain(&new.values);
+        let complex: Vec<(f64, f64)> = all.map(|&value| (value, 0.0)).collect();
         let mut order = self.options.which.order(&complex);
         order.truncate(self.options.count);
-        reorder(&mut found.values, &order);
-        reorder(&mut found.imaginary_values, &order);
-        reorder(&mut found.vectors, &order);
-        reorder(&mut found.imaginary_vectors, &order);
-        reorder(&mut found.residuals, &order);
-        reorder(&mut found.standard_errors, &order);
-        reorder(&mut found.bounds, &order);
-        reorder(&mut found.gap_bounds, &order);
-        reorder(&mut found.statuses, &order);
+        join(&mut found.values, new.values, &order);
+        join(&mut found.imaginary_values, new.imaginary_values, &order);
+        join(&mut found.vectors, new.vectors, &order);
+        join(&mut found.imaginary_vectors, new.imaginary_vectors, &order);
+        join(&mut found.residuals, new.residuals, &order);
+        join(&mut found.standard_errors, new.standard_errors, &order);
+        join(&mut found.bounds, new.bounds, &order);
+        join(&mut found.gap_bounds, new.gap_bounds, &order);
+        join(&mut found.statuses, new.statuses, &order);
         if self.is_open(missed) {
             found.stats.status = Status::BudgetSpent;
         }
@@ -279,7 +261,7 @@ pub struct Beside {
 /// empty or the products of `confirm` are too few.
 ///
 /// # Errors
-/// As [`confirm`].
+/// The errors of [`confirm`].
 pub fn largest_beside(
     operator: &mut dyn Operator,
     known: &[Vec<f64>],
@@ -295,7 +277,7 @@ pub fn largest_beside(
     if free == 0 || steps == 0 || (steps < free && share > MOST) {
         return Ok(None);
     }
-    let mut process = Lanczos::new(&gaussian(n, &mut Pcg64::seed_from_u64(!seed)), known)?;
+    let mut process = Lanczos::new(&seeded(n, !seed), known)?;
     let mut confirmation = Confirmation { operator, options: &options, confirm, products: 0, scale: 0.0 };
     while process.steps() < steps {
         confirmation.expand(&mut process, steps)?;
@@ -316,7 +298,8 @@ pub fn largest_beside(
     Ok(Some(Beside { value, vector, completeness, products: confirmation.products }))
 }
 
-/// The entries of these indices, each of which occurs once.
-fn reorder<T: Clone>(entries: &mut Vec<T>, order: &[usize]) {
+/// Appends new entries, and keeps the entries of these indices in their order.
+fn join<T: Clone>(entries: &mut Vec<T>, new: Vec<T>, order: &[usize]) {
+    entries.extend(new);
     *entries = order.iter().map(|&index| entries[index].clone()).collect();
 }

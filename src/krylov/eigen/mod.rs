@@ -36,7 +36,7 @@ pub enum EigsMethod {
     Arnoldi,
 }
 
-/// The options of [`eigs()`](eigs()).
+/// The options of [`eigs()`].
 #[derive(Clone, Debug)]
 pub struct EigsOptions {
     /// The number of eigenpairs. Default 6.
@@ -84,7 +84,7 @@ impl Default for EigsOptions {
     }
 }
 
-/// The result of [`eigs()`](eigs()): `k = min(count, products)` pairs, the most wanted first.
+/// The result of [`eigs()`]: `k = min(count, products)` pairs, the most wanted first.
 #[derive(Clone, Debug)]
 pub struct Eigs {
     /// `k` eigenvalues (their real parts).
@@ -118,9 +118,9 @@ pub struct Eigs {
     pub history: Vec<HistoryRow>,
     /// The number of products in all, and why the search ended.
     pub stats: Stats,
-    /// What is known of eigenvalues that the search may have missed.
+    /// The claim about eigenvalues that the search may have missed.
     pub completeness: Completeness,
-    /// The products that confirmed it; `stats` counts those of the same call.
+    /// The products that confirmed it; `stats` counts them if the same call took them.
     pub confirming: usize,
 }
 
@@ -186,13 +186,13 @@ impl EigsOptions {
 /// The operator's observer sees each product
 /// ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). Returns the best so far when the budget
 /// ends or the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies;
-/// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of those that were missed.
+/// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of values that were missed.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
 /// or `--which` when its value cannot be used; else as [`Lanczos::new`] and
 /// [`Factorization::expand`]. To keep what was taken before an operator
-/// failed, hold the factorization yourself and use [`eigs_from`](eigs_from).
+/// failed, hold the factorization yourself and use [`eigs_from`].
 pub fn eigs<O: Operator + ?Sized>(operator: &mut O, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);
     let found = eigs_of(&mut operator, options);
@@ -235,12 +235,12 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
 /// seldom gain more.
 const NEAR: f64 = 1e3;
 
-/// As [`eigs()`](eigs()), going on from a factorization; `options.products` counts the products
+/// The same as [`eigs()`], going on from a factorization; `options.products` counts the products
 /// already in it, `method`, `start` and `deflate` are ignored. After an error, `factorization` holds
 /// everything up to the product that failed: call this function again to continue.
 ///
 /// # Errors
-/// As [`eigs()`](eigs()).
+/// The errors of [`eigs()`].
 pub fn eigs_from<O: Operator + ?Sized>(
     factorization: &mut dyn Factorization,
     operator: &mut O,
@@ -250,7 +250,6 @@ pub fn eigs_from<O: Operator + ?Sized>(
     drive(factorization, &mut operator, options)
 }
 
-/// As [`eigs_from`].
 fn drive(
     factorization: &mut dyn Factorization,
     operator: &mut dyn Operator,
@@ -369,7 +368,6 @@ impl Recorder {
     }
 }
 
-/// Pairs with their vectors.
 struct Found<'a> {
     pairs: &'a [RitzPair],
     vectors: Vec<Vec<f64>>,
@@ -377,7 +375,6 @@ struct Found<'a> {
     common: Vec<f64>,
     imaginary: Vec<Vec<f64>>,
     scale: f64,
-    /// `n` of the `n × n` operator.
     rows: usize,
 }
 

@@ -103,13 +103,8 @@ fn distance(product: &[f64], x: &[f64], value: f64) -> f64 {
 
 fn check(operator: &dyn Operator, options: &EigsOptions) -> Result<()> {
     let n = operator.cols();
-    if operator.rows() != n {
-        return Err(Error::Dimension {
-            what: "the operator of a power iteration",
-            expected: format!("{n}x{n}"),
-            found: format!("{}x{n}", operator.rows()),
-        });
-    }
+    let found = format!("{}x{n}", operator.rows());
+    Error::check_size("the operator of a power iteration", format!("{n}x{n}"), found)?;
     let refuse = |option: &str, fault: &str, help: &str| {
         Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() })
     };

@@ -3,13 +3,10 @@
 
 use std::collections::VecDeque;
 
-use rand::SeedableRng;
-use rand_pcg::Pcg64;
-
 use super::Filter;
 use crate::error::{Error, Result};
 use crate::krylov::basis::{Basis, norm, orthogonalize};
-use crate::krylov::start::gaussian;
+use crate::krylov::start::seeded;
 use crate::operator::Operator;
 
 /// The state of a factorization of an operator `A` of `n × n`: after `m` steps, with `p` vectors waiting for
@@ -43,7 +40,6 @@ pub struct Expansion {
     pub(super) products: usize,
     /// The largest `‖A v_j‖` so far: a lower bound of `‖A‖`.
     pub(super) scale: f64,
-    /// The number of random vectors drawn so far.
     pub(super) draws: u64,
     pub(super) work: Vec<f64>,
     /// The parts that the last column still has along the columns before it, at most 1e-12 in all; empty for none. The next step
@@ -63,15 +59,9 @@ impl Expansion {
         if n == 0 {
             return Err(Error::Numerical("a Krylov process needs a space of at least one dimension".into()));
         }
-        let fits = |vector: &[f64], what: &'static str| {
-            if vector.len() == n {
-                return Ok(());
-            }
-            Err(Error::Dimension { what, expected: n.to_string(), found: vector.len().to_string() })
-        };
         let mut basis = Basis::new(n);
         for (index, vector) in deflate.iter().enumerate() {
-            fits(vector, "a known vector's length")?;
+            Error::check_size("a known vector's length", n, vector.len())?;
             if !append(&mut basis, vector)? {
                 return Err(Error::Numerical(format!(
                     "known vector {} is zero or depends on those before it",
@@ -81,7 +71,7 @@ impl Expansion {
         }
         let known = basis.len();
         for start in starts {
-            fits(start, "a start vector's length")?;
+            Error::check_size("a start vector's length", n, start.len())?;
             append(&mut basis, start)?;
         }
         let mut process = Self {
@@ -109,13 +99,7 @@ impl Expansion {
     pub(super) fn widen(&mut self, starts: &[Vec<f64>]) -> Result<()> {
         self.settle();
         for start in starts {
-            if start.len() != self.n() {
-                return Err(Error::Dimension {
-                    what: "a start vector's length",
-                    expected: self.n().to_string(),
-                    found: start.len().to_string(),
-                });
-            }
+            Error::check_size("a start vector's length", self.n(), start.len())?;
             if self.basis.len() < self.n() {
                 append(&mut self.basis, start)?;
             }
@@ -127,14 +111,8 @@ impl Expansion {
     /// Refuses an operator of another size.
     pub(super) fn fits(&self, operator: &dyn Operator) -> Result<()> {
         let n = self.n();
-        if operator.rows() == n && operator.cols() == n {
-            return Ok(());
-        }
-        Err(Error::Dimension {
-            what: "the operator of a Krylov process",
-            expected: format!("{n}x{n}"),
-            found: format!("{}x{}", operator.rows(), operator.cols()),
-        })
+        let found = format!("{}x{}", operator.rows(), operator.cols());
+        Error::check_size("the operator of a Krylov process", format!("{n}x{n}"), found)
     }
 
     /// Entry `(i, j)` of `H`, counted from 0: `v_iᵀ A v_j`, `j < m`, `i < m + p`.
@@ -254,7 +232,7 @@ impl Expansion {
                 return false;
             }
             self.draws += 1;
-            let vector = gaussian(n, &mut Pcg64::seed_from_u64(self.draws));
+            let vector = seeded(n, self.draws);
             if matches!(append(&mut self.basis, &vector), Ok(true)) {
                 return true;
             }

@@ -27,7 +27,7 @@ pub trait Factorization {
     /// Basis, coefficients and counts.
     fn expansion(&self) -> &Expansion;
 
-    /// As [`Factorization::expansion`], to allocate memory ([`Expansion::reserve`]).
+    /// The same as [`Factorization::expansion`], to allocate memory ([`Expansion::reserve`]).
     fn expansion_mut(&mut self) -> &mut Expansion;
 
     /// One step: one product with `operator` (`n × n`), which must be the same from step to step.
@@ -46,12 +46,12 @@ pub trait Factorization {
     /// and are not saved.
     ///
     /// # Errors
-    /// As [`Factorization::expand`]; the factorization is then as it was before.
+    /// The errors of [`Factorization::expand`]; the factorization is then as it was before.
     fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         self.expansion_mut().multiply_block(operator, most)
     }
 
-    /// The `min(count, m)` most wanted Ritz pairs, the most wanted first. By default those of a symmetric
+    /// The `min(count, m)` most wanted Ritz pairs, the most wanted first. By default the pairs of a symmetric
     /// operator.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ pub trait Factorization {
     /// `keep ≥ m`.
     ///
     /// # Errors
-    /// As [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) where restarts are not
+    /// The errors of [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) where restarts are not
     /// supported.
     fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
         shrink_symmetric(self.expansion_mut(), which, keep)
@@ -147,7 +147,7 @@ type Of = dyn Fn(&[f64], f64) -> Option<Vec<f64>> + Send + Sync;
 ///
 /// The next direction is what a product adds to the span. Where most of it is noise, the process goes on into noise, and finds nothing. A
 /// filter knows what noise looks like, and hands on a direction without most of it. Eigenvalues are not distorted: they come from the
-/// products themselves, projected on whatever directions there are.
+/// products themselves, projected on the directions that the process has.
 #[derive(Clone)]
 pub struct Filter(Arc<Of>);
 

@@ -3,7 +3,7 @@
 use std::io::{Read, Write};
 
 use super::ritz::{RitzPair, Which, ritz_of_general};
-use super::save::{Kind, load, save};
+use super::save::{ProcessKind, load, save};
 use super::{Expansion, Factorization, Filter, Step};
 use crate::error::{Error, Result};
 use crate::operator::{Operator, Symmetry};
@@ -88,7 +88,7 @@ impl Lanczos {
     /// # Errors
     /// [`Error::Write`] when the writer fails.
     pub fn save(&self, writer: impl Write) -> Result<()> {
-        save(Kind::Lanczos, &self.expansion, writer)
+        save(ProcessKind::Lanczos, &self.expansion, writer)
     }
 
     /// The state that [`Lanczos::save`] saved.
@@ -96,7 +96,7 @@ impl Lanczos {
     /// # Errors
     /// [`Error::Data`] when it is damaged, of another version, or of another factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
-        Ok(Self { expansion: load(Kind::Lanczos, reader)? })
+        Ok(Self { expansion: load(ProcessKind::Lanczos, reader)? })
     }
 }
 
@@ -158,10 +158,10 @@ pub struct BlockLanczos {
 
 impl BlockLanczos {
     /// A process that starts from the vectors of `starts` (`b ≥ 1`, length `n` each; dependent ones are left
-    /// out) with those of `deflate` projected out, as [`crate::krylov::factor::Lanczos::new`].
+    /// out) with the vectors of `deflate` projected out, as [`crate::krylov::factor::Lanczos::new`].
     ///
     /// # Errors
-    /// As [`crate::krylov::factor::Lanczos::new`].
+    /// The errors of [`crate::krylov::factor::Lanczos::new`].
     pub fn new(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(starts, deflate)? })
     }
@@ -193,7 +193,7 @@ impl BlockLanczos {
     /// # Errors
     /// [`Error::Write`](crate::Error::Write) when the writer fails.
     pub fn save(&self, writer: impl Write) -> Result<()> {
-        save(Kind::BlockLanczos, &self.expansion, writer)
+        save(ProcessKind::BlockLanczos, &self.expansion, writer)
     }
 
     /// The state that [`BlockLanczos::save`] saved.
@@ -202,7 +202,7 @@ impl BlockLanczos {
     /// [`Error::Data`](crate::Error::Data) when it is damaged, of another version, or of another
     /// factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
-        Ok(Self { expansion: load(Kind::BlockLanczos, reader)? })
+        Ok(Self { expansion: load(ProcessKind::BlockLanczos, reader)? })
     }
 }
 
@@ -260,7 +260,7 @@ impl Arnoldi {
     /// [`crate::krylov::factor::Lanczos::new`].
     ///
     /// # Errors
-    /// As [`crate::krylov::factor::Lanczos::new`].
+    /// The errors of [`crate::krylov::factor::Lanczos::new`].
     pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(&[start.to_vec()], deflate)? })
     }
@@ -276,7 +276,7 @@ impl Arnoldi {
     /// # Errors
     /// [`Error::Write`] when the writer fails.
     pub fn save(&self, writer: impl Write) -> Result<()> {
-        save(Kind::Arnoldi, &self.expansion, writer)
+        save(ProcessKind::Arnoldi, &self.expansion, writer)
     }
 
     /// The state that [`Arnoldi::save`] saved.
@@ -284,7 +284,7 @@ impl Arnoldi {
     /// # Errors
     /// [`Error::Data`] when it is damaged, of another version, or of another factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
-        Ok(Self { expansion: load(Kind::Arnoldi, reader)? })
+        Ok(Self { expansion: load(ProcessKind::Arnoldi, reader)? })
     }
 }
 

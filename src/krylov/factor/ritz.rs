@@ -71,6 +71,19 @@ pub enum PairStatus {
     NotResolved,
 }
 
+impl PairStatus {
+    /// The status of a residual that should be at most `wanted`, of products with this error.
+    pub(crate) fn of(residual: f64, noise: f64, wanted: f64) -> Self {
+        if residual <= wanted && noise <= wanted {
+            Self::Converged
+        } else if residual <= noise {
+            Self::LimitedByNoise
+        } else {
+            Self::NotResolved
+        }
+    }
+}
+
 /// A Ritz pair `(θ, y = V s)`: the Rayleigh–Ritz approximation of an eigenpair from the subspace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RitzPair {
@@ -122,14 +135,7 @@ impl RitzPair {
     /// error of norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s`
     /// of norm 1), or the error that the operator states, whichever is larger.
     pub fn status(&self, wanted: f64, noise: f64) -> PairStatus {
-        let noise = noise.max(self.noise);
-        if self.residual <= wanted && noise <= wanted {
-            PairStatus::Converged
-        } else if self.residual <= noise {
-            PairStatus::LimitedByNoise
-        } else {
-            PairStatus::NotResolved
-        }
+        PairStatus::of(self.residual, noise.max(self.noise), wanted)
     }
 
     /// The standard error of `θ`: that of noise; of measured products also that of what repeats in all of them, and what more products would
@@ -138,12 +144,12 @@ impl RitzPair {
     /// Each product with a unit vector has an error of norm `noise`, or that which the operator states, whichever is larger. `θ` changes by
     /// `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly over the `n` entries has the component `‖E s‖/√n` along `y`.
     ///
-    /// What repeats in all products, such as a projector that is not quite as even as its calibration says, averages out nowhere. Its
+    /// An error that repeats in all products, such as a projector that is less even than its calibration says, never averages out. Its
     /// symmetric part changes `θ`, and cannot be seen. Its other part can, as [`RitzPair::asymmetric`], and is of the same size where
     /// projector and camera err alike: it stands for both.
     ///
     /// More products would change `θ` by [`RitzPair::unresolved`] at most, or by the square of that over the gap ([`temple_kato`]): where eigenvalues
-    /// are dense, as those of direct light are, a few dozen products leave more than noise does. A bound `a` about which nothing more is known counts
+    /// are dense, as in direct light, a few dozen products leave more than noise does. A bound `a` about which nothing more is known counts
     /// as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of uncertainty in measurement*, 4.3.7). Without
     /// noise, [`RitzPair::bound`] tells it.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {

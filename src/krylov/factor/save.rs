@@ -19,18 +19,18 @@ const CHUNK: usize = 8192;
 
 /// Which factorization a file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ProcessKind {
     Lanczos = 1,
     BlockLanczos = 2,
     Arnoldi = 3,
 }
 
-pub(super) fn save(kind: Kind, state: &Expansion, writer: impl Write) -> Result<()> {
+pub(super) fn save(kind: ProcessKind, state: &Expansion, writer: impl Write) -> Result<()> {
     let mut sink = Sink { writer, hasher: blake3::Hasher::new() };
     sink.everything(kind, state).map_err(Error::writing(name()))
 }
 
-pub(super) fn load(kind: Kind, reader: impl Read) -> Result<Expansion> {
+pub(super) fn load(kind: ProcessKind, reader: impl Read) -> Result<Expansion> {
     let mut source = Source { reader, hasher: blake3::Hasher::new() };
     let state = source.everything(kind)?;
     let computed = *source.hasher.finalize().as_bytes();
@@ -48,7 +48,7 @@ struct Sink<W> {
 }
 
 impl<W: Write> Sink<W> {
-    fn everything(&mut self, kind: Kind, state: &Expansion) -> std::io::Result<()> {
+    fn everything(&mut self, kind: ProcessKind, state: &Expansion) -> std::io::Result<()> {
         self.bytes(MAGIC)?;
         self.bytes(&VERSION.to_le_bytes())?;
         self.bytes(&(kind as u32).to_le_bytes())?;
@@ -94,7 +94,7 @@ struct Source<R> {
 }
 
 impl<R: Read> Source<R> {
-    fn everything(&mut self, kind: Kind) -> Result<Expansion> {
+    fn everything(&mut self, kind: ProcessKind) -> Result<Expansion> {
         let mut magic = [0; 8];
         self.bytes(&mut magic)?;
         if &magic != MAGIC {

@@ -83,7 +83,7 @@ impl Expansion {
             let (error, along) = match self.filtered(error, removed.norm) {
                 Some((direction, along)) => {
                     self.basis.push_scaled(&direction, 1.0);
-                    // What the filter removes counts as noise of the product.
+                    // The part that the filter removes counts as noise of the product.
                     let noise = (removed.norm.powi(2) - along * along).max(0.0).sqrt();
                     (noise.max(error), along)
                 }
@@ -135,15 +135,30 @@ const LATE: f64 = 1e-12;
 struct Rest {
     /// The coefficients of the product on the basis.
     coefficients: Vec<f64>,
-    /// The norm of the rest.
     norm: f64,
     /// The parts along the basis that are still in the rest; empty if there are none.
     late: Vec<f64>,
 }
 
 impl Expansion {
-    /// Orthogonalizes the product in `work` against the basis. `along` holds the product's inner products with the last columns,
-    /// which contain, up to rounding, its whole part in the span; it is empty where that is not known.
+    /// Orthogonalizes the product in `work` against the basis, with one reading of the basis. `along` holds the product's inner products with
+    /// the last columns, which contain, up to rounding, its whole part in the span; it is empty where that is not known.
+    ///
+    /// Full reorthogonalization takes the inner products of the product with all basis vectors and then removes these components: two
+    /// readings, and four for Arnoldi. Here the removal waits for the next step, whose inner products need a reading anyway (delayed
+    /// reorthogonalization: Bielich, Langou, Thomas, Świrydowicz, Yamazaki and Boman, *Low-synch Gram–Schmidt with delayed
+    /// reorthogonalization for Krylov solvers*, Parallel Computing 112 (2022), doi:10.1016/j.parco.2022.102940): one, and two for Arnoldi.
+    ///
+    /// The last basis vector `û = v + V s` is then multiplied while it still has small parts `s` along the others. By
+    /// linearity `A v = A û − A V s`, and `A V s = V⁺H s` is known from the coefficients of the products before. The same
+    /// number, known beforehand, is the part of `A û` along the basis beside the three terms of Lanczos; it is removed in the
+    /// sweep that takes the inner products, since it would grow like `(‖A‖/β)^k` over `k` steps otherwise.
+    ///
+    /// # Bound
+    /// Only parts of norm at most [`LATE`] wait; larger ones (from noise, or of a product that is nearly in the span) are removed at
+    /// once, by passes as in [`orthogonalize`]. So `v` has norm `1 + O(ε)`, and with the rounding error `γ`
+    /// stated there, `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`: no error is passed on. `m` vectors have
+    /// `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been reorthogonalized at once. The tests hold hard cases to this.
     fn orthogonalize_product(&mut self, along: &[f64]) -> Rest {
         let (total, first) = (self.basis.len(), self.basis.len() - along.len());
         let late = std::mem::take(&mut self.late);
@@ -159,7 +174,7 @@ impl Expansion {
         }
         let settling = Settling { late: &late, along, ahead: &ahead };
         let (mut rest, mut length) = self.basis.settle_and_dot(&settling, &mut self.work);
-        // What is removed so far, on the settled basis, less what the late parts have added to the product.
+        // The coefficients removed so far, on the settled basis, less what the late parts have added to the product.
         let mut coefficients: Vec<f64> = (0..total)
             .map(|i| {
                 let near = if i < first { ahead.get(i).copied().unwrap_or(0.0) } else { along[i - first] };

@@ -1,20 +1,16 @@
 //! CGS and BiCGStab, which need neither symmetry nor a transpose: a fixed shadow of the first residual takes its place.
 
-use std::sync::Arc;
-
-use super::system::{System, Tally, square};
-use super::{Advance, SolveOptions, Solver, precondition, refuse_left};
+use super::system::System;
+use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::krylov::basis::{axpy, dot, norm, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// A system, its shadow residual `r̃ = r_0`, and the stage within an iteration of two products.
 #[derive(Clone)]
 struct Shadowed {
     system: System,
-    preconditioner: Option<Arc<dyn Preconditioner>>,
     shadow: Vec<f64>,
     /// `M⁻¹` times the vector that was multiplied last.
     hat: Vec<f64>,
@@ -36,10 +32,8 @@ pub(super) enum Phase {
 impl Shadowed {
     /// The state before the first step, for `b` of length `n`.
     fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<Self> {
-        refuse_left(method, options)?;
         Ok(Self {
-            system: System::new(b.len(), b, options)?,
-            preconditioner: options.preconditioner.clone(),
+            system: System::split(method, false, b.len(), b, options)?,
             shadow: vec![0.0; b.len()],
             hat: vec![0.0; b.len()],
             rho: 0.0,
@@ -50,10 +44,7 @@ impl Shadowed {
     /// Begins a step. `true` when the step took its product for the residual of the first iterate, and is
     /// complete.
     fn open(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
-        self.system.fits(operator)?;
-        square(self.system.b.len(), self.system.x.len())?;
-        if self.system.pending {
-            self.system.first_residual(operator)?;
+        if self.system.open(operator, None)? {
             return Ok(true);
         }
         if self.phase == Phase::Start {
@@ -76,13 +67,13 @@ impl Shadowed {
 
     /// `A M⁻¹ v`, into the system's `work`.
     fn product(&mut self, operator: &mut dyn Adjoint, v: &[f64]) -> Result<()> {
-        precondition(self.preconditioner.as_ref(), v, &mut self.hat)?;
+        self.system.precondition(v, &mut self.hat)?;
         self.system.tally.product(operator, &self.hat, &mut self.system.work)
     }
 
     /// `A M⁻¹ r`, into the system's `work`.
     fn residual_product(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
-        precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.hat)?;
+        self.system.precondition(&self.system.r, &mut self.hat)?;
         self.system.tally.product(operator, &self.hat, &mut self.system.work)
     }
 
@@ -143,7 +134,7 @@ impl Cgs {
     /// options.
     ///
     /// # Errors
-    /// As [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {
@@ -194,12 +185,8 @@ impl Solver for Cgs {
         Ok(self.shared.close())
     }
 
-    fn tally(&self) -> Tally {
-        self.shared.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.shared.system.best()
+    fn system(&self) -> &System {
+        &self.shared.system
     }
 }
 
@@ -230,7 +217,7 @@ impl BiCgStab {
     /// options.
     ///
     /// # Errors
-    /// As [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         let shared = Shadowed::new("BiCGStab", b, options)?;
@@ -283,11 +270,7 @@ impl Solver for BiCgStab {
         Ok(self.shared.close())
     }
 
-    fn tally(&self) -> Tally {
-        self.shared.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.shared.system.best()
+    fn system(&self) -> &System {
+        &self.shared.system
     }
 }

@@ -1,14 +1,11 @@
 //! LSQR and LSMR: least squares by Golub–Kahan bidiagonalization, one product a step.
 
-use std::sync::Arc;
-
 use super::minres::LEAST_SQUARES;
-use super::system::{System, Tally, rotation};
-use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
+use super::system::{System, rotation};
+use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::krylov::basis::{axpy, norm, update};
 use crate::krylov::completeness::Status;
-use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
@@ -19,7 +16,6 @@ use crate::operator::Adjoint;
 #[derive(Clone)]
 struct Bidiagonal {
     system: System,
-    preconditioner: Option<Arc<dyn Preconditioner>>,
     u: Vec<f64>,
     v: Vec<f64>,
     /// `M⁻¹ v`; empty without a preconditioner.
@@ -56,15 +52,12 @@ impl Bidiagonal {
     /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is
     /// applied with `Aᵀ` too.
     fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
-        require_positive_definite(method, options)?;
-        refuse_left(method, options)?;
-        let preconditioner = options.preconditioner.clone();
+        let system = System::split(method, true, cols, b, options)?;
         Ok(Self {
-            system: System::new(cols, b, options)?,
             u: vec![0.0; b.len()],
             v: vec![0.0; cols],
-            hat: preconditioner.as_ref().map_or_else(Vec::new, |_| vec![0.0; cols]),
-            preconditioner,
+            hat: system.preconditioner.as_ref().map_or_else(Vec::new, |_| vec![0.0; cols]),
+            system,
             alpha: 0.0,
             beta: 0.0,
             scale: 0.0,
@@ -75,7 +68,7 @@ impl Bidiagonal {
 
     /// `M⁻¹ v`, of length `cols`: the direction in which the iterate can move.
     fn direction(&self) -> &[f64] {
-        if self.preconditioner.is_some() { &self.hat } else { &self.v }
+        if self.system.preconditioner.is_some() { &self.hat } else { &self.v }
     }
 
     /// Takes one product. A vector that vanishes (to rounding) becomes zero, and so does its `α` or `β`.
@@ -94,8 +87,9 @@ impl Bidiagonal {
             self.next = Next::Adjoint;
         }
         if self.next == Next::Forward {
+            let is_hatted = self.system.preconditioner.is_some();
             let System { tally, work, .. } = &mut self.system;
-            let direction = if self.preconditioner.is_some() { &self.hat } else { &self.v };
+            let direction = if is_hatted { &self.hat } else { &self.v };
             tally.product(operator, direction, work)?;
             let alpha = self.alpha;
             update(&mut self.u, work, |u, av| av - alpha * u);
@@ -104,8 +98,8 @@ impl Bidiagonal {
             return Ok(Half::Forward);
         }
         self.system.tally.adjoint(operator, &self.u, &mut self.work)?;
-        if self.preconditioner.is_some() {
-            precondition(self.preconditioner.as_ref(), &self.work, &mut self.hat)?;
+        if self.system.preconditioner.is_some() {
+            self.system.precondition(&self.work, &mut self.hat)?;
             self.work.copy_from_slice(&self.hat);
         }
         let half = if self.alpha == 0.0 { Half::First } else { Half::Adjoint };
@@ -113,8 +107,8 @@ impl Bidiagonal {
         let beta = if half == Half::First { 0.0 } else { self.beta };
         update(&mut self.v, &self.work, |v, atu| atu - beta * v);
         self.alpha = normalize(&mut self.v, beta, &mut self.scale);
-        if self.preconditioner.is_some() {
-            precondition(self.preconditioner.as_ref(), &self.v, &mut self.hat)?;
+        if self.system.preconditioner.is_some() {
+            self.system.precondition(&self.v, &mut self.hat)?;
         }
         self.next = Next::Forward;
         Ok(half)
@@ -168,7 +162,7 @@ impl Lsqr {
     /// `preconditioner` of the options.
     ///
     /// # Errors
-    /// As [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self {
             process: Bidiagonal::new("LSQR", cols, b, options)?,
@@ -223,12 +217,8 @@ impl Solver for Lsqr {
         Ok(if alpha == 0.0 { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
     }
 
-    fn tally(&self) -> Tally {
-        self.process.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.process.system.best()
+    fn system(&self) -> &System {
+        &self.process.system
     }
 }
 
@@ -295,7 +285,7 @@ impl Lsmr {
     /// `preconditioner` of the options.
     ///
     /// # Errors
-    /// As [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self {
             process: Bidiagonal::new("LSMR", cols, b, options)?,
@@ -352,11 +342,7 @@ impl Solver for Lsmr {
         Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
     }
 
-    fn tally(&self) -> Tally {
-        self.process.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.process.system.best()
+    fn system(&self) -> &System {
+        &self.process.system
     }
 }

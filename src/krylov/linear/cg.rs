@@ -1,13 +1,10 @@
 //! The conjugate gradient method.
 
-use std::sync::Arc;
-
-use super::system::{System, Tally, declared_symmetric, square};
-use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
+use super::system::System;
+use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::krylov::basis::{axpy, dot, norm, update};
 use crate::krylov::completeness::Status;
-use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// Conjugate gradients: solves `A x = b` for a symmetric positive definite `A` of `n × n`.
@@ -29,7 +26,6 @@ use crate::operator::Adjoint;
 #[derive(Clone)]
 pub struct Cg {
     system: System,
-    preconditioner: Option<Arc<dyn Preconditioner>>,
     /// `M⁻¹ r`.
     z: Vec<f64>,
     p: Vec<f64>,
@@ -50,12 +46,9 @@ impl Cg {
     /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
     /// preconditioner that is not positive definite or an impossible option.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        require_positive_definite("CG", options)?;
-        refuse_left("CG", options)?;
         let n = b.len();
         Ok(Self {
-            system: System::new(n, b, options)?,
-            preconditioner: options.preconditioner.clone(),
+            system: System::split("CG", true, n, b, options)?,
             z: vec![0.0; n],
             p: vec![0.0; n],
             rho: 0.0,
@@ -75,15 +68,11 @@ pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
 impl Solver for Cg {
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
         let system = &mut self.system;
-        system.fits(operator)?;
-        square(system.b.len(), system.x.len())?;
-        declared_symmetric("CG", operator)?;
-        if system.pending {
-            system.first_residual(operator)?;
+        if system.open(operator, Some("CG"))? {
             return Ok(Advance::Continuing);
         }
         if !self.directed {
-            precondition(self.preconditioner.as_ref(), &system.r, &mut self.z)?;
+            system.precondition(&system.r, &mut self.z)?;
             let rho = dot(&system.r, &self.z);
             if rho <= 0.0 {
                 return Ok(Advance::Ended(if system.tally.residual == 0.0 {
@@ -117,11 +106,7 @@ impl Solver for Cg {
         Ok(Advance::Continuing)
     }
 
-    fn tally(&self) -> Tally {
-        self.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.system.best()
+    fn system(&self) -> &System {
+        &self.system
     }
 }

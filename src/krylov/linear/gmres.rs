@@ -1,13 +1,10 @@
 //! The generalized minimal residual method, and its flexible form.
 
-use std::sync::Arc;
-
-use super::system::{System, Tally, rotation, square};
-use super::{Advance, Side, SolveOptions, Solver, precondition, refuse_left};
+use super::system::{System, rotation};
+use super::{Advance, Side, SolveOptions, Solver};
 use crate::error::Result;
 use crate::krylov::basis::{Basis, axpy, norm, orthogonalize};
 use crate::krylov::completeness::Status;
-use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
@@ -32,7 +29,6 @@ use crate::operator::Adjoint;
 #[derive(Clone)]
 pub struct Gmres {
     system: System,
-    preconditioner: Option<Arc<dyn Preconditioner>>,
     side: Side,
     flexible: bool,
     restart: usize,
@@ -55,37 +51,36 @@ impl Gmres {
     /// `restart` of the options.
     ///
     /// # Errors
-    /// As [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        Self::build(b, options, false)
+        Ok(Self::build(System::new(b.len(), b, options)?, options, false))
     }
 
     /// FGMRES, preconditioned from the right by an `M` that may change.
     ///
     /// # Errors
-    /// As [`Gmres::new`]; a preconditioner on the left is refused.
+    /// The errors of [`Gmres::new`]; a preconditioner on the left is refused.
     pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        refuse_left("FGMRES", options)?;
-        Self::build(b, options, options.preconditioner.is_some())
+        let system = System::split("FGMRES", false, b.len(), b, options)?;
+        Ok(Self::build(system, options, options.preconditioner.is_some()))
     }
 
-    fn build(b: &[f64], options: &SolveOptions, flexible: bool) -> Result<Self> {
-        let system = System::new(b.len(), b, options)?;
+    fn build(system: System, options: &SolveOptions, flexible: bool) -> Self {
+        let n = system.b.len();
         let side = if options.preconditioner.is_some() { options.side } else { Side::Right };
         let restart = options.restart.unwrap_or(usize::MAX);
-        let steps = options.products.min(restart).min(b.len());
+        let steps = options.products.min(restart).min(n);
         let kept = if flexible || side == Side::Left { steps } else { 0 };
-        Ok(Self {
+        Self {
             system,
-            preconditioner: options.preconditioner.clone(),
             side,
             flexible,
             restart,
-            cycle: Cycle::new(b.len(), steps, kept),
-            hat: vec![0.0; b.len()],
+            cycle: Cycle::new(n, steps, kept),
+            hat: vec![0.0; n],
             scale: 0.0,
             started: false,
-        })
+        }
     }
 
     /// The number of basis vectors and kept vectors at present, of length `n` each.
@@ -96,7 +91,7 @@ impl Gmres {
     /// Starts a cycle from the residual.
     fn start(&mut self) -> Result<bool> {
         if self.side == Side::Left {
-            precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.hat)?;
+            self.system.precondition(&self.system.r, &mut self.hat)?;
         } else {
             self.hat.copy_from_slice(&self.system.r);
         }
@@ -108,7 +103,7 @@ impl Gmres {
 
     /// Whether `V y` must be preconditioned to become a correction of `x`.
     fn is_hatted(&self) -> bool {
-        !self.flexible && self.side == Side::Right && self.preconditioner.is_some()
+        !self.flexible && self.side == Side::Right && self.system.preconditioner.is_some()
     }
 
     /// Overwrites `r`, the cycle's first residual, by the true residual of this cycle's iterate, without a
@@ -129,7 +124,9 @@ impl Gmres {
         let hatted = self.is_hatted();
         let mut made = Ok(());
         if hatted {
-            made = precondition(self.preconditioner.as_ref(), &sum, &mut self.system.work);
+            let mut work = std::mem::take(&mut self.system.work);
+            made = self.system.precondition(&sum, &mut work);
+            self.system.work = work;
         }
         if made.is_ok() {
             axpy(1.0, if hatted { &self.system.work } else { &sum }, &mut self.system.x);
@@ -145,10 +142,7 @@ impl Gmres {
 
 impl Solver for Gmres {
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        self.system.fits(operator)?;
-        square(self.system.b.len(), self.system.x.len())?;
-        if self.system.pending {
-            self.system.first_residual(operator)?;
+        if self.system.open(operator, None)? {
             return Ok(Advance::Continuing);
         }
         if self.started && self.cycle.len() >= self.restart {
@@ -162,7 +156,7 @@ impl Solver for Gmres {
         };
         let right = self.side == Side::Right;
         if right {
-            precondition(self.preconditioner.as_ref(), v, &mut self.hat)?;
+            self.system.precondition(v, &mut self.hat)?;
         } else {
             self.hat.copy_from_slice(v);
         }
@@ -172,7 +166,7 @@ impl Solver for Gmres {
         let w = if right {
             &mut self.system.work
         } else {
-            precondition(self.preconditioner.as_ref(), &self.system.work, &mut self.hat)?;
+            self.system.precondition(&self.system.work, &mut self.hat)?;
             &mut self.hat
         };
         let length = norm(w);
@@ -214,8 +208,8 @@ impl Solver for Gmres {
         Ok(if invariant { Advance::Ended(Status::SpaceExhausted) } else { Advance::Continuing })
     }
 
-    fn tally(&self) -> Tally {
-        self.system.tally()
+    fn system(&self) -> &System {
+        &self.system
     }
 
     fn solution(&self) -> Vec<f64> {
@@ -230,7 +224,7 @@ impl Solver for Gmres {
         let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         self.cycle.combine(self.flexible, 1.0, &mut sum);
         // If the preconditioner fails, the answer is the iterate of the last restart.
-        if precondition(self.preconditioner.as_ref(), &sum, &mut hat).is_ok() {
+        if self.system.precondition(&sum, &mut hat).is_ok() {
             axpy(1.0, &hat, &mut x);
         }
         self.system.undivided(x)
@@ -274,7 +268,6 @@ impl Cycle {
         }
     }
 
-    /// Removes all columns.
     fn clear(&mut self) {
         self.basis.clear();
         self.kept.clear();
@@ -315,7 +308,6 @@ impl Cycle {
         Some((s * top).abs())
     }
 
-    /// Removes the last column.
     fn undo(&mut self) {
         let (Some((c, s)), Some(under)) = (self.rotations.pop(), self.rotated.pop()) else { return };
         self.triangle.pop();

@@ -1,14 +1,11 @@
 //! The minimal residual method for symmetric operators.
 
-use std::sync::Arc;
-
 use super::cg::symmetry_tolerance;
-use super::system::{System, Tally, declared_symmetric, rotation, square};
-use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
+use super::system::{System, rotation};
+use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::krylov::basis::{axpy, dot, norm, update, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists, as far as products in double precision can tell.
@@ -42,7 +39,6 @@ const RISE: f64 = 1e-14;
 #[derive(Clone)]
 pub struct Minres {
     system: System,
-    preconditioner: Option<Arc<dyn Preconditioner>>,
     /// The previous and the current Lanczos vector, orthonormal in `M⁻¹`.
     v_old: Vec<f64>,
     v: Vec<f64>,
@@ -71,14 +67,11 @@ impl Minres {
     /// symmetry, `noise` of the options.
     ///
     /// # Errors
-    /// As [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        require_positive_definite("MINRES", options)?;
-        refuse_left("MINRES", options)?;
         let zero = vec![0.0; b.len()];
         Ok(Self {
-            system: System::new(b.len(), b, options)?,
-            preconditioner: options.preconditioner.clone(),
+            system: System::split("MINRES", true, b.len(), b, options)?,
             v_old: zero.clone(),
             v: zero.clone(),
             z_old: zero.clone(),
@@ -98,7 +91,7 @@ impl Minres {
 
     /// The first Lanczos vector, `r / ‖r‖` in the norm of `M⁻¹`.
     fn start(&mut self) -> Result<Option<Status>> {
-        precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.z)?;
+        self.system.precondition(&self.system.r, &mut self.z)?;
         let square = dot(&self.system.r, &self.z);
         if square <= 0.0 || !square.is_finite() {
             return Ok(Some(if self.system.tally.residual == 0.0 {
@@ -120,11 +113,7 @@ impl Minres {
 
 impl Solver for Minres {
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        self.system.fits(operator)?;
-        square(self.system.b.len(), self.system.x.len())?;
-        declared_symmetric("MINRES", operator)?;
-        if self.system.pending {
-            self.system.first_residual(operator)?;
+        if self.system.open(operator, Some("MINRES"))? {
             return Ok(Advance::Continuing);
         }
         if !self.started
@@ -133,21 +122,21 @@ impl Solver for Minres {
             return Ok(Advance::Ended(status));
         }
         let system = &mut self.system;
-        let next = &mut system.work;
-        system.tally.product(operator, &self.z, next)?;
-        let length = norm(next);
-        let alpha = dot(next, &self.z);
-        let asymmetry = if self.beta > 0.0 { (dot(next, &self.z_old) - self.beta).abs() } else { 0.0 };
+        system.tally.product(operator, &self.z, &mut system.work)?;
+        let length = norm(&system.work);
+        let alpha = dot(&system.work, &self.z);
+        let asymmetry =
+            if self.beta > 0.0 { (dot(&system.work, &self.z_old) - self.beta).abs() } else { 0.0 };
         let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
         if asymmetry > tolerance * length * norm(&self.z_old) {
             return Ok(Advance::Ended(Status::NotSymmetric));
         }
         let beta = self.beta;
-        update2(next, &self.v, &self.v_old, |q, v, old| q - alpha * v - beta * old);
-        precondition(self.preconditioner.as_ref(), next, &mut self.z_next)?;
-        let square = dot(next, &self.z_next);
+        update2(&mut system.work, &self.v, &self.v_old, |q, v, old| q - alpha * v - beta * old);
+        system.precondition(&system.work, &mut self.z_next)?;
+        let square = dot(&system.work, &self.z_next);
         let mut beta_next = square.max(0.0).sqrt();
-        if square < -f64::EPSILON * norm(next) * norm(&self.z_next) {
+        if square < -f64::EPSILON * norm(&system.work) * norm(&self.z_next) {
             return Ok(Advance::Ended(Status::Breakdown("the preconditioner is not positive definite")));
         }
         self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
@@ -173,7 +162,7 @@ impl Solver for Minres {
         self.eta *= -s;
         let eta = self.eta;
         if beta_next > 0.0 {
-            update(&mut self.v_old, next, |_, q| q / beta_next);
+            update(&mut self.v_old, &system.work, |_, q| q / beta_next);
             update(&mut self.z_old, &self.z_next, |_, z| z / beta_next);
         } else {
             self.v_old.fill(0.0);
@@ -187,16 +176,12 @@ impl Solver for Minres {
         // r_j = s² r_{j−1} + c η v_{j+1}
         update(&mut system.r, &self.v, |r, v| s * s * r + c * eta * v);
         let residual = norm(&system.r);
-        let rises = self.preconditioner.is_none() && residual > system.tally.residual * (1.0 + RISE);
+        let rises = system.preconditioner.is_none() && residual > system.tally.residual * (1.0 + RISE);
         system.note(residual);
         Ok(if beta_next == 0.0 || rises { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
     }
 
-    fn tally(&self) -> Tally {
-        self.system.tally()
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        self.system.best()
+    fn system(&self) -> &System {
+        &self.system
     }
 }

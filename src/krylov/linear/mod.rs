@@ -10,7 +10,7 @@ mod bidiagonal;
 mod cg;
 mod gmres;
 mod minres;
-pub(super) mod system;
+mod system;
 
 use std::fmt;
 use std::ops::ControlFlow;
@@ -30,43 +30,7 @@ pub use cg::Cg;
 pub use gmres::Gmres;
 pub use minres::Minres;
 pub use system::Tally;
-
-/// `z ← M⁻¹ r`, or a copy without a preconditioner.
-pub(super) fn precondition(
-    preconditioner: Option<&Arc<dyn Preconditioner>>,
-    r: &[f64],
-    z: &mut [f64],
-) -> Result<()> {
-    match preconditioner {
-        Some(m) => m.apply(r, z),
-        None => {
-            z.copy_from_slice(r);
-            Ok(())
-        }
-    }
-}
-
-fn refuse_left(method: &str, options: &SolveOptions) -> Result<()> {
-    if options.preconditioner.is_none() || options.side == Side::Right {
-        return Ok(());
-    }
-    Err(Error::Option {
-        option: "side".into(),
-        fault: format!("{method} does not precondition from the left"),
-        help: "precondition from the right, or use gmres".into(),
-    })
-}
-
-fn require_positive_definite(method: &str, options: &SolveOptions) -> Result<()> {
-    match &options.preconditioner {
-        Some(m) if !m.is_positive_definite() => Err(Error::Option {
-            option: "--precondition".into(),
-            fault: format!("{method} needs a symmetric positive definite preconditioner"),
-            help: "use such a one, or gmres".into(),
-        }),
-        _ => Ok(()),
-    }
-}
+pub(crate) use system::{System, square};
 
 /// The side of the preconditioner of GMRES. (CG and MINRES split theirs, which keeps the operator symmetric;
 /// CGS, BiCGStab, FGMRES, LSQR and LSMR have it on the right.)
@@ -225,11 +189,11 @@ pub struct Solution {
 
 /// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the
 /// operator's observer stops it, or the method itself ends. The observer sees each product
-/// ([`Estimate::Solution`]). `options` should be those that the solver was made with; `products`, `rtol`,
+/// ([`Estimate::Solution`]). `options` should be the options that the solver was made with; `products`, `rtol`,
 /// `atol` and `noise` are read here. `products` includes those already taken.
 ///
 /// # Errors
-/// As [`Solver::step`]. The solver then holds everything up to the product that failed: its
+/// The errors of [`Solver::step`]. The solver then holds everything up to the product that failed: its
 /// [`solution`](Solver::solution) is valid, and another call continues from there.
 pub fn solve_from<O: Adjoint + ?Sized>(
     solver: &mut dyn Solver,
@@ -248,7 +212,7 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
         if tally.best <= options.target(tally.rhs_norm) {
             break Status::ReachedTolerance;
         }
-        // A tolerance of zero asks for the whole budget, whatever noise the operator states.
+        // A tolerance of zero asks for the whole budget, even if the operator states noise.
         let stated = if options.target(tally.rhs_norm) > 0.0 { tally.noise } else { 0.0 };
         if tally.best <= options.noise.max(stated) * tally.rhs_norm {
             break Status::NoiseFloor;
@@ -343,8 +307,15 @@ pub trait Solver {
     /// operator does not fit; [`Error::Numerical`] when it is not declared symmetric and the method needs
     /// that. The error of the preconditioner; a product may be lost then.
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
+    /// The system, the iterate and its residual, which every method keeps in the same form.
+    #[doc(hidden)]
+    fn system(&self) -> &System;
     /// Products and residuals so far.
-    fn tally(&self) -> Tally;
+    fn tally(&self) -> Tally {
+        self.system().tally()
+    }
     /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. Takes no product.
-    fn solution(&self) -> Vec<f64>;
+    fn solution(&self) -> Vec<f64> {
+        self.system().best()
+    }
 }

@@ -1,10 +1,13 @@
 //! The state shared by all solvers: the system, the iterate and its residual, and products that are counted
 //! and checked.
 
-use super::SolveOptions;
+use std::sync::Arc;
+
+use super::{Side, SolveOptions};
 use crate::error::{Error, Result};
 use crate::krylov::basis::{axpy, norm, update};
 use crate::krylov::powers::{exponent, finite_norm, power, scale, scaled};
+use crate::krylov::precondition::Preconditioner;
 use crate::operator::{Adjoint, Symmetry};
 
 /// A solver's progress; known without a product.
@@ -102,12 +105,12 @@ impl Tally {
     }
 }
 
-/// The system `A x = b`, the iterate and its residual `r = b − A x`, and the best iterate so far.
+/// The system `A x = b` with its preconditioner, the iterate and its residual `r = b − A x`, and the best iterate so far.
 ///
 /// `A` and `b` are divided by powers of two, each by its own, so that their numbers are of ordinary size: the iterate is then `x · 2^(a − b)`, for
 /// these powers `a` and `b`. Both are 0 for systems of ordinary size.
-#[derive(Clone, Debug)]
-pub(crate) struct System {
+#[derive(Clone)]
+pub struct System {
     pub(crate) b: Vec<f64>,
     pub(crate) x: Vec<f64>,
     /// `b − A x`; not yet valid while `pending`.
@@ -120,8 +123,8 @@ pub(crate) struct System {
     pub(crate) rhs_power: i32,
     /// Whether the iterate is divided as well. A first iterate is not before the operator's power is known.
     is_divided: bool,
-    /// A product, of length `rows`.
     pub(crate) work: Vec<f64>,
+    pub(crate) preconditioner: Option<Arc<dyn Preconditioner>>,
 }
 
 impl System {
@@ -133,11 +136,11 @@ impl System {
         scale(&mut b, -rhs_power);
         let rhs_norm = norm(&b);
         if let Some(size) = options.preconditioner.as_ref().and_then(|m| m.size()) {
-            same_length("the preconditioner's size", cols, size)?;
+            Error::check_size("the preconditioner's size", cols, size)?;
         }
         let pending = options.x0.is_some();
         let x = options.x0.clone().unwrap_or_else(|| vec![0.0; cols]);
-        same_length("the first iterate's length", cols, x.len())?;
+        Error::check_size("the first iterate's length", cols, x.len())?;
         finite_norm("the first iterate", &x)?;
         let residual = if pending { f64::INFINITY } else { rhs_norm };
         Ok(Self {
@@ -158,7 +161,65 @@ impl System {
             rhs_power,
             is_divided: !pending,
             pending,
+            preconditioner: options.preconditioner.clone(),
         })
+    }
+
+    /// The same as [`System::new`] for `method`, which preconditions from the right or from both sides; `is_definite` if that takes a symmetric
+    /// positive definite preconditioner.
+    pub(crate) fn split(
+        method: &str,
+        is_definite: bool,
+        cols: usize,
+        b: &[f64],
+        options: &SolveOptions,
+    ) -> Result<Self> {
+        let refuse = |option: &str, fault: String, help: &str| {
+            Err(Error::Option { option: option.into(), fault, help: help.into() })
+        };
+        match &options.preconditioner {
+            Some(m) if is_definite && !m.is_positive_definite() => refuse(
+                "--precondition",
+                format!("{method} needs a symmetric positive definite preconditioner"),
+                "use such a one, or gmres",
+            ),
+            Some(_) if options.side == Side::Left => refuse(
+                "side",
+                format!("{method} does not precondition from the left"),
+                "precondition from the right, or use gmres",
+            ),
+            _ => Self::new(cols, b, options),
+        }
+    }
+
+    /// Begins a step of a method for square systems, for symmetric ones if `symmetric` names it. Whether the step took its product for the
+    /// residual of the first iterate, and is complete.
+    pub(crate) fn open(&mut self, operator: &mut dyn Adjoint, symmetric: Option<&str>) -> Result<bool> {
+        self.fits(operator)?;
+        square(self.b.len(), self.x.len())?;
+        if let Some(method) = symmetric
+            && operator.symmetry() != Symmetry::Symmetric
+        {
+            return Err(Error::Numerical(format!(
+                "{method} needs a symmetric operator (a coaxial rig's), and this one is not declared symmetric; GMRES does not"
+            )));
+        }
+        let pending = self.pending;
+        if pending {
+            self.first_residual(operator)?;
+        }
+        Ok(pending)
+    }
+
+    /// `z ← M⁻¹ r`, or a copy without a preconditioner.
+    pub(crate) fn precondition(&self, r: &[f64], z: &mut [f64]) -> Result<()> {
+        match &self.preconditioner {
+            Some(m) => m.apply(r, z),
+            None => {
+                z.copy_from_slice(r);
+                Ok(())
+            }
+        }
     }
 
     /// Divides the first iterate, once the operator's power is known; of an operator whose products were zero so far it is 0 from now on. Returns the
@@ -186,15 +247,9 @@ impl System {
 
     /// Refuses an operator of another shape.
     pub(crate) fn fits(&self, operator: &dyn Adjoint) -> Result<()> {
-        let (rows, cols) = (operator.rows(), operator.cols());
-        if rows == self.b.len() && cols == self.x.len() {
-            return Ok(());
-        }
-        Err(Error::Dimension {
-            what: "the operator of a linear system",
-            expected: format!("{}x{}", self.b.len(), self.x.len()),
-            found: format!("{rows}x{cols}"),
-        })
+        let expected = format!("{}x{}", self.b.len(), self.x.len());
+        let found = format!("{}x{}", operator.rows(), operator.cols());
+        Error::check_size("the operator of a linear system", expected, found)
     }
 
     /// The residual of the first iterate: one product.
@@ -245,24 +300,7 @@ impl System {
 
 /// Refuses a system that is not square.
 pub(crate) fn square(rows: usize, cols: usize) -> Result<()> {
-    same_length("the operator of a square system, in rows", cols, rows)
-}
-
-/// Refuses an operator that is not declared symmetric, on behalf of `method`.
-pub(crate) fn declared_symmetric(method: &str, operator: &dyn Adjoint) -> Result<()> {
-    if operator.symmetry() == Symmetry::Symmetric {
-        return Ok(());
-    }
-    Err(Error::Numerical(format!(
-        "{method} needs a symmetric operator (a coaxial rig's), and this one is not declared symmetric; GMRES does not"
-    )))
-}
-
-pub(crate) fn same_length(what: &'static str, expected: usize, found: usize) -> Result<()> {
-    if expected == found {
-        return Ok(());
-    }
-    Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+    Error::check_size("the operator of a square system, in rows", cols, rows)
 }
 
 /// `(c, s, ρ)` with `[c s; −s c] [a; b] = [ρ; 0]`, `ρ ≥ 0`; the identity for `a = b = 0`.

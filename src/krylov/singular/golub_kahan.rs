@@ -1,23 +1,21 @@
 //! The bidiagonalization: two bases, and the coefficients of the products on them.
 
 use faer::Mat;
-use rand::SeedableRng;
-use rand_pcg::Pcg64;
 
 use super::SingularOptions;
 use crate::error::{Error, Result};
 use crate::krylov::basis::{Basis, norm, orthogonalize};
 use crate::krylov::completeness::Status;
 use crate::krylov::factor::{PairStatus, point_upwards, temple_kato};
-use crate::krylov::start::gaussian;
+use crate::krylov::start::{seed_of, seeded};
 use crate::operator::Adjoint;
 
 /// One approximate triplet in the coordinates of the two bases.
 pub(super) struct Triplet {
     pub(super) value: f64,
-    /// Of `u` on the left basis.
+    /// The coefficients of `u` on the left basis.
     p: Vec<f64>,
-    /// Of `v` on the right basis.
+    /// The coefficients of `v` on the right basis.
     q: Vec<f64>,
     pub(super) residual: f64,
     /// The distance to the nearest other value, less its residual.
@@ -29,26 +27,19 @@ pub(super) struct Triplet {
 
 impl Triplet {
     pub(super) fn status(&self, wanted: f64) -> PairStatus {
-        if self.residual <= wanted && self.noise <= wanted {
-            PairStatus::Converged
-        } else if self.residual <= self.noise {
-            PairStatus::LimitedByNoise
-        } else {
-            PairStatus::NotResolved
-        }
+        PairStatus::of(self.residual, self.noise, wanted)
     }
 }
 
-/// The bidiagonalization so far.
 pub(super) struct GolubKahan {
     left: Basis,
-    /// Known vectors, and those of the process.
+    /// Known vectors, then the vectors of the process.
     right: Basis,
     known: usize,
     /// The next right vector, times its norm; zero where there is none.
     next: Vec<f64>,
     length: f64,
-    /// What the last product with `Aᵀ` had outside of the right basis, along the next right vector; 0 where that is a random one.
+    /// The part of the last product with `Aᵀ` outside of the right basis, along the next right vector; 0 where that vector is random.
     beta: f64,
     /// The seed of random vectors, which continue the process where the span of its products is invariant, and how many were drawn.
     seed: u64,
@@ -114,9 +105,9 @@ impl GolubKahan {
             if self.right.len() >= n {
                 return;
             }
-            let seed = self.seed.wrapping_add(self.draws).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let seed = seed_of(self.seed, self.draws);
             self.draws += 1;
-            self.next = gaussian(n, &mut Pcg64::seed_from_u64(!seed));
+            self.next = seeded(n, !seed);
             let before = norm(&self.next);
             let rest = orthogonalize(&self.right, &mut self.next).norm;
             if is_left(rest, before, n) {
@@ -186,9 +177,9 @@ impl GolubKahan {
     pub(super) fn complete(&mut self) {
         let rows = self.left.rows();
         while self.left.len() < self.steps().min(rows) {
-            let seed = self.seed.wrapping_add(self.draws).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let seed = seed_of(self.seed, self.draws);
             self.draws += 1;
-            let mut vector = gaussian(rows, &mut Pcg64::seed_from_u64(!seed));
+            let mut vector = seeded(rows, !seed);
             let before = norm(&vector);
             let rest = orthogonalize(&self.left, &mut vector).norm;
             if is_left(rest, before, rows) {
@@ -209,7 +200,6 @@ impl GolubKahan {
         ]
     }
 
-    /// The wanted triplets, the largest first.
     pub(super) fn triplets(&self, options: &SingularOptions) -> Result<Vec<Triplet>> {
         let [forth, back] = self.both();
         let (rows, cols) = (self.left.len(), self.steps());
@@ -313,7 +303,6 @@ impl GolubKahan {
     }
 }
 
-/// The norm of a product, which must be finite.
 fn finite(product: &[f64]) -> Result<f64> {
     let length = norm(product);
     if length.is_finite() {

@@ -7,16 +7,18 @@ use std::ops::ControlFlow;
 use golub_kahan::{GolubKahan, Triplet};
 
 use super::basis::norm;
-use super::completeness::{Completeness, Confirm, Confirmed, FurtherSteps, MOST, Stats, Status, confirming};
+use super::completeness::{
+    Completeness, Confirm, Confirmed, FurtherSteps, MOST, Stats, Status, confirming, confirming_step,
+};
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
 use super::powers::{Rescaled, multiply_singular, scaled};
-use super::start::Start;
+use super::start::{Start, seed_of};
 use crate::error::{Error, Result};
 use crate::observer::{Estimate, Step};
 use crate::operator::Adjoint;
 
-/// What [`singular`] is asked.
+/// The options of [`singular`].
 #[derive(Clone, Debug)]
 pub struct SingularOptions {
     /// How many singular values, the largest first. Default 6.
@@ -57,16 +59,16 @@ pub struct Singular {
     pub standard_errors: Vec<f64>,
     /// The status of each triplet.
     pub statuses: Vec<PairStatus>,
-    /// `‖R − L‖_F / ‖R‖_F` for `R = UᵀAV` from the products with `A` and `L` the same from those with `Aᵀ`: how far the second are from those of
-    /// the transpose. About 1e-16 for a matrix in memory; with noise, the noise; more where the exchanged devices differ.
+    /// `‖R − L‖_F / ‖R‖_F` for `R = UᵀAV` from the products with `A` and `L` the same from the products with `Aᵀ`: how far the second are from products
+    /// with the transpose. About 1e-16 for a matrix in memory; with noise, the noise; more where the exchanged devices differ.
     pub disagreement: f64,
     /// A row for each pair of products.
     pub history: Vec<HistoryRow>,
     /// The number of products in all, and why the search ended.
     pub stats: Stats,
-    /// What is known of singular values that the search may have missed.
+    /// The claim about singular values that the search may have missed.
     pub completeness: Completeness,
-    /// The products that confirmed it; `stats` counts those of the same call.
+    /// The products that confirmed it; `stats` counts them if the same call took them.
     pub confirming: usize,
 }
 
@@ -80,7 +82,7 @@ pub struct Singular {
 ///
 /// # Errors
 /// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN and a start
-/// of zeros; whatever a product fails with.
+/// of zeros; the error of a product.
 ///
 /// # References
 /// Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
@@ -94,7 +96,7 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
     Ok(found)
 }
 
-/// As [`singular`], for an operator of ordinary size.
+/// The same as [`singular`], for an operator of ordinary size.
 fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     options.check()?;
     let mut process = GolubKahan::new(operator.rows(), operator.cols(), options)?;
@@ -203,11 +205,11 @@ fn record(
     flow
 }
 
-/// As [`confirm`](crate::krylov::confirm()), for singular values: eigenvalues `σ²` of `AᵀA`, so that none above
+/// The same as [`confirm`](crate::krylov::confirm()), for singular values: eigenvalues `σ²` of `AᵀA`, so that none above
 /// `√(σ_k² + ε σ_1²)` is missed. Each step takes one product with `A` and one with `Aᵀ`.
 ///
 /// # Errors
-/// As [`confirm`](crate::krylov::confirm()).
+/// The errors of [`confirm`](crate::krylov::confirm()).
 pub fn confirm_singular(
     operator: &mut dyn Adjoint,
     found: &mut Singular,
@@ -221,7 +223,7 @@ pub fn confirm_singular(
     done
 }
 
-/// A triplet that has come out gets so many times the steps of a confirmation to converge.
+/// A triplet that has come out gets this many times the steps of a confirmation to converge.
 const PATIENCE: usize = 10;
 
 struct Confirmation<'a> {
@@ -246,7 +248,7 @@ impl Confirmation<'_> {
         }
         for round in 0..4 * count as u64 + 8 {
             let free = cols - count;
-            let seed = self.options.start.seed().wrapping_add(round + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let seed = seed_of(self.options.start.seed(), round + 1);
             let mut process = GolubKahan::beside(rows, &found.right, seed);
             let steps = self.confirm.steps(free).min(self.left() / 2);
             let share = self.confirm.share_of(steps, free);
@@ -295,13 +297,7 @@ impl Confirmation<'_> {
         let done = process.step(self.operator);
         self.products += process.products - before;
         done?;
-        let flow = self.operator.observer().step(&Step {
-            stage: "confirming",
-            done: process.steps() as u64,
-            total: total.max(process.steps()) as u64,
-            estimate: Estimate::None,
-        });
-        if flow.is_break() { Err(Error::Interrupted) } else { Ok(()) }
+        confirming_step(self.operator.observer(), process.steps(), total)
     }
 
     /// How far a value of this process may be above a converged one and still be the same; as for eigenvalues, with the residuals that were

@@ -5,8 +5,9 @@ mod numbers;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use numbers::{bounds_verdict, is_judged, json, markdown, number};
+use serde::Serialize;
 
+use self::numbers::{FigureRecord, bounds_verdict, is_judged, markdown, number};
 use super::{Content, Figure, Panel, Reproduced};
 use crate::error::{Error, Result};
 use crate::io::atomic;
@@ -20,8 +21,7 @@ use crate::report::html::{
     Block, Figure as PageFigure, Kind, Legend, Measured, Outcome, Report, Section, Sheet, Values, Verdict,
 };
 use crate::report::palette::paint_labels;
-use crate::report::run;
-use crate::report::run::Files;
+use crate::report::run::{self, Files};
 use crate::report::spectrum::narrowed;
 
 /// Reproduced figures for one page. A figure may occur several times, from different rigs.
@@ -70,7 +70,7 @@ impl Gallery<'_> {
     /// Writes the same into the folder of an open run, and notes there what each figure took. Returns the page.
     ///
     /// # Errors
-    /// As [`Gallery::write`].
+    /// The errors of [`Gallery::write`].
     pub fn write_into(&self, run: &mut RunFolder) -> Result<PathBuf> {
         for made in self.made {
             let took = Duration::try_from_secs_f64(made.seconds).unwrap_or_default();
@@ -105,9 +105,9 @@ impl Gallery<'_> {
         Verdict { outcome: if is_good { Outcome::Good } else { Outcome::Short }, sentence }
     }
 
-    /// All numbers as JSON.
-    pub fn summary(&self) -> serde_json::Value {
-        self.made.iter().map(json).collect()
+    /// All numbers, for JSON.
+    pub fn summary(&self) -> impl Serialize {
+        self.made.iter().map(FigureRecord::of).collect::<Vec<_>>()
     }
 
     fn overview(&self) -> Section {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use crate::paper::{Check, Figure, Limit, Reproduced, Rig};
 use crate::report::html::{Number, Outcome, Verdict};
@@ -44,26 +44,51 @@ pub(super) fn number(check: &Check) -> Number {
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
 }
 
-/// A figure's numbers as JSON; values that are not finite become null.
-pub(super) fn json(made: &Reproduced) -> Value {
-    let check = |check: &Check| {
-        let (bound, limit) = match check.limit {
-            Limit::AtLeast(limit) => ("at least", Some(limit)),
-            Limit::AtMost(limit) => ("at most", Some(limit)),
-            Limit::Stated => ("stated", None),
+/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite become null.
+#[derive(Serialize)]
+pub(super) struct FigureRecord<'a> {
+    checks: Vec<CheckRecord<'a>>,
+    figure: &'static str,
+    frames: u64,
+    met: bool,
+    photos: usize,
+    rig: &'static str,
+    seconds: f64,
+    setting: &'a str,
+}
+
+#[derive(Serialize)]
+struct CheckRecord<'a> {
+    bound: &'static str,
+    cause: &'a str,
+    limit: Option<f64>,
+    met: bool,
+    value: f64,
+    what: &'a str,
+}
+
+impl<'a> FigureRecord<'a> {
+    pub(super) fn of(made: &'a Reproduced) -> Self {
+        let check = |check: &'a Check| {
+            let (bound, limit) = match check.limit {
+                Limit::AtLeast(limit) => ("at least", Some(limit)),
+                Limit::AtMost(limit) => ("at most", Some(limit)),
+                Limit::Stated => ("stated", None),
+            };
+            let (met, value) = (check.is_met(), check.value);
+            CheckRecord { bound, cause: check.cause(), limit, met, value, what: &check.what }
         };
-        json!({ "what": check.what, "value": check.value, "bound": bound, "limit": limit, "met": check.is_met(), "cause": check.cause() })
-    };
-    json!({
-        "figure": made.figure.name(),
-        "rig": made.rig.name(),
-        "setting": made.setting,
-        "met": made.is_met(),
-        "photos": made.photos,
-        "frames": made.frames,
-        "seconds": made.seconds,
-        "checks": made.checks.iter().map(check).collect::<Vec<_>>(),
-    })
+        Self {
+            checks: made.checks.iter().map(check).collect(),
+            figure: made.figure.name(),
+            frames: made.frames,
+            met: made.is_met(),
+            photos: made.photos,
+            rig: made.rig.name(),
+            seconds: made.seconds,
+            setting: &made.setting,
+        }
+    }
 }
 
 /// A number with four significant digits; counts are written in full.

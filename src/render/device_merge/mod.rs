@@ -2,20 +2,20 @@
 //! of its paths, which are several times as long.
 //!
 //! A contribution has a key: the pixel at the other end of its path, and the class of its bounces. Those of all paths from a pixel are sorted by key with
-//! a radix sort, and those of equal keys are summed in path order, in single precision. So a term differs from that of the host, which sums in
+//! a radix sort, and contributions of equal keys are summed in path order, in single precision. So a term differs from the host's term, which is a sum in
 //! double precision, by rounding alone ([`agree`]). The first large dispatch of a tracer is summed by both, to notice a device that does not
 //! compute what it should.
 //!
-//! Where the device is the processor itself this gains nothing: it reads records in place, and its sort would run on the same cores.
+//! A device that is the processor itself gains nothing by it: it reads records in place, and its sort would run on the same cores.
 
 mod steps;
 #[cfg(test)]
 mod tests;
 
-use steps::{Buffers, Kernels, Step, all_steps, base_parameters, offset};
+use steps::{Buffers, Kernels, MergeStep, TOTALS, all_steps, base_parameters, offset};
 use wgpu::CommandEncoder;
 
-use super::batch::{Batch, Layout};
+use super::batch::{Batch, RecordLayout};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::Readback;
@@ -31,7 +31,7 @@ pub(crate) struct MergeRequest<'a> {
     pub(crate) luminance: [f32; 3],
     /// The second bounce is a class of its own: class 1, and all later ones are class 2. Otherwise these are class 1, too. One bounce is class 0.
     pub(crate) split: bool,
-    /// For a number of paths from each pixel: the weight of a sample in the mean, and those of samples of both halves in its error.
+    /// For a number of paths from each pixel: the weight of a sample in the mean, and the weights of samples of both halves in its error.
     pub(crate) weights: &'a dyn Fn(u32) -> [f64; 3],
 }
 
@@ -56,19 +56,16 @@ pub(crate) struct MergedTerm<'a> {
 }
 
 impl MergedTerm<'_> {
-    /// The mean over the samples, in each of `C` channels.
     pub(crate) fn mean<const C: usize>(&self) -> [f32; C] {
         std::array::from_fn(|channel| f32::from_bits(self.mean[channel]))
     }
 
-    /// Its error, in each of `C` channels.
     pub(crate) fn error<const C: usize>(&self) -> [f32; C] {
         std::array::from_fn(|channel| f32::from_bits(self.error[channel]))
     }
 }
 
 impl<'a> Merged<'a> {
-    /// All terms.
     pub(crate) fn terms(&self) -> impl Iterator<Item = MergedTerm<'a>> + use<'a> {
         let (channels, first_pixel) = (self.channels, self.first_pixel);
         self.words.chunks_exact(words_of_term(channels)).map(move |words| {
@@ -77,7 +74,7 @@ impl<'a> Merged<'a> {
         })
     }
 
-    /// The terms in about so many parts, none of which has only some terms of a pixel.
+    /// The terms in about `count` parts; all terms of a pixel are in one part.
     pub(crate) fn parts(&self, count: usize) -> Vec<Self> {
         let size = words_of_term(self.channels);
         let terms = self.words.len() / size;
@@ -104,9 +101,9 @@ fn words_of_term(channels: usize) -> usize {
 
 /// Whether a tracer lets its device sort and sum contributions.
 pub(super) struct Trust {
-    /// What was asked for. By default a device does so unless it is the processor itself.
+    /// The caller's choice. By default a device does so unless it is the processor itself.
     pub(super) asked: Option<bool>,
-    /// The terms of a large dispatch were compared with those of the host.
+    /// The terms of a large dispatch were compared with the host's.
     is_checked: bool,
     /// They differed.
     is_lost: bool,
@@ -115,18 +112,20 @@ pub(super) struct Trust {
 }
 
 impl Trust {
-    /// Nothing is known of the device yet.
     pub(super) fn new() -> Self {
         Self { asked: None, is_checked: false, is_lost: false, kernels: None }
     }
 
-    /// The request, for one trace.
-    pub(super) fn merging<'a>(&'a mut self, gpu: &Gpu, request: &'a MergeRequest<'a>) -> Result<Merging<'a>> {
+    pub(super) fn merging<'a>(
+        &'a mut self,
+        gpu: &Gpu,
+        request: &'a MergeRequest<'a>,
+    ) -> Result<MergeSession<'a>> {
         let kernels = match &self.kernels {
             Some(kernels) => kernels.clone(),
             None => self.kernels.insert(Kernels::new(gpu)?).clone(),
         };
-        Ok(Merging { request, kernels, is_checked: &mut self.is_checked, is_lost: &mut self.is_lost })
+        Ok(MergeSession { request, kernels, is_checked: &mut self.is_checked, is_lost: &mut self.is_lost })
     }
 
     /// Whether the device is to sort and sum.
@@ -136,7 +135,7 @@ impl Trust {
 }
 
 /// A request with the device's trust, for one trace.
-pub(super) struct Merging<'a> {
+pub(super) struct MergeSession<'a> {
     pub(super) request: &'a MergeRequest<'a>,
     kernels: Kernels,
     pub(super) is_checked: &'a mut bool,
@@ -161,14 +160,12 @@ pub(super) struct MergeInFlight {
 /// The terms of a dispatch in memory. Drop it and call [`DeviceMerge::release`] before the next dispatch.
 pub(super) struct MergedView {
     view: wgpu::BufferView,
-    /// Of the terms.
     words: usize,
     channels: usize,
     first_pixel: u32,
 }
 
 impl MergedView {
-    /// The terms.
     pub(super) fn merged(&self) -> Merged<'_> {
         let words: &[u32] = bytemuck::cast_slice(&self.view);
         Merged { words: &words[..self.words], channels: self.channels, first_pixel: self.first_pixel }
@@ -180,8 +177,8 @@ impl DeviceMerge {
     /// have all paths of a pixel.
     pub(super) fn new(
         gpu: &Gpu,
-        Merging { request, kernels, .. }: &Merging<'_>,
-        (layout, other_pixels): (&Layout, u64),
+        MergeSession { request, kernels, .. }: &MergeSession<'_>,
+        (layout, other_pixels): (&RecordLayout, u64),
         paths: u32,
         records: &wgpu::Buffer,
     ) -> Result<Option<Self>> {
@@ -202,27 +199,27 @@ impl DeviceMerge {
         gpu: &Gpu,
         encoder: &mut CommandEncoder,
         request: &MergeRequest<'_>,
-        layout: &Layout,
+        layout: &RecordLayout,
         paths: u32,
     ) {
-        let steps: Vec<Step> = all_steps(&base_parameters(request, layout, paths), self.other_pixels, layout);
+        let steps: Vec<MergeStep> =
+            all_steps(&base_parameters(request, layout, paths), self.other_pixels, layout);
         self.buffers.write_parameters(gpu, &steps);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         for (index, step) in steps.iter().enumerate() {
             pass.set_pipeline(self.kernels.pipeline(step.kernel));
-            pass.set_bind_group(0, self.buffers.group(step.is_swapped), &[offset(index)]);
+            pass.set_bind_group(0, &self.buffers.groups[usize::from(step.is_swapped)], &[offset(index)]);
             pass.dispatch_workgroups(step.workgroups, 1, 1);
         }
         drop(pass);
-        self.buffers.copy_totals(encoder);
+        self.buffers.totals.copy(encoder, TOTALS);
     }
 
     /// Asks for the number of terms after `submission`. The first path of the dispatch is the first one of `first_pixel`.
     pub(super) fn request(&self, submission: wgpu::SubmissionIndex, first_pixel: u32) -> MergeInFlight {
-        MergeInFlight { totals: self.buffers.request_totals(submission), first_pixel }
+        MergeInFlight { totals: self.buffers.totals.request(TOTALS, submission), first_pixel }
     }
 
-    /// Waits for the terms.
     pub(super) fn wait(&self, gpu: &Gpu, in_flight: MergeInFlight) -> Result<MergedView> {
         let terms = self.buffers.wait_totals(gpu, in_flight.totals)?;
         let words = terms as usize * words_of_term(self.channels);
@@ -232,14 +229,14 @@ impl DeviceMerge {
 
     /// Makes the terms writable again for the device.
     pub(super) fn release(&self) {
-        self.buffers.release();
+        self.buffers.terms.release();
     }
 }
 
 /// Contributions that the device sums before it adds their sum to that of the others; `TOGETHER` of `shaders/merge_sums.wgsl`.
 const TOGETHER: f64 = 64.0;
 
-/// Roundings of a contribution besides those of its sum: its luminance, its weight, and the sum of both halves.
+/// Roundings of a contribution besides the roundings of its sum: its luminance, its weight, and the sum of both halves.
 const OTHER_ROUNDINGS: f64 = 8.0;
 
 /// A term in double precision.
@@ -255,7 +252,7 @@ pub(super) struct HostTerm {
 
 #[cfg(test)]
 impl HostTerm {
-    /// As a device writes it, for one channel.
+    /// The term as a device writes it, for one channel.
     fn words(&self) -> [u32; 4] {
         [self.start, self.key, (self.mean[0] as f32).to_bits(), (self.error[0] as f32).to_bits()]
     }

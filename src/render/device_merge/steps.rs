@@ -1,12 +1,12 @@
 //! The kernels that the contributions of a dispatch go through one after the other, with their parameters and buffers.
 
-use wgpu::{BindingType, BufferBindingType, BufferUsages, CommandEncoder, ShaderStages};
+use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
 
 use super::{MergeRequest, words_of_term};
 use crate::error::Result;
 use crate::gpu::buffers::{Readback, Results};
 use crate::gpu::{Gpu, shader};
-use crate::render::batch::Layout;
+use crate::render::batch::RecordLayout;
 
 /// Threads of a workgroup; `LANES` of `shaders/shared/merging.wgsl`.
 const LANES: u32 = 256;
@@ -17,7 +17,6 @@ const DIGITS: u32 = 256;
 /// `NOTHING` there.
 const NOTHING: u32 = u32::MAX;
 
-/// Bits of a digit.
 const DIGIT_BITS: u32 = DIGITS.trailing_zeros();
 /// Lowest bits of a key, which hold the class of bounces.
 const CLASS_BITS: u32 = 2;
@@ -47,7 +46,7 @@ pub(super) struct MergeParameters {
 }
 
 /// One dispatch of one kernel.
-pub(super) struct Step {
+pub(super) struct MergeStep {
     pub(super) kernel: KernelName,
     /// The entries are in the second of their two buffers, and move to the first one.
     pub(super) is_swapped: bool,
@@ -55,8 +54,12 @@ pub(super) struct Step {
     pub(super) parameters: MergeParameters,
 }
 
-/// What the parameters of all steps have in common.
-pub(super) fn base_parameters(request: &MergeRequest<'_>, layout: &Layout, paths: u32) -> MergeParameters {
+/// The parameters that all steps have in common.
+pub(super) fn base_parameters(
+    request: &MergeRequest<'_>,
+    layout: &RecordLayout,
+    paths: u32,
+) -> MergeParameters {
     let [mean, error_first, error_second] = (request.weights)(layout.samples).map(|weight| weight as f32);
     MergeParameters {
         luminance: request.luminance,
@@ -77,11 +80,11 @@ pub(super) fn base_parameters(request: &MergeRequest<'_>, layout: &Layout, paths
 }
 
 /// The steps from records to terms, for paths that end at one of `other_pixels` pixels.
-pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Layout) -> Vec<Step> {
+pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &RecordLayout) -> Vec<MergeStep> {
     let most = base.paths * layout.most_ends() as u32;
     let blocks = most.div_ceil(BLOCK);
     let base = MergeParameters { blocks, ..*base };
-    let mut steps = Steps { all: Vec::new(), is_swapped: false };
+    let mut steps = MergeSteps { all: Vec::new(), is_swapped: false };
     steps.push(KernelName::CountContributions, base.paths.div_ceil(LANES), base);
     steps.scan(MergeParameters { elements: base.paths, total: 0, ..base });
     steps.push(KernelName::WriteContributions, base.paths.div_ceil(LANES), base);
@@ -107,19 +110,19 @@ pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Layo
 /// The most steps of [`all_steps`]: keys of 30 bits and starts of 32 bits have eight digits.
 const MOST_STEPS: usize = 4 + 4 * 8 + 4;
 
-/// Words of the counters that so many entries of so many paths need.
+/// Words of the counters for this number of entries and of paths.
 fn counters(entries: u32, paths: u32) -> u32 {
     paths.max(entries).max(DIGITS * entries.div_ceil(BLOCK))
 }
 
-struct Steps {
-    all: Vec<Step>,
+struct MergeSteps {
+    all: Vec<MergeStep>,
     is_swapped: bool,
 }
 
-impl Steps {
+impl MergeSteps {
     fn push(&mut self, kernel: KernelName, workgroups: u32, parameters: MergeParameters) {
-        self.all.push(Step { kernel, is_swapped: self.is_swapped, workgroups, parameters });
+        self.all.push(MergeStep { kernel, is_swapped: self.is_swapped, workgroups, parameters });
     }
 
     fn scan(&mut self, parameters: MergeParameters) {
@@ -128,7 +131,6 @@ impl Steps {
     }
 }
 
-/// Bits of the number.
 fn bits(number: u64) -> u32 {
     u64::BITS - number.leading_zeros()
 }
@@ -137,9 +139,9 @@ fn bits(number: u64) -> u32 {
 const STRIDE: u64 = 256;
 
 /// Bytes of the totals: the number of entries, that of terms, and two unused ones.
-const TOTALS: u64 = 16;
+pub(super) const TOTALS: u64 = 16;
 
-/// Where the parameters of a step are.
+/// The place of the parameters of a step.
 pub(super) fn offset(step: usize) -> u32 {
     (step as u64 * STRIDE) as u32
 }
@@ -147,14 +149,14 @@ pub(super) fn offset(step: usize) -> u32 {
 /// Buffers for the contributions of one dispatch.
 pub(super) struct Buffers {
     parameters: wgpu::Buffer,
-    totals: Results,
-    terms: Results,
+    pub(super) totals: Results,
+    pub(super) terms: Results,
     /// With the entries in the first of their buffers, and in the second one.
-    groups: [wgpu::BindGroup; 2],
+    pub(super) groups: [wgpu::BindGroup; 2],
 }
 
 impl Buffers {
-    /// Room for so many entries of so many paths.
+    /// Room for this number of entries and of paths.
     pub(super) fn new(
         gpu: &Gpu,
         kernels: &Kernels,
@@ -196,27 +198,12 @@ impl Buffers {
         Ok(Self { parameters, totals, terms, groups })
     }
 
-    /// The bindings of a step.
-    pub(super) fn group(&self, is_swapped: bool) -> &wgpu::BindGroup {
-        &self.groups[usize::from(is_swapped)]
-    }
-
-    /// Writes the parameters of all steps.
-    pub(super) fn write_parameters(&self, gpu: &Gpu, steps: &[Step]) {
+    pub(super) fn write_parameters(&self, gpu: &Gpu, steps: &[MergeStep]) {
         let mut bytes = vec![0_u8; steps.len() * STRIDE as usize];
         for (step, to) in steps.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
             to[..size_of::<MergeParameters>()].copy_from_slice(bytemuck::bytes_of(&step.parameters));
         }
         gpu.queue.write_buffer(&self.parameters, 0, &bytes);
-    }
-
-    /// Records the copy of the totals, if the host cannot read them in place.
-    pub(super) fn copy_totals(&self, encoder: &mut CommandEncoder) {
-        self.totals.copy(encoder, TOTALS);
-    }
-
-    pub(super) fn request_totals(&self, submission: wgpu::SubmissionIndex) -> Readback {
-        self.totals.request(TOTALS, submission)
     }
 
     /// Waits for the number of terms.
@@ -237,11 +224,6 @@ impl Buffers {
             self.terms.submit(gpu, encoder, bytes)
         })?;
         self.terms.wait(gpu, self.terms.request(bytes, submission))
-    }
-
-    /// Makes the terms writable again for the device.
-    pub(super) fn release(&self) {
-        self.terms.release();
     }
 }
 

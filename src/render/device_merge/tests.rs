@@ -6,9 +6,10 @@ use rand_pcg::Pcg64;
 
 use super::*;
 use crate::image::{LUMINANCE, Resolution};
+use crate::render::TraceSettings;
 use crate::render::batch::Batch;
 use crate::render::materials::NONE;
-use crate::render::{TraceSettings, Tracer};
+use crate::render::tests::support::{gpu, tracer};
 use crate::scene::{Scene, builtin};
 
 /// Weights of a matrix of `from_each_pixel` samples.
@@ -22,14 +23,22 @@ fn request(channels: usize, split: bool) -> MergeRequest<'static> {
     MergeRequest { channels, luminance: LUMINANCE.map(|share| share as f32), split, weights: &weights }
 }
 
-fn layout(samples: u32, direct: bool, gathers: bool) -> Layout {
-    Layout { samples, max_bounces: 3, direct, gathers, ambient: false, symmetric: true, from_camera: true }
+fn layout(samples: u32, direct: bool, gathers: bool) -> RecordLayout {
+    RecordLayout {
+        samples,
+        max_bounces: 3,
+        direct,
+        gathers,
+        ambient: false,
+        symmetric: true,
+        from_camera: true,
+    }
 }
 
 /// Records of paths that end at some of `others`; of each connection one in `every` counts.
 fn records(
     random: &mut Pcg64,
-    layout: &Layout,
+    layout: &RecordLayout,
     paths: usize,
     (others, every): (&[u32], u32),
 ) -> Vec<[u32; 4]> {
@@ -54,7 +63,7 @@ fn records(
 /// Whether the device's terms of these records are those of the host, and how many there are.
 fn compared(
     gpu: &Gpu,
-    layout: &Layout,
+    layout: &RecordLayout,
     other_pixels: u64,
     records: &[[u32; 4]],
     request: &MergeRequest<'_>,
@@ -74,10 +83,6 @@ fn compared(
     drop(view);
     merge.release();
     outcome
-}
-
-fn gpu() -> Gpu {
-    Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver")
 }
 
 #[test]
@@ -145,7 +150,7 @@ fn a_wrong_term_is_noticed() {
 
 /// The values that a matrix is made of, by the device and by the host.
 fn traced(scene: &Scene, on_device: bool, channels: usize) -> (Vec<(u32, u32, f32)>, u32) {
-    let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
+    let mut tracer = tracer(scene);
     tracer.merge_on_device(on_device);
     let settings = TraceSettings::new(Resolution::new(24, 20), 12);
     let pixels = tracer.start_pixels(&settings);
@@ -199,8 +204,7 @@ fn a_device_that_does_not_agree_leaves_the_sums_to_the_host() {
         [f64::from(call), 0.0, 0.0]
     };
     let request = MergeRequest { weights: &changing, ..request(1, false) };
-    let mut tracer = Tracer::new(&builtin::zigzag().to_scene(), None)
-        .expect("the README's test command installs a Vulkan driver");
+    let mut tracer = tracer(&builtin::zigzag().to_scene());
     tracer.merge_on_device(true);
     let settings = TraceSettings::new(Resolution::new(40, 40), 16);
     let pixels = tracer.start_pixels(&settings);

@@ -6,6 +6,6 @@ mod material;
 mod paths;
 mod random;
 mod statistics;
-mod support;
+pub(super) mod support;
 mod surface;
 mod weights;

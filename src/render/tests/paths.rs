@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use glam::Vec3;
 
-use super::support::{PathRecord, gpu, path_records, run};
+use super::support::{PathRecord, gpu, path_records, run, tracer};
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::observer::{Observer, Step};
@@ -27,7 +27,7 @@ const TREE: By = By { light_buffer: false, each: false };
 
 /// All paths of a scene, by this method.
 fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<PathRecord> {
-    let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
+    let mut tracer = tracer(scene);
     let pairs = tracer.strategy_builder().scene.pairs_in_order.len() as u32;
     let mut strategies = tracer.strategy_builder().strategies(settings).expect("the settings are sound");
     assert_eq!(strategies.len(), 1, "{}: a coaxial pinhole", scene.path.display());
@@ -100,7 +100,7 @@ fn small_and_large_tree_layouts_give_the_same_hits() {
         assert_eq!(Unit::of(&large), unit);
         let settings = TraceSettings::new(Resolution::new(40, 56), 16);
         let layout = |scene: &Scene| {
-            let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a driver");
+            let mut tracer = tracer(scene);
             tracer.strategy_builder().strategies(&settings).expect("sound settings")[0]
                 .features
                 .scene
@@ -115,7 +115,7 @@ fn small_and_large_tree_layouts_give_the_same_hits() {
 
 /// All paths of all strategies, where an invocation traces `each` of them, with or without the light buffer.
 fn paths_by(scene: &Scene, settings: &TraceSettings, each: u32, by_light_buffer: bool) -> Vec<PathRecord> {
-    let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
+    let mut tracer = tracer(scene);
     let mut strategies = tracer.strategy_builder().strategies(settings).expect("the settings are sound");
     let mut all = Vec::new();
     for strategy in &mut strategies {
@@ -222,8 +222,7 @@ fn observed(tracer: &mut Tracer, breaks_at: usize) -> (Vec<(u64, u64)>, crate::R
 
 #[test]
 fn the_observer_sees_each_dispatch_and_may_stop_the_trace() {
-    let mut tracer = Tracer::new(&builtin::corner().to_scene(), None)
-        .expect("the README's test command installs a Vulkan driver");
+    let mut tracer = tracer(&builtin::corner().to_scene());
     let (steps, outcome) = observed(&mut tracer, 0);
     assert!(matches!(outcome, Ok(1024)));
     assert_eq!((steps.first(), steps.last()), (Some(&(0, 1024)), Some(&(1024, 1024))));
@@ -239,8 +238,7 @@ fn the_observer_sees_each_dispatch_and_may_stop_the_trace() {
 
 /// All values of a trace of 8 × 8 pixels at 4 paths each, by a tracer that was given these kernels.
 fn traced(kept: Option<&[u8]>) -> (Vec<f32>, Tracer) {
-    let mut tracer = Tracer::new(&builtin::zigzag().to_scene(), None)
-        .expect("the README's test command installs a Vulkan driver");
+    let mut tracer = tracer(&builtin::zigzag().to_scene());
     tracer.restore_kernels(kept);
     let mut values = Vec::new();
     let settings = TraceSettings::new(Resolution::new(8, 8), 4);

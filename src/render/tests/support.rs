@@ -6,6 +6,7 @@ use crate::gpu::{Gpu, shader};
 use crate::render::kernel::TEXEL_ARRAY;
 use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
+use crate::scene::Scene;
 
 /// The entry point around the function under test. It has bind group 1, since group 0 belongs to the shared
 /// shaders.
@@ -22,7 +23,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 ";
 
 /// The first adapter of the machine.
-pub(super) fn gpu() -> Gpu {
+pub(crate) fn gpu() -> Gpu {
     Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver")
 }
 
@@ -148,4 +149,9 @@ pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Path
         )
         .expect("the scene can be traced");
     records
+}
+
+/// A tracer of this scene by the first adapter of the machine.
+pub(crate) fn tracer(scene: &Scene) -> Tracer {
+    Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver")
 }

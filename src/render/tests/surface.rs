@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 use super::support::{gpu, run};
 use crate::gpu::Gpu;
 use crate::render::geometry::GpuScene;
-use crate::render::materials::{GpuTexture, Role, pack_texels, srgb_table};
+use crate::render::materials::{GpuTexture, TextureRole, pack_texels, srgb_table};
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Triangle, Volume, Wrap, builtin};
 
 /// The result of `surface_at`, with the names of `shaders/shared/surface.wgsl`.
@@ -171,7 +171,7 @@ fn each_texture_multiplies_its_own_factor() {
     assert!((found.transmission - 0.5 * 0.4).abs() < tolerance, "{found:?}");
     assert!((found.diffuse_transmission - 0.5 * 0.8).abs() < tolerance, "{found:?}");
     assert_close(found.diffuse_transmission_color, vec3(1.0, 0.5, half), tolerance);
-    // Half of the light is left after 1 m. The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::unit`).
+    // Half of the light is left after 1 m. The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::geometry`).
     assert_close(found.absorption, Vec3::splat(2.0 * 2.0_f32.ln()), tolerance);
 }
 
@@ -219,7 +219,7 @@ fn media_lie_behind_the_front() {
     let found = look(&gpu, &scene(solid.clone()), &[FRONT, BACK]);
     assert_eq!((found[0].eta, found[1].eta), ([1.0, 1.25], [1.25, 1.0]));
     for side in found {
-        // The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::unit`).
+        // The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::geometry`).
         assert_eq!((side.ior, side.absorption), (1.25, 2.0 * volume.absorption()));
     }
     for thin in [Material { volume: None, ..solid.clone() }, Material { transmission: 0.0, ..solid }] {
@@ -315,19 +315,19 @@ fn wrapped(coordinate: i64, size: i64, wrap: Wrap) -> i64 {
     }
 }
 
-fn texel(texture: &Texture, x: i64, y: i64, role: Role) -> [f64; 4] {
+fn texel(texture: &Texture, x: i64, y: i64, role: TextureRole) -> [f64; 4] {
     let x = wrapped(x, i64::from(texture.width), texture.wrap[0]);
     let y = wrapped(y, i64::from(texture.height), texture.wrap[1]);
     let [r, g, b, a] =
         texture.texels[(y * i64::from(texture.width) + x) as usize].map(|byte| f64::from(byte) / 255.0);
     let decode = |c: f64| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
     match role {
-        Role::BaseColor => [decode(r), decode(g), decode(b), a],
+        TextureRole::BaseColor => [decode(r), decode(g), decode(b), a],
         _ => [r, g, b, a],
     }
 }
 
-fn value(texture: &Texture, uv: [f32; 2], role: Role) -> [f64; 4] {
+fn value(texture: &Texture, uv: [f32; 2], role: TextureRole) -> [f64; 4] {
     // In f32 as on the device, so that both choose the same texels.
     let [x, y] = [uv[0] * texture.width as f32, uv[1] * texture.height as f32];
     if !texture.linear {
@@ -354,8 +354,8 @@ fn textures_are_filtered_and_wrapped_as_gltf_defines() {
         let texels = (0..width * height).map(|_| random.random::<[u8; 4]>()).collect();
         scene.textures.push(Texture { name: String::new(), width, height, texels, wrap: [u, v], linear });
     }
-    let roles = [Role::BaseColor, Role::MetallicRoughness];
-    let uses: Vec<(usize, Role)> =
+    let roles = [TextureRole::BaseColor, TextureRole::MetallicRoughness];
+    let uses: Vec<(usize, TextureRole)> =
         (0..scene.textures.len()).flat_map(|texture| roles.map(|role| (texture, role))).collect();
     let look_ups: Vec<[f32; 4]> = (0..1 << 16)
         .map(|index| {

@@ -3,6 +3,7 @@
 
 use glam::{Vec3, vec3};
 
+use super::support::tracer;
 use crate::image::Resolution;
 use crate::render::{Sampler, TraceSettings, TraceSummary, Tracer};
 use crate::scene::builtin::{Model, Part, plane};
@@ -171,8 +172,13 @@ fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
 
 const SEEDS: u32 = 20;
 
-fn assert_same_photos(name: &str, a: &[Vec<f64>], b: &[Vec<f64>]) {
-    let (spread, sum) = compare(a, b);
+/// Asserts that the paths of the camera alone and the paths of both endpoints, each with its settings, give the same photos.
+fn assert_same_photos(name: &str, scene: &Scene, (of_camera, of_both): (&TraceSettings, &TraceSettings)) {
+    let mut tracer = tracer(scene);
+    let alone = photos(&mut tracer, of_camera, true, 0..SEEDS);
+    // Other seeds than those of the camera's paths alone.
+    let both = photos(&mut tracer, of_both, false, 100..100 + SEEDS);
+    let (spread, sum) = compare(&alone, &both);
     println!("{name}: z rms of pixels {spread:.3}, z of the sum {sum:+.2}");
     // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, with an error of ± 0.05 over 256
     // pixels. The camera's own paths find bright spots so rarely that their spread is underestimated in
@@ -190,13 +196,8 @@ fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
         sampler: Sampler::Independent,
         ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
     };
-    let coaxial = room();
-    let mut tracer = Tracer::new(&coaxial, None).expect("the README's test command installs a Vulkan driver");
-    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
-    // Seeds other than those of the camera's paths alone.
-    let both =
-        photos(&mut tracer, &TraceSettings { russian_roulette: true, ..settings }, false, 100..100 + SEEDS);
-    assert_same_photos("coaxial", &alone, &both);
+    let roulette = TraceSettings { russian_roulette: true, ..settings };
+    assert_same_photos("coaxial", &room(), (&settings, &roulette));
 
     let mut apart = room();
     let mut projector = apart.camera.clone();
@@ -206,10 +207,7 @@ fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
     apart.camera.lens = Lens { radius: 0.02, focus: 1.0 };
     apart.projector = Some(projector);
     let settings = TraceSettings { projector: Some(Resolution::new(24, 16)), ..settings };
-    let mut tracer = Tracer::new(&apart, None).expect("the README's test command installs a Vulkan driver");
-    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
-    let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
-    assert_same_photos("apart, with lenses", &alone, &both);
+    assert_same_photos("apart, with lenses", &apart, (&settings, &settings));
 }
 
 /// A matte room behind sheets that let seven tenths of the light pass straight through: nearly every path scatters at several of them.
@@ -238,10 +236,7 @@ fn the_weights_of_paths_between_veils_add_up_to_one() {
         sampler: Sampler::Independent,
         ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
     };
-    let mut tracer = Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");
-    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
-    let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
-    assert_same_photos("veils", &alone, &both);
+    assert_same_photos("veils", &scene, (&settings, &settings));
 }
 
 /// A matte wall behind a pane of smooth glass, which all light passes on its way from the projector and on that to the camera.
@@ -277,8 +272,5 @@ fn gathered_connections_are_weighted_by_the_paths_from_either_end() {
         projector: Some(Resolution::new(24, 16)),
         ..TraceSettings::new(Resolution::new(SIDE, SIDE), 32)
     };
-    let mut tracer = Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");
-    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
-    let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
-    assert_same_photos("behind glass", &alone, &both);
+    assert_same_photos("behind glass", &scene, (&settings, &settings));
 }
