@@ -139,7 +139,7 @@ impl Finding {
             return Ok(());
         }
         let fault = format!("{}: {} ({} expected)", self.name, self.found, self.expected);
-        Err(Error::Rig { device: "rig".into(), fault, help: self.help.clone() })
+        Err(Error::rig("rig", fault, self.help.clone()))
     }
 }
 
@@ -305,8 +305,7 @@ mod tests {
 
     #[test]
     fn an_error_is_split_into_what_was_found_and_what_to_do() {
-        let error =
-            Error::Rig { device: "camera".into(), fault: "it is off".into(), help: "switch it on".into() };
+        let error = Error::rig("camera", "it is off", "switch it on");
         let finding = Finding::error("camera", &error);
         assert_eq!(finding.to_string(), "camera        FAILS    camera: it is off → switch it on");
         let fine = Finding::graded("disk", Grade::Ok, "3 GB free", "1 GB", "delete something");

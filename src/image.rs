@@ -78,18 +78,14 @@ impl Image {
     /// `w·h·channels`.
     pub fn new(resolution: Resolution, channels: usize, samples: Vec<f32>) -> Result<Self> {
         if channels != 1 && channels != 3 {
-            return Err(Error::Dimension {
-                what: "channels of an image",
-                expected: "1 or 3".into(),
-                found: channels.to_string(),
-            });
+            return Err(Error::dimension("channels of an image", "1 or 3", channels.to_string()));
         }
         if samples.len() != resolution.pixels() * channels {
-            return Err(Error::Dimension {
-                what: "samples of an image",
-                expected: format!("{resolution}x{channels}"),
-                found: samples.len().to_string(),
-            });
+            return Err(Error::dimension(
+                "samples of an image",
+                format!("{resolution}x{channels}"),
+                samples.len().to_string(),
+            ));
         }
         Ok(Self { resolution, channels, samples })
     }

@@ -40,7 +40,7 @@ pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
 /// The bytes of a file with these layers. The outer error is about the layers, the inner one about the
 /// encoder.
 fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
-    let mismatch = |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
+    let mismatch = |what, expected: String, found: String| Err(Error::dimension(what, expected, found));
     let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
     else {
         return mismatch("layers of an EXR file", "one or more with pixels".into(), "none".into());
@@ -119,11 +119,7 @@ pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault,
-        help: "give an EXR file with channels R, G, B or Y, bare or in a layer".into(),
-    }
+    Error::data(path, fault, "give an EXR file with channels R, G, B or Y, bare or in a layer")
 }
 
 /// All layers of a file that form an image, with their names.

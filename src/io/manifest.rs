@@ -358,11 +358,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
     pub fn read(path: &Path) -> Result<Self> {
         path.parent().into_iter().for_each(file::follow_no_links_below);
         let bytes = file::read(path)?;
-        let unusable = |fault: String| Error::Data {
-            path: path.to_path_buf(),
-            fault,
-            help: "give the run.json of a krylux run".into(),
-        };
+        let unusable = |fault: String| Error::data(path, fault, "give the run.json of a krylux run");
         let manifest: Self = serde_json::from_slice(&bytes).map_err(|error| unusable(error.to_string()))?;
         match manifest.krylux_format {
             FORMAT => Ok(manifest),

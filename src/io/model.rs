@@ -288,11 +288,7 @@ fn numbers(path: &Path, shape: &[usize]) -> Result<Vec<f64>> {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault,
-        help: "capture the model anew with `krylux relight SCENE`".into(),
-    }
+    Error::data(path, fault, "capture the model anew with `krylux relight SCENE`")
 }
 
 #[cfg(test)]

@@ -30,11 +30,11 @@ pub struct Array {
 pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &[T]) -> Result<()> {
     let expected: usize = shape.iter().product();
     if expected != values.len() {
-        return Err(Error::Dimension {
-            what: "values of an array",
-            expected: format!("{} = {expected}", describe_shape(shape)),
-            found: values.len().to_string(),
-        });
+        return Err(Error::dimension(
+            "values of an array",
+            format!("{} = {expected}", describe_shape(shape)),
+            values.len().to_string(),
+        ));
     }
     atomic::write_with(path, |file| write_array(file, shape, values))
 }
@@ -244,9 +244,5 @@ fn describe_shape(shape: &[usize]) -> String {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault,
-        help: "write it with numpy.save, as an array of real numbers of shape H×W or H×W×3".into(),
-    }
+    Error::data(path, fault, "write it with numpy.save, as an array of real numbers of shape H×W or H×W×3")
 }

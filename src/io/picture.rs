@@ -43,11 +43,11 @@ pub fn read(path: &Path) -> Result<Image> {
 pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Image> {
     let require = |found: Resolution| match found == expected {
         true => Ok(()),
-        false => Err(Error::Data {
-            path: path.to_path_buf(),
-            fault: format!("it has {found} pixels, but {whose} has {expected}"),
-            help: format!("resize it to {expected} pixels, or use --size {found}"),
-        }),
+        false => Err(Error::data(
+            path,
+            format!("it has {found} pixels, but {whose} has {expected}"),
+            format!("resize it to {expected} pixels, or use --size {found}"),
+        )),
     };
     let stated = stated_sizes(path)?;
     if let Some(&first) = stated.first()
@@ -108,11 +108,11 @@ pub fn require_finite(path: &Path, image: &Image) -> Result<()> {
     };
     let pixel = at / image.channels();
     let width = image.resolution().width;
-    Err(Error::Data {
-        path: path.to_path_buf(),
-        fault: format!("pixel ({}, {}) is {}", pixel % width, pixel / width, image.samples()[at]),
-        help: "replace NaN and infinite values by finite ones".into(),
-    })
+    Err(Error::data(
+        path,
+        format!("pixel ({}, {}) is {}", pixel % width, pixel / width, image.samples()[at]),
+        "replace NaN and infinite values by finite ones",
+    ))
 }
 
 fn kind(path: &Path) -> Option<Kind> {
@@ -126,11 +126,11 @@ fn kind(path: &Path) -> Option<Kind> {
 }
 
 fn unknown(path: &Path) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault: "its extension is not that of an image format that can be used here".into(),
-        help: "name it .npy, .exr or .png (.jpg can be read, but not written)".into(),
-    }
+    Error::data(
+        path,
+        "its extension is not that of an image format that can be used here",
+        "name it .npy, .exr or .png (.jpg can be read, but not written)",
+    )
 }
 
 /// The largest size of decoded pixels in bytes. It allows a 16-bit RGB picture of 8192² pixels, and keeps a
@@ -166,7 +166,7 @@ fn no_picture(path: &Path, fault: String) -> Error {
 }
 
 fn unusable_picture(path: &Path, fault: String, help: &str) -> Error {
-    Error::Data { path: path.to_path_buf(), fault, help: help.into() }
+    Error::data(path, fault, help)
 }
 
 /// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The

@@ -81,11 +81,8 @@ impl Raster {
     /// [`Error::Dimension`] when there are no pixels, or when a side is longer than PNG allows.
     pub fn encode_png(&self) -> Result<Vec<u8>> {
         let Resolution { width, height } = self.resolution;
-        let refused = |found: String| Error::Dimension {
-            what: "size of a PNG picture",
-            expected: "1 to 2^31 - 1 pixels a side".into(),
-            found,
-        };
+        let refused =
+            |found: String| Error::dimension("size of a PNG picture", "1 to 2^31 - 1 pixels a side", found);
         let (Ok(columns @ 1..), Ok(rows @ 1..)) = (u32::try_from(width), u32::try_from(height)) else {
             return Err(refused(self.resolution.to_string()));
         };

@@ -118,10 +118,12 @@ impl Journal {
     pub fn get(&mut self, key: Key) -> Result<Option<Stored>> {
         let Some(&index) = self.index.get(&key) else { return Ok(None) };
         let entry = &self.entries[index];
-        let length = usize::try_from(entry.length).map_err(|_| Error::Journal {
-            path: self.path.clone(),
-            fault: format!("a record of {} bytes does not fit into the address space", entry.length),
-            help: "open it on a 64-bit machine".into(),
+        let length = usize::try_from(entry.length).map_err(|_| {
+            Error::journal(
+                self.path.clone(),
+                format!("a record of {} bytes does not fit into the address space", entry.length),
+                "open it on a 64-bit machine",
+            )
         })?;
         let mut payload = vec![0; length];
         read_at(&self.file, entry.payload_at(), &mut payload).map_err(Error::reading(&self.path))?;
@@ -275,7 +277,7 @@ impl Journal {
 
     /// An error about this journal.
     pub(super) fn refusal(&self, fault: String, help: &str) -> Error {
-        Error::Journal { path: self.path.clone(), fault, help: help.into() }
+        Error::journal(self.path.clone(), fault, help)
     }
 
     /// The error for a failed write or sync.

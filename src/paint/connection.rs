@@ -114,7 +114,7 @@ fn respond(request: &mut Request<Incoming>, shared: &Shared) -> Response<Full<By
 }
 
 fn page(shared: &Shared) -> Response<Full<Bytes>> {
-    let mut answer = Response::new(Full::new(shared.page.html()));
+    let mut answer = Response::new(Full::new(shared.page.clone()));
     let headers = answer.headers_mut();
     headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));

@@ -81,12 +81,11 @@ impl Embedded {
     /// [`Canvas::photo`].
     pub fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
         if canvas.layers().is_empty() {
-            return Err(Error::Option {
-                option: "-o".into(),
-                fault: "a page without server holds the light transport matrix, and this source has none in memory"
-                    .into(),
-                help: "give a scene or a matrix, or serve the page".into(),
-            });
+            return Err(Error::option(
+                "-o",
+                "a page without server holds the light transport matrix, and this source has none in memory",
+                "give a scene or a matrix, or serve the page",
+            ));
         }
         let most = options.max_bytes.unwrap_or(usize::MAX);
         let parts = Parts::new(canvas, options)?;
@@ -135,16 +134,16 @@ impl Embedded {
 
 fn too_large(bytes: usize, most: usize) -> Error {
     let mebibytes = |bytes: usize| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
-    Error::Option {
-        option: "--max-size".into(),
-        fault: format!(
+    Error::option(
+        "--max-size",
+        format!(
             "the page takes {} with {} % of the matrix's entries, more than {}",
             mebibytes(bytes),
             100.0 * LEAST_SHARE,
             mebibytes(most)
         ),
-        help: "use a smaller --size, or allow more".into(),
-    }
+        "use a smaller --size, or allow more",
+    )
 }
 
 /// The relative difference that storing makes to photos, the largest of four.

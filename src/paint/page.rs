@@ -44,26 +44,14 @@ pub(super) const WORKER: [Module; 4] = [
     ("worker.js", include_str!("web/worker.js")),
 ];
 
-/// The page of a server.
-#[derive(Clone, Debug)]
-pub struct Served(Bytes);
-
-impl Served {
-    /// The page for a canvas; its scripts bear the mark `nonce`.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`]; [`Error::Numerical`] where the page cannot be filled.
-    pub(super) fn new(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Self> {
-        let info = describe(canvas)?;
-        let about =
-            "Everything that is painted here stays on this machine and the server that printed this address.";
-        Ok(Self(Bytes::from(page(&info, about, Some(nonce), "")?)))
-    }
-
-    /// The page.
-    pub(super) fn html(&self) -> Bytes {
-        self.0.clone()
-    }
+/// The page of a server for a canvas; its scripts bear the mark `nonce`.
+///
+/// # Errors
+/// As [`Canvas::photo`]; [`Error::Numerical`] where the page cannot be filled.
+pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Bytes> {
+    let about =
+        "Everything that is painted here stays on this machine and the server that printed this address.";
+    Ok(Bytes::from(page(&describe(canvas)?, about, Some(nonce), "")?))
 }
 
 /// What the page is filled with.

@@ -168,11 +168,7 @@ impl Canvas<'_> {
 }
 
 fn refused<T>(what: &str, help: &str) -> Result<T> {
-    Err(Error::Option {
-        option: "question".into(),
-        fault: format!("{what} cannot be answered"),
-        help: help.into(),
-    })
+    Err(Error::option("question", format!("{what} cannot be answered"), help))
 }
 
 /// `W A`: each camera pixel counts by its weight.

@@ -9,13 +9,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use hyper::body::Bytes;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
 use super::connection;
 use super::connection::Outboxes;
 use super::message::Mailbox;
-use super::page::Served;
+use super::page::served;
 use super::session::{Event, Session};
 use crate::error::{Error, Result};
 
@@ -48,7 +49,7 @@ pub(super) struct Shared {
     pub(super) mailbox: Mailbox,
     pub(super) outboxes: Outboxes,
     pub(super) guard: Guard,
-    pub(super) page: Served,
+    pub(super) page: Bytes,
     pub(super) sizes: Sizes,
     pub(super) clients: AtomicU64,
     /// Milliseconds from the start to the last message of a page.
@@ -105,7 +106,7 @@ pub fn serve(
     let shared = Arc::new(Shared {
         mailbox: Mailbox::default(),
         outboxes: Outboxes::default(),
-        page: Served::new(canvas, guard.nonce())?,
+        page: served(canvas, guard.nonce())?,
         sizes: Sizes { channels: canvas.channels(), pixels: canvas.projector().pixels() },
         guard,
         clients: AtomicU64::new(0),
@@ -188,11 +189,11 @@ async fn accept(
 }
 
 fn no_listener(address: SocketAddr, reason: &std::io::Error) -> Error {
-    Error::Option {
-        option: "--listen".into(),
-        fault: format!("{address} cannot be listened on: {reason}"),
-        help: "give another port, or port 0 for any free one".into(),
-    }
+    Error::option(
+        "--listen",
+        format!("{address} cannot be listened on: {reason}"),
+        "give another port, or port 0 for any free one",
+    )
 }
 
 /// Bytes of a token: too many to be guessed.

@@ -60,33 +60,22 @@ pub(super) fn view<'a>(
     what: &str,
     view: json::Index<json::buffer::View>,
 ) -> Result<(&'a [u8], Option<usize>)> {
-    let help = "the file is damaged: export it again";
     let index = view.value();
-    let Some(view) = document.root.buffer_views.get(index) else {
-        return Err(
-            document.fault(format!("{what} refers to buffer view {index}, which does not exist"), help)
-        );
-    };
-    let Some(buffer) = document.buffers.get(view.buffer.value()) else {
-        let buffer = view.buffer.value();
-        return Err(document
-            .fault(format!("buffer view {index} refers to buffer {buffer}, which does not exist"), help));
-    };
+    let view = document.referred(&document.root.buffer_views, what, "buffer view", index)?;
+    let user = format!("buffer view {index}");
+    let buffer = document.referred(&document.buffers, &user, "buffer", view.buffer.value())?;
     let start = view.byte_offset.map_or(0, |offset| offset.0);
     let range = usize::try_from(start)
         .ok()
         .zip(start.checked_add(view.byte_length.0).and_then(|end| usize::try_from(end).ok()))
         .and_then(|(start, end)| buffer.get(start..end));
     let Some(bytes) = range else {
-        return Err(document.fault(
-            format!(
-                "buffer view {index} ({} bytes at {start}) ends outside buffer {} ({} bytes)",
-                view.byte_length.0,
-                view.buffer.value(),
-                buffer.len()
-            ),
-            help,
-        ));
+        return Err(document.damaged(format!(
+            "buffer view {index} ({} bytes at {start}) ends outside buffer {} ({} bytes)",
+            view.byte_length.0,
+            view.buffer.value(),
+            buffer.len()
+        )));
     };
     Ok((bytes, view.byte_stride.map(|stride| stride.0)))
 }

@@ -80,12 +80,7 @@ fn assembly(
         let source = &document.root.nodes[node.node];
         let Some(index) = source.mesh.map(|mesh| mesh.value()) else { continue };
         let node_name = object_name("node", node.node, source.name.as_ref());
-        let Some(mesh) = document.root.meshes.get(index) else {
-            return Err(document.fault(
-                format!("{node_name} refers to mesh {index}, which does not exist"),
-                "the file is damaged: export it again",
-            ));
-        };
+        let mesh = document.referred(&document.root.meshes, &node_name, "mesh", index)?;
         let mesh_name = object_name("mesh", index, mesh.name.as_ref());
         let primitives = mesh.primitives.len();
         let mesh_label = assembly.label(document, &mesh_name, index, None)?;
@@ -238,9 +233,7 @@ impl Assembly {
 fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool> {
     let what = &placement.what;
     match &document.root.meshes[placement.mesh].primitives[placement.primitive].mode {
-        Checked::Invalid => {
-            Err(document.fault(format!("{what} has an unknown mode"), "the file is damaged: export it again"))
-        }
+        Checked::Invalid => Err(document.damaged(format!("{what} has an unknown mode"))),
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => Ok(true),
         Checked::Valid(_) => {
             document.warnings.add(format!("{what} consists of {NO_AREA}: ignored"));
@@ -250,7 +243,7 @@ fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool>
 }
 
 fn cut_short(document: &Document, what: &str) -> Error {
-    document.fault(format!("{what}: its data ends too early"), "the mesh is damaged: export it again")
+    document.damaged_mesh(format!("{what}: its data ends too early"))
 }
 
 /// Makes world-space triangles of a primitive at one pose.
@@ -281,16 +274,15 @@ impl Placer<'_> {
     fn place(&self, index: u32, corner: usize, triangle: &mut Triangle, place: &mut Place) -> Result<bool> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
-            document.fault(
-                format!("{what}: an index asks for vertex {index}, but there are {}", vertices.count),
-                "the mesh is damaged: export it again",
-            )
+            document.damaged_mesh(format!(
+                "{what}: an index asks for vertex {index}, but there are {}",
+                vertices.count
+            ))
         })?;
         let transform = self.pose.of(index as usize).ok_or_else(|| {
-            document.fault(
-                format!("{what}: vertex {index} is bound to no joint, or to one that the skin does not have"),
-                "the mesh is damaged: export it again",
-            )
+            document.damaged_mesh(format!(
+                "{what}: vertex {index} is bound to no joint, or to one that the skin does not have"
+            ))
         })?;
         let world = transform.point(vertex.position);
         if !world.is_finite() || world.abs().max_element() > f64::from(MAX_COORDINATE) {

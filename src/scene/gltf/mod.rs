@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use gltf_json as json;
+use serde::de::DeserializeOwned;
 
 use super::camera::Posed;
 use super::place::Place;
@@ -142,6 +143,33 @@ impl Document {
         }
         self.warnings.add(format!("{fault}: {what} is left out; {help}"));
         Ok(())
+    }
+
+    /// The object number `index` of a list of the file. `user` names the object that refers to it.
+    fn referred<'a, T>(&self, list: &'a [T], user: &str, kind: &str, index: usize) -> Result<&'a T> {
+        list.get(index)
+            .ok_or_else(|| self.damaged(format!("{user} refers to {kind} {index}, which does not exist")))
+    }
+
+    /// The extension `name` of the object that `what` names; `None` if `extensions` do not have it.
+    fn extension<T: DeserializeOwned>(
+        &self,
+        what: &str,
+        extensions: Option<&serde_json::Map<String, json::Value>>,
+        name: &str,
+    ) -> Result<Option<T>> {
+        let value = extensions.and_then(|extensions| extensions.get(name));
+        value.map(|value| serde_json::from_value(value.clone())).transpose().map_err(|error| {
+            self.fault(format!("{what}: {name} cannot be read: {error}"), "export the scene again")
+        })
+    }
+
+    fn damaged(&self, fault: impl Into<String>) -> Error {
+        self.fault(fault, "the file is damaged: export it again")
+    }
+
+    fn damaged_mesh(&self, fault: impl Into<String>) -> Error {
+        self.fault(fault, "the mesh is damaged: export it again")
     }
 
     /// An error about this file.

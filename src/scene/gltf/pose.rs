@@ -101,15 +101,11 @@ struct Attributes {
 /// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the
 /// extension. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
-    let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get(INSTANCING));
-    let Some(extension) = extension else { return Ok(None) };
-    let Attributes { translation, rotation, scale } = match serde_json::from_value(extension.clone()) {
-        Ok(Instancing { attributes }) => attributes,
-        Err(error) => {
-            return Err(document
-                .fault(format!("{what}: {INSTANCING} cannot be read: {error}"), "export the scene again"));
-        }
+    let extensions = node.extensions.as_ref().map(|extensions| &extensions.others);
+    let Some(Instancing { attributes }) = document.extension(what, extensions, INSTANCING)? else {
+        return Ok(None);
     };
+    let Attributes { translation, rotation, scale } = attributes;
     let open =
         |name: &str, accessor: Option<json::Index<json::Accessor>>, shape, components: &[ComponentType]| {
             let what = format!("{what}: {name} of its instances");
@@ -196,10 +192,7 @@ impl Skins {
         if let Some(matrices) = self.matrices.get(&index) {
             return Ok(Rc::clone(matrices));
         }
-        let help = "the file is damaged: export it again";
-        let Some(skin) = document.root.skins.get(index) else {
-            return Err(document.fault(format!("{user} refers to skin {index}, which does not exist"), help));
-        };
+        let skin = document.referred(&document.root.skins, user, "skin", index)?;
         let what = object_name("skin", index, skin.name.as_ref());
         let inverse_bind = match skin.inverse_bind_matrices {
             None => None,
@@ -219,10 +212,8 @@ impl Skins {
             let bound = match &inverse_bind {
                 None => DAffine3::IDENTITY,
                 Some(array) => array.vector::<16>(position).and_then(affine).ok_or_else(|| {
-                    document.fault(
-                        format!("{what}: its inverse bind matrix {position} is missing or not affine"),
-                        help,
-                    )
+                    let fault = "is missing or not affine";
+                    document.damaged(format!("{what}: its inverse bind matrix {position} {fault}"))
                 })?,
             };
             matrices.push(transform * bound);
@@ -273,10 +264,9 @@ impl<'a> Influences<'a> {
                     ));
                 }
                 _ => {
-                    return Err(document.fault(
-                        format!("{what} is skinned, but lacks JOINTS_{set} or WEIGHTS_{set}"),
-                        "the mesh is damaged: export it again",
-                    ));
+                    return Err(document.damaged_mesh(format!(
+                        "{what} is skinned, but lacks JOINTS_{set} or WEIGHTS_{set}"
+                    )));
                 }
             };
             let open = |name: &str, accessor, components: &[ComponentType]| {

@@ -58,9 +58,7 @@ impl<'a> Vertices<'a> {
     ) -> Result<Self> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let Some(positions) = attribute(Semantic::Positions) else {
-            return Err(
-                document.fault(format!("{what} has no POSITION"), "the mesh is damaged: export it again")
-            );
+            return Err(document.damaged_mesh(format!("{what} has no POSITION")));
         };
         let positions = buffers::open_accessor(
             document,
@@ -183,10 +181,9 @@ pub(super) fn open_for<'a>(
 ) -> Result<Array<'a>> {
     let array = buffers::open_accessor(document, what, accessor, shape, components)?;
     if array.count < count {
-        return Err(document.fault(
-            format!("{what} has {} elements for {count} vertices", array.count),
-            "the mesh is damaged: export it again",
-        ));
+        return Err(
+            document.damaged_mesh(format!("{what} has {} elements for {count} vertices", array.count))
+        );
     }
     Ok(array)
 }
@@ -230,10 +227,8 @@ impl<'a> Corners<'a> {
             Mode::TriangleStrip | Mode::TriangleFan => corners.saturating_sub(2),
             _ if corners % 3 == 0 => corners / 3,
             _ => {
-                return Err(document.fault(
-                    format!("{what} has {corners} corners, which is not a multiple of 3"),
-                    "the mesh is damaged: export it again",
-                ));
+                return Err(document
+                    .damaged_mesh(format!("{what} has {corners} corners, which is not a multiple of 3")));
             }
         };
         Ok(Self { mode, indices, triangles })
