@@ -14,9 +14,9 @@ pub enum Error {
     Scene {
         /// The file at fault: the scene, or a buffer or picture that it refers to.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A data file (pattern, image, matrix) is malformed or has the wrong shape.
@@ -24,9 +24,9 @@ pub enum Error {
     Data {
         /// The file at fault.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// An option's value cannot be used.
@@ -34,9 +34,9 @@ pub enum Error {
     Option {
         /// The option's name, such as `--size`.
         option: String,
-        /// What is wrong with its value.
+        /// The fault of its value.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A file cannot be read.
@@ -60,15 +60,15 @@ pub enum Error {
     NoAdapter {
         /// Which adapter was requested; may be empty.
         detail: String,
-        /// What to install, or which adapters exist.
+        /// The driver to install, or the adapters that exist.
         help: String,
     },
     /// The GPU device refused a request, ran out of memory or was lost.
     #[error("graphics device: {fault}\n  help: {help}")]
     Device {
-        /// What happened.
+        /// The event.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A projector or camera refused a request, returned no usable data, or was disconnected.
@@ -76,9 +76,9 @@ pub enum Error {
     Rig {
         /// The device as the rig file names it, such as `camera` or `projector`.
         device: String,
-        /// What happened.
+        /// The event.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A camera is saturated: some pixel has the highest count at every available exposure.
@@ -88,7 +88,7 @@ pub enum Error {
         device: String,
         /// Which pixels, at which exposure.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are
@@ -97,9 +97,9 @@ pub enum Error {
     Journal {
         /// The file at fault.
         path: PathBuf,
-        /// What happened.
+        /// The event.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A photo that only the devices or the scene could take is not among those of a finished run.
@@ -109,7 +109,7 @@ pub enum Error {
         path: PathBuf,
         /// Which photo is missing.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
@@ -122,7 +122,7 @@ pub enum Error {
         unfinished: u64,
         /// Number of paths traced.
         total: u64,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// Processes that work together cannot go on: one lacks what it needs, or differs from the others.
@@ -130,7 +130,7 @@ pub enum Error {
     Team {
         /// Which process, and what happened.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// The user or an observer stopped the computation.
@@ -139,7 +139,7 @@ pub enum Error {
     /// A size differs from the required one.
     #[error("{what}: {expected} expected, but there are {found}")]
     Dimension {
-        /// What was counted or measured.
+        /// The quantity.
         what: &'static str,
         /// The required size.
         expected: String,
@@ -180,7 +180,7 @@ impl Error {
         Self::Rig { device: device.into(), fault: fault.into(), help: help.into() }
     }
 
-    /// [`Error::Dimension`] of the thing that was counted or measured.
+    /// [`Error::Dimension`] of a quantity.
     pub(crate) fn dimension(
         what: &'static str,
         expected: impl Into<String>,
@@ -201,7 +201,7 @@ impl Error {
         move |reason| Self::Write { path, reason }
     }
 
-    /// Fails unless a size is the required one; `what` is counted or measured.
+    /// Fails unless a size is the required one; `what` is the quantity.
     ///
     /// # Errors
     /// [`Error::Dimension`].

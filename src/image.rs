@@ -152,7 +152,10 @@ impl Image {
 /// The radius of the kernel in standard deviations.
 const REACH: f64 = 4.0;
 
-/// A separable Gaussian blur of images of one resolution.
+/// A separable Gaussian blur `K` of images of one resolution.
+///
+/// Beyond its edges the image is continued by reflection at the border between pixels (`… c b a | a b c …`). Then `K = Kᵀ`, so that `K A K` is
+/// symmetric where `A` is, and `K 1 = 1`, so that a constant pattern stays constant.
 #[derive(Clone, Debug)]
 pub struct Blur {
     resolution: Resolution,

@@ -65,9 +65,6 @@ impl Format {
     }
 
     /// Reads the width and height in pixels, without decoding the pixels.
-    ///
-    /// # Errors
-    /// The message of the decoder when the file is malformed.
     pub(crate) fn size(self, bytes: &[u8]) -> Result<(u32, u32), String> {
         match self {
             Self::Png => {
@@ -85,9 +82,6 @@ impl Format {
 
     /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before memory is
     /// allocated for them.
-    ///
-    /// # Errors
-    /// The message of the decoder when the file is malformed or too large.
     pub(crate) fn decode(self, bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
         match self {
             Self::Png => decode_png(bytes, max_bytes),

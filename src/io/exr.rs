@@ -106,13 +106,9 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
 }
 
 /// The sizes of the layers that a file states. Nothing is decoded.
-///
-/// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed.
 pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
     let bytes = file::read(path)?;
     let header = || MetaData::read_from_buffered(bytes.as_slice(), false).map_err(|error| error.to_string());
-    // As in `decode`.
     let meta = machine::unless_panics(header).unwrap_or_else(|| Err("it is malformed".into()));
     let headers = meta.map_err(|fault| unusable(path, fault))?.headers;
     Ok(headers.iter().map(|of| Resolution::new(of.layer_size.width(), of.layer_size.height())).collect())
@@ -129,7 +125,7 @@ fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     machine::unless_panics(|| decode_unguarded(bytes)).unwrap_or_else(|| Err("it is malformed".into()))
 }
 
-/// As [`decode`], but a damaged file may cause a panic.
+/// Like [`decode`], but a damaged file may cause a panic.
 fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
     let samples = meta.headers.iter().try_fold(0_usize, |sum, header| {

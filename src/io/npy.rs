@@ -40,9 +40,6 @@ pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &
 }
 
 /// Writes an image as `f32`, `H×W` (luma) or `H×W×3` (RGB).
-///
-/// # Errors
-/// [`Error::Write`].
 pub fn write_image(path: &Path, image: &Image) -> Result<()> {
     let Resolution { width, height } = image.resolution();
     let shape = [height, width, image.channels()];
@@ -75,7 +72,7 @@ pub fn read_npy(path: &Path) -> Result<Array> {
 /// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does. The values are rounded to `f32`.
 ///
 /// # Errors
-/// As [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too
+/// Those of [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too
 /// large for `f32`.
 pub fn read_image(path: &Path) -> Result<Image> {
     let Array { shape, values } = read_npy(path)?;

@@ -35,11 +35,11 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// As [`read`], where it is known which size the image must have. Files of another size are refused before their pixels are decoded, since
+/// Reads an image that must have a certain size. Files of another size are refused before their pixels are decoded, since
 /// a few bytes can state any number of them. `whose` names in the message what has that size.
 ///
 /// # Errors
-/// As [`read`], and [`Error::Data`] when the image has another size.
+/// Those of [`read`], and [`Error::Data`] when the image has another size.
 pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Image> {
     let require = |found: Resolution| match found == expected {
         true => Ok(()),
@@ -60,9 +60,6 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
 }
 
 /// The sizes that a file states of the images in it, before anything is decoded; none for `.npy` files, which are as long as their arrays.
-///
-/// # Errors
-/// As [`read`].
 pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     match kind(path) {
         Some(Kind::Png | Kind::Jpeg) => Ok(vec![size(path)?]),
@@ -87,9 +84,6 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
 }
 
 /// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
-///
-/// # Errors
-/// As [`write()`].
 pub fn check_writable(path: &Path) -> Result<()> {
     match kind(path) {
         Some(Kind::Npy | Kind::Exr | Kind::Png) => atomic::check_writable(path),
@@ -141,9 +135,6 @@ const MAX_BYTES: usize = 512 << 20;
 const MEMORY_PER_BYTE: u64 = 8;
 
 /// The size that a PNG or JPEG file states.
-///
-/// # Errors
-/// As [`read_png`].
 pub(super) fn size(path: &Path) -> Result<Resolution> {
     let bytes = file::read(path)?;
     let (width, height) = format(path, &bytes)?.size(&bytes).map_err(|fault| no_picture(path, fault))?;

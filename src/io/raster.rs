@@ -1,4 +1,5 @@
-//! Rasters: 8-bit sRGB pictures for viewing, and their PNG files.
+//! Rasters: 8-bit sRGB pictures for viewing, their PNG files, and the tone mapping of linear radiance to them: one exposure for the whole
+//! photo, and the sRGB curve (IEC 61966-2-1).
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -102,7 +103,7 @@ impl Raster {
     /// Writes a PNG file.
     ///
     /// # Errors
-    /// As [`Raster::encode_png`], and [`Error::Write`].
+    /// Those of [`Raster::encode_png`], and [`Error::Write`].
     pub fn write_png(&self, path: &Path) -> Result<()> {
         atomic::write_bytes(path, &self.encode_png()?)
     }

@@ -143,9 +143,6 @@ impl Journal {
     }
 
     /// Reads and checks every payload. Then [`Journal::damages`] is complete.
-    ///
-    /// # Errors
-    /// As [`Journal::get`].
     pub fn verify(&mut self) -> Result<()> {
         let keys: Vec<Key> = self.index.keys().copied().collect();
         for key in keys {
@@ -157,9 +154,6 @@ impl Journal {
 
     /// Stores a pattern, unless it is stored already, and returns its key. The pattern is on disk when the
     /// photo that is appended next is.
-    ///
-    /// # Errors
-    /// As [`Journal::append`].
     pub fn pattern(&mut self, payload: &[u8]) -> Result<Key> {
         let key = Key::of(&[b"pattern", payload]);
         if !self.holds(key) {
@@ -184,7 +178,7 @@ impl Journal {
     /// the last sync. The reason is speed: a sync takes longer than a product with the matrix.
     ///
     /// # Errors
-    /// As [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
+    /// Those of [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
     pub fn append_buffered(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
         if self.synced.at.elapsed() < SYNC_INTERVAL { Ok(()) } else { self.sync() }
@@ -220,9 +214,6 @@ impl Journal {
     }
 
     /// Appends a note with this name, unless there is one. An existing note is not changed.
-    ///
-    /// # Errors
-    /// As [`Journal::append`].
     pub fn note(&mut self, name: &str, payload: &[u8]) -> Result<()> {
         let key = self.note_key(name);
         // Reading the note finds out whether it is damaged.
@@ -230,9 +221,6 @@ impl Journal {
     }
 
     /// Reads the note with this name.
-    ///
-    /// # Errors
-    /// As [`Journal::get`].
     pub fn read_note(&mut self, name: &str) -> Result<Option<Vec<u8>>> {
         let key = self.note_key(name);
         Ok(self.get(key)?.map(|stored| stored.payload))

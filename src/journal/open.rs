@@ -1,4 +1,4 @@
-//! Creating, resuming and opening journals.
+//! Creating, resuming and opening journals, and the lock that admits one writer at a time.
 
 use std::collections::HashMap;
 use std::fs::{File, TryLockError};
@@ -194,9 +194,6 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
 
 /// Takes the journal's lock for this process. The lock is released when the returned file is closed, however
 /// the process ends.
-///
-/// # Errors
-/// [`Error::Journal`] naming the file and the process that holds the lock.
 fn take_lock(path: &Path) -> Result<File> {
     let unusable = |source: std::io::Error| {
         Error::journal(

@@ -44,9 +44,6 @@ pub async fn refuse(mut stream: TcpStream) {
 }
 
 /// Serves one connection to its end.
-///
-/// # Errors
-/// Why it was dropped, where that is worth a note.
 pub(super) async fn serve_connection(
     stream: TcpStream,
     shared: Arc<Shared>,
@@ -295,7 +292,6 @@ pub enum Parcel {
     Text(String),
 }
 
-/// What waits for one page.
 #[derive(Debug, Default)]
 struct Outbox {
     pattern: Option<Parcel>,
@@ -306,7 +302,7 @@ struct Outbox {
     arrived: Arc<Notify>,
 }
 
-/// What waits for all pages.
+/// The parcels that wait for each page. Only the newest photo is kept, so that a slow page gets fewer photos and needs no more memory.
 #[derive(Debug, Default)]
 pub struct Outboxes(Mutex<BTreeMap<Client, Outbox>>);
 

@@ -44,7 +44,7 @@ pub enum Ended {
     Idle,
 }
 
-/// What all connections share.
+/// The state that all connections share.
 pub(super) struct Shared {
     pub(super) mailbox: Mailbox,
     pub(super) outboxes: Outboxes,
@@ -207,7 +207,7 @@ pub struct Guard {
     nonce: String,
 }
 
-/// What a request is for.
+/// The two addresses of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
     /// The page.
@@ -235,7 +235,7 @@ impl Guard {
         &self.nonce
     }
 
-    /// What a path asks for; `None` without the token.
+    /// The route of a path; `None` without the token.
     pub fn route(&self, path: &str) -> Option<Route> {
         let (token, rest) = path.strip_prefix('/')?.split_once('/')?;
         // Every byte is compared, so that the time tells nothing.

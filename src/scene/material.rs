@@ -1,5 +1,5 @@
 //! Surface materials: glTF metallic–roughness with `KHR_materials_specular`, `ior`, `transmission`, `volume`
-//! and `diffuse_transmission`.
+//! and `diffuse_transmission`; and their textures.
 
 use glam::{Affine2, Vec3};
 

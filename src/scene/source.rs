@@ -1,5 +1,5 @@
-//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, and the content
-//! hash.
+//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, the content
+//! hash, and the decoding of pictures.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -15,9 +15,6 @@ pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<Strin
 }
 
 /// Reads the scene's own file.
-///
-/// # Errors
-/// [`Error::Read`] when it cannot be read, [`Error::Scene`] when it only stands for a file that is elsewhere.
 pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {
     file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
 }
@@ -155,7 +152,7 @@ pub(super) struct Picture {
 pub(super) struct Fault {
     /// The predicate of a sentence whose subject is the picture's name.
     pub fault: String,
-    /// What to do about it.
+    /// The remedy.
     pub help: String,
     /// Whether the picture has a format that is not read. Others are damaged or too large.
     pub is_unknown: bool,
@@ -185,7 +182,7 @@ pub(super) fn unread(beginning: &[u8], name: &Path) -> Option<Fault> {
     format.is_none().then(|| other_format(beginning))
 }
 
-/// What a picture is whose format is not read.
+/// The fault of a picture whose format is not read.
 fn other_format(bytes: &[u8]) -> Fault {
     let of = |(at, beginning, ..): &&(usize, &[u8], &str, &str)| {
         bytes.get(*at..).is_some_and(|rest| rest.starts_with(beginning))

@@ -1,4 +1,4 @@
-//! Buffers and buffer views.
+//! Buffers, their views and URIs, and accessors: typed, strided arrays in views, which are checked when they are opened.
 
 use std::path::PathBuf;
 
@@ -284,7 +284,7 @@ pub(super) fn open_accessor<'a>(
             let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
             Some(elements(document, &format!("accessor {index}"), view, offset, element, count)?)
         }
-        // By the specification, elements without data are zero.
+        // Elements without data are zero by the specification.
         None => None,
     };
     let Ok(count) = usize::try_from(count) else {

@@ -18,7 +18,6 @@ use crate::scene::Watcher;
 use crate::scene::place::Place;
 use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
 
-/// What primitives without triangles consist of.
 const NO_AREA: &str = "points or lines, which have no area";
 
 /// The triangles of one primitive at one node. Their region index is set later.
@@ -325,7 +324,7 @@ const MAX_PLACEMENTS: usize = 1 << 20;
 /// The largest number of triangles times morph targets.
 const MAX_MORPHS: usize = 1 << 28;
 
-/// What was counted so far.
+/// The sizes so far. A small file can place one mesh any number of times.
 #[derive(Default)]
 pub(super) struct Counts {
     /// Number of primitives placed.

@@ -19,7 +19,7 @@ pub(super) struct Materials {
     pub list: Vec<Material>,
     /// The textures that they refer to.
     pub textures: Textures,
-    /// By the file's index; `None` is glTF's default material.
+    /// The index in the list for each of the file's; `None` is glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
     /// Materials without the textures for which a primitive has no coordinates, by the material and the sets that it has.
     bare: HashMap<(u32, [bool; 2]), u32>,
@@ -284,7 +284,7 @@ impl Checks<'_> {
 
     /// An index of refraction: at least 1, or 0.
     pub(super) fn ior(&self, value: f32) -> Result<f32> {
-        // By KHR_materials_ior, 0 asks for a Fresnel term of 1 everywhere.
+        // KHR_materials_ior: 0 asks for a Fresnel term of 1 everywhere.
         if value == 0.0 || (value.is_finite() && value >= 1.0) {
             return Ok(value);
         }
@@ -304,7 +304,10 @@ pub(super) const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 /// The reflectance at normal incidence of a dielectric whose index of refraction is 1.5.
 const REFLECTANCE: f32 = 0.04;
 
-/// The extension of a material.
+/// `KHR_materials_pbrSpecularGlossiness`, an older description of materials.
+///
+/// The diffuse colour becomes the base colour of a dielectric. Its reflectance at normal incidence becomes the specular colour, which
+/// multiplies the 0.04 of an index of refraction of 1.5; a metal is such a surface without diffuse colour. Roughness is 1 minus glossiness.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Glossiness {

@@ -34,9 +34,6 @@ use crate::error::{Error, Result};
 use cameras::Wanted;
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
-///
-/// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = source::read_scene(path)?;
     let mut document = Document::parse(path, &bytes)?;
@@ -191,7 +188,7 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     match value.pointer("/asset/version").and_then(json::Value::as_str) {
         Some(other) if !other.starts_with("2.") => return Err(other_version(path, other)),
-        // Of glTF 1.0, which names its objects instead of numbering them, some files state no version as a text.
+        // Some files of glTF 1.0, which names its objects instead of numbering them, state no version as a text.
         _ if value.get("scenes").is_some_and(json::Value::is_object) => {
             return Err(other_version(path, "1.0"));
         }

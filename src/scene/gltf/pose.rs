@@ -1,4 +1,4 @@
-//! Transforms of a mesh's vertices to world space, rigid or by a skin.
+//! Transforms of a mesh's vertices to world space: by its node, by the instances of `EXT_mesh_gpu_instancing`, or by a skin in its rest pose.
 
 use std::collections::HashMap;
 use std::rc::Rc;

@@ -23,7 +23,7 @@ pub(super) const WEBP: &str = "EXT_texture_webp";
 pub(super) struct Textures {
     /// The textures that [`TextureRef::texture`] indexes.
     pub list: Vec<Texture>,
-    /// By the file's image index, its wrapping, and whether it is interpolated.
+    /// The index in the list by the file's image index, its wrapping, and whether it is interpolated.
     index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
     pictures: Pictures,
 }
@@ -166,7 +166,7 @@ fn no_image(document: &Document, what: &str, texture: &json::Texture, source: us
             format!("{what} has its picture only as {name}, which is not supported"),
             advice(&name).into(),
         )),
-        // By the specification, a texture may lack an image.
+        // The specification lets a texture lack an image.
         None if source == u32::MAX as usize => {
             Ok((format!("{what} has no picture"), "export the scene with its pictures".into()))
         }

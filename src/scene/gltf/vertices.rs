@@ -1,5 +1,5 @@
-//! A primitive's vertices: positions, normals, texture coordinates and colours, with morph targets at their
-//! rest weights.
+//! A primitive's triangles and vertices: positions, normals, texture coordinates and colours, with morph
+//! targets at their rest weights.
 
 use glam::{Vec2, Vec3};
 use gltf_json as json;

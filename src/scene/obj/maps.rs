@@ -101,7 +101,7 @@ impl<'a> Maps<'a> {
         if self.strict {
             return true;
         }
-        // What cannot be opened is an error when it is read.
+        // A file that cannot be opened is an error when it is read.
         let mut beginning = [0; 16];
         let read = file::open(&map.file).ok().and_then(|mut file| file.read(&mut beginning).ok());
         let unread = read.and_then(|length| source::unread(&beginning[..length], &map.file));

@@ -1,4 +1,5 @@
-//! Lines of `.obj` and `.mtl` files: a keyword and its arguments.
+//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file. Errors name the line, and positions are double precision, for
+//! scenes far from the origin.
 
 use std::path::Path;
 
@@ -133,7 +134,7 @@ pub(super) fn shortened(word: &str) -> String {
 /// Maximum number of unknown statement kinds that warnings name.
 const MAX_UNKNOWN: usize = 16;
 
-/// What the indices of a corner refer to, in order.
+/// The elements that the indices of a corner refer to, in order.
 const ELEMENTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// Consecutive faces of the same group and material.
