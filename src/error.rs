@@ -1,4 +1,4 @@
-//! The library's error type. A message names the file or the option, says what was expected and what to do.
+//! The library's error type. A message names the file or the option, the expected value and the remedy.
 
 use std::path::PathBuf;
 
@@ -34,7 +34,7 @@ pub enum Error {
     Option {
         /// The option's name, such as `--size`.
         option: String,
-        /// The fault of its value.
+        /// The fault of the value.
         fault: String,
         /// The remedy.
         help: String,
@@ -58,15 +58,15 @@ pub enum Error {
     /// There is no Vulkan adapter: neither the driver of a GPU nor a software driver is installed.
     #[error("no Vulkan adapter found{detail}\n  help: {help}")]
     NoAdapter {
-        /// Which adapter was requested; may be empty.
+        /// The requested adapter; may be empty.
         detail: String,
-        /// The driver to install, or the adapters that exist.
+        /// The packages to install, or the adapters that exist.
         help: String,
     },
     /// The GPU device refused a request, ran out of memory or was lost.
     #[error("graphics device: {fault}\n  help: {help}")]
     Device {
-        /// The event.
+        /// The fault.
         fault: String,
         /// The remedy.
         help: String,
@@ -76,7 +76,7 @@ pub enum Error {
     Rig {
         /// The device as the rig file names it, such as `camera` or `projector`.
         device: String,
-        /// The event.
+        /// The fault.
         fault: String,
         /// The remedy.
         help: String,
@@ -86,7 +86,7 @@ pub enum Error {
     Saturated {
         /// The camera as the rig file names it.
         device: String,
-        /// Which pixels, at which exposure.
+        /// The pixels and the exposure.
         fault: String,
         /// The remedy.
         help: String,
@@ -97,17 +97,17 @@ pub enum Error {
     Journal {
         /// The file at fault.
         path: PathBuf,
-        /// The event.
+        /// The fault.
         fault: String,
         /// The remedy.
         help: String,
     },
-    /// A photo that only the devices or the scene could take is not among those of a finished run.
+    /// A finished run lacks a photo that only the devices or the scene could take.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     NotTaken {
         /// The journal of the run.
         path: PathBuf,
-        /// Which photo is missing.
+        /// The missing photo.
         fault: String,
         /// The remedy.
         help: String,
@@ -128,7 +128,7 @@ pub enum Error {
     /// Processes that work together cannot go on: one lacks what it needs, or differs from the others.
     #[error("{fault}\n  help: {help}")]
     Team {
-        /// Which process, and what happened.
+        /// The process and its fault.
         fault: String,
         /// The remedy.
         help: String,
@@ -139,7 +139,7 @@ pub enum Error {
     /// A size differs from the required one.
     #[error("{what}: {expected} expected, but there are {found}")]
     Dimension {
-        /// The quantity.
+        /// The quantity that was counted or measured.
         what: &'static str,
         /// The required size.
         expected: String,

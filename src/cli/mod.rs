@@ -11,7 +11,6 @@ mod compensate;
 mod completions;
 mod console;
 mod drawing;
-mod eigs;
 mod embedded_page;
 mod index;
 mod info;
@@ -36,7 +35,6 @@ mod rig;
 mod rig_info;
 mod runs;
 mod separate;
-mod singular;
 mod solve;
 mod team;
 mod tev;
@@ -50,7 +48,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::Segment;
+use crate::verbs::{Eigs, Segment};
 use console::Console;
 use options::GlobalArgs;
 
@@ -75,7 +73,7 @@ enum Verb {
     Relight(relight::Args),
     Paint(paint::Args),
     Probe(probe::Args),
-    Eigs(eigs::Args),
+    Eigs(asked::Asked<Eigs>),
     Audit(audit::Args),
     Plan(plan::Args),
     Rig(rig::Args),
@@ -140,7 +138,7 @@ pub fn main() -> ExitCode {
         Verb::Relight(args) => relight::run(args, &console),
         Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),
-        Verb::Eigs(args) => eigs::run(args, &console),
+        Verb::Eigs(args) => args.run(&console),
         Verb::Audit(args) => audit::run(args, &console),
         Verb::Rig(args) => rig::run(args, &console),
         Verb::Plan(args) => plan::run(args, &console),

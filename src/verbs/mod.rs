@@ -4,14 +4,18 @@
 //! Python and the record in `run.json` come from them. An [answer](crate::lab::Answer) is named arrays and named facts: files, summary,
 //! attributes in Python and lines on the terminal come from them.
 
+pub mod eigs;
 pub mod options;
 pub mod segment;
 #[cfg(test)]
 mod tests_of_runs;
+#[cfg(test)]
+mod tests_of_verification;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+pub use eigs::{Eigs, Spectrum};
 pub use options::{from_json, signature};
 pub use segment::{Segment, Segmented};
 

@@ -175,7 +175,7 @@ fuzzed_by!(
 #[cfg(feature = "compressed")]
 fuzzed_by!(readers: compressed);
 
-/// What a camera sends, over the network and of itself.
+/// Data that a camera sends: datagrams and its description.
 #[cfg(feature = "gige")]
 mod of_cameras {
     fuzzed_by!(cameras: gvcp, gvsp, camera_xml);

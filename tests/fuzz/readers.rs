@@ -1,4 +1,4 @@
-//! What reads each kind of file. Errors are what a mutated file should give; what must not be is said in `main.rs`.
+//! The reader of each kind of file. A mutated file should give an error; `main.rs` lists the outcomes that must not occur.
 
 use std::path::Path;
 
@@ -110,7 +110,7 @@ pub fn compressed() -> Reader {
     }
 }
 
-/// Pictures that only textures come in. Only a file's name says TGA, and what is no other format is read as that.
+/// Formats of pictures for textures only. Files of unknown format are read as TGA, which only a file's name tells.
 pub fn texture() -> Reader {
     let seeds = |folder: &Path| {
         write_scene(folder, "");
