@@ -48,7 +48,7 @@ pub struct Manifest<R> {
     pub adapter: Option<Adapter>,
     /// The source of the photos: a scene, a rig or a matrix.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub scene: Option<Scene>,
+    pub scene: Option<SourceFile>,
     /// The size of patterns and photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub resolution: Option<crate::image::Resolution>,
@@ -269,7 +269,7 @@ pub struct Adapter {
 
 /// The file of a run's source: a scene, a rig file or a matrix.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Scene {
+pub struct SourceFile {
     /// The path as given on the command line.
     pub path: Name,
     /// The hash of the file and of all files that it refers to, in hexadecimal.

@@ -1,6 +1,5 @@
 //! Creating, resuming and opening journals, and the lock that admits one writer at a time.
 
-use std::collections::HashMap;
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -121,20 +120,7 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
             "free disk space, or name a folder that can be written",
         )
     })?;
-    Ok(Journal {
-        end: header.len() as u64,
-        path,
-        file,
-        lock: Some(lock),
-        identity_hash: identity.hash(),
-        identity: identity.clone(),
-        entries: Vec::new(),
-        index: HashMap::new(),
-        damages: Vec::new(),
-        torn: None,
-        broken: false,
-        synced: Synced::now(0),
-    })
+    open(path, file, Some(lock))
 }
 
 /// Opens a journal file: reads its header and the heads of its records. With a lock, a damaged copy of the

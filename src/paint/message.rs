@@ -30,12 +30,12 @@ pub enum PageRequest {
     /// Which projector pixels light a camera pixel.
     Row(u32),
     /// A question that takes longer.
-    Ask(Asked),
+    Ask(NumberedQuestion),
 }
 
 /// A question, with the number under which the page expects the answer.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-pub struct Asked {
+pub struct NumberedQuestion {
     /// The page's number.
     pub number: u32,
     /// The question.
@@ -161,7 +161,7 @@ pub struct Pending {
     /// The newest pixel that each page looks at, of the camera (`true`) or of the projector.
     pub looks: BTreeMap<(Client, bool), u32>,
     /// Questions in order.
-    pub questions: VecDeque<(Client, Asked)>,
+    pub questions: VecDeque<(Client, NumberedQuestion)>,
     /// Pages that have come and want to see what is there.
     pub newcomers: Vec<Client>,
     /// Whether to end.

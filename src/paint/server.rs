@@ -45,7 +45,7 @@ pub enum Ended {
 }
 
 /// The state that all connections share.
-pub(super) struct Shared {
+pub(super) struct ServerState {
     pub(super) mailbox: Mailbox,
     pub(super) outboxes: Outboxes,
     pub(super) guard: Guard,
@@ -73,7 +73,7 @@ pub(super) struct Sizes {
     pub(super) pixels: usize,
 }
 
-impl Shared {
+impl ServerState {
     pub(super) fn used(&self) {
         self.last_used.store(self.start.elapsed().as_millis() as u64, Ordering::Relaxed);
     }
@@ -103,7 +103,7 @@ pub fn serve(
     let guard = Guard::new(address)?;
     let url = guard.url();
     let canvas = session.canvas();
-    let shared = Arc::new(Shared {
+    let shared = Arc::new(ServerState {
         mailbox: Mailbox::default(),
         outboxes: Outboxes::default(),
         page: served(canvas, guard.nonce())?,
@@ -126,7 +126,7 @@ pub fn serve(
 }
 
 /// Answers requests until the server ends.
-fn run_session(session: &mut Session<'_>, shared: &Shared) {
+fn run_session(session: &mut Session<'_>, shared: &ServerState) {
     loop {
         let pending = shared.mailbox.take();
         if pending.is_over {
@@ -138,7 +138,7 @@ fn run_session(session: &mut Session<'_>, shared: &Shared) {
 
 async fn accept(
     listener: TcpListener,
-    shared: Arc<Shared>,
+    shared: Arc<ServerState>,
     idle: Option<Duration>,
     mut go_on: impl FnMut() -> ControlFlow<()>,
     note: Arc<dyn Fn(&str) + Send + Sync>,

@@ -1,7 +1,7 @@
 //! The pattern on the projector and its photo: the state that all pages of a server share.
 
 use super::canvas::{Canvas, Light};
-use super::message::{Asked, Client, MessageKind, Pending, write, write_answer};
+use super::message::{Client, MessageKind, NumberedQuestion, Pending, write, write_answer};
 use super::question::Question;
 use crate::analysis::planes::Planes;
 use crate::error::Result;
@@ -140,7 +140,7 @@ impl<'a> Session<'a> {
                 Err(error) => send(Event::Text(client, error_text(None, &error.to_string()))),
             }
         }
-        for (client, Asked { number, question }) in pending.questions {
+        for (client, NumberedQuestion { number, question }) in pending.questions {
             send(match self.answer(number, &question) {
                 Ok(bytes) => Event::Answer(client, bytes),
                 Err(error) => Event::Text(client, error_text(Some(number), &error.to_string())),

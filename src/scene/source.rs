@@ -141,7 +141,7 @@ const MAX_TEXELS: u64 = 1 << 27;
 const MAX_BYTES: usize = 8 << 27;
 
 /// A decoded picture.
-pub(super) struct Picture {
+pub(super) struct Texels {
     pub width: u32,
     pub height: u32,
     /// RGBA, row 0 at the top.
@@ -203,11 +203,7 @@ pub(super) struct Pictures {
 impl Pictures {
     /// Decodes the bytes of a PNG, JPEG, WebP, BMP, GIF or TGA file; of an animation, its first picture. TGA is recognized by its
     /// file's `name` only.
-    pub(super) fn decode(
-        &mut self,
-        bytes: &[u8],
-        name: Option<&Path>,
-    ) -> std::result::Result<Picture, Fault> {
+    pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> std::result::Result<Texels, Fault> {
         let Some(format) = Format::of(bytes).or_else(|| Format::of_name(name?)) else {
             return Err(other_format(bytes));
         };
@@ -228,6 +224,6 @@ impl Pictures {
             });
         }
         let decoded = format.decode(bytes, MAX_BYTES).map_err(broken)?;
-        Ok(Picture { width: decoded.width, height: decoded.height, texels: decoded.into_rgba8() })
+        Ok(Texels { width: decoded.width, height: decoded.height, texels: decoded.into_rgba8() })
     }
 }

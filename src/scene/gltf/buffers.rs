@@ -191,7 +191,7 @@ fn percent_decode(text: &str) -> Option<String> {
 
 /// A checked accessor: all its `count` elements lie inside its bytes.
 #[derive(Clone, Copy)]
-pub(super) struct Array<'a> {
+pub(super) struct OpenAccessor<'a> {
     /// The elements; `None` if all of them are zero.
     base: Option<Elements<'a>>,
     /// Elements that replace some of the base.
@@ -257,7 +257,7 @@ pub(super) fn open_accessor<'a>(
     accessor: json::Index<json::Accessor>,
     shape: Type,
     components: &[ComponentType],
-) -> Result<Array<'a>> {
+) -> Result<OpenAccessor<'a>> {
     let index = accessor.value();
     let Some(accessor) = document.root.accessors.get(index) else {
         return Err(document.fault(format!("{what} refers to accessor {index}, which does not exist"), HELP));
@@ -291,7 +291,7 @@ pub(super) fn open_accessor<'a>(
         return Err(document.fault(format!("accessor {index} has {count} elements"), HELP));
     };
     let sparse = accessor.sparse.as_ref().map(|sparse| open_sparse(document, index, sparse, element, count));
-    Ok(Array { base, sparse: sparse.transpose()?, component, normalized: accessor.normalized, count })
+    Ok(OpenAccessor { base, sparse: sparse.transpose()?, component, normalized: accessor.normalized, count })
 }
 
 /// Opens the sparse part of accessor number `accessor`, which has `base_count` elements of `element` bytes.
@@ -389,7 +389,7 @@ fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
     }
 }
 
-impl Array<'_> {
+impl OpenAccessor<'_> {
     /// The bytes from element `index` on; `Some(None)` if the element is zero, `None` past the end.
     fn bytes(&self, index: usize) -> Option<Option<&[u8]>> {
         if index >= self.count {

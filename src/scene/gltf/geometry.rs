@@ -326,7 +326,7 @@ const MAX_MORPHS: usize = 1 << 28;
 
 /// The sizes so far. A small file can place one mesh any number of times.
 #[derive(Default)]
-pub(super) struct Counts {
+struct Counts {
     /// Number of primitives placed.
     placements: usize,
     /// Number of instances of all nodes.
@@ -338,54 +338,42 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// Counts the primitives of a placed mesh, up to [`MAX_PLACEMENTS`].
-    pub(super) fn placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
-        self.placements = self.placements.saturating_add(primitives);
-        if self.placements > MAX_PLACEMENTS {
-            return Err(document.fault(
-                format!("more than {MAX_PLACEMENTS} primitives, all instances counted"),
-                "join the meshes, or place fewer of them",
-            ));
-        }
-        Ok(())
-    }
-
-    /// Counts the instances of a node, up to [`MAX_TRIANGLES`].
-    pub(super) fn instances(&mut self, document: &Document, count: usize) -> Result<()> {
-        self.instances = self.instances.saturating_add(count);
-        if self.instances > MAX_TRIANGLES {
-            return Err(document.fault(
-                format!("more than {MAX_TRIANGLES} instances"),
-                "place fewer of them, or join their meshes",
-            ));
-        }
-        Ok(())
-    }
-
-    /// Counts the triangles of a primitive, up to [`MAX_TRIANGLES`] and [`MAX_MORPHS`]. Returns their number
-    /// at all poses.
-    pub(super) fn triangles(
-        &mut self,
+    /// Adds `more` to a number, which must not exceed `most` of the things called `what`.
+    fn add(
         document: &Document,
-        mesh: usize,
-        poses: usize,
-        targets: usize,
-    ) -> Result<usize> {
+        number: &mut usize,
+        more: usize,
+        (most, what, help): (usize, &str, &str),
+    ) -> Result<()> {
+        *number = number.saturating_add(more);
+        match *number > most {
+            true => Err(document.fault(format!("more than {most} {what}"), help)),
+            false => Ok(()),
+        }
+    }
+
+    /// Counts the primitives of a placed mesh.
+    fn placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
+        let help = "join the meshes, or place fewer of them";
+        let limit = (MAX_PLACEMENTS, "primitives, all instances counted", help);
+        Self::add(document, &mut self.placements, primitives, limit)
+    }
+
+    /// Counts the instances of a node.
+    fn instances(&mut self, document: &Document, count: usize) -> Result<()> {
+        let limit = (MAX_TRIANGLES, "instances", "place fewer of them, or join their meshes");
+        Self::add(document, &mut self.instances, count, limit)
+    }
+
+    /// Counts the triangles of a primitive. Returns their number at all poses.
+    fn triangles(&mut self, document: &Document, mesh: usize, poses: usize, targets: usize) -> Result<usize> {
         let count = mesh.saturating_mul(poses);
-        self.total = self.total.saturating_add(count);
-        self.morphs = self.morphs.saturating_add(count.saturating_mul(targets));
-        if self.total > MAX_TRIANGLES {
-            return Err(document.fault(
-                format!("more than {MAX_TRIANGLES} triangles, all instances counted"),
-                "simplify the meshes, or place fewer of them",
-            ));
-        }
-        if self.morphs > MAX_MORPHS {
-            return Err(document.fault(
-                format!("more than {MAX_MORPHS} triangles, counted once for each of their morph targets"),
-                "apply the morph targets before the export",
-            ));
-        }
+        let help = "simplify the meshes, or place fewer of them";
+        let limit = (MAX_TRIANGLES, "triangles, all instances counted", help);
+        Self::add(document, &mut self.total, count, limit)?;
+        let what = "triangles, counted once for each of their morph targets";
+        let limit = (MAX_MORPHS, what, "apply the morph targets before the export");
+        Self::add(document, &mut self.morphs, count.saturating_mul(targets), limit)?;
         Ok(count)
     }
 }
@@ -400,7 +388,7 @@ pub(super) fn too_many(document: &Document, count: usize) -> Error {
 
 /// How far the assembly of triangles is.
 #[derive(Clone, Copy)]
-pub(super) struct Progress<'a> {
+struct Progress<'a> {
     pub watcher: Watcher<'a>,
     /// The node that is assembled, and the number of all.
     pub position: usize,
@@ -409,12 +397,12 @@ pub(super) struct Progress<'a> {
 
 impl Progress<'_> {
     /// Tells the watcher that the node is begun.
-    pub(super) fn begin(self) -> Result<()> {
+    fn begin(self) -> Result<()> {
         self.watcher.tell(self.share(0.0))
     }
 
     /// Tells the watcher now and then that so many triangles of the node are done.
-    pub(super) fn at(self, done: usize, of: usize) -> Result<()> {
+    fn at(self, done: usize, of: usize) -> Result<()> {
         self.watcher.count(done, || self.share(done as f32 / of as f32))
     }
 

@@ -10,7 +10,7 @@ use gltf_json::mesh::Semantic;
 use gltf_json::validation::Checked;
 use serde::Deserialize;
 
-use super::buffers::Array;
+use super::buffers::OpenAccessor;
 use super::extensions::INSTANCING;
 use super::nodes::Placed;
 use super::vertices::open_for;
@@ -126,7 +126,7 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
         ));
     }
 
-    let vector = |array: &Option<Array<'_>>, index: usize, default: DVec3| match array {
+    let vector = |array: &Option<OpenAccessor<'_>>, index: usize, default: DVec3| match array {
         None => Some(default),
         Some(array) => array.vector(index).map(|value: [f32; 3]| DVec3::from_array(value.map(f64::from))),
     };
@@ -239,7 +239,7 @@ fn affine(columns: [f32; 16]) -> Option<DAffine3> {
 
 /// The joints and weights of a primitive's vertices.
 pub(super) struct Influences<'a> {
-    sets: Vec<(Array<'a>, Array<'a>)>,
+    sets: Vec<(OpenAccessor<'a>, OpenAccessor<'a>)>,
 }
 
 impl<'a> Influences<'a> {

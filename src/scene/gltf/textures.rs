@@ -12,7 +12,7 @@ use gltf_json::validation::Checked;
 use super::extensions::advice;
 use super::{Document, buffers, object_name};
 use crate::error::Result;
-use crate::scene::source::{Fault, Picture, Pictures};
+use crate::scene::source::{Fault, Pictures, Texels};
 use crate::scene::{Texture, TextureRef, Wrap};
 
 /// Textures whose picture is a WebP file.
@@ -100,7 +100,7 @@ impl Textures {
         };
         let position = self.list.len() as u32;
         match found {
-            Ok((name, Picture { width, height, texels })) => {
+            Ok((name, Texels { width, height, texels })) => {
                 self.list.push(Texture { name, width, height, texels, wrap, linear });
                 self.index_of.insert((source, wrap, linear), position);
             }
@@ -128,7 +128,7 @@ impl Textures {
         document: &mut Document,
         index: usize,
         image: &json::Image,
-    ) -> Result<std::result::Result<(String, Picture), Absence>> {
+    ) -> Result<std::result::Result<(String, Texels), Absence>> {
         let file_name = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
         let what = object_name("image", index, image.name.as_ref().or(file_name));
         let bytes = match (&image.uri, image.buffer_view) {

@@ -7,7 +7,7 @@ use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::mesh::{Mode, Semantic};
 use gltf_json::validation::Checked;
 
-use super::buffers::Array;
+use super::buffers::OpenAccessor;
 use super::{Document, buffers};
 use crate::error::Result;
 use crate::scene::{Material, Triangle};
@@ -30,10 +30,10 @@ pub(super) struct Vertex {
 
 /// The attributes of a primitive, opened for reading vertex by vertex.
 pub(super) struct Vertices<'a> {
-    positions: Array<'a>,
-    normals: Option<Array<'a>>,
-    texcoords: [Option<Array<'a>>; 2],
-    colors: Option<(Array<'a>, Type)>,
+    positions: OpenAccessor<'a>,
+    normals: Option<OpenAccessor<'a>>,
+    texcoords: [Option<OpenAccessor<'a>>; 2],
+    colors: Option<(OpenAccessor<'a>, Type)>,
     targets: Vec<Target<'a>>,
     /// The number of vertices.
     pub count: usize,
@@ -42,8 +42,8 @@ pub(super) struct Vertices<'a> {
 /// A morph target with its rest weight.
 struct Target<'a> {
     weight: f32,
-    positions: Option<Array<'a>>,
-    normals: Option<Array<'a>>,
+    positions: Option<OpenAccessor<'a>>,
+    normals: Option<OpenAccessor<'a>>,
 }
 
 impl<'a> Vertices<'a> {
@@ -178,7 +178,7 @@ pub(super) fn open_for<'a>(
     shape: Type,
     components: &[ComponentType],
     count: usize,
-) -> Result<Array<'a>> {
+) -> Result<OpenAccessor<'a>> {
     let array = buffers::open_accessor(document, what, accessor, shape, components)?;
     if array.count < count {
         return Err(
@@ -193,7 +193,7 @@ const INDICES: [ComponentType; 3] = [ComponentType::U8, ComponentType::U16, Comp
 /// A primitive's index list and mode.
 pub(super) struct Corners<'a> {
     mode: Mode,
-    indices: Option<Array<'a>>,
+    indices: Option<OpenAccessor<'a>>,
     /// The number of triangles, degenerate ones included.
     pub triangles: usize,
 }

@@ -134,7 +134,7 @@ fn find_rig(
 fn triangles(
     path: &Path,
     checked: &Checked,
-    materials: &mut materials::Materials,
+    materials: &mut materials::ObjMaterials,
     (options, origin): (&LoadOptions<'_>, DVec3),
     warnings: &mut Warnings,
 ) -> Result<Vec<Triangle>> {
