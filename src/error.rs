@@ -152,6 +152,43 @@ pub enum Error {
 }
 
 impl Error {
+    /// [`Error::Data`] about the file at `path`.
+    pub(crate) fn data(path: impl Into<PathBuf>, fault: impl Into<String>, help: impl Into<String>) -> Self {
+        Self::Data { path: path.into(), fault: fault.into(), help: help.into() }
+    }
+
+    /// [`Error::Journal`] about the file at `path`.
+    pub(crate) fn journal(
+        path: impl Into<PathBuf>,
+        fault: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Self {
+        Self::Journal { path: path.into(), fault: fault.into(), help: help.into() }
+    }
+
+    /// [`Error::Option`] about the option of this name.
+    pub(crate) fn option(
+        option: impl Into<String>,
+        fault: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Self {
+        Self::Option { option: option.into(), fault: fault.into(), help: help.into() }
+    }
+
+    /// [`Error::Rig`] about the device of this name.
+    pub(crate) fn rig(device: impl Into<String>, fault: impl Into<String>, help: impl Into<String>) -> Self {
+        Self::Rig { device: device.into(), fault: fault.into(), help: help.into() }
+    }
+
+    /// [`Error::Dimension`] of a quantity.
+    pub(crate) fn dimension(
+        what: &'static str,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Dimension { what, expected: expected.into(), found: found.into() }
+    }
+
     /// A function for `map_err` that makes [`Error::Read`] for the file at `path`.
     pub fn reading(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
@@ -164,7 +201,7 @@ impl Error {
         move |reason| Self::Write { path, reason }
     }
 
-    /// Fails unless a size is the required one; `what` is counted or measured.
+    /// Fails unless a size is the required one; `what` is the quantity.
     ///
     /// # Errors
     /// [`Error::Dimension`].

@@ -1,4 +1,4 @@
-//! What was found of a bench or of an answer, and how far that can be relied on.
+//! Findings about a bench or an answer, and how far they can be relied on.
 //!
 //! The colour of a page, the exit status of a verb, and the sentence that a bench can be used follow from findings, and from nothing else.
 
@@ -16,7 +16,7 @@ pub const SIGMAS: f64 = 3.0;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// As expected.
+    /// Nothing is amiss.
     Ok,
     /// Nothing could be measured. That is no confirmation.
     Unmeasured,
@@ -38,10 +38,10 @@ impl Grade {
     }
 }
 
-/// What was found of one thing, what was expected, and what to do.
+/// The state of one thing, the expected state, and the remedy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// What was examined, in a word or two: `disk`, `pixel map`.
+    /// The thing that was examined, in a word or two: `disk`, `pixel map`.
     pub name: Cow<'static, str>,
     /// How serious it is.
     pub grade: Grade,
@@ -54,12 +54,12 @@ pub struct Finding {
     /// The bound on the value; none where nothing is judged.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub bound: Option<f64>,
-    /// What was found.
+    /// The state that was found.
     pub found: String,
-    /// What was expected. It is empty when the finding states no bound.
+    /// The expected state. It is empty when the finding states no bound.
     #[serde(skip_serializing_if = "String::is_empty", default)]
     pub expected: String,
-    /// What to do. It is empty when nothing need be done.
+    /// The remedy. It is empty when nothing need be done.
     #[serde(skip_serializing_if = "String::is_empty", default)]
     pub help: String,
 }
@@ -139,7 +139,7 @@ impl Finding {
             return Ok(());
         }
         let fault = format!("{}: {} ({} expected)", self.name, self.found, self.expected);
-        Err(Error::Rig { device: "rig".into(), fault, help: self.help.clone() })
+        Err(Error::rig("rig", fault, self.help.clone()))
     }
 }
 
@@ -305,8 +305,7 @@ mod tests {
 
     #[test]
     fn an_error_is_split_into_what_was_found_and_what_to_do() {
-        let error =
-            Error::Rig { device: "camera".into(), fault: "it is off".into(), help: "switch it on".into() };
+        let error = Error::rig("camera", "it is off", "switch it on");
         let finding = Finding::error("camera", &error);
         assert_eq!(finding.to_string(), "camera        FAILS    camera: it is off → switch it on");
         let fine = Finding::graded("disk", Grade::Ok, "3 GB free", "1 GB", "delete something");

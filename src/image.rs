@@ -78,18 +78,14 @@ impl Image {
     /// `w·h·channels`.
     pub fn new(resolution: Resolution, channels: usize, samples: Vec<f32>) -> Result<Self> {
         if channels != 1 && channels != 3 {
-            return Err(Error::Dimension {
-                what: "channels of an image",
-                expected: "1 or 3".into(),
-                found: channels.to_string(),
-            });
+            return Err(Error::dimension("channels of an image", "1 or 3", channels.to_string()));
         }
         if samples.len() != resolution.pixels() * channels {
-            return Err(Error::Dimension {
-                what: "samples of an image",
-                expected: format!("{resolution}x{channels}"),
-                found: samples.len().to_string(),
-            });
+            return Err(Error::dimension(
+                "samples of an image",
+                format!("{resolution}x{channels}"),
+                samples.len().to_string(),
+            ));
         }
         Ok(Self { resolution, channels, samples })
     }
@@ -156,7 +152,10 @@ impl Image {
 /// The radius of the kernel in standard deviations.
 const REACH: f64 = 4.0;
 
-/// A separable Gaussian blur of images of one resolution.
+/// A separable Gaussian blur `K` of images of one resolution.
+///
+/// Beyond its edges the image is continued by reflection at the border between pixels (`… c b a | a b c …`). Then `K = Kᵀ`, so that `K A K` is
+/// symmetric where `A` is, and `K 1 = 1`, so that a constant pattern stays constant.
 #[derive(Clone, Debug)]
 pub struct Blur {
     resolution: Resolution,

@@ -1,4 +1,4 @@
-//! What this machine grants the process: memory and threads.
+//! The memory and the threads that this machine grants the process.
 
 use std::cell::Cell;
 use std::fs;
@@ -28,7 +28,7 @@ pub(crate) fn address_space() -> Option<u64> {
     address_space_in(&fs::read_to_string("/proc/self/limits").ok()?)
 }
 
-/// As [`address_space`], from the system's table of limits.
+/// [`address_space`] from the system's table of limits.
 fn address_space_in(limits: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     line.split_whitespace().next()?.parse().ok()
@@ -38,7 +38,7 @@ fn address_space_in(limits: &str) -> Option<u64> {
 const MOST_THREADS: usize = 1024;
 const MOST_OF_CORE: usize = 4;
 
-/// What `work` returns; `None` if it panics, which is not said on standard error. `work` must not leave anything half changed that is used later.
+/// The result of `work`; `None` if it panics, which is not said on standard error. `work` must not leave anything half changed that is used later.
 pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     thread_local!(static IS_SILENT: Cell<bool> = const { Cell::new(false) });
     static HOOK: Once = Once::new();

@@ -62,7 +62,7 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     }
 }
 
-/// Where a path that is to be written leads.
+/// The end of a path that is to be written.
 enum Target {
     /// To a regular file, or to none yet; with the path after links of the user's.
     File(Spot, PathBuf),
@@ -125,7 +125,6 @@ impl Drop for Temporary<'_> {
     }
 }
 
-/// What the names of temporary files end with.
 const SUFFIX: &str = ".tmp";
 
 /// How long after its last change a file of another machine or container is taken to be left over: whether its process lives cannot be told

@@ -21,30 +21,21 @@ use crate::machine;
 pub(crate) use spot::{FileKind, follow_no_links_below};
 
 /// Opens a regular file for reading.
-///
-/// # Errors
-/// [`Error::Read`] naming the file, also when it is none.
 pub(crate) fn open(path: &Path) -> Result<File> {
     opened(path).map_err(Error::reading(path))
 }
 
 /// Opens a regular file for reading and writing.
-///
-/// # Errors
-/// [`Error::Write`] naming the file, also when it is none.
 pub(crate) fn open_to_change(path: &Path) -> Result<File> {
     Spot::of(path).and_then(|spot| spot.open(Access::Change)).map_err(Error::writing(path))
 }
 
-/// As [`open_to_change`]; the file is made where there is none.
+/// Like [`open_to_change`], but the file is made where there is none.
 pub(crate) fn open_or_make(path: &Path) -> io::Result<File> {
     Spot::of(path)?.open(Access::Make)
 }
 
 /// The kind of file at a path; `None` if there is none. Links below a top are not followed.
-///
-/// # Errors
-/// [`Error::Read`] naming the path.
 pub(crate) fn kind(path: &Path) -> Result<Option<FileKind>> {
     let found = match Spot::of(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -54,17 +45,11 @@ pub(crate) fn kind(path: &Path) -> Result<Option<FileKind>> {
 }
 
 /// Makes a folder and those above it.
-///
-/// # Errors
-/// [`Error::Write`] naming the folder.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
     spot::make_folder(path).map_err(Error::writing(path))
 }
 
 /// Removes a file, a link or a folder with all that is in it, if it is there.
-///
-/// # Errors
-/// [`Error::Write`] naming the path.
 pub(crate) fn remove(path: &Path) -> Result<()> {
     let removed = match fs::symlink_metadata(path) {
         Ok(there) if there.is_dir() => fs::remove_dir_all(path),
@@ -75,9 +60,6 @@ pub(crate) fn remove(path: &Path) -> Result<()> {
 }
 
 /// The bytes of a regular file.
-///
-/// # Errors
-/// As [`open()`].
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let read = opened_to_hold(path).and_then(|mut file| file.read_to_end(&mut bytes));
@@ -85,16 +67,13 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// The text of a regular file in UTF-8.
-///
-/// # Errors
-/// As [`open()`].
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let mut text = String::new();
     let read = opened_to_hold(path).and_then(|mut file| file.read_to_string(&mut text));
     read.map_err(Error::reading(path)).map(|_| text)
 }
 
-/// As [`opened`], for a file that is read as a whole: it must not take more than half of the memory.
+/// Opens a file that is read as a whole, which must not take more than half of the memory.
 fn opened_to_hold(path: &Path) -> io::Result<File> {
     let file = opened(path)?;
     let (bytes, most) = (file.metadata()?.len(), machine::memory() / 2);
@@ -141,7 +120,7 @@ pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     }
 }
 
-/// As [`stranger`], for a user, and an owner with a mode. The sticky bit of a folder is no help, since it lets others add files.
+/// [`stranger`] for a user, and an owner with a mode. The sticky bit of a folder does not help, since it lets others add files.
 #[cfg(unix)]
 fn stranger_of(user: u32, (owner, mode): (u32, u32)) -> Option<String> {
     if owner != user && owner != 0 {

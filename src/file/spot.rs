@@ -1,4 +1,4 @@
-//! Where a path leads. Below the top of a folder of ours, a run's or the cache's, no link is followed: an archive of a stranger may hold links to
+//! Paths and the files at their ends. Below the top of a run's folder or of the cache no link is followed: an archive of a stranger may hold links to
 //! any file of the user's.
 
 use std::collections::BTreeSet;

@@ -12,7 +12,6 @@ use crate::Error;
 
 const SECRET: &str = "what the user keeps elsewhere";
 
-/// What a name of the tree is.
 #[derive(Clone, Copy, Debug)]
 enum Thing {
     File,
@@ -47,7 +46,7 @@ impl Tree {
             if path.ancestors().skip(1).any(Path::is_symlink) {
                 continue;
             }
-            // Where the part above is no folder, or something is there already, nothing is made.
+            // Nothing is made where the part above is not a folder, or where something is there already.
             let _ = match thing {
                 Thing::File => fs::OpenOptions::new().write(true).create_new(true).open(&path).map(drop),
                 Thing::Folder => fs::create_dir(&path),

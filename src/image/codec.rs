@@ -23,7 +23,7 @@ pub(crate) enum Format {
 }
 
 /// A decoded picture, row by row from the top left.
-pub(crate) struct Decoded {
+pub(crate) struct DecodedImage {
     /// The number of columns.
     pub width: u32,
     /// The number of rows.
@@ -65,9 +65,6 @@ impl Format {
     }
 
     /// Reads the width and height in pixels, without decoding the pixels.
-    ///
-    /// # Errors
-    /// The message of the decoder when the file is malformed.
     pub(crate) fn size(self, bytes: &[u8]) -> Result<(u32, u32), String> {
         match self {
             Self::Png => {
@@ -85,10 +82,7 @@ impl Format {
 
     /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before memory is
     /// allocated for them.
-    ///
-    /// # Errors
-    /// The message of the decoder when the file is malformed or too large.
-    pub(crate) fn decode(self, bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
+    pub(crate) fn decode(self, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
         match self {
             Self::Png => decode_png(bytes, max_bytes),
             Self::Jpeg => decode_jpeg(bytes, max_bytes),
@@ -97,7 +91,7 @@ impl Format {
     }
 }
 
-impl Decoded {
+impl DecodedImage {
     /// Whether the pixels are RGB and not gray.
     pub(crate) fn has_color(&self) -> bool {
         self.channels >= 3
@@ -138,7 +132,7 @@ impl Decoded {
 }
 
 /// Decodes a PNG file with at most `max_bytes` bytes of pixels.
-fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
+fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let message = |error: png::DecodingError| error.to_string();
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: max_bytes });
     // Palettes, transparent colours and samples of fewer than 8 bits are expanded to samples of 8 bits.
@@ -164,11 +158,11 @@ fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
         _ => Samples::Eight(buffer),
     };
     let (width, height) = reader.info().size();
-    Ok(Decoded { width, height, channels, samples })
+    Ok(DecodedImage { width, height, channels, samples })
 }
 
 /// Decodes a JPEG file with at most `max_bytes` bytes of pixels.
-fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
+fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let header = open_jpeg(bytes, ColorSpace::RGB)?;
     let (width, height) = jpeg_size(&header)?;
     let gray = header.input_colorspace() == Some(ColorSpace::Luma);
@@ -178,11 +172,11 @@ fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
         return Err("the picture is too large".into());
     }
     let samples = open_jpeg(bytes, color)?.decode().map_err(|error| error.to_string())?;
-    Ok(Decoded { width, height, channels, samples: Samples::Eight(samples) })
+    Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
 }
 
 /// Decodes a file of another format, of which all have samples of 8 bits, with at most `max_bytes` bytes of pixels.
-fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
+fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let mut limits = Limits::default();
     limits.max_alloc = Some(max_bytes as u64);
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -198,7 +192,7 @@ fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<D
     if samples.len() > max_bytes {
         return Err("the picture is too large".into());
     }
-    Ok(Decoded { width, height, channels, samples: Samples::Eight(samples) })
+    Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
 }
 
 /// The width and height of a JPEG file.

@@ -40,7 +40,7 @@ pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
 /// The bytes of a file with these layers. The outer error is about the layers, the inner one about the
 /// encoder.
 fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
-    let mismatch = |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
+    let mismatch = |what, expected: String, found: String| Err(Error::dimension(what, expected, found));
     let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
     else {
         return mismatch("layers of an EXR file", "one or more with pixels".into(), "none".into());
@@ -106,24 +106,16 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
 }
 
 /// The sizes of the layers that a file states. Nothing is decoded.
-///
-/// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed.
 pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
     let bytes = file::read(path)?;
     let header = || MetaData::read_from_buffered(bytes.as_slice(), false).map_err(|error| error.to_string());
-    // As in `decode`.
     let meta = machine::unless_panics(header).unwrap_or_else(|| Err("it is malformed".into()));
     let headers = meta.map_err(|fault| unusable(path, fault))?.headers;
     Ok(headers.iter().map(|of| Resolution::new(of.layer_size.width(), of.layer_size.height())).collect())
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault,
-        help: "give an EXR file with channels R, G, B or Y, bare or in a layer".into(),
-    }
+    Error::data(path, fault, "give an EXR file with channels R, G, B or Y, bare or in a layer")
 }
 
 /// All layers of a file that form an image, with their names.
@@ -133,7 +125,7 @@ fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     machine::unless_panics(|| decode_unguarded(bytes)).unwrap_or_else(|| Err("it is malformed".into()))
 }
 
-/// As [`decode`], but a damaged file may cause a panic.
+/// Like [`decode`], but a damaged file may cause a panic.
 fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
     let samples = meta.headers.iter().try_fold(0_usize, |sum, header| {

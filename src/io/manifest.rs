@@ -48,7 +48,7 @@ pub struct Manifest<R> {
     pub adapter: Option<Adapter>,
     /// The source of the photos: a scene, a rig or a matrix.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub scene: Option<Scene>,
+    pub scene: Option<SourceFile>,
     /// The size of patterns and photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub resolution: Option<crate::image::Resolution>,
@@ -73,7 +73,7 @@ pub struct Manifest<R> {
     /// How far the answer is from light that it was not computed from.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub verification: Option<Verification>,
-    /// What was found of the rig and of the answer: from this follow the colour of the page and the exit status.
+    /// Findings about the rig and the answer, from which the colour of the page and the exit status follow.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub findings: Vec<Finding>,
     /// The photo budget of the method. A replay of the run with another analysis may use this number of
@@ -137,10 +137,10 @@ pub struct Verification {
     pub error: f64,
     /// The relative noise of the independent photos.
     pub noise: f64,
-    /// What the comparison says of the answer. Records of earlier programs did not say.
+    /// The verdict on the answer, which records of earlier programs do not have.
     #[serde(default)]
     pub verdict: CheckVerdict,
-    /// By how many of its standard errors the difference exceeds what the noise of both and the stated residuals explain; of several photos the
+    /// The number of its standard errors by which the difference exceeds what the noise of both and the stated residuals explain; of several photos the
     /// largest.
     #[serde(default)]
     pub statistic: f64,
@@ -150,12 +150,12 @@ pub struct Verification {
     /// The relative error of the predicted photos from which the comparison would have refuted the answer in 99 of 100 cases.
     #[serde(default)]
     pub resolution: f64,
-    /// What a refuted answer is likely to suffer from, where a number tells it.
+    /// The likely cause of a refutation, where a number tells it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub cause: Option<String>,
 }
 
-/// What a comparison with independent light says of an answer.
+/// The verdict of a comparison with independent light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CheckVerdict {
@@ -269,7 +269,7 @@ pub struct Adapter {
 
 /// The file of a run's source: a scene, a rig file or a matrix.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Scene {
+pub struct SourceFile {
     /// The path as given on the command line.
     pub path: Name,
     /// The hash of the file and of all files that it refers to, in hexadecimal.
@@ -340,9 +340,6 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
 
     /// Writes the manifest atomically: a reader finds either the old or the new one. From then on no link in its folder is followed, as after
     /// [`Manifest::read`].
-    ///
-    /// # Errors
-    /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut text =
             serde_json::to_string_pretty(self).map_err(|error| Error::writing(path)(error.into()))?;
@@ -358,11 +355,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
     pub fn read(path: &Path) -> Result<Self> {
         path.parent().into_iter().for_each(file::follow_no_links_below);
         let bytes = file::read(path)?;
-        let unusable = |fault: String| Error::Data {
-            path: path.to_path_buf(),
-            fault,
-            help: "give the run.json of a krylux run".into(),
-        };
+        let unusable = |fault: String| Error::data(path, fault, "give the run.json of a krylux run");
         let manifest: Self = serde_json::from_slice(&bytes).map_err(|error| unusable(error.to_string()))?;
         match manifest.krylux_format {
             FORMAT => Ok(manifest),

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `.npy` arrays, `H×W`, `H×W×3`, `k×H×W` or `k` | [`npy`] |
 //! | `.exr` layers, 32-bit floats | [`exr`] |
-//! | `.png` pictures: 8 bits when written, 8 or 16 bits when read | [`png`], [`raster`]; [`tone`] maps radiance to sRGB |
+//! | `.png` pictures: 8 bits when written, 8 or 16 bits when read | [`picture`], [`raster`] |
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `run.json`, the record of a run | [`manifest`] |
 //! | `model/`, a captured low-rank model | [`model`] |

@@ -131,9 +131,6 @@ pub fn record_path(run: &Path) -> PathBuf {
 impl ModelArrays {
     /// Writes the model into the run's folder `run`. Returns the names of its files relative to that folder.
     /// The record is written last, so that a model with a record is complete.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
     pub fn write(&self, run: &Path) -> Result<Vec<String>> {
         let folder = folder(run);
         file::follow_no_links_below(run);
@@ -288,11 +285,7 @@ fn numbers(path: &Path, shape: &[usize]) -> Result<Vec<f64>> {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault,
-        help: "capture the model anew with `krylux relight SCENE`".into(),
-    }
+    Error::data(path, fault, "capture the model anew with `krylux relight SCENE`")
 }
 
 #[cfg(test)]

@@ -30,19 +30,16 @@ pub struct Array {
 pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &[T]) -> Result<()> {
     let expected: usize = shape.iter().product();
     if expected != values.len() {
-        return Err(Error::Dimension {
-            what: "values of an array",
-            expected: format!("{} = {expected}", describe_shape(shape)),
-            found: values.len().to_string(),
-        });
+        return Err(Error::dimension(
+            "values of an array",
+            format!("{} = {expected}", describe_shape(shape)),
+            values.len().to_string(),
+        ));
     }
     atomic::write_with(path, |file| write_array(file, shape, values))
 }
 
 /// Writes an image as `f32`, `H×W` (luma) or `H×W×3` (RGB).
-///
-/// # Errors
-/// [`Error::Write`].
 pub fn write_image(path: &Path, image: &Image) -> Result<()> {
     let Resolution { width, height } = image.resolution();
     let shape = [height, width, image.channels()];
@@ -75,7 +72,7 @@ pub fn read_npy(path: &Path) -> Result<Array> {
 /// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does. The values are rounded to `f32`.
 ///
 /// # Errors
-/// As [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too
+/// Those of [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too
 /// large for `f32`.
 pub fn read_image(path: &Path) -> Result<Image> {
     let Array { shape, values } = read_npy(path)?;
@@ -244,9 +241,5 @@ fn describe_shape(shape: &[usize]) -> String {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault,
-        help: "write it with numpy.save, as an array of real numbers of shape H×W or H×W×3".into(),
-    }
+    Error::data(path, fault, "write it with numpy.save, as an array of real numbers of shape H×W or H×W×3")
 }

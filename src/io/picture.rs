@@ -35,19 +35,19 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// As [`read`], where it is known which size the image must have. Files of another size are refused before their pixels are decoded, since
+/// Reads an image that must have a certain size. Files of another size are refused before their pixels are decoded, since
 /// a few bytes can state any number of them. `whose` names in the message what has that size.
 ///
 /// # Errors
-/// As [`read`], and [`Error::Data`] when the image has another size.
+/// Those of [`read`], and [`Error::Data`] when the image has another size.
 pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Image> {
     let require = |found: Resolution| match found == expected {
         true => Ok(()),
-        false => Err(Error::Data {
-            path: path.to_path_buf(),
-            fault: format!("it has {found} pixels, but {whose} has {expected}"),
-            help: format!("resize it to {expected} pixels, or use --size {found}"),
-        }),
+        false => Err(Error::data(
+            path,
+            format!("it has {found} pixels, but {whose} has {expected}"),
+            format!("resize it to {expected} pixels, or use --size {found}"),
+        )),
     };
     let stated = stated_sizes(path)?;
     if let Some(&first) = stated.first()
@@ -60,9 +60,6 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
 }
 
 /// The sizes that a file states of the images in it, before anything is decoded; none for `.npy` files, which are as long as their arrays.
-///
-/// # Errors
-/// As [`read`].
 pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     match kind(path) {
         Some(Kind::Png | Kind::Jpeg) => Ok(vec![size(path)?]),
@@ -87,9 +84,6 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
 }
 
 /// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
-///
-/// # Errors
-/// As [`write()`].
 pub fn check_writable(path: &Path) -> Result<()> {
     match kind(path) {
         Some(Kind::Npy | Kind::Exr | Kind::Png) => atomic::check_writable(path),
@@ -108,11 +102,11 @@ pub fn require_finite(path: &Path, image: &Image) -> Result<()> {
     };
     let pixel = at / image.channels();
     let width = image.resolution().width;
-    Err(Error::Data {
-        path: path.to_path_buf(),
-        fault: format!("pixel ({}, {}) is {}", pixel % width, pixel / width, image.samples()[at]),
-        help: "replace NaN and infinite values by finite ones".into(),
-    })
+    Err(Error::data(
+        path,
+        format!("pixel ({}, {}) is {}", pixel % width, pixel / width, image.samples()[at]),
+        "replace NaN and infinite values by finite ones",
+    ))
 }
 
 fn kind(path: &Path) -> Option<Kind> {
@@ -126,11 +120,11 @@ fn kind(path: &Path) -> Option<Kind> {
 }
 
 fn unknown(path: &Path) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault: "its extension is not that of an image format that can be used here".into(),
-        help: "name it .npy, .exr or .png (.jpg can be read, but not written)".into(),
-    }
+    Error::data(
+        path,
+        "its extension is not that of an image format that can be used here",
+        "name it .npy, .exr or .png (.jpg can be read, but not written)",
+    )
 }
 
 /// The largest size of decoded pixels in bytes. It allows a 16-bit RGB picture of 8192² pixels, and keeps a
@@ -141,9 +135,6 @@ const MAX_BYTES: usize = 512 << 20;
 const MEMORY_PER_BYTE: u64 = 8;
 
 /// The size that a PNG or JPEG file states.
-///
-/// # Errors
-/// As [`read_png`].
 pub(super) fn size(path: &Path) -> Result<Resolution> {
     let bytes = file::read(path)?;
     let (width, height) = format(path, &bytes)?.size(&bytes).map_err(|fault| no_picture(path, fault))?;
@@ -166,7 +157,7 @@ fn no_picture(path: &Path, fault: String) -> Error {
 }
 
 fn unusable_picture(path: &Path, fault: String, help: &str) -> Error {
-    Error::Data { path: path.to_path_buf(), fault, help: help.into() }
+    Error::data(path, fault, help)
 }
 
 /// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The

@@ -1,4 +1,5 @@
-//! Rasters: 8-bit sRGB pictures for viewing, and their PNG files.
+//! Rasters: 8-bit sRGB pictures for viewing, their PNG files, and the tone mapping of linear radiance to them: one exposure for the whole
+//! photo, and the sRGB curve (IEC 61966-2-1).
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -81,11 +82,8 @@ impl Raster {
     /// [`Error::Dimension`] when there are no pixels, or when a side is longer than PNG allows.
     pub fn encode_png(&self) -> Result<Vec<u8>> {
         let Resolution { width, height } = self.resolution;
-        let refused = |found: String| Error::Dimension {
-            what: "size of a PNG picture",
-            expected: "1 to 2^31 - 1 pixels a side".into(),
-            found,
-        };
+        let refused =
+            |found: String| Error::dimension("size of a PNG picture", "1 to 2^31 - 1 pixels a side", found);
         let (Ok(columns @ 1..), Ok(rows @ 1..)) = (u32::try_from(width), u32::try_from(height)) else {
             return Err(refused(self.resolution.to_string()));
         };
@@ -105,7 +103,7 @@ impl Raster {
     /// Writes a PNG file.
     ///
     /// # Errors
-    /// As [`Raster::encode_png`], and [`Error::Write`].
+    /// Those of [`Raster::encode_png`], and [`Error::Write`].
     pub fn write_png(&self, path: &Path) -> Result<()> {
         atomic::write_bytes(path, &self.encode_png()?)
     }

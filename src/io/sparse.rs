@@ -1,4 +1,6 @@
 //! Files of sparse matrices: SciPy's `.npz` and Matrix Market's `.mtx`.
+//!
+//! A `.npz` archive is assembled here and not by the crate `npyz`, which depends on another version of the crate `zip`.
 
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -25,9 +27,6 @@ pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
 }
 
 /// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
-///
-/// # Errors
-/// As [`write()`].
 pub fn check_writable(path: &Path) -> Result<()> {
     kind(path).and_then(|_| atomic::check_writable(path))
 }
@@ -104,11 +103,11 @@ fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, 
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
+    Error::data(
+        path,
         fault,
-        help: "write it with scipy.sparse.save_npz(FILE, A.tocsr()), scipy.io.mmwrite or numpy.save".into(),
-    }
+        "write it with scipy.sparse.save_npz(FILE, A.tocsr()), scipy.io.mmwrite or numpy.save",
+    )
 }
 
 enum Kind {
@@ -120,11 +119,11 @@ fn kind(path: &Path) -> Result<Kind> {
     match path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).as_deref() {
         Some("npz") => Ok(Kind::Npz),
         Some("mtx") => Ok(Kind::Mtx),
-        _ => Err(Error::Data {
-            path: path.to_path_buf(),
-            fault: "its extension is not that of a sparse matrix format".into(),
-            help: "name it .npz (SciPy) or .mtx (Matrix Market)".into(),
-        }),
+        _ => Err(Error::data(
+            path,
+            "its extension is not that of a sparse matrix format",
+            "name it .npz (SciPy) or .mtx (Matrix Market)",
+        )),
     }
 }
 
@@ -133,9 +132,6 @@ fn kind(path: &Path) -> Result<Kind> {
 ///
 /// Index arrays are `int32` if that can represent all indices, and `int64` otherwise, as in SciPy. The
 /// members of the archive are not compressed and have a fixed date, so that equal matrices give equal bytes.
-///
-/// # Errors
-/// [`crate::Error::Write`].
 pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
     atomic::write_with(path, |file| {
         let mut archive = ZipWriter::new(FirstError::new(file));

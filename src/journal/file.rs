@@ -118,10 +118,12 @@ impl Journal {
     pub fn get(&mut self, key: Key) -> Result<Option<Stored>> {
         let Some(&index) = self.index.get(&key) else { return Ok(None) };
         let entry = &self.entries[index];
-        let length = usize::try_from(entry.length).map_err(|_| Error::Journal {
-            path: self.path.clone(),
-            fault: format!("a record of {} bytes does not fit into the address space", entry.length),
-            help: "open it on a 64-bit machine".into(),
+        let length = usize::try_from(entry.length).map_err(|_| {
+            Error::journal(
+                self.path.clone(),
+                format!("a record of {} bytes does not fit into the address space", entry.length),
+                "open it on a 64-bit machine",
+            )
         })?;
         let mut payload = vec![0; length];
         read_at(&self.file, entry.payload_at(), &mut payload).map_err(Error::reading(&self.path))?;
@@ -141,9 +143,6 @@ impl Journal {
     }
 
     /// Reads and checks every payload. Then [`Journal::damages`] is complete.
-    ///
-    /// # Errors
-    /// As [`Journal::get`].
     pub fn verify(&mut self) -> Result<()> {
         let keys: Vec<Key> = self.index.keys().copied().collect();
         for key in keys {
@@ -155,9 +154,6 @@ impl Journal {
 
     /// Stores a pattern, unless it is stored already, and returns its key. The pattern is on disk when the
     /// photo that is appended next is.
-    ///
-    /// # Errors
-    /// As [`Journal::append`].
     pub fn pattern(&mut self, payload: &[u8]) -> Result<Key> {
         let key = Key::of(&[b"pattern", payload]);
         if !self.holds(key) {
@@ -182,7 +178,7 @@ impl Journal {
     /// the last sync. The reason is speed: a sync takes longer than a product with the matrix.
     ///
     /// # Errors
-    /// As [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
+    /// Those of [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
     pub fn append_buffered(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
         if self.synced.at.elapsed() < SYNC_INTERVAL { Ok(()) } else { self.sync() }
@@ -218,9 +214,6 @@ impl Journal {
     }
 
     /// Appends a note with this name, unless there is one. An existing note is not changed.
-    ///
-    /// # Errors
-    /// As [`Journal::append`].
     pub fn note(&mut self, name: &str, payload: &[u8]) -> Result<()> {
         let key = self.note_key(name);
         // Reading the note finds out whether it is damaged.
@@ -228,9 +221,6 @@ impl Journal {
     }
 
     /// Reads the note with this name.
-    ///
-    /// # Errors
-    /// As [`Journal::get`].
     pub fn read_note(&mut self, name: &str) -> Result<Option<Vec<u8>>> {
         let key = self.note_key(name);
         Ok(self.get(key)?.map(|stored| stored.payload))
@@ -275,7 +265,7 @@ impl Journal {
 
     /// An error about this journal.
     pub(super) fn refusal(&self, fault: String, help: &str) -> Error {
-        Error::Journal { path: self.path.clone(), fault, help: help.into() }
+        Error::journal(self.path.clone(), fault, help)
     }
 
     /// The error for a failed write or sync.

@@ -1,6 +1,5 @@
-//! Creating, resuming and opening journals.
+//! Creating, resuming and opening journals, and the lock that admits one writer at a time.
 
-use std::collections::HashMap;
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -31,11 +30,11 @@ impl Journal {
     pub fn create(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
         if Self::is_in(folder) {
-            return Err(Error::Journal {
+            return Err(Error::journal(
                 path,
-                fault: "the journal already has photos of an earlier run".into(),
-                help: "continue that run with --resume, or name another folder".into(),
-            });
+                "the journal already has photos of an earlier run",
+                "continue that run with --resume, or name another folder",
+            ));
         }
         create_file(path, lock, identity)
     }
@@ -97,11 +96,11 @@ fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
 /// Creates a journal file with a header. The file appears under its name only when the header is on disk.
 fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
     if !record::fits_header(identity) {
-        return Err(Error::Journal {
+        return Err(Error::journal(
             path,
-            fault: "its identity is longer than 64 KiB".into(),
-            help: "store hashes instead of long values".into(),
-        });
+            "its identity is longer than 64 KiB",
+            "store hashes instead of long values",
+        ));
     }
     let header = record::encode_header(identity);
     let write = || {
@@ -114,25 +113,14 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
         sync(folder).and_then(|()| parent.map_or(Ok(()), sync)).map_err(Error::writing(&path))?;
         Ok(file)
     };
-    let file = write().map_err(|source: Error| Error::Journal {
-        path: path.clone(),
-        fault: format!("the journal cannot be created: {source}"),
-        help: "free disk space, or name a folder that can be written".into(),
+    let file = write().map_err(|source: Error| {
+        Error::journal(
+            path.clone(),
+            format!("the journal cannot be created: {source}"),
+            "free disk space, or name a folder that can be written",
+        )
     })?;
-    Ok(Journal {
-        end: header.len() as u64,
-        path,
-        file,
-        lock: Some(lock),
-        identity_hash: identity.hash(),
-        identity: identity.clone(),
-        entries: Vec::new(),
-        index: HashMap::new(),
-        damages: Vec::new(),
-        torn: None,
-        broken: false,
-        synced: Synced::now(0),
-    })
+    open(path, file, Some(lock))
 }
 
 /// Opens a journal file: reads its header and the heads of its records. With a lock, a damaged copy of the
@@ -142,7 +130,7 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let mut start = Vec::new();
     let read = (&file).take(record::MAX_HEADER_BYTES as u64).read_to_end(&mut start);
     read.map_err(Error::reading(&path))?;
-    let refusal = |fault: String, help: &str| Error::Journal { path: path.clone(), fault, help: help.into() };
+    let refusal = |fault: String, help: &str| Error::journal(path.clone(), fault, help);
     let (identity, records_at, whole) = match record::read_header(&start) {
         record::Header::Known { identity, records_at, whole } => (identity, records_at, whole),
         record::Header::Later(version) => {
@@ -192,14 +180,13 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
 
 /// Takes the journal's lock for this process. The lock is released when the returned file is closed, however
 /// the process ends.
-///
-/// # Errors
-/// [`Error::Journal`] naming the file and the process that holds the lock.
 fn take_lock(path: &Path) -> Result<File> {
-    let unusable = |source: std::io::Error| Error::Journal {
-        path: path.into(),
-        fault: format!("a journal cannot be written here: {source}"),
-        help: "name a folder that can be written, on a file system with locks".into(),
+    let unusable = |source: std::io::Error| {
+        Error::journal(
+            path,
+            format!("a journal cannot be written here: {source}"),
+            "name a folder that can be written, on a file system with locks",
+        )
     };
     let mut file = file::open_or_make(path).map_err(unusable)?;
     match lock_with_retries(&file) {
@@ -210,11 +197,11 @@ fn take_lock(path: &Path) -> Result<File> {
             let _ = file.read_to_string(&mut holder);
             let holder = holder.trim();
             let who = if holder.is_empty() { "another process".into() } else { format!("process {holder}") };
-            return Err(Error::Journal {
-                path: path.into(),
-                fault: format!("the journal is being written by {who}"),
-                help: "wait until that run has ended, or name another folder".into(),
-            });
+            return Err(Error::journal(
+                path,
+                format!("the journal is being written by {who}"),
+                "wait until that run has ended, or name another folder",
+            ));
         }
         Err(TryLockError::Error(source)) => return Err(unusable(source)),
     }

@@ -1,4 +1,5 @@
-//! The format of one record: its head, its metadata and its payload.
+//! The format of a journal file: its header, which is written twice so that one damage cannot destroy both copies, and its records,
+//! each of a head, metadata and a payload.
 
 use super::{Identity, Key};
 

@@ -14,7 +14,7 @@ pub struct Damage {
     pub bytes: u64,
     /// The name of the record: `photo 17`, or `the record after photo 16` if the record's kind is unknown.
     pub record: String,
-    /// What is wrong with it.
+    /// The fault.
     pub fault: &'static str,
     /// The record, if its head is valid.
     pub entry: Option<Entry>,

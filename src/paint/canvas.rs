@@ -1,4 +1,4 @@
-//! A source that is painted on.
+//! A source that is painted on, with the columns of its matrix.
 
 use serde::{Deserialize, Serialize};
 
@@ -64,9 +64,6 @@ pub struct Canvas<'a> {
 
 impl<'a> Canvas<'a> {
     /// Opens the light transport of a laboratory: traces a scene, reads a run, connects to a rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
     pub fn new(lab: &'a mut Lab) -> Result<Self> {
         let sizes = [lab.projector_resolution(), lab.resolution()];
         let sizes = if lab.kind() == SourceKind::Matrix { sizes.map(as_picture) } else { sizes };
@@ -171,9 +168,6 @@ impl<'a> Canvas<'a> {
     }
 
     /// The photo of a white pattern in all light. It is taken once.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub(super) fn white(&mut self) -> Result<&Planes> {
         let white = match self.white.take() {
             Some(white) => white,
@@ -201,9 +195,6 @@ impl<'a> Canvas<'a> {
     }
 
     /// The light of one projector pixel at full brightness, without the ambient light: a column of the matrix.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub fn column(&mut self, light: Light, pixel: usize) -> Result<Planes> {
         let mut photo = vec![vec![0.0; self.camera().pixels()]; self.channels()];
         if self.add_pixel(light, pixel, &vec![1.0; self.channels()], &mut photo) {
@@ -220,9 +211,6 @@ impl<'a> Canvas<'a> {
 
     /// How much each projector pixel lights one camera pixel: a row of the matrix, which is a dual photograph. `None` where only
     /// photos in the other direction can be taken.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub fn row(&mut self, light: Light, pixel: usize) -> Result<Option<Planes>> {
         let projector = self.projector().pixels();
         if !self.layers.is_empty() {

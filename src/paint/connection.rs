@@ -23,7 +23,7 @@ use tokio_tungstenite::tungstenite::{Error as SocketError, Message};
 
 use super::message;
 use super::message::{Client, HEADER, MessageKind, PageRequest};
-use super::server::{Route, Shared, Sizes, Slot};
+use super::server::{Route, ServerState, Sizes, Slot};
 use super::session::{Event, error_text};
 
 /// How long a client may take to send its request.
@@ -44,12 +44,9 @@ pub async fn refuse(mut stream: TcpStream) {
 }
 
 /// Serves one connection to its end.
-///
-/// # Errors
-/// Why it was dropped, where that is worth a note.
 pub(super) async fn serve_connection(
     stream: TcpStream,
-    shared: Arc<Shared>,
+    shared: Arc<ServerState>,
     place: &Slot,
 ) -> Result<(), String> {
     // Small photos should not wait for more.
@@ -85,7 +82,7 @@ pub(super) async fn serve_connection(
     }
 }
 
-fn respond(request: &mut Request<Incoming>, shared: &Shared) -> Response<Full<Bytes>> {
+fn respond(request: &mut Request<Incoming>, shared: &ServerState) -> Response<Full<Bytes>> {
     let headers = request.headers();
     let host = text(headers, header::HOST).unwrap_or_default();
     let place = match shared.guard.route(request.uri().path()) {
@@ -113,8 +110,8 @@ fn respond(request: &mut Request<Incoming>, shared: &Shared) -> Response<Full<By
     }
 }
 
-fn page(shared: &Shared) -> Response<Full<Bytes>> {
-    let mut answer = Response::new(Full::new(shared.page.html()));
+fn page(shared: &ServerState) -> Response<Full<Bytes>> {
+    let mut answer = Response::new(Full::new(shared.page.clone()));
     let headers = answer.headers_mut();
     headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));
@@ -178,7 +175,7 @@ const SILENCE: Duration = Duration::from_secs(60);
 ///
 /// # Errors
 /// Why it was dropped.
-pub async fn serve_socket(stream: TokioIo<Upgraded>, shared: &Arc<Shared>) -> Result<(), String> {
+pub async fn serve_socket(stream: TokioIo<Upgraded>, shared: &Arc<ServerState>) -> Result<(), String> {
     let most = most_bytes(shared.sizes);
     let limits = WebSocketConfig::default()
         .max_message_size(Some(most))
@@ -203,7 +200,7 @@ fn most_bytes(sizes: Sizes) -> usize {
 
 async fn talk(
     socket: &mut WebSocketStream<TokioIo<Upgraded>>,
-    shared: &Shared,
+    shared: &ServerState,
     client: u64,
     arrived: &Notify,
 ) -> Result<(), String> {
@@ -249,12 +246,12 @@ fn gone(error: &SocketError) -> Result<(), String> {
 async fn hear(
     message: Message,
     socket: &mut WebSocketStream<TokioIo<Upgraded>>,
-    shared: &Shared,
+    shared: &ServerState,
     client: u64,
 ) -> Result<(), String> {
     let (number, request) = match message {
         Message::Binary(bytes) => message::read(&bytes, shared.sizes.channels, shared.sizes.pixels)?,
-        Message::Text(text) => match serde_json::from_str::<message::Asked>(&text) {
+        Message::Text(text) => match serde_json::from_str::<message::NumberedQuestion>(&text) {
             Ok(asked) => (asked.number, PageRequest::Ask(asked)),
             Err(error) => return Err(format!("a question that cannot be read: {error}")),
         },
@@ -295,7 +292,6 @@ pub enum Parcel {
     Text(String),
 }
 
-/// What waits for one page.
 #[derive(Debug, Default)]
 struct Outbox {
     pattern: Option<Parcel>,
@@ -306,7 +302,7 @@ struct Outbox {
     arrived: Arc<Notify>,
 }
 
-/// What waits for all pages.
+/// The parcels that wait for each page. Only the newest photo is kept, so that a slow page gets fewer photos and needs no more memory.
 #[derive(Debug, Default)]
 pub struct Outboxes(Mutex<BTreeMap<Client, Outbox>>);
 

@@ -25,7 +25,7 @@ pub struct EmbedOptions {
     /// The most bytes of the file. A matrix that takes more is thinned: small entries are left out by chance, and others made larger, so that
     /// every photo stays right on average. `None` for any size.
     pub max_bytes: Option<usize>,
-    /// What the page shows without asking: groups and eigenvectors that are known.
+    /// Known answers that the page shows without asking.
     pub kept: Kept,
 }
 
@@ -39,7 +39,7 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// What the page shows of an answer: labels, if it has any.
+    /// The labels of an answer, if it has any.
     pub fn of(answer: &impl crate::lab::Answer, content: &Content<'_>) -> Self {
         let mut groups = Answer { status: answer.sentence(), ..Answer::default() };
         for array in &content.arrays {
@@ -60,7 +60,7 @@ impl Kept {
 #[derive(Clone, Debug)]
 pub struct Embedded {
     html: String,
-    /// What storing the matrix changes: the relative difference of the photos of white, of a checkerboard and of random patterns, at most.
+    /// The relative difference that storing the matrix makes to the photos of white, of a checkerboard and of random patterns, at most.
     pub error: f64,
     /// The share of the matrix's entries that the page has.
     pub kept: f64,
@@ -81,12 +81,11 @@ impl Embedded {
     /// [`Canvas::photo`].
     pub fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
         if canvas.layers().is_empty() {
-            return Err(Error::Option {
-                option: "-o".into(),
-                fault: "a page without server holds the light transport matrix, and this source has none in memory"
-                    .into(),
-                help: "give a scene or a matrix, or serve the page".into(),
-            });
+            return Err(Error::option(
+                "-o",
+                "a page without server holds the light transport matrix, and this source has none in memory",
+                "give a scene or a matrix, or serve the page",
+            ));
         }
         let most = options.max_bytes.unwrap_or(usize::MAX);
         let parts = Parts::new(canvas, options)?;
@@ -125,9 +124,6 @@ impl Embedded {
     }
 
     /// Writes the file.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<()> {
         crate::io::atomic::write_bytes(path, self.html.as_bytes())
     }
@@ -135,16 +131,16 @@ impl Embedded {
 
 fn too_large(bytes: usize, most: usize) -> Error {
     let mebibytes = |bytes: usize| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
-    Error::Option {
-        option: "--max-size".into(),
-        fault: format!(
+    Error::option(
+        "--max-size",
+        format!(
             "the page takes {} with {} % of the matrix's entries, more than {}",
             mebibytes(bytes),
             100.0 * LEAST_SHARE,
             mebibytes(most)
         ),
-        help: "use a smaller --size, or allow more".into(),
-    }
+        "use a smaller --size, or allow more",
+    )
 }
 
 /// The relative difference that storing makes to photos, the largest of four.
@@ -186,7 +182,7 @@ fn multiply_rounded(columns: &Csr, precision: Precision, pattern: &[f64], photo:
     }
 }
 
-/// What is in the page whatever layers it has.
+/// The parts of the page that do not depend on its layers.
 struct Parts {
     info: Value,
     sections: Sections,
@@ -283,7 +279,7 @@ pub enum Precision {
 struct PackedLayer {
     pub(super) positions: Vec<u8>,
     pub(super) values: Vec<Vec<u8>>,
-    /// What the values are multiplied by, one for each channel.
+    /// The factor of the values of each channel.
     pub(super) scales: Vec<f32>,
     pub(super) is_symmetric: bool,
 }
@@ -311,7 +307,9 @@ fn scale_of(columns: &Csr) -> f64 {
     if largest > 0.0 { f64::from(largest as f32) } else { 1.0 }
 }
 
-/// Packs the columns of all channels of a layer, which have the same positions.
+/// Packs the columns of all channels of a layer, which have the same positions, as numbers of seven bits a byte: first how many entries each
+/// column has, then the distance of each entry from the one before. The values stand apart, as half or single floats relative to the largest.
+/// Only the entries on and below the diagonal of a symmetric matrix are packed.
 fn pack(columns: &[Csr], precision: Precision) -> PackedLayer {
     let is_symmetric = columns.iter().all(Csr::is_symmetric);
     let first = &columns[0];

@@ -1,4 +1,4 @@
-//! The messages between page and server, in bytes. All numbers are little-endian; planes are 32-bit floats, one plane after the other.
+//! The messages between page and server, in bytes, and the mailbox of requests that wait for the session. All numbers are little-endian; planes are 32-bit floats, one plane after the other.
 //!
 //! Each binary message begins with eight bytes: its kind, its flags, the index of its light among [`Canvas::lights`](super::Canvas::lights), and
 //! a number. What is rare and small (greetings, questions, errors) travels as JSON text instead.
@@ -14,7 +14,7 @@ use crate::analysis::planes::Planes;
 /// Bytes before the content of a message.
 pub const HEADER: usize = 8;
 
-/// What a page asks for.
+/// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PageRequest {
     /// New values of single pixels of the pattern, one for each channel.
@@ -30,12 +30,12 @@ pub enum PageRequest {
     /// Which projector pixels light a camera pixel.
     Row(u32),
     /// A question that takes longer.
-    Ask(Asked),
+    Ask(NumberedQuestion),
 }
 
 /// A question, with the number under which the page expects the answer.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-pub struct Asked {
+pub struct NumberedQuestion {
     /// The page's number.
     pub number: u32,
     /// The question.
@@ -43,7 +43,7 @@ pub struct Asked {
     pub question: Question,
 }
 
-/// What is in a message of the server.
+/// The content of a message of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageKind {
     /// A photo; the number is that of the author's last request in it. The flag says that it is exact.
@@ -52,7 +52,7 @@ pub enum MessageKind {
     Pattern = 2,
     /// The light of the projector pixel that is the number.
     Column = 3,
-    /// What lights the camera pixel that is the number.
+    /// The projector pixels that light the camera pixel of that number.
     Row = 4,
     /// The answer to the question of this number: the length of a JSON text, the text, and planes.
     Answer = 5,
@@ -61,7 +61,7 @@ pub enum MessageKind {
 /// Reads a binary message. `channels` and `pixels` are those of the pattern; the number is the page's own.
 ///
 /// # Errors
-/// What is wrong with the message, in a few words.
+/// The fault of the message, in a few words.
 pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, PageRequest), String> {
     let (Some(header), Some(content)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("a message of {} bytes, shorter than its header", bytes.len()));
@@ -145,7 +145,7 @@ const MOST_QUESTIONS: usize = 4;
 /// The number of a connection.
 pub type Client = u64;
 
-/// What waits.
+/// The requests that wait.
 #[derive(Debug, Default)]
 pub struct Pending {
     /// Who changed the pattern last, with its number.
@@ -161,7 +161,7 @@ pub struct Pending {
     /// The newest pixel that each page looks at, of the camera (`true`) or of the projector.
     pub looks: BTreeMap<(Client, bool), u32>,
     /// Questions in order.
-    pub questions: VecDeque<(Client, Asked)>,
+    pub questions: VecDeque<(Client, NumberedQuestion)>,
     /// Pages that have come and want to see what is there.
     pub newcomers: Vec<Client>,
     /// Whether to end.

@@ -44,29 +44,14 @@ pub(super) const WORKER: [Module; 4] = [
     ("worker.js", include_str!("web/worker.js")),
 ];
 
-/// The page of a server.
-#[derive(Clone, Debug)]
-pub struct Served(Bytes);
-
-impl Served {
-    /// The page for a canvas; its scripts bear the mark `nonce`.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`]; [`Error::Numerical`] where the page cannot be filled.
-    pub(super) fn new(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Self> {
-        let info = describe(canvas)?;
-        let about =
-            "Everything that is painted here stays on this machine and the server that printed this address.";
-        Ok(Self(Bytes::from(page(&info, about, Some(nonce), "")?)))
-    }
-
-    /// The page.
-    pub(super) fn html(&self) -> Bytes {
-        self.0.clone()
-    }
+/// The page of a server for a canvas; its scripts bear the mark `nonce`.
+pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Bytes> {
+    let about =
+        "Everything that is painted here stays on this machine and the server that printed this address.";
+    Ok(Bytes::from(page(&describe(canvas)?, about, Some(nonce), "")?))
 }
 
-/// What the page is filled with.
+/// The variables of the template.
 #[derive(Template)]
 #[template(path = "paint.html", config = "src/report/askama.toml")]
 struct Page<'a> {
@@ -96,7 +81,7 @@ pub(super) fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -
     page.render().map_err(|error| Error::Numerical(format!("the painting page's template: {error}")))
 }
 
-/// What the page's scripts know of the source.
+/// The source as the page's scripts know it.
 pub(super) fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
     let channels = canvas.channels();
     let white = Image::from_planes(canvas.camera(), canvas.white()?)?;

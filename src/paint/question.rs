@@ -47,7 +47,7 @@ pub struct Answer {
     pub values: Vec<f64>,
     /// Numbers of groups, one for each plane.
     pub groups: Vec<usize>,
-    /// What was found, as a sentence.
+    /// The result as a sentence.
     pub status: String,
     /// Eigenvectors, labels or the pattern.
     #[serde(skip)]
@@ -120,7 +120,7 @@ impl Canvas<'_> {
         Ok(answer)
     }
 
-    /// What is said of an answer that looks at one channel of three.
+    /// The remark on an answer that looks at one channel of three.
     fn of_channel(&self) -> &'static str {
         if self.channels() > 1 { "; of red light" } else { "" }
     }
@@ -168,11 +168,7 @@ impl Canvas<'_> {
 }
 
 fn refused<T>(what: &str, help: &str) -> Result<T> {
-    Err(Error::Option {
-        option: "question".into(),
-        fault: format!("{what} cannot be answered"),
-        help: help.into(),
-    })
+    Err(Error::option("question", format!("{what} cannot be answered"), help))
 }
 
 /// `W A`: each camera pixel counts by its weight.

@@ -9,13 +9,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use hyper::body::Bytes;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
 use super::connection;
 use super::connection::Outboxes;
 use super::message::Mailbox;
-use super::page::Served;
+use super::page::served;
 use super::session::{Event, Session};
 use crate::error::{Error, Result};
 
@@ -43,12 +44,12 @@ pub enum Ended {
     Idle,
 }
 
-/// What all connections share.
-pub(super) struct Shared {
+/// The state that all connections share.
+pub(super) struct ServerState {
     pub(super) mailbox: Mailbox,
     pub(super) outboxes: Outboxes,
     pub(super) guard: Guard,
-    pub(super) page: Served,
+    pub(super) page: Bytes,
     pub(super) sizes: Sizes,
     pub(super) clients: AtomicU64,
     /// Milliseconds from the start to the last message of a page.
@@ -72,7 +73,7 @@ pub(super) struct Sizes {
     pub(super) pixels: usize,
 }
 
-impl Shared {
+impl ServerState {
     pub(super) fn used(&self) {
         self.last_used.store(self.start.elapsed().as_millis() as u64, Ordering::Relaxed);
     }
@@ -102,10 +103,10 @@ pub fn serve(
     let guard = Guard::new(address)?;
     let url = guard.url();
     let canvas = session.canvas();
-    let shared = Arc::new(Shared {
+    let shared = Arc::new(ServerState {
         mailbox: Mailbox::default(),
         outboxes: Outboxes::default(),
-        page: Served::new(canvas, guard.nonce())?,
+        page: served(canvas, guard.nonce())?,
         sizes: Sizes { channels: canvas.channels(), pixels: canvas.projector().pixels() },
         guard,
         clients: AtomicU64::new(0),
@@ -125,7 +126,7 @@ pub fn serve(
 }
 
 /// Answers requests until the server ends.
-fn run_session(session: &mut Session<'_>, shared: &Shared) {
+fn run_session(session: &mut Session<'_>, shared: &ServerState) {
     loop {
         let pending = shared.mailbox.take();
         if pending.is_over {
@@ -137,7 +138,7 @@ fn run_session(session: &mut Session<'_>, shared: &Shared) {
 
 async fn accept(
     listener: TcpListener,
-    shared: Arc<Shared>,
+    shared: Arc<ServerState>,
     idle: Option<Duration>,
     mut go_on: impl FnMut() -> ControlFlow<()>,
     note: Arc<dyn Fn(&str) + Send + Sync>,
@@ -188,11 +189,11 @@ async fn accept(
 }
 
 fn no_listener(address: SocketAddr, reason: &std::io::Error) -> Error {
-    Error::Option {
-        option: "--listen".into(),
-        fault: format!("{address} cannot be listened on: {reason}"),
-        help: "give another port, or port 0 for any free one".into(),
-    }
+    Error::option(
+        "--listen",
+        format!("{address} cannot be listened on: {reason}"),
+        "give another port, or port 0 for any free one",
+    )
 }
 
 /// Bytes of a token: too many to be guessed.
@@ -206,7 +207,7 @@ pub struct Guard {
     nonce: String,
 }
 
-/// What a request is for.
+/// The two addresses of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
     /// The page.
@@ -234,7 +235,7 @@ impl Guard {
         &self.nonce
     }
 
-    /// What a path asks for; `None` without the token.
+    /// The route of a path; `None` without the token.
     pub fn route(&self, path: &str) -> Option<Route> {
         let (token, rest) = path.strip_prefix('/')?.split_once('/')?;
         // Every byte is compared, so that the time tells nothing.

@@ -1,7 +1,7 @@
-//! What is on the projector, and the photo of it: the state that all pages of a server share.
+//! The pattern on the projector and its photo: the state that all pages of a server share.
 
 use super::canvas::{Canvas, Light};
-use super::message::{Asked, Client, MessageKind, Pending, write, write_answer};
+use super::message::{Client, MessageKind, NumberedQuestion, Pending, write, write_answer};
 use super::question::Question;
 use crate::analysis::planes::Planes;
 use crate::error::Result;
@@ -18,7 +18,7 @@ pub struct Session<'a> {
     photos: usize,
 }
 
-/// What a page is sent. Of photos, patterns and looks only the newest counts.
+/// A message to pages. Only the newest photo, pattern and look counts.
 #[derive(Clone, Debug)]
 pub enum Event {
     /// A photo, for every page.
@@ -35,16 +35,13 @@ pub enum Event {
 
 impl<'a> Session<'a> {
     /// A dark pattern. Its photo is taken at once.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub fn new(mut canvas: Canvas<'a>) -> Result<Self> {
         let pattern = vec![vec![0.0; canvas.projector().pixels()]; canvas.channels()];
         let photo = canvas.photo(Light::All, &pattern)?;
         Ok(Self { canvas, light: 0, pattern, photo, is_exact: true, photos: 1 })
     }
 
-    /// What is painted on.
+    /// The source that is painted on.
     pub fn canvas(&mut self) -> &mut Canvas<'a> {
         &mut self.canvas
     }
@@ -61,9 +58,6 @@ impl<'a> Session<'a> {
 
     /// Changes single pixels of the pattern. The photo is updated by the columns of these pixels where they are in memory and few; it
     /// is otherwise taken anew.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub fn change(&mut self, changes: impl IntoIterator<Item = (u32, Vec<f32>)>) -> Result<()> {
         let changes: Vec<(u32, Vec<f32>)> = changes.into_iter().collect();
         let (light, few) = (self.light(), self.canvas.pixels_of_a_product());
@@ -83,9 +77,6 @@ impl<'a> Session<'a> {
     }
 
     /// Takes the whole photo of the pattern, unless it is there.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub fn finish(&mut self) -> Result<()> {
         if !self.is_exact {
             self.photo = self.canvas.photo(self.light(), &self.pattern)?;
@@ -96,9 +87,6 @@ impl<'a> Session<'a> {
     }
 
     /// Shows another pattern.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub fn replace(&mut self, pattern: Planes) -> Result<()> {
         self.pattern = pattern;
         self.is_exact = false;
@@ -106,9 +94,6 @@ impl<'a> Session<'a> {
     }
 
     /// Shows another light, by its index. An index beyond the last is ignored.
-    ///
-    /// # Errors
-    /// As [`Canvas::photo`].
     pub fn choose(&mut self, light: usize) -> Result<()> {
         if light < self.canvas.lights().len() && light != self.light {
             self.light = light;
@@ -155,7 +140,7 @@ impl<'a> Session<'a> {
                 Err(error) => send(Event::Text(client, error_text(None, &error.to_string()))),
             }
         }
-        for (client, Asked { number, question }) in pending.questions {
+        for (client, NumberedQuestion { number, question }) in pending.questions {
             send(match self.answer(number, &question) {
                 Ok(bytes) => Event::Answer(client, bytes),
                 Err(error) => Event::Text(client, error_text(Some(number), &error.to_string())),
@@ -198,7 +183,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// What went wrong, for the page; with the number of the question that it was.
+/// An error for the page, with the number of the question that it answers.
 pub(super) fn error_text(number: Option<u32>, message: &str) -> String {
     serde_json::json!({ "error": message, "number": number }).to_string()
 }

@@ -1,4 +1,5 @@
-//! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH) over boxes.
+//! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH) over boxes,
+//! and a search for the first hits of rays on the processor.
 
 use std::collections::HashSet;
 
@@ -237,7 +238,7 @@ mod tests {
         assert_eq!(distances, rays.iter().map(all).collect::<Vec<_>>());
         assert!(found.iter().flatten().count() > 100, "the ball and its room are in view");
 
-        // Where everything is a hole, nothing is hit; where the first surface is one, the next is.
+        // Nothing is hit where everything is a hole; the next surface is hit where the first one is a hole.
         assert!(first_hits(&scene, origin, &rays, |_| true).iter().all(Option::is_none));
         let first = found.iter().flatten().next().map(|hit| hit.triangle);
         let behind = first_hits(&scene, origin, &rays, |point| Some(point.triangle) == first);

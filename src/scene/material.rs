@@ -1,5 +1,5 @@
 //! Surface materials: glTF metallic–roughness with `KHR_materials_specular`, `ior`, `transmission`, `volume`
-//! and `diffuse_transmission`.
+//! and `diffuse_transmission`; and their textures.
 
 use glam::{Affine2, Vec3};
 
@@ -122,19 +122,24 @@ impl Material {
         if !is_lit {
             self.emission = Vec3::ZERO;
         }
-        for slot in [
-            &mut self.base_color_texture,
-            &mut self.metallic_roughness_texture,
-            &mut self.normal_texture,
-            &mut self.specular_texture,
-            &mut self.specular_color_texture,
-            &mut self.emission_texture,
-            &mut self.transmission_texture,
-            &mut self.diffuse_transmission_texture,
-            &mut self.diffuse_transmission_color_texture,
-        ] {
+        for (_, slot) in self.texture_slots() {
             *slot = slot.filter(&is_kept);
         }
+    }
+
+    /// The places of all textures, each with its role in glTF's words.
+    pub(super) fn texture_slots(&mut self) -> [(&'static str, &mut Option<TextureRef>); 9] {
+        [
+            ("base colour", &mut self.base_color_texture),
+            ("metallic-roughness", &mut self.metallic_roughness_texture),
+            ("normal", &mut self.normal_texture),
+            ("emissive", &mut self.emission_texture),
+            ("specular", &mut self.specular_texture),
+            ("specular colour", &mut self.specular_color_texture),
+            ("transmission", &mut self.transmission_texture),
+            ("diffuse transmission", &mut self.diffuse_transmission_texture),
+            ("diffuse transmission colour", &mut self.diffuse_transmission_color_texture),
+        ]
     }
 
     /// The textures of the material, each with its role in glTF's words.

@@ -48,9 +48,6 @@ pub struct LoadOptions<'a> {
 }
 
 /// Loads a scene with the camera called `camera`; see [`load_with`].
-///
-/// # Errors
-/// As [`load_with`].
 pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
     load_with(path, &LoadOptions { camera, ..LoadOptions::default() })
 }
@@ -87,7 +84,7 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 pub struct Scene {
     /// The file that the scene was loaded from, or a name if the scene was made in memory.
     pub path: PathBuf,
-    /// Where the origin of all coordinates here lies in those of the file, in metres. It is the file's origin, except for scenes that lie far
+    /// The origin of all coordinates here in those of the file, in metres. It is the file's origin, except for scenes that lie far
     /// from it: single precision would be too coarse there.
     pub origin: DVec3,
     /// All surfaces, in world space. A loaded scene has at least one triangle.

@@ -1,4 +1,4 @@
-//! Where a scene lies in the coordinates of its file, and how far its surfaces are from the camera.
+//! The place of a scene in the coordinates of its file, and the distance of its surfaces from the camera.
 //!
 //! Single precision knows a coordinate to one part in 2²⁴. A scene of one metre that lies 500 km from the origin of its file, as survey
 //! coordinates do, would be known to 3 cm. Therefore a loader notes all corners in double precision first, and moves a scene that lies far away
@@ -57,7 +57,7 @@ impl Distances {
 pub(super) struct Place {
     /// The place of the camera, or the first corner.
     anchor: Option<DVec3>,
-    /// Where the origin of the scene's coordinates lies in those of the file. It is that of the file until [`Place::settle`] moves it.
+    /// The origin of the scene's coordinates in those of the file. It is the file's until [`Place::settle`] moves it.
     pub(super) origin: DVec3,
     distances: Distances,
     is_settled: bool,
@@ -101,9 +101,6 @@ impl Place {
     }
 
     /// Chooses the origin when all corners of the file at `path` are noted. Returns whether the scene moves.
-    ///
-    /// # Errors
-    /// [`Error::Scene`](crate::Error::Scene) for a scene that is too small to be traced.
     pub(super) fn settle(&mut self, path: &Path) -> Result<bool> {
         self.is_settled = true;
         if self.distance() < NEAREST {
@@ -148,7 +145,7 @@ mod tests {
             }
             distances.power(0.5)
         };
-        // Of 0.1, 0.3, 1, 1.2, 1.9 and 1e9 the third is in [1, 2).
+        // The third of 0.1, 0.3, 1, 1.2, 1.9 and 1e9 is in [1, 2).
         assert_eq!(power(1.0), 0);
         for k in [-300, -20, -1, 1, 7, 300] {
             assert_eq!(power(2_f64.powi(k)), k);

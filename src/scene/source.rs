@@ -1,5 +1,5 @@
-//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, and the content
-//! hash.
+//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, the content
+//! hash, and the decoding of pictures.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -15,9 +15,6 @@ pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<Strin
 }
 
 /// Reads the scene's own file.
-///
-/// # Errors
-/// [`Error::Read`] when it cannot be read, [`Error::Scene`] when it only stands for a file that is elsewhere.
 pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {
     file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
 }
@@ -144,7 +141,7 @@ const MAX_TEXELS: u64 = 1 << 27;
 const MAX_BYTES: usize = 8 << 27;
 
 /// A decoded picture.
-pub(super) struct Picture {
+pub(super) struct Texels {
     pub width: u32,
     pub height: u32,
     /// RGBA, row 0 at the top.
@@ -155,7 +152,7 @@ pub(super) struct Picture {
 pub(super) struct Fault {
     /// The predicate of a sentence whose subject is the picture's name.
     pub fault: String,
-    /// What to do about it.
+    /// The remedy.
     pub help: String,
     /// Whether the picture has a format that is not read. Others are damaged or too large.
     pub is_unknown: bool,
@@ -185,7 +182,7 @@ pub(super) fn unread(beginning: &[u8], name: &Path) -> Option<Fault> {
     format.is_none().then(|| other_format(beginning))
 }
 
-/// What a picture is whose format is not read.
+/// The fault of a picture whose format is not read.
 fn other_format(bytes: &[u8]) -> Fault {
     let of = |(at, beginning, ..): &&(usize, &[u8], &str, &str)| {
         bytes.get(*at..).is_some_and(|rest| rest.starts_with(beginning))
@@ -206,11 +203,7 @@ pub(super) struct Pictures {
 impl Pictures {
     /// Decodes the bytes of a PNG, JPEG, WebP, BMP, GIF or TGA file; of an animation, its first picture. TGA is recognized by its
     /// file's `name` only.
-    pub(super) fn decode(
-        &mut self,
-        bytes: &[u8],
-        name: Option<&Path>,
-    ) -> std::result::Result<Picture, Fault> {
+    pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> std::result::Result<Texels, Fault> {
         let Some(format) = Format::of(bytes).or_else(|| Format::of_name(name?)) else {
             return Err(other_format(bytes));
         };
@@ -231,6 +224,6 @@ impl Pictures {
             });
         }
         let decoded = format.decode(bytes, MAX_BYTES).map_err(broken)?;
-        Ok(Picture { width: decoded.width, height: decoded.height, texels: decoded.into_rgba8() })
+        Ok(Texels { width: decoded.width, height: decoded.height, texels: decoded.into_rgba8() })
     }
 }

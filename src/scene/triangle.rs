@@ -87,7 +87,9 @@ impl Triangle {
     }
 }
 
-/// Drops every triangle that has the corners, the region and all else of an earlier one. Returns how many were dropped.
+/// Drops every triangle that has the corners, the region and all else of an earlier one, as exporters write where an object was duplicated
+/// in place. A ray would have to test each of them, and software Vulkan ends an invocation after 65,535 tests without a word. Returns how
+/// many were dropped.
 pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
     // One hash of 64 bits stands for the corners; triangles with the same one are compared. The list takes a tenth of the memory of the triangles,
     // which a table of them would double.

@@ -1,4 +1,4 @@
-//! What the camera sees of a scene, by a few rays: reasons for a black photo.
+//! The view of the camera: reasons for a black photo, by a few rays, and the direct light that a scene's shape predicts.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;

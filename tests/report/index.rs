@@ -1,7 +1,7 @@
 //! The page over many runs.
 
 use krylux::image::Resolution;
-use krylux::io::manifest::{Scene, Status};
+use krylux::io::manifest::{SourceFile, Status};
 use krylux::measure::RunManifest;
 use krylux::report::index;
 use tempfile::TempDir;
@@ -12,7 +12,7 @@ fn run(folder: &std::path::Path, verb: &str, started: &str, status: Status, outp
     std::fs::create_dir_all(folder)?;
     let mut record = RunManifest::new(["krylux", "-q", verb, "scene <1>.glb"]);
     record.started = started.into();
-    record.scene = Some(Scene { path: "scene <1>.glb".into(), hash: "00".into() });
+    record.scene = Some(SourceFile { path: "scene <1>.glb".into(), hash: "00".into() });
     record.resolution = Some(Resolution::new(8, 8));
     record.photos = 24;
     record.outputs = outputs.iter().map(|name| (*name).to_owned()).collect();

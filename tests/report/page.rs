@@ -5,7 +5,7 @@ use std::time::Duration;
 use krylux::Error;
 use krylux::image::Resolution;
 use krylux::io::atomic;
-use krylux::io::manifest::{Adapter, Scene, Status};
+use krylux::io::manifest::{Adapter, SourceFile, Status};
 use krylux::measure::RunManifest;
 use krylux::report::html::{
     Block, Figure, FileLink, Legend, Outcome as Result_, Report, Section, Values, Verdict,
@@ -168,7 +168,7 @@ fn a_record_is_rewritten_whole_and_reads_back() -> Outcome {
     record.seed = Some(7);
     record.adapter =
         Some(Adapter { name: "llvmpipe".into(), driver: "Mesa".into(), backend: "vulkan".into() });
-    record.scene = Some(Scene { path: "scene.glb".into(), hash: "00ff".into() });
+    record.scene = Some(SourceFile { path: "scene.glb".into(), hash: "00ff".into() });
     record.resolution = Some(Resolution::new(128, 96));
     record.photos = 24;
     record.record("trace", Duration::from_millis(1500));

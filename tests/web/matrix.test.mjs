@@ -6,7 +6,7 @@ import { test } from "node:test";
 import { Layer, Matrix } from "../../src/paint/web/matrix.js";
 import { solveBox } from "../../src/paint/web/solver.js";
 
-/** Packs a dense matrix by its columns, as src/paint/page/packed.rs does. */
+/** Packs a dense matrix by its columns, as src/paint/embedded.rs does. */
 function packed(dense, symmetric) {
   const size = dense.length;
   const columns = dense[0].length;

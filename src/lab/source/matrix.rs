@@ -36,8 +36,10 @@ impl MatrixSource {
 
     /// Notes what a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
-        manifest.scene =
-            self.file.as_ref().map(|(path, hash)| manifest::Scene { path: path.into(), hash: hash.clone() });
+        manifest.scene = self
+            .file
+            .as_ref()
+            .map(|(path, hash)| manifest::SourceFile { path: path.into(), hash: hash.clone() });
     }
 }
 

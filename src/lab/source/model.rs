@@ -34,7 +34,7 @@ impl ModelSource {
         let path = model::record_path(&self.folder);
         // The record was read when the source was opened.
         let hash = crate::file::read(&path).map(|bytes| blake3::hash(&bytes).to_hex().to_string());
-        manifest.scene = Some(manifest::Scene { path: (&path).into(), hash: hash.unwrap_or_default() });
+        manifest.scene = Some(manifest::SourceFile { path: (&path).into(), hash: hash.unwrap_or_default() });
         manifest.resolution = Some(self.model.resolution);
     }
 }

@@ -158,7 +158,7 @@ impl RunSource {
     /// Notes what the run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let SourceNote { path, hash, .. } = &self.note;
-        manifest.scene = Some(manifest::Scene { path: path.into(), hash: hash.clone() });
+        manifest.scene = Some(manifest::SourceFile { path: path.into(), hash: hash.clone() });
     }
 }
 

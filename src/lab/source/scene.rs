@@ -199,7 +199,7 @@ impl SceneSource {
             driver: format!("{} {}", adapter.driver, adapter.driver_version),
             backend: "vulkan".into(),
         });
-        manifest.scene = Some(manifest::Scene {
+        manifest.scene = Some(manifest::SourceFile {
             path: (&scene.path).into(),
             hash: blake3::Hash::from_bytes(scene.hash).to_string(),
         });

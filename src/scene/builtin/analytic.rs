@@ -1,4 +1,4 @@
-//! Scenes whose light transport is known in closed form.
+//! Scenes for tests and benchmarks: light transport that is known in closed form, a leaning sheet, and a box of many triangles.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;

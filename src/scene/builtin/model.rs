@@ -169,7 +169,7 @@ impl Model {
     }
 }
 
-/// The bytes of the file: positions are `f32`, indices `u16` if they fit and `u32` otherwise.
+/// The bytes of the file, which are the same on every machine: positions are `f32`, indices `u16` if they fit and `u32` otherwise.
 fn write(model: &Model) -> Vec<u8> {
     let mut binary = Binary::default();
     let mut nodes = Vec::new();

@@ -1,4 +1,4 @@
-//! Buffers and buffer views.
+//! Buffers, their views and URIs, and accessors: typed, strided arrays in views, which are checked when they are opened.
 
 use std::path::PathBuf;
 
@@ -60,33 +60,22 @@ pub(super) fn view<'a>(
     what: &str,
     view: json::Index<json::buffer::View>,
 ) -> Result<(&'a [u8], Option<usize>)> {
-    let help = "the file is damaged: export it again";
     let index = view.value();
-    let Some(view) = document.root.buffer_views.get(index) else {
-        return Err(
-            document.fault(format!("{what} refers to buffer view {index}, which does not exist"), help)
-        );
-    };
-    let Some(buffer) = document.buffers.get(view.buffer.value()) else {
-        let buffer = view.buffer.value();
-        return Err(document
-            .fault(format!("buffer view {index} refers to buffer {buffer}, which does not exist"), help));
-    };
+    let view = document.referred(&document.root.buffer_views, what, "buffer view", index)?;
+    let user = format!("buffer view {index}");
+    let buffer = document.referred(&document.buffers, &user, "buffer", view.buffer.value())?;
     let start = view.byte_offset.map_or(0, |offset| offset.0);
     let range = usize::try_from(start)
         .ok()
         .zip(start.checked_add(view.byte_length.0).and_then(|end| usize::try_from(end).ok()))
         .and_then(|(start, end)| buffer.get(start..end));
     let Some(bytes) = range else {
-        return Err(document.fault(
-            format!(
-                "buffer view {index} ({} bytes at {start}) ends outside buffer {} ({} bytes)",
-                view.byte_length.0,
-                view.buffer.value(),
-                buffer.len()
-            ),
-            help,
-        ));
+        return Err(document.damaged(format!(
+            "buffer view {index} ({} bytes at {start}) ends outside buffer {} ({} bytes)",
+            view.byte_length.0,
+            view.buffer.value(),
+            buffer.len()
+        )));
     };
     Ok((bytes, view.byte_stride.map(|stride| stride.0)))
 }
@@ -202,7 +191,7 @@ fn percent_decode(text: &str) -> Option<String> {
 
 /// A checked accessor: all its `count` elements lie inside its bytes.
 #[derive(Clone, Copy)]
-pub(super) struct Array<'a> {
+pub(super) struct OpenAccessor<'a> {
     /// The elements; `None` if all of them are zero.
     base: Option<Elements<'a>>,
     /// Elements that replace some of the base.
@@ -268,7 +257,7 @@ pub(super) fn open_accessor<'a>(
     accessor: json::Index<json::Accessor>,
     shape: Type,
     components: &[ComponentType],
-) -> Result<Array<'a>> {
+) -> Result<OpenAccessor<'a>> {
     let index = accessor.value();
     let Some(accessor) = document.root.accessors.get(index) else {
         return Err(document.fault(format!("{what} refers to accessor {index}, which does not exist"), HELP));
@@ -295,14 +284,14 @@ pub(super) fn open_accessor<'a>(
             let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
             Some(elements(document, &format!("accessor {index}"), view, offset, element, count)?)
         }
-        // By the specification, elements without data are zero.
+        // Elements without data are zero by the specification.
         None => None,
     };
     let Ok(count) = usize::try_from(count) else {
         return Err(document.fault(format!("accessor {index} has {count} elements"), HELP));
     };
     let sparse = accessor.sparse.as_ref().map(|sparse| open_sparse(document, index, sparse, element, count));
-    Ok(Array { base, sparse: sparse.transpose()?, component, normalized: accessor.normalized, count })
+    Ok(OpenAccessor { base, sparse: sparse.transpose()?, component, normalized: accessor.normalized, count })
 }
 
 /// Opens the sparse part of accessor number `accessor`, which has `base_count` elements of `element` bytes.
@@ -400,7 +389,7 @@ fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
     }
 }
 
-impl Array<'_> {
+impl OpenAccessor<'_> {
     /// The bytes from element `index` on; `Some(None)` if the element is zero, `None` past the end.
     fn bytes(&self, index: usize) -> Option<Option<&[u8]>> {
         if index >= self.count {

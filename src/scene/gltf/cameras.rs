@@ -132,12 +132,7 @@ fn candidates<'a>(
             }
             continue;
         };
-        let Some(camera) = document.root.cameras.get(index) else {
-            return Err(document.fault(
-                format!("{} refers to camera {index}, which does not exist", what()),
-                "the file is damaged: export it again",
-            ));
-        };
+        let camera = document.referred(&document.root.cameras, &what(), "camera", index)?;
         let name = [&node.name, &camera.name].into_iter().flatten().find(|name| !name.is_empty());
         let name = name.cloned().unwrap_or_else(|| format!("camera {index}"));
         let extras = extras.or(Extras::of(&camera.extras));

@@ -1,4 +1,5 @@
-//! `EXT_meshopt_compression` and `KHR_meshopt_compression`: buffer views that are decompressed before anything reads them.
+//! Buffer views by `EXT_meshopt_compression` and `KHR_meshopt_compression`, and primitives by `KHR_draco_mesh_compression`, which are
+//! decompressed before anything reads them.
 
 use std::collections::BTreeMap;
 

@@ -18,7 +18,7 @@
 //! | any other, used | a warning, unless the extension has no effect on the picture |
 //! | `KHR_materials_unlit` | a matte surface of the base colour, with a warning: an unlit surface transports no light |
 //!
-//! Of the core format these are supported: all metallic-roughness textures; alpha modes; `COLOR_0`;
+//! Supported parts of the core format: all metallic-roughness textures; alpha modes; `COLOR_0`;
 //! `TEXCOORD_0` and `TEXCOORD_1`; normals; sparse accessors; morph targets and skins in their rest pose,
 //! without animations. Occlusion textures are ignored, since occlusion is traced. `TANGENT` is ignored, since
 //! normal maps are read in the frame of their texture coordinates.

@@ -18,7 +18,6 @@ use crate::scene::Watcher;
 use crate::scene::place::Place;
 use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
 
-/// What primitives without triangles consist of.
 const NO_AREA: &str = "points or lines, which have no area";
 
 /// The triangles of one primitive at one node. Their region index is set later.
@@ -80,12 +79,7 @@ fn assembly(
         let source = &document.root.nodes[node.node];
         let Some(index) = source.mesh.map(|mesh| mesh.value()) else { continue };
         let node_name = object_name("node", node.node, source.name.as_ref());
-        let Some(mesh) = document.root.meshes.get(index) else {
-            return Err(document.fault(
-                format!("{node_name} refers to mesh {index}, which does not exist"),
-                "the file is damaged: export it again",
-            ));
-        };
+        let mesh = document.referred(&document.root.meshes, &node_name, "mesh", index)?;
         let mesh_name = object_name("mesh", index, mesh.name.as_ref());
         let primitives = mesh.primitives.len();
         let mesh_label = assembly.label(document, &mesh_name, index, None)?;
@@ -238,9 +232,7 @@ impl Assembly {
 fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool> {
     let what = &placement.what;
     match &document.root.meshes[placement.mesh].primitives[placement.primitive].mode {
-        Checked::Invalid => {
-            Err(document.fault(format!("{what} has an unknown mode"), "the file is damaged: export it again"))
-        }
+        Checked::Invalid => Err(document.damaged(format!("{what} has an unknown mode"))),
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => Ok(true),
         Checked::Valid(_) => {
             document.warnings.add(format!("{what} consists of {NO_AREA}: ignored"));
@@ -250,7 +242,7 @@ fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool>
 }
 
 fn cut_short(document: &Document, what: &str) -> Error {
-    document.fault(format!("{what}: its data ends too early"), "the mesh is damaged: export it again")
+    document.damaged_mesh(format!("{what}: its data ends too early"))
 }
 
 /// Makes world-space triangles of a primitive at one pose.
@@ -281,16 +273,15 @@ impl Placer<'_> {
     fn place(&self, index: u32, corner: usize, triangle: &mut Triangle, place: &mut Place) -> Result<bool> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
-            document.fault(
-                format!("{what}: an index asks for vertex {index}, but there are {}", vertices.count),
-                "the mesh is damaged: export it again",
-            )
+            document.damaged_mesh(format!(
+                "{what}: an index asks for vertex {index}, but there are {}",
+                vertices.count
+            ))
         })?;
         let transform = self.pose.of(index as usize).ok_or_else(|| {
-            document.fault(
-                format!("{what}: vertex {index} is bound to no joint, or to one that the skin does not have"),
-                "the mesh is damaged: export it again",
-            )
+            document.damaged_mesh(format!(
+                "{what}: vertex {index} is bound to no joint, or to one that the skin does not have"
+            ))
         })?;
         let world = transform.point(vertex.position);
         if !world.is_finite() || world.abs().max_element() > f64::from(MAX_COORDINATE) {
@@ -333,9 +324,9 @@ const MAX_PLACEMENTS: usize = 1 << 20;
 /// The largest number of triangles times morph targets.
 const MAX_MORPHS: usize = 1 << 28;
 
-/// What was counted so far.
+/// The sizes so far. A small file can place one mesh any number of times.
 #[derive(Default)]
-pub(super) struct Counts {
+struct Counts {
     /// Number of primitives placed.
     placements: usize,
     /// Number of instances of all nodes.
@@ -347,54 +338,42 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// Counts the primitives of a placed mesh, up to [`MAX_PLACEMENTS`].
-    pub(super) fn placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
-        self.placements = self.placements.saturating_add(primitives);
-        if self.placements > MAX_PLACEMENTS {
-            return Err(document.fault(
-                format!("more than {MAX_PLACEMENTS} primitives, all instances counted"),
-                "join the meshes, or place fewer of them",
-            ));
-        }
-        Ok(())
-    }
-
-    /// Counts the instances of a node, up to [`MAX_TRIANGLES`].
-    pub(super) fn instances(&mut self, document: &Document, count: usize) -> Result<()> {
-        self.instances = self.instances.saturating_add(count);
-        if self.instances > MAX_TRIANGLES {
-            return Err(document.fault(
-                format!("more than {MAX_TRIANGLES} instances"),
-                "place fewer of them, or join their meshes",
-            ));
-        }
-        Ok(())
-    }
-
-    /// Counts the triangles of a primitive, up to [`MAX_TRIANGLES`] and [`MAX_MORPHS`]. Returns their number
-    /// at all poses.
-    pub(super) fn triangles(
-        &mut self,
+    /// Adds `more` to a number, which must not exceed `most` of the things called `what`.
+    fn add(
         document: &Document,
-        mesh: usize,
-        poses: usize,
-        targets: usize,
-    ) -> Result<usize> {
+        number: &mut usize,
+        more: usize,
+        (most, what, help): (usize, &str, &str),
+    ) -> Result<()> {
+        *number = number.saturating_add(more);
+        match *number > most {
+            true => Err(document.fault(format!("more than {most} {what}"), help)),
+            false => Ok(()),
+        }
+    }
+
+    /// Counts the primitives of a placed mesh.
+    fn placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
+        let help = "join the meshes, or place fewer of them";
+        let limit = (MAX_PLACEMENTS, "primitives, all instances counted", help);
+        Self::add(document, &mut self.placements, primitives, limit)
+    }
+
+    /// Counts the instances of a node.
+    fn instances(&mut self, document: &Document, count: usize) -> Result<()> {
+        let limit = (MAX_TRIANGLES, "instances", "place fewer of them, or join their meshes");
+        Self::add(document, &mut self.instances, count, limit)
+    }
+
+    /// Counts the triangles of a primitive. Returns their number at all poses.
+    fn triangles(&mut self, document: &Document, mesh: usize, poses: usize, targets: usize) -> Result<usize> {
         let count = mesh.saturating_mul(poses);
-        self.total = self.total.saturating_add(count);
-        self.morphs = self.morphs.saturating_add(count.saturating_mul(targets));
-        if self.total > MAX_TRIANGLES {
-            return Err(document.fault(
-                format!("more than {MAX_TRIANGLES} triangles, all instances counted"),
-                "simplify the meshes, or place fewer of them",
-            ));
-        }
-        if self.morphs > MAX_MORPHS {
-            return Err(document.fault(
-                format!("more than {MAX_MORPHS} triangles, counted once for each of their morph targets"),
-                "apply the morph targets before the export",
-            ));
-        }
+        let help = "simplify the meshes, or place fewer of them";
+        let limit = (MAX_TRIANGLES, "triangles, all instances counted", help);
+        Self::add(document, &mut self.total, count, limit)?;
+        let what = "triangles, counted once for each of their morph targets";
+        let limit = (MAX_MORPHS, what, "apply the morph targets before the export");
+        Self::add(document, &mut self.morphs, count.saturating_mul(targets), limit)?;
         Ok(count)
     }
 }
@@ -409,7 +388,7 @@ pub(super) fn too_many(document: &Document, count: usize) -> Error {
 
 /// How far the assembly of triangles is.
 #[derive(Clone, Copy)]
-pub(super) struct Progress<'a> {
+struct Progress<'a> {
     pub watcher: Watcher<'a>,
     /// The node that is assembled, and the number of all.
     pub position: usize,
@@ -418,12 +397,12 @@ pub(super) struct Progress<'a> {
 
 impl Progress<'_> {
     /// Tells the watcher that the node is begun.
-    pub(super) fn begin(self) -> Result<()> {
+    fn begin(self) -> Result<()> {
         self.watcher.tell(self.share(0.0))
     }
 
     /// Tells the watcher now and then that so many triangles of the node are done.
-    pub(super) fn at(self, done: usize, of: usize) -> Result<()> {
+    fn at(self, done: usize, of: usize) -> Result<()> {
         self.watcher.count(done, || self.share(done as f32 / of as f32))
     }
 

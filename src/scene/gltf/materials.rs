@@ -6,7 +6,6 @@ use glam::Vec3;
 use gltf_json as json;
 use gltf_json::validation::Checked;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
 use super::textures::{TextureUse, Textures};
 use super::{Document, object_name};
@@ -20,7 +19,7 @@ pub(super) struct Materials {
     pub list: Vec<Material>,
     /// The textures that they refer to.
     pub textures: Textures,
-    /// By the file's index; `None` is glTF's default material.
+    /// The index in the list for each of the file's; `None` is glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
     /// Materials without the textures for which a primitive has no coordinates, by the material and the sets that it has.
     bare: HashMap<(u32, [bool; 2]), u32>,
@@ -93,21 +92,20 @@ impl Materials {
 
     /// Converts the file's material `index`. `user` names the primitive that uses it.
     fn convert(&mut self, document: &mut Document, user: &str, index: usize) -> Result<Material> {
-        let Some(source) = document.root.materials.get(index).cloned() else {
-            return Err(document.fault(
-                format!("{user} refers to material {index}, which does not exist"),
-                "the file is damaged: export it again",
-            ));
-        };
+        let source = document.referred(&document.root.materials, user, "material", index)?.clone();
         let what = object_name("material", index, source.name.as_ref());
         let is_unlit = check_extensions(document, &what, &source);
 
-        let extensions = source.extensions.as_ref().map(|extensions| extensions.others.clone());
-        let transmission = TransmissionExtensions::read(document, &what, &extensions.unwrap_or_default())?;
+        let extensions = source.extensions.as_ref().map(|extensions| &extensions.others);
+        let transmission = TransmissionExtensions {
+            regular: document.extension(&what, extensions, TRANSMISSION)?.unwrap_or_default(),
+            diffuse: document.extension(&what, extensions, DIFFUSE_TRANSMISSION)?.unwrap_or_default(),
+            medium: document.extension(&what, extensions, VOLUME)?.unwrap_or_default(),
+        };
         let checked = Checks { document, what: &what };
         let mut material = factors(&checked, index, &source, &transmission)?;
         self.refer_to_textures(document, &what, &source, &transmission, &mut material)?;
-        if let Some(glossiness) = Glossiness::read(document, &what, &source)? {
+        if let Some(glossiness) = document.extension::<Glossiness>(&what, extensions, GLOSSINESS)? {
             glossiness.replace(document, &what, &mut self.textures, &mut material)?;
         }
         if is_unlit {
@@ -128,37 +126,24 @@ impl Materials {
     ) -> Result<()> {
         let normal = source.normal_texture.as_ref().map(TextureUse::of_normal);
         if let Some(None) = normal {
-            return Err(document.fault(
-                format!("{what}: the KHR_texture_transform of its normal texture cannot be read"),
-                "the file is damaged: export it again",
-            ));
+            return Err(document
+                .damaged(format!("{what}: the KHR_texture_transform of its normal texture cannot be read")));
         }
         let pbr = &source.pbr_metallic_roughness;
         let specular = specular(source);
         let of = |info: &Option<json::texture::Info>| info.as_ref().map(TextureUse::of);
-        for (role, slot, texture) in [
-            ("base colour", &mut material.base_color_texture, of(&pbr.base_color_texture)),
-            (
-                "metallic-roughness",
-                &mut material.metallic_roughness_texture,
-                of(&pbr.metallic_roughness_texture),
-            ),
-            ("normal", &mut material.normal_texture, normal.flatten()),
-            ("emissive", &mut material.emission_texture, of(&source.emissive_texture)),
-            ("specular", &mut material.specular_texture, of(&specular.specular_texture)),
-            ("specular colour", &mut material.specular_color_texture, of(&specular.specular_color_texture)),
-            ("transmission", &mut material.transmission_texture, of(&transmission.regular.texture)),
-            (
-                "diffuse transmission",
-                &mut material.diffuse_transmission_texture,
-                of(&transmission.diffuse.texture),
-            ),
-            (
-                "diffuse transmission colour",
-                &mut material.diffuse_transmission_color_texture,
-                of(&transmission.diffuse.color_texture),
-            ),
-        ] {
+        let textures = [
+            of(&pbr.base_color_texture),
+            of(&pbr.metallic_roughness_texture),
+            normal.flatten(),
+            of(&source.emissive_texture),
+            of(&specular.specular_texture),
+            of(&specular.specular_color_texture),
+            of(&transmission.regular.texture),
+            of(&transmission.diffuse.texture),
+            of(&transmission.diffuse.color_texture),
+        ];
+        for ((role, slot), texture) in material.texture_slots().into_iter().zip(textures) {
             if let Some(texture) = texture {
                 *slot = self.textures.refer(document, what, role, &texture)?;
             }
@@ -299,7 +284,7 @@ impl Checks<'_> {
 
     /// An index of refraction: at least 1, or 0.
     pub(super) fn ior(&self, value: f32) -> Result<f32> {
-        // By KHR_materials_ior, 0 asks for a Fresnel term of 1 everywhere.
+        // KHR_materials_ior: 0 asks for a Fresnel term of 1 everywhere.
         if value == 0.0 || (value.is_finite() && value >= 1.0) {
             return Ok(value);
         }
@@ -319,7 +304,10 @@ pub(super) const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 /// The reflectance at normal incidence of a dielectric whose index of refraction is 1.5.
 const REFLECTANCE: f32 = 0.04;
 
-/// The extension of a material.
+/// `KHR_materials_pbrSpecularGlossiness`, an older description of materials.
+///
+/// The diffuse colour becomes the base colour of a dielectric. Its reflectance at normal incidence becomes the specular colour, which
+/// multiplies the 0.04 of an index of refraction of 1.5; a metal is such a surface without diffuse colour. Roughness is 1 minus glossiness.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Glossiness {
@@ -346,15 +334,6 @@ fn one() -> f32 {
 }
 
 impl Glossiness {
-    /// The extension of the material that `what` names, if it has it.
-    pub(super) fn read(document: &Document, what: &str, source: &json::Material) -> Result<Option<Self>> {
-        let others = source.extensions.as_ref().map(|extensions| &extensions.others);
-        let Some(value) = others.and_then(|others| others.get(GLOSSINESS)) else { return Ok(None) };
-        serde_json::from_value(value.clone()).map(Some).map_err(|error| {
-            document.fault(format!("{what}: {GLOSSINESS} cannot be read: {error}"), "export the scene again")
-        })
-    }
-
     /// Replaces the metallic-roughness part of a material. `what` names the material.
     pub(super) fn replace(
         &self,
@@ -442,19 +421,6 @@ struct TransmissionExtensions {
 }
 
 impl TransmissionExtensions {
-    /// Parses the extensions of the material that `what` names.
-    pub(super) fn read(
-        document: &Document,
-        what: &str,
-        extensions: &serde_json::Map<String, json::Value>,
-    ) -> Result<Self> {
-        Ok(Self {
-            regular: extension(document, what, extensions, TRANSMISSION)?,
-            diffuse: extension(document, what, extensions, DIFFUSE_TRANSMISSION)?,
-            medium: extension(document, what, extensions, VOLUME)?,
-        })
-    }
-
     /// Checks the factors and stores them in `material`.
     fn check_into(&self, checked: &Checks<'_>, material: &mut Material) -> Result<()> {
         material.transmission = checked.fraction("transmissionFactor", self.regular.factor)?;
@@ -474,17 +440,4 @@ impl TransmissionExtensions {
         material.volume = (thickness > 0.0).then_some(volume);
         Ok(())
     }
-}
-
-/// Parses the extension `name`, or returns its default if the material does not have it.
-fn extension<T: Default + DeserializeOwned>(
-    document: &Document,
-    what: &str,
-    extensions: &serde_json::Map<String, json::Value>,
-    name: &str,
-) -> Result<T> {
-    let Some(value) = extensions.get(name) else { return Ok(T::default()) };
-    serde_json::from_value(value.clone()).map_err(|error| {
-        document.fault(format!("{what}: {name} cannot be read: {error}"), "export the scene again")
-    })
 }

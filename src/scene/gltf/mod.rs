@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use gltf_json as json;
+use serde::de::DeserializeOwned;
 
 use super::camera::Posed;
 use super::place::Place;
@@ -33,9 +34,6 @@ use crate::error::{Error, Result};
 use cameras::Wanted;
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
-///
-/// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = source::read_scene(path)?;
     let mut document = Document::parse(path, &bytes)?;
@@ -144,6 +142,33 @@ impl Document {
         Ok(())
     }
 
+    /// The object number `index` of a list of the file. `user` names the object that refers to it.
+    fn referred<'a, T>(&self, list: &'a [T], user: &str, kind: &str, index: usize) -> Result<&'a T> {
+        list.get(index)
+            .ok_or_else(|| self.damaged(format!("{user} refers to {kind} {index}, which does not exist")))
+    }
+
+    /// The extension `name` of the object that `what` names; `None` if `extensions` do not have it.
+    fn extension<T: DeserializeOwned>(
+        &self,
+        what: &str,
+        extensions: Option<&serde_json::Map<String, json::Value>>,
+        name: &str,
+    ) -> Result<Option<T>> {
+        let value = extensions.and_then(|extensions| extensions.get(name));
+        value.map(|value| serde_json::from_value(value.clone())).transpose().map_err(|error| {
+            self.fault(format!("{what}: {name} cannot be read: {error}"), "export the scene again")
+        })
+    }
+
+    fn damaged(&self, fault: impl Into<String>) -> Error {
+        self.fault(fault, "the file is damaged: export it again")
+    }
+
+    fn damaged_mesh(&self, fault: impl Into<String>) -> Error {
+        self.fault(fault, "the mesh is damaged: export it again")
+    }
+
     /// An error about this file.
     fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         source::fault(&self.path, fault, help)
@@ -163,7 +188,7 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     match value.pointer("/asset/version").and_then(json::Value::as_str) {
         Some(other) if !other.starts_with("2.") => return Err(other_version(path, other)),
-        // Of glTF 1.0, which names its objects instead of numbering them, some files state no version as a text.
+        // Some files of glTF 1.0, which names its objects instead of numbering them, state no version as a text.
         _ if value.get("scenes").is_some_and(json::Value::is_object) => {
             return Err(other_version(path, "1.0"));
         }

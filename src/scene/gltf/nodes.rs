@@ -1,4 +1,4 @@
-//! The node graph: the nodes of the default scene and their world transforms.
+//! The node graph: the nodes of the default scene, their world transforms, and the regions of their meshes.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -12,7 +12,7 @@ use super::{Document, extensions, geometry, object_name};
 use crate::error::Result;
 use crate::scene::Triangle;
 
-/// Where the text of a file places each of its nodes relative to its parent, in double precision: the crate `gltf` reads single precision. Empty
+/// The translation of each node relative to its parent in double precision; the crate `gltf` reads single precision. Empty
 /// for a text that cannot be read.
 pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
     #[derive(Deserialize)]
@@ -165,7 +165,7 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
     Ok(trees)
 }
 
-/// What is above a node.
+/// The nodes above a node.
 #[derive(Clone, Copy, PartialEq)]
 enum Above {
     /// A node that the scene lists.
@@ -174,7 +174,7 @@ enum Above {
     Unlisted,
 }
 
-/// What is above each node; `None` for nodes of a cycle and below one, of which no end is above.
+/// The nodes above each node; `None` for nodes of a cycle and below one.
 fn above(parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<Above>> {
     let mut known: Vec<Option<Above>> = vec![None; parents.len()];
     let mut is_visited = vec![false; parents.len()];

@@ -1,4 +1,4 @@
-//! Transforms of a mesh's vertices to world space, rigid or by a skin.
+//! Transforms of a mesh's vertices to world space: by its node, by the instances of `EXT_mesh_gpu_instancing`, or by a skin in its rest pose.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -10,7 +10,7 @@ use gltf_json::mesh::Semantic;
 use gltf_json::validation::Checked;
 use serde::Deserialize;
 
-use super::buffers::Array;
+use super::buffers::OpenAccessor;
 use super::extensions::INSTANCING;
 use super::nodes::Placed;
 use super::vertices::open_for;
@@ -101,15 +101,11 @@ struct Attributes {
 /// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the
 /// extension. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
-    let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get(INSTANCING));
-    let Some(extension) = extension else { return Ok(None) };
-    let Attributes { translation, rotation, scale } = match serde_json::from_value(extension.clone()) {
-        Ok(Instancing { attributes }) => attributes,
-        Err(error) => {
-            return Err(document
-                .fault(format!("{what}: {INSTANCING} cannot be read: {error}"), "export the scene again"));
-        }
+    let extensions = node.extensions.as_ref().map(|extensions| &extensions.others);
+    let Some(Instancing { attributes }) = document.extension(what, extensions, INSTANCING)? else {
+        return Ok(None);
     };
+    let Attributes { translation, rotation, scale } = attributes;
     let open =
         |name: &str, accessor: Option<json::Index<json::Accessor>>, shape, components: &[ComponentType]| {
             let what = format!("{what}: {name} of its instances");
@@ -130,7 +126,7 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
         ));
     }
 
-    let vector = |array: &Option<Array<'_>>, index: usize, default: DVec3| match array {
+    let vector = |array: &Option<OpenAccessor<'_>>, index: usize, default: DVec3| match array {
         None => Some(default),
         Some(array) => array.vector(index).map(|value: [f32; 3]| DVec3::from_array(value.map(f64::from))),
     };
@@ -196,10 +192,7 @@ impl Skins {
         if let Some(matrices) = self.matrices.get(&index) {
             return Ok(Rc::clone(matrices));
         }
-        let help = "the file is damaged: export it again";
-        let Some(skin) = document.root.skins.get(index) else {
-            return Err(document.fault(format!("{user} refers to skin {index}, which does not exist"), help));
-        };
+        let skin = document.referred(&document.root.skins, user, "skin", index)?;
         let what = object_name("skin", index, skin.name.as_ref());
         let inverse_bind = match skin.inverse_bind_matrices {
             None => None,
@@ -219,10 +212,8 @@ impl Skins {
             let bound = match &inverse_bind {
                 None => DAffine3::IDENTITY,
                 Some(array) => array.vector::<16>(position).and_then(affine).ok_or_else(|| {
-                    document.fault(
-                        format!("{what}: its inverse bind matrix {position} is missing or not affine"),
-                        help,
-                    )
+                    let fault = "is missing or not affine";
+                    document.damaged(format!("{what}: its inverse bind matrix {position} {fault}"))
                 })?,
             };
             matrices.push(transform * bound);
@@ -248,7 +239,7 @@ fn affine(columns: [f32; 16]) -> Option<DAffine3> {
 
 /// The joints and weights of a primitive's vertices.
 pub(super) struct Influences<'a> {
-    sets: Vec<(Array<'a>, Array<'a>)>,
+    sets: Vec<(OpenAccessor<'a>, OpenAccessor<'a>)>,
 }
 
 impl<'a> Influences<'a> {
@@ -273,10 +264,9 @@ impl<'a> Influences<'a> {
                     ));
                 }
                 _ => {
-                    return Err(document.fault(
-                        format!("{what} is skinned, but lacks JOINTS_{set} or WEIGHTS_{set}"),
-                        "the mesh is damaged: export it again",
-                    ));
+                    return Err(document.damaged_mesh(format!(
+                        "{what} is skinned, but lacks JOINTS_{set} or WEIGHTS_{set}"
+                    )));
                 }
             };
             let open = |name: &str, accessor, components: &[ComponentType]| {

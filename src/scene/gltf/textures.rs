@@ -12,7 +12,7 @@ use gltf_json::validation::Checked;
 use super::extensions::advice;
 use super::{Document, buffers, object_name};
 use crate::error::Result;
-use crate::scene::source::{Fault, Picture, Pictures};
+use crate::scene::source::{Fault, Pictures, Texels};
 use crate::scene::{Texture, TextureRef, Wrap};
 
 /// Textures whose picture is a WebP file.
@@ -23,7 +23,7 @@ pub(super) const WEBP: &str = "EXT_texture_webp";
 pub(super) struct Textures {
     /// The textures that [`TextureRef::texture`] indexes.
     pub list: Vec<Texture>,
-    /// By the file's image index, its wrapping, and whether it is interpolated.
+    /// The index in the list by the file's image index, its wrapping, and whether it is interpolated.
     index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
     pictures: Pictures,
 }
@@ -87,12 +87,7 @@ impl Textures {
 
     /// The scene's index of the file's texture `index`. `user` names the material that uses it as its `role`.
     fn index_of(&mut self, document: &mut Document, user: &str, role: &str, index: usize) -> Result<u32> {
-        let help = "the file is damaged: export it again";
-        let Some(texture) = document.root.textures.get(index).cloned() else {
-            return Err(
-                document.fault(format!("{user} refers to texture {index}, which does not exist"), help)
-            );
-        };
+        let texture = document.referred(&document.root.textures, user, "texture", index)?.clone();
         let what = object_name("texture", index, texture.name.as_ref());
         let (wrap, linear) = sampler(document, &what, &texture)?;
         let source = image_of(document, &texture);
@@ -105,7 +100,7 @@ impl Textures {
         };
         let position = self.list.len() as u32;
         match found {
-            Ok((name, Picture { width, height, texels })) => {
+            Ok((name, Texels { width, height, texels })) => {
                 self.list.push(Texture { name, width, height, texels, wrap, linear });
                 self.index_of.insert((source, wrap, linear), position);
             }
@@ -133,7 +128,7 @@ impl Textures {
         document: &mut Document,
         index: usize,
         image: &json::Image,
-    ) -> Result<std::result::Result<(String, Picture), Absence>> {
+    ) -> Result<std::result::Result<(String, Texels), Absence>> {
         let file_name = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
         let what = object_name("image", index, image.name.as_ref().or(file_name));
         let bytes = match (&image.uri, image.buffer_view) {
@@ -171,14 +166,11 @@ fn no_image(document: &Document, what: &str, texture: &json::Texture, source: us
             format!("{what} has its picture only as {name}, which is not supported"),
             advice(&name).into(),
         )),
-        // By the specification, a texture may lack an image.
+        // The specification lets a texture lack an image.
         None if source == u32::MAX as usize => {
             Ok((format!("{what} has no picture"), "export the scene with its pictures".into()))
         }
-        None => {
-            let help = "the file is damaged: export it again";
-            Err(document.fault(format!("{what} refers to image {source}, which does not exist"), help))
-        }
+        None => Err(document.damaged(format!("{what} refers to image {source}, which does not exist"))),
     }
 }
 
@@ -206,23 +198,18 @@ fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<(
     let Some(index) = texture.sampler.map(|sampler| sampler.value()) else {
         return Ok(([Wrap::Repeat; 2], true));
     };
-    let help = "the file is damaged: export it again";
-    let Some(sampler) = document.root.samplers.get(index) else {
-        return Err(document.fault(format!("{what} refers to sampler {index}, which does not exist"), help));
-    };
+    let sampler = document.referred(&document.root.samplers, what, "sampler", index)?;
     let wrap = |mode: Checked<WrappingMode>| match mode {
         Checked::Valid(WrappingMode::Repeat) => Ok(Wrap::Repeat),
         Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::MirroredRepeat),
         Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::ClampToEdge),
-        Checked::Invalid => {
-            Err(document.fault(format!("sampler {index} has an unknown wrapping mode"), help))
-        }
+        Checked::Invalid => Err(document.damaged(format!("sampler {index} has an unknown wrapping mode"))),
     };
     let linear = match sampler.mag_filter {
         None | Some(Checked::Valid(MagFilter::Linear)) => true,
         Some(Checked::Valid(MagFilter::Nearest)) => false,
         Some(Checked::Invalid) => {
-            return Err(document.fault(format!("sampler {index} has an unknown magFilter"), help));
+            return Err(document.damaged(format!("sampler {index} has an unknown magFilter")));
         }
     };
     Ok(([wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?], linear))

@@ -1,5 +1,5 @@
-//! A primitive's vertices: positions, normals, texture coordinates and colours, with morph targets at their
-//! rest weights.
+//! A primitive's triangles and vertices: positions, normals, texture coordinates and colours, with morph
+//! targets at their rest weights.
 
 use glam::{Vec2, Vec3};
 use gltf_json as json;
@@ -7,7 +7,7 @@ use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::mesh::{Mode, Semantic};
 use gltf_json::validation::Checked;
 
-use super::buffers::Array;
+use super::buffers::OpenAccessor;
 use super::{Document, buffers};
 use crate::error::Result;
 use crate::scene::{Material, Triangle};
@@ -30,10 +30,10 @@ pub(super) struct Vertex {
 
 /// The attributes of a primitive, opened for reading vertex by vertex.
 pub(super) struct Vertices<'a> {
-    positions: Array<'a>,
-    normals: Option<Array<'a>>,
-    texcoords: [Option<Array<'a>>; 2],
-    colors: Option<(Array<'a>, Type)>,
+    positions: OpenAccessor<'a>,
+    normals: Option<OpenAccessor<'a>>,
+    texcoords: [Option<OpenAccessor<'a>>; 2],
+    colors: Option<(OpenAccessor<'a>, Type)>,
     targets: Vec<Target<'a>>,
     /// The number of vertices.
     pub count: usize,
@@ -42,8 +42,8 @@ pub(super) struct Vertices<'a> {
 /// A morph target with its rest weight.
 struct Target<'a> {
     weight: f32,
-    positions: Option<Array<'a>>,
-    normals: Option<Array<'a>>,
+    positions: Option<OpenAccessor<'a>>,
+    normals: Option<OpenAccessor<'a>>,
 }
 
 impl<'a> Vertices<'a> {
@@ -58,9 +58,7 @@ impl<'a> Vertices<'a> {
     ) -> Result<Self> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let Some(positions) = attribute(Semantic::Positions) else {
-            return Err(
-                document.fault(format!("{what} has no POSITION"), "the mesh is damaged: export it again")
-            );
+            return Err(document.damaged_mesh(format!("{what} has no POSITION")));
         };
         let positions = buffers::open_accessor(
             document,
@@ -180,13 +178,12 @@ pub(super) fn open_for<'a>(
     shape: Type,
     components: &[ComponentType],
     count: usize,
-) -> Result<Array<'a>> {
+) -> Result<OpenAccessor<'a>> {
     let array = buffers::open_accessor(document, what, accessor, shape, components)?;
     if array.count < count {
-        return Err(document.fault(
-            format!("{what} has {} elements for {count} vertices", array.count),
-            "the mesh is damaged: export it again",
-        ));
+        return Err(
+            document.damaged_mesh(format!("{what} has {} elements for {count} vertices", array.count))
+        );
     }
     Ok(array)
 }
@@ -196,7 +193,7 @@ const INDICES: [ComponentType; 3] = [ComponentType::U8, ComponentType::U16, Comp
 /// A primitive's index list and mode.
 pub(super) struct Corners<'a> {
     mode: Mode,
-    indices: Option<Array<'a>>,
+    indices: Option<OpenAccessor<'a>>,
     /// The number of triangles, degenerate ones included.
     pub triangles: usize,
 }
@@ -230,10 +227,8 @@ impl<'a> Corners<'a> {
             Mode::TriangleStrip | Mode::TriangleFan => corners.saturating_sub(2),
             _ if corners % 3 == 0 => corners / 3,
             _ => {
-                return Err(document.fault(
-                    format!("{what} has {corners} corners, which is not a multiple of 3"),
-                    "the mesh is damaged: export it again",
-                ));
+                return Err(document
+                    .damaged_mesh(format!("{what} has {corners} corners, which is not a multiple of 3")));
             }
         };
         Ok(Self { mode, indices, triangles })

@@ -9,7 +9,7 @@ use glam::{Affine2, Mat2, Vec2};
 use super::statements::shortened;
 use crate::error::Result;
 use crate::file;
-use crate::scene::source::{self, ContentHash, Fault, Picture, Pictures, fault};
+use crate::scene::source::{self, ContentHash, Fault, Pictures, Texels, fault};
 use crate::scene::{Texture, TextureRef, Wrap};
 
 /// The textures of the materials read so far.
@@ -71,7 +71,7 @@ impl<'a> Maps<'a> {
             None => {
                 let (color, opacity, _) = &key;
                 let picture = self.combined(material, color.as_deref(), opacity.as_deref(), hash)?;
-                let Picture { width, height, texels } = picture;
+                let Texels { width, height, texels } = picture;
                 let name = placed.file.display().to_string();
                 let wrap = [if placed.clamp { Wrap::ClampToEdge } else { Wrap::Repeat }; 2];
                 self.textures.push(Texture { name, width, height, texels, wrap, linear: true });
@@ -101,7 +101,7 @@ impl<'a> Maps<'a> {
         if self.strict {
             return true;
         }
-        // What cannot be opened is an error when it is read.
+        // A file that cannot be opened is an error when it is read.
         let mut beginning = [0; 16];
         let read = file::open(&map.file).ok().and_then(|mut file| file.read(&mut beginning).ok());
         let unread = read.and_then(|length| source::unread(&beginning[..length], &map.file));
@@ -119,7 +119,7 @@ impl<'a> Maps<'a> {
         color: Option<&Path>,
         opacity: Option<&Path>,
         hash: &mut ContentHash,
-    ) -> Result<Picture> {
+    ) -> Result<Texels> {
         let same = color == opacity;
         let opacity = opacity.filter(|_| !same);
         let color = color.map(|file| self.read(material, file, hash)).transpose()?;
@@ -138,11 +138,11 @@ impl<'a> Maps<'a> {
                 opacity
             }
             (Some(color), Some(opacity)) => with_opacity(color, &opacity),
-            (None, None) => Picture { width: 1, height: 1, texels: vec![[255; 4]] },
+            (None, None) => Texels { width: 1, height: 1, texels: vec![[255; 4]] },
         })
     }
 
-    fn read(&mut self, material: &str, file: &Path, hash: &mut ContentHash) -> Result<Picture> {
+    fn read(&mut self, material: &str, file: &Path, hash: &mut ContentHash) -> Result<Texels> {
         let bytes = source::read(self.scene, &format!("material `{material}`"), file)?;
         hash.add(&bytes);
         self.pictures
@@ -221,7 +221,7 @@ impl<'a> Maps<'a> {
 }
 
 /// Adds `opacity` as alpha, sampled at the nearest texel if the pictures differ in size.
-fn with_opacity(mut color: Picture, opacity: &Picture) -> Picture {
+fn with_opacity(mut color: Texels, opacity: &Texels) -> Texels {
     let alpha = opacity_channel(opacity);
     let [width, height] = [color.width as usize, color.height as usize];
     let [from_width, from_height] = [opacity.width as usize, opacity.height as usize];
@@ -234,7 +234,7 @@ fn with_opacity(mut color: Picture, opacity: &Picture) -> Picture {
 }
 
 /// The channel that holds a picture's opacity: its alpha unless that is constantly opaque, otherwise its brightness.
-fn opacity_channel(picture: &Picture) -> fn([u8; 4]) -> u8 {
+fn opacity_channel(picture: &Texels) -> fn([u8; 4]) -> u8 {
     if picture.texels.iter().any(|texel| texel[3] != 255) {
         |texel| texel[3]
     } else {

@@ -32,7 +32,7 @@ use crate::scene::source::{self, ContentHash, Warnings, fault};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
 
 /// The materials that faces refer to.
-pub(super) struct Materials {
+pub(super) struct ObjMaterials {
     pub list: Vec<Material>,
     pub textures: Vec<Texture>,
     /// Index into `list`, for each index into [`Checked::materials`].
@@ -43,7 +43,7 @@ pub(super) struct Materials {
     bare: HashMap<u32, u32>,
 }
 
-impl Materials {
+impl ObjMaterials {
     /// Index of a face's material.
     pub(super) fn of(&self, face: Option<u32>) -> u32 {
         face.and_then(|face| self.index_of.get(face as usize).copied()).unwrap_or(self.matte)
@@ -88,7 +88,7 @@ pub(super) fn load(
     strict: bool,
     hash: &mut ContentHash,
     warnings: &mut Warnings,
-) -> Result<Materials> {
+) -> Result<ObjMaterials> {
     let mut found: HashMap<String, Entry> = HashMap::new();
     for file in libraries(path, &checked.libraries, strict)? {
         if !strict && source::is_missing(&file) {
@@ -122,7 +122,7 @@ pub(super) fn load(
     list.push(Material { name: "matte".into(), base_color: Vec3::splat(0.8), ..Material::default() });
     let index_of = indices.into_iter().map(|index| index.unwrap_or(matte)).collect();
     let bare = HashMap::new();
-    Ok(Materials { list, textures: maps.textures, index_of, matte, bare })
+    Ok(ObjMaterials { list, textures: maps.textures, index_of, matte, bare })
 }
 
 /// The library files. A name may contain spaces, a line may hold several names, and a comment may follow.

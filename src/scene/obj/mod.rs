@@ -34,9 +34,6 @@ use statements::Checked;
 const READING: f32 = 0.5;
 
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
-///
-/// # Errors
-/// [`crate::Error::Read`] when a file cannot be read, [`crate::Error::Scene`] when its content is unusable.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = source::read_scene(path)?;
     let mut hash = ContentHash::default();
@@ -137,7 +134,7 @@ fn find_rig(
 fn triangles(
     path: &Path,
     checked: &Checked,
-    materials: &mut materials::Materials,
+    materials: &mut materials::ObjMaterials,
     (options, origin): (&LoadOptions<'_>, DVec3),
     warnings: &mut Warnings,
 ) -> Result<Vec<Triangle>> {

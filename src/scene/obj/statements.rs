@@ -1,4 +1,5 @@
-//! Lines of `.obj` and `.mtl` files: a keyword and its arguments.
+//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file. Errors name the line, and positions are double precision, for
+//! scenes far from the origin.
 
 use std::path::Path;
 
@@ -26,12 +27,12 @@ pub(super) struct Line<'a> {
 const MAX_NUMBERS: usize = 8;
 
 /// The numbers of a statement, at most [`MAX_NUMBERS`] of them.
-pub(super) struct Numbers {
+pub(super) struct Arguments {
     first: [f32; MAX_NUMBERS],
     count: usize,
 }
 
-impl std::ops::Deref for Numbers {
+impl std::ops::Deref for Arguments {
     type Target = [f32];
 
     fn deref(&self) -> &[f32] {
@@ -94,8 +95,8 @@ impl<'a> Line<'a> {
     }
 
     /// The arguments as finite numbers.
-    pub(super) fn numbers(&self) -> Result<Numbers> {
-        let mut numbers = Numbers { first: [0.0; MAX_NUMBERS], count: 0 };
+    pub(super) fn numbers(&self) -> Result<Arguments> {
+        let mut numbers = Arguments { first: [0.0; MAX_NUMBERS], count: 0 };
         for word in self.words() {
             let number = word.parse::<f32>().ok().filter(|number| number.is_finite());
             let number =
@@ -133,12 +134,12 @@ pub(super) fn shortened(word: &str) -> String {
 /// Maximum number of unknown statement kinds that warnings name.
 const MAX_UNKNOWN: usize = 16;
 
-/// What the indices of a corner refer to, in order.
+/// The elements that the indices of a corner refer to, in order.
 const ELEMENTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// Consecutive faces of the same group and material.
 #[derive(Clone, Copy)]
-pub(super) struct Run {
+pub(super) struct FaceRun {
     pub faces: usize,
     /// Index into [`Checked::groups`].
     pub group: u32,
@@ -159,7 +160,7 @@ pub(super) struct Checked {
     pub corners: Vec<[u32; 3]>,
     /// The number of corners of each face.
     pub sizes: Vec<u32>,
-    pub runs: Vec<Run>,
+    pub runs: Vec<FaceRun>,
     /// Names of the groups that have faces.
     pub groups: IndexSet<String>,
     /// Names of the materials that faces use.
@@ -259,7 +260,7 @@ impl Checked {
         let group = index_of(&mut self.groups, group);
         match self.runs.last_mut() {
             Some(run) if (run.group, run.material) == (group, self.material) => run.faces += 1,
-            _ => self.runs.push(Run { faces: 1, group, material: self.material }),
+            _ => self.runs.push(FaceRun { faces: 1, group, material: self.material }),
         }
         Ok(())
     }

@@ -57,6 +57,6 @@ impl RigSource {
         if let Some(scene) = &self.scene {
             scene.describe(manifest);
         }
-        manifest.scene = Some(manifest::Scene { path: (&self.file.path).into(), hash });
+        manifest.scene = Some(manifest::SourceFile { path: (&self.file.path).into(), hash });
     }
 }
