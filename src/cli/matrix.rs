@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
-use clap::{Subcommand, ValueEnum};
+use clap::Subcommand;
 use serde_json::{Value, json};
 
 use super::Outcome;
@@ -21,7 +21,8 @@ use crate::io::name::Name;
 use crate::io::{manifest, sparse};
 use crate::lab::{Lab, MatrixRequest, SharedObserver, SourceKind, TracedShard, join_shards, text};
 use crate::sparse::Csr;
-use crate::transport::{Channels, MOST_PARTS, Noise, Part};
+use crate::transport::{Channels, MOST_PARTS, Noise};
+use crate::verbs::options::LightPart;
 
 /// Write the light transport matrix as a sparse matrix: a scene's is traced once, a rig's photographed pixel by pixel
 #[derive(clap::Args)]
@@ -39,7 +40,7 @@ pub(super) struct Args {
     trace: TraceArgs,
     /// Which light: all of it, one bounce (a diagonal), or two bounces and more
     #[arg(long, value_enum, default_value = "full")]
-    part: PartArg,
+    part: LightPart,
     /// Write three matrices, which add up to the whole: FILE_direct, FILE_second (bounce) and FILE_rest
     #[arg(long, conflicts_with = "part")]
     split_bounces: bool,
@@ -72,13 +73,6 @@ enum Action {
     Join(JoinArgs),
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-pub(super) enum PartArg {
-    Full,
-    Direct,
-    Global,
-}
-
 /// `--shard`: part `K` of `N`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ShardArg(usize, usize);
@@ -96,16 +90,6 @@ impl FromStr for ShardArg {
             _ => Err(format!(
                 "`{text}` is not a part and the number of parts: write 1/16 to 16/16, with at most {MOST_PARTS} parts"
             )),
-        }
-    }
-}
-
-impl From<PartArg> for Part {
-    fn from(argument: PartArg) -> Self {
-        match argument {
-            PartArg::Full => Self::Full,
-            PartArg::Direct => Self::Direct,
-            PartArg::Global => Self::Global,
         }
     }
 }
@@ -190,7 +174,7 @@ struct JoinArgs {
     /// Which light: all of it, one bounce (a diagonal), or two bounces and more [default: full, or three matrices if the shards were
     /// traced with --split-bounces]
     #[arg(long, value_enum)]
-    part: Option<PartArg>,
+    part: Option<LightPart>,
     /// Where it goes: .npz (scipy.sparse.load_npz) or .mtx (Matrix Market)
     /// [default: matrix.npz, or the first free one of matrix-2.npz, matrix-3.npz, …]
     #[arg(short = 'o', long = "output", value_name = "FILE")]

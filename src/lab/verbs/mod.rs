@@ -3,7 +3,6 @@
 mod audit;
 mod calibrate;
 mod compensate;
-mod eigs;
 mod flat_field;
 mod machines;
 mod matrix;
@@ -12,7 +11,6 @@ mod photo;
 mod plan;
 mod probe;
 mod relight;
-mod segment;
 mod separate;
 mod solve;
 

@@ -15,7 +15,7 @@ use super::matrix::Product;
 use super::{Part, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::gpu::readback::Results;
+use crate::gpu::buffers::Results;
 use crate::operator::Direction;
 use crate::render::Tracer;
 
