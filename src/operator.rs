@@ -6,6 +6,8 @@ mod watched;
 pub use both_ways::{Exchanged, Gram};
 pub use watched::{Observed, Product, Recorded, Relayed};
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::observer::Observer;
 
@@ -16,6 +18,16 @@ pub enum Symmetry {
     Symmetric,
     /// Nothing is known.
     General,
+}
+
+/// The direction of a product: `A x`, from the projector to the camera, or `Aᵀ y`, with the two exchanged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Direction {
+    /// `A x`.
+    Forward,
+    /// `Aᵀ y`.
+    Adjoint,
 }
 
 /// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a
@@ -43,7 +55,7 @@ pub trait Operator {
         xs.iter().zip(ys).try_for_each(|(x, y)| self.apply(x, y))
     }
 
-    /// How many products of a block take about as long as one. A method that knows several vectors beforehand
+    /// The number of products of a block that take about as long as one. A method that knows several vectors beforehand
     /// asks for blocks of this size. By default 1, which is right wherever a product is a photo: no photo is
     /// then taken before it is needed.
     fn block_size(&self) -> usize {
@@ -107,6 +119,17 @@ pub trait Adjoint: Operator {
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(xs.len(), ys.len());
         ys.iter().zip(xs).try_for_each(|(y, x)| self.apply_adjoint(y, x))
+    }
+
+    /// The products of a block in either direction.
+    ///
+    /// # Errors
+    /// [`Operator::apply_block`] has them.
+    fn products(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
+        match direction {
+            Direction::Forward => self.apply_block(from, to),
+            Direction::Adjoint => self.apply_adjoint_block(from, to),
+        }
     }
 }
 

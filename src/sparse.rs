@@ -8,7 +8,6 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// Rows of one task of a product.
 const ROWS_PER_TASK: usize = 256;
 
 /// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at

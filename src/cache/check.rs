@@ -1,6 +1,6 @@
-//! What the content of a cached file must be beside sound: a right checksum says only that its writer could calculate one.
+//! Checks of the content of a cached file: a right checksum says only that its writer could calculate one.
 
-use super::record::{Arrays, Record, Rows};
+use super::file::{Arrays, Record, Rows};
 use crate::transport::{Bounces, Channels, RigShape};
 
 /// Checks that the arrays of a file form a matrix of `rig` with these channels. `Err` says what does not.
@@ -42,7 +42,7 @@ pub(super) fn require_matrix(
     }
 }
 
-/// Checks that row starts, columns and weights form a sparse matrix of so many rows and columns.
+/// Checks that row starts, columns and weights form a sparse matrix of `rows × cols`.
 fn require_rows((starts, columns, weights): &Rows, rows: usize, cols: usize) -> Result<(), String> {
     let entries = columns.len();
     if starts.len() != rows + 1
@@ -82,10 +82,28 @@ mod tests {
 
     use super::*;
     use crate::cache::Key;
-    use crate::cache::file::{read, write_channel};
+    use crate::cache::file::{InPieces, read, write_channel};
     use crate::gpu::AdapterSummary;
     use crate::image::Resolution;
     use crate::render::TraceSettings;
+
+    impl InPieces for Rows {
+        fn starts(&self) -> Vec<u64> {
+            self.0.clone()
+        }
+
+        fn counts(&self) -> [usize; 2] {
+            [self.1.len(), self.2.len()]
+        }
+
+        fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a> {
+            Box::new(std::iter::once(self.1.clone()))
+        }
+
+        fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a> {
+            Box::new(std::iter::once(self.2.clone()))
+        }
+    }
 
     /// A key of matrices of 2×2 pixels.
     fn key() -> Key {
@@ -132,7 +150,7 @@ mod tests {
         (record, arrays)
     }
 
-    /// What comes back of a file that a stranger wrote, with the right checksum.
+    /// The result of reading a file that a stranger wrote, with the right checksum.
     fn read_back(key: &Key, record: Record, arrays: &Arrays) -> Result<(), String> {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         let path = folder.path().join("matrix.npz");

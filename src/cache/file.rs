@@ -12,21 +12,128 @@ use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use super::Key;
 use super::check::require_matrix;
-use super::record::{Arrays, Checksum, InPieces, Record, member};
 use crate::image::Image;
 use crate::io::sparse::FirstError;
 use crate::io::{atomic, npy, sparse};
 use crate::render::TraceSummary;
-use crate::transport::{Assembled, CompressedRows, Entries, Layer, Noise, RigShape, TransportMatrix};
+use crate::transport::{
+    Assembled, Bounces, Channels, CompressedRows, Entries, Layer, Noise, RigShape, TransportMatrix,
+};
 
-/// The name of the record's member.
 const RECORD: &str = "krylux.json";
 
-/// Writes the files of a matrix, one for each channel.
+/// The member `krylux.json` of a file: everything but the arrays. Its JSON text is part of the checksum.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Record {
+    pub(super) key: String,
+    pub(super) label: String,
+    pub(super) channel: usize,
+    pub(super) channels: Channels,
+    pub(super) rig: RigShape,
+    pub(super) layers: Vec<Bounces>,
+    pub(super) has_noise: bool,
+    pub(super) paths: u64,
+    pub(super) rays: u64,
+    pub(super) dispatches: u32,
+    pub(super) longest_ns: u64,
+    pub(super) tracing_ns: u64,
+    /// BLAKE3 hash of the fields above and of the arrays. It is empty while the hash is computed.
+    pub(super) checksum: String,
+}
+
+/// One channel of a layer in CSR form: row starts, columns and weights. A symmetric matrix has only its entries on and above the diagonal.
+pub(super) type Rows = (Vec<u64>, Vec<u32>, Vec<f32>);
+
+#[derive(Debug)]
+pub(super) struct Arrays<L = Rows> {
+    pub(super) layers: Vec<L>,
+    pub(super) direct: Vec<f32>,
+    pub(super) ambient: Vec<f32>,
+    pub(super) white_error: Vec<f32>,
+    pub(super) noise: Vec<f64>,
+}
+
+/// A layer whose arrays are made piece by piece, while they are written.
+pub(super) trait InPieces {
+    /// The offset of each row, then the number of entries.
+    fn starts(&self) -> Vec<u64>;
+
+    /// The numbers of columns and of weights, which are equal in a matrix.
+    fn counts(&self) -> [usize; 2];
+
+    fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a>;
+
+    fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a>;
+}
+
+/// The checksum of a record and its arrays while they are read or written, in the order of the fields.
+struct Checksum(blake3::Hasher);
+
+impl Checksum {
+    /// The checksum of a record, whose arrays follow.
+    fn new(record: &Record) -> io::Result<Self> {
+        let record = Record { checksum: String::new(), ..record.clone() };
+        let mut checksum = Self(blake3::Hasher::new());
+        checksum.array(&serde_json::to_vec(&record)?);
+        Ok(checksum)
+    }
+
+    /// Begins an array of `count` values.
+    fn begin<T>(&mut self, count: usize) {
+        self.0.update(&((count * size_of::<T>()) as u64).to_le_bytes());
+    }
+
+    fn piece<T: bytemuck::NoUninit>(&mut self, values: &[T]) {
+        self.0.update(bytemuck::cast_slice(values));
+    }
+
+    fn array<T: bytemuck::NoUninit>(&mut self, values: &[T]) {
+        self.begin::<T>(values.len());
+        self.piece(values);
+    }
+
+    fn planes<L>(&mut self, arrays: &Arrays<L>) {
+        self.array(&arrays.direct);
+        self.array(&arrays.ambient);
+        self.array(&arrays.white_error);
+        self.array(&arrays.noise);
+    }
+
+    fn finish(&self) -> String {
+        self.0.finalize().to_hex().to_string()
+    }
+}
+
+impl Record {
+    fn checksum(&self, arrays: &Arrays) -> io::Result<String> {
+        let mut checksum = Checksum::new(self)?;
+        for (starts, columns, weights) in &arrays.layers {
+            checksum.array(starts);
+            checksum.array(columns);
+            checksum.array(weights);
+        }
+        checksum.planes(arrays);
+        Ok(checksum.finish())
+    }
+}
+
+/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names, those of
+/// other layers a prefix.
+fn member(bounces: Bounces, last: bool, array: &str) -> String {
+    let layer = match bounces {
+        _ if last => return array.into(),
+        Bounces::One => "one",
+        Bounces::Two => "two",
+        Bounces::Rest | Bounces::Global => "rest",
+    };
+    format!("{layer}_{array}")
+}
+
 pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> crate::Result<()> {
     for (channel, path) in files.iter().enumerate() {
         let (record, arrays) = channel_content(key, traced, channel);
@@ -58,22 +165,21 @@ impl InPieces for OfChannel<'_> {
     }
 
     fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a> {
-        Box::new(self.layer.columns(self.entries, &self.row_start))
+        Box::new(self.layer.tiles().columns(self.entries, &self.row_start))
     }
 
     fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a> {
-        Box::new(self.layer.weights(self.entries, self.channel, &self.row_start))
+        Box::new(self.layer.tiles().weights(self.entries, self.channel, &self.row_start))
     }
 }
 
-/// The record and the arrays of one channel.
 fn channel_content<'a>(key: &Key, traced: &'a Assembled, channel: usize) -> (Record, Arrays<OfChannel<'a>>) {
     let Assembled { matrix, ambient, noise, summary, .. } = traced;
     let plane =
         |image: &Image| image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
     let entries = kept(matrix.rig);
     let of_channel =
-        |layer: &'a Layer| OfChannel { layer, channel, entries, row_start: layer.row_start(entries) };
+        |layer: &'a Layer| OfChannel { layer, channel, entries, row_start: layer.tiles().row_start(entries) };
     let arrays = Arrays {
         layers: matrix.layers.iter().map(of_channel).collect(),
         direct: matrix.direct[channel].clone(),
@@ -180,7 +286,6 @@ pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> Result<Assembled, 
     combine_channels(channels).ok_or_else(|| "its channels do not belong to one matrix".into())
 }
 
-/// Reads the archive of one channel and verifies its checksum.
 fn read_channel(file: File) -> Result<(Record, Arrays), String> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
     let record = read_record(&mut archive)?;
@@ -226,7 +331,6 @@ fn read_array<T: npyz::Deserialize>(archive: &mut Archive, name: &str) -> Result
     npy::parse_as(&bytes).map_err(|why| format!("{name}: {why}"))
 }
 
-/// Reads an index array of 32 or 64 bits.
 fn read_indices(archive: &mut Archive, name: &str) -> Result<Vec<u64>, String> {
     match read_array::<i32>(archive, name) {
         Ok(values) => Ok(values.into_iter().map(|value| value as u64).collect()),

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Key, ShardOrigin};
+use super::Key;
 use crate::error::{Error, Result};
 use crate::file;
 use crate::io::atomic;
@@ -18,11 +18,8 @@ use crate::transport::{Shard, ShardRecord};
 
 /// The first line, before the number of the format.
 const NAME: &str = "krylux shard ";
-/// The number of the format.
 const FORMAT: &str = "1";
-/// The longest line at the beginning.
 const LONGEST_LINE: u64 = 1 << 16;
-/// The bytes of a digest.
 const DIGEST: u64 = blake3::OUT_LEN as u64;
 
 /// The second line of a file.
@@ -33,6 +30,40 @@ struct Head {
     facts: BTreeMap<String, String>,
     #[serde(flatten)]
     record: ShardRecord,
+}
+
+/// The matrix that a shard is a part of. Two shards are of the same matrix where the keys are equal, and all facts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ShardOrigin {
+    /// The key of the whole matrix.
+    pub key: Key,
+    /// The facts that the matrix depends on, by name: messages say which of them differ.
+    pub facts: BTreeMap<String, String>,
+}
+
+impl ShardOrigin {
+    /// The differences of `other`, as sentences about it; empty where both are of the same matrix.
+    pub fn differences(&self, other: &Self) -> Vec<String> {
+        let names =
+            self.facts.keys().chain(other.facts.keys().filter(|name| !self.facts.contains_key(*name)));
+        let of_name = |name: &String| {
+            let [ours, theirs] = [self, other].map(|of| of.facts.get(name));
+            let shown =
+                |value: Option<&String>| shortened(value.map_or("not known", |value| value)).to_owned();
+            (ours != theirs).then(|| format!("its {name} is {}, not {}", shown(theirs), shown(ours)))
+        };
+        let mut found: Vec<String> = names.filter_map(of_name).collect();
+        if found.is_empty() && self.key.hex() != other.key.hex() {
+            found.push("its camera, its materials, or the program's shaders are others".into());
+        }
+        found
+    }
+}
+
+/// The first digits of a digest; any other value as it is.
+fn shortened(value: &str) -> &str {
+    let is_digest = value.len() == 64 && value.bytes().all(|byte| byte.is_ascii_hexdigit());
+    if is_digest { &value[..12] } else { value }
 }
 
 /// Writes a shard, and returns the number of its bytes.
@@ -66,7 +97,6 @@ pub struct ShardFile {
     origin: ShardOrigin,
     record: ShardRecord,
     rest: Digested<BufReader<File>>,
-    /// The bytes of the arrays.
     bytes: u64,
 }
 
@@ -82,7 +112,7 @@ impl ShardFile {
         Ok(NAME.as_bytes().starts_with(&begin))
     }
 
-    /// Opens a file, and reads what it is of.
+    /// Opens a file, and reads its head.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Data`] where it is not the whole file of a shard.
@@ -110,12 +140,12 @@ impl ShardFile {
         &self.path
     }
 
-    /// What it is of.
+    /// The matrix that it is a part of.
     pub fn origin(&self) -> &ShardOrigin {
         &self.origin
     }
 
-    /// What is known of the shard beside its contributions.
+    /// Its record.
     pub fn record(&self) -> &ShardRecord {
         &self.record
     }
@@ -147,7 +177,6 @@ impl ShardFile {
     }
 }
 
-/// Checks the first line of a file.
 fn require_format(path: &Path, line: &[u8]) -> Result<()> {
     let text = String::from_utf8_lossy(line);
     match text.strip_prefix(NAME) {
@@ -160,7 +189,7 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
             ),
             help: "use the version of krylux that wrote it".into(),
         }),
-        // So is a file without any bytes.
+        // A file without any bytes is one that ends early.
         _ if format!("{NAME}{FORMAT}\n").as_bytes().starts_with(line) => {
             Err(damaged(path, "it ends early", None))
         }
@@ -222,6 +251,8 @@ impl<F: Write> Write for Digested<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Resolution;
+    use crate::transport::{Channels, RigShape};
 
     #[test]
     fn the_first_line_tells_what_a_file_is() {
@@ -233,5 +264,38 @@ mod tests {
         assert!(said("krylux shard 2\n").contains("format 2"));
         assert!(said("").contains("cut short") && said("krylux sh").contains("cut short"));
         assert!(said("PK\u{3}\u{4}").contains("not a shard") && said("krylux").contains("cut short"));
+    }
+
+    fn origin(seed: &str, digit: &str) -> ShardOrigin {
+        let camera = Resolution::new(2, 2);
+        let rig = RigShape { camera, projector: camera, symmetric: true };
+        let key = Key::stored(digit.repeat(32), "a test".into(), Channels::Luma, rig).expect("it is a key");
+        let facts = [("scene", "0".repeat(64)), ("seed", seed.into())];
+        ShardOrigin { key, facts: facts.map(|(name, value)| (name.to_owned(), value)).into() }
+    }
+
+    #[test]
+    fn differences_name_what_differs() {
+        let one = origin("0", "a");
+        assert!(one.differences(&one).is_empty());
+        assert_eq!(one.differences(&origin("1", "b")), ["its seed is 1, not 0"]);
+        let unnamed = one.differences(&origin("0", "b"));
+        assert!(unnamed.len() == 1 && unnamed[0].contains("shaders"), "{unnamed:?}");
+        let mut other = origin("0", "b");
+        other.facts.insert("scene".into(), "1".repeat(64));
+        other.facts.remove("seed");
+        assert_eq!(
+            one.differences(&other),
+            ["its scene is 111111111111, not 000000000000", "its seed is not known, not 0"]
+        );
+    }
+
+    #[test]
+    fn a_key_is_no_path() {
+        let RigShape { camera, .. } = origin("0", "a").key.rig();
+        let rig = RigShape { camera, projector: camera, symmetric: true };
+        for wrong in ["", "../../etc/passwd", &"A".repeat(32), &"a".repeat(33), &"é".repeat(16)] {
+            assert!(Key::stored(wrong.into(), String::new(), Channels::Luma, rig).is_none(), "{wrong}");
+        }
     }
 }

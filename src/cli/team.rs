@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::error::Result;
 use crate::team::Team;
 
-/// What this process is to do.
+/// The role of this process.
 pub(super) enum Role {
     /// It runs the program; the team, if there is one, helps.
     Leader(Option<Arc<Team>>),
@@ -20,9 +20,6 @@ pub(super) enum Role {
 const HELPERS: [&str; 2] = ["projector", "describe-camera"];
 
 /// Joins the other processes, if there are any. Those that do not lead return when the leader has ended.
-///
-/// # Errors
-/// [`crate::Error::Team`] where the processes cannot work together.
 pub(super) fn join() -> Result<Role> {
     if std::env::args_os().nth(1).is_some_and(|verb| HELPERS.iter().any(|helper| verb == *helper)) {
         return Ok(Role::Leader(None));

@@ -100,8 +100,8 @@ impl<F: Operator, B: Operator> Adjoint for Exchanged<F, B> {
     }
 }
 
-/// The product `AᵀA` or `A Aᵀ` of an operator `A` (`rows × cols`) with its transpose. It is symmetric and positive semidefinite whatever `A`
-/// is, so that the methods for symmetric operators apply to it.
+/// The product `AᵀA` or `A Aᵀ` of an operator `A` (`rows × cols`) with its transpose. It is symmetric and positive semidefinite for every `A`,
+/// so that the methods for symmetric operators apply to it.
 ///
 /// On a rig whose camera and projector stand apart `A` is not symmetric, and its transpose is photographed with the two devices exchanged:
 /// each product here is two photos, one from either arrangement. The eigenvectors are the singular vectors of `A`, and the eigenvalues the

@@ -5,7 +5,7 @@
 
 use super::Comm;
 
-/// Where a process of a team runs.
+/// The machine and the cores that a process of a team runs on.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Placement {
     /// The name of the machine.
@@ -18,7 +18,7 @@ pub struct Placement {
     pub cores: Vec<usize>,
 }
 
-/// The share of `cores` for the process `rank` of `size` that have the same cores. Where there are fewer cores than processes, several share one.
+/// The share of `cores` for the process `rank` of `size` that have the same cores. If there are fewer cores than processes, several share one.
 fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
     let first = rank * cores.len() / size;
     let end = ((rank + 1) * cores.len() / size).max(first + 1);
@@ -53,7 +53,6 @@ pub(super) fn exchange_text(comm: &dyn Comm, text: &str) -> Vec<String> {
     all.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect()
 }
 
-/// Where processes run that sent these texts.
 fn placements(texts: &[String]) -> Vec<Placement> {
     let parts: Vec<(&str, &str)> =
         texts.iter().map(|text| text.split_once(' ').unwrap_or((text, ""))).collect();
@@ -90,7 +89,6 @@ mod system {
         rustix::system::uname().nodename().to_string_lossy().replace(' ', "_")
     }
 
-    /// The cores that this process may run on.
     pub(super) fn cores() -> Vec<usize> {
         let allowed = sched_getaffinity(None).unwrap_or_default();
         (0..CpuSet::MAX_CPU).filter(|&core| allowed.is_set(core)).collect()
@@ -106,7 +104,7 @@ mod system {
     /// Lets this process run on every core that its container and its job allow.
     pub(super) fn unbind() {
         let all: Vec<usize> = (0..CpuSet::MAX_CPU).collect();
-        // Where the system refuses, the process stays where it is.
+        // The process stays where it is if the system refuses.
         let _ = bind(&all);
     }
 }

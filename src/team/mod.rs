@@ -125,7 +125,7 @@ impl Team {
         }
     }
 
-    /// Where each process runs, by rank; empty where it is not known.
+    /// The placement of each process, by rank; empty if it is not known.
     pub fn placements(&self) -> &[Placement] {
         &self.placements
     }
@@ -320,9 +320,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// One member of a team of threads.
 pub struct Threads {
     rank: usize,
-    /// To each member.
     to: Vec<Sender<Vec<u8>>>,
-    /// From each member.
     from: Vec<Mutex<Inbox>>,
 }
 
@@ -361,7 +359,7 @@ impl Comm for Threads {
     }
 
     /// # Panics
-    /// Where the other member has ended without an answer, so that it panicked itself.
+    /// If the other member has ended without an answer: it panicked itself.
     fn receive(&self, from: usize) -> Vec<u8> {
         let mut inbox = lock(&self.from[from]);
         match inbox.waiting.pop_front() {

@@ -20,7 +20,6 @@ const LAST: i32 = 0;
 
 /// How often a waiting process looks for a message before it sleeps in between, so that a process that waits for long leaves its core to others.
 const LOOKS: u32 = 2000;
-/// The longest sleep between two looks.
 const LONGEST_SLEEP: Duration = Duration::from_micros(500);
 
 /// The variables by which launchers tell a process that they started it as one of several: Open MPI, PMIx, and MPICH with its relatives.
@@ -61,19 +60,16 @@ impl World {
     }
 }
 
-/// The communicator of all processes.
 fn world() -> SimpleCommunicator {
     SimpleCommunicator::world()
 }
 
-/// A message in pieces, each with its tag.
 fn pieces(message: &[u8]) -> impl Iterator<Item = (&[u8], i32)> {
     let count = message.len().div_ceil(PIECE).max(1);
     let piece = move |at: usize| &message[at * PIECE..message.len().min((at + 1) * PIECE)];
     (0..count).map(move |at| (piece(at), if at + 1 < count { MORE } else { LAST }))
 }
 
-/// Looks until there is something.
 fn wait<T>(mut look: impl FnMut() -> Option<T>) -> T {
     let mut sleep = Duration::from_micros(10);
     for looks in 0_u32.. {

@@ -92,7 +92,6 @@ pub(super) fn whole<const C: usize>(
     finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
 }
 
-/// The shape of the matrix of these settings.
 pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
     RigShape {
         camera: settings.resolution,
@@ -106,7 +105,6 @@ pub(super) fn classes(split: bool) -> &'static [Bounces] {
     if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
 }
 
-/// The tiles of each class as layers by number of bounces.
 pub(super) fn of_classes(tiles: Vec<Tiles>, split: bool) -> Vec<Layer> {
     let layer = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
     classes(split).iter().zip(tiles).map(layer).collect()
@@ -131,7 +129,6 @@ pub(super) fn finish<const C: usize>(
     Ok(Assembled { matrix, ambient, noise, summary, gpu_matrix: None })
 }
 
-/// The noise of the matrix, from the sums over its rows and entries.
 fn noise<const C: usize>(camera: Resolution, rows: &[Estimates<C>], squares: &EntrySquares) -> Result<Noise> {
     let sum = |of: usize| {
         let of_row = |row: &Estimates<C>| row.iter().map(|value| value[of] * value[of]).sum::<f64>();
@@ -146,7 +143,6 @@ fn noise<const C: usize>(camera: Resolution, rows: &[Estimates<C>], squares: &En
     })
 }
 
-/// An image of `C` channels, from a function of pixel and channel.
 fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Result<Image> {
     let plane = |channel| (0..resolution.pixels()).map(|pixel| value(pixel, channel)).collect();
     let planes: Vec<Vec<f64>> = (0..C).map(plane).collect();
@@ -185,7 +181,7 @@ impl Transport for Arc<Assembled> {
 /// transfers, some 0.2 ms. This is an estimate that was not measured on a GPU.
 const WORTHWHILE: usize = 1 << 20;
 
-/// Where products with the traced matrix are taken: on the processor, or on the device that traced the paths.
+/// The backend of products with the traced matrix: the processor, or the device that traced the paths.
 ///
 /// [`Backend::Auto`] takes the device where all of these hold: it is a GPU (discrete, integrated or virtual); the matrix has enough entries to be
 /// worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share of its memory that may be
@@ -198,7 +194,7 @@ pub enum Backend {
     Auto,
     /// On the processor.
     Cpu,
-    /// On the device, of whatever kind.
+    /// On the device, even on software Vulkan.
     Gpu,
 }
 
@@ -224,7 +220,7 @@ impl Assembled {
         self.gpu_matrix.is_some()
     }
 
-    /// As [`Assembled::place`], with `worthwhile` in place of [`WORTHWHILE`].
+    /// [`Assembled::place`] with `worthwhile` in place of [`WORTHWHILE`].
     fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
         self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;

@@ -23,7 +23,6 @@ impl Key {
     /// Larger than any other key.
     pub(super) const END: Self = Self(u32::MAX);
 
-    /// The key for this pixel and class.
     pub(super) fn new(other: u32, class: u32) -> Self {
         debug_assert!(other < 1 << 28 && class < 1 << Self::CLASS_BITS);
         Self(other << Self::CLASS_BITS | class)
@@ -39,7 +38,6 @@ impl Key {
         Self(self.0 | (half as u32 * Self::HALF))
     }
 
-    /// The key as a number: a larger key is a larger number.
     pub(super) fn number(self) -> u32 {
         self.0
     }
@@ -59,7 +57,6 @@ impl Key {
         self.0 >> Self::CLASS_BITS
     }
 
-    /// The class of bounces.
     pub(super) fn class(self) -> usize {
         (self.0 & ((1 << Self::CLASS_BITS) - 1)) as usize
     }
@@ -70,7 +67,6 @@ impl Key {
 pub(super) struct Row {
     pub(super) pixel: u32,
     pub(super) from_camera: bool,
-    /// Index after its last entry in the chunk.
     pub(super) end: usize,
 }
 
@@ -81,10 +77,8 @@ pub(super) struct Chunk<const C: usize> {
     pub(super) terms: Terms<C>,
 }
 
-/// The terms of a chunk.
 #[derive(Clone, Debug)]
 pub(super) enum Terms<const C: usize> {
-    /// Of a short chunk.
     Short(Vec<Term<C>>),
     /// On memory pages of their own, which the system gets back with the chunk.
     Long(Pages<Term<C>>),
@@ -112,7 +106,6 @@ impl<const C: usize> Deref for Terms<C> {
 #[repr(C)]
 pub(super) struct Term<const C: usize> {
     pub(super) key: Key,
-    /// Mean over the samples.
     pub(super) mean: [f32; C],
     /// Its error (`e` of [`super::Noise`]).
     pub(super) error: [f32; C],
@@ -140,7 +133,7 @@ pub(super) fn at<'a, const C: usize>(terms: &'a [Term<C>], pixels: &Range<usize>
     &terms[places(terms, pixels)]
 }
 
-/// Where the terms of a row at these pixels are. The terms ascend.
+/// The places of the terms of a row at these pixels. The terms ascend.
 pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -> Range<usize> {
     let place = |pixel: usize| terms.partition_point(|term| (term.key.other() as usize) < pixel);
     place(pixels.start)..place(pixels.end)
@@ -163,7 +156,6 @@ impl<const C: usize> Chunks<C> {
         Self { long: Vec::new(), short: Vec::new(), bytes: 0 }
     }
 
-    /// Adds a chunk after all others.
     pub(super) fn push(&mut self, chunk: Chunk<C>) {
         self.bytes += size_of_val(&chunk.terms[..]);
         self.short.push(chunk);
@@ -172,13 +164,11 @@ impl<const C: usize> Chunks<C> {
         }
     }
 
-    /// Joins the short chunks to a long one.
     fn join(&mut self) {
         self.long.push(Chunk::joined(std::mem::take(&mut self.short)));
         self.bytes = 0;
     }
 
-    /// All chunks.
     pub(super) fn into_chunks(mut self) -> Vec<Chunk<C>> {
         if !self.short.is_empty() {
             self.join();
@@ -188,7 +178,6 @@ impl<const C: usize> Chunks<C> {
 }
 
 impl<const C: usize> Chunk<C> {
-    /// The rows of all these chunks.
     fn joined(chunks: Vec<Self>) -> Self {
         let mut terms = Pages::zeros(chunks.iter().map(|chunk| chunk.terms.len()).sum());
         let (mut rows, mut before) = (Vec::new(), 0);
@@ -207,12 +196,10 @@ impl<const C: usize> Chunk<C> {
         row.checked_sub(1).map_or(0, |before| self.rows[before].end)
     }
 
-    /// The entries of a row, which is given by its index.
     pub(super) fn row(&self, row: usize) -> &[Term<C>] {
         &self.terms[self.start(row)..self.rows[row].end]
     }
 
-    /// Each row with its entries.
     pub(super) fn rows(&self) -> impl Iterator<Item = (Row, &[Term<C>])> {
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
         self.rows.iter().zip(starts).map(|(&row, start)| (row, &self.terms[start..row.end]))

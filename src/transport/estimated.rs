@@ -3,12 +3,12 @@
 
 use rayon::prelude::*;
 
-use super::matrix::{Direction, Part};
+use super::matrix::Part;
 use super::noise::Halves;
 use super::retraced::Way;
 use super::{Channels, Retraced, RetracedOperator, Transport, luminance};
 use crate::error::{Error, Result};
-use crate::operator::{Adjoint, Operator, Symmetry, delegate};
+use crate::operator::{Adjoint, Direction, Operator, Symmetry, delegate};
 use crate::render::TraceSettings;
 
 /// Vectors that are multiplied in one pass over the light paths.
@@ -26,7 +26,7 @@ pub struct EstimatedProduct {
     pub quadratic: Option<[f64; 2]>,
 }
 
-/// What is asked of independent light paths.
+/// A pattern, and the quadratic form that is wanted of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
     /// The pattern `x`, an entry for each projector pixel; its entries may be negative.
@@ -39,11 +39,11 @@ pub struct Question<'a> {
 /// Sums of squares that tell how near a prediction of a photo is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Squares {
-    /// Of the differences of the photo to the prediction.
+    /// The sum over the differences of the photo to the prediction.
     pub difference: f64,
-    /// Of the errors of the photo: what its noise adds to the other two.
+    /// The sum over the errors of the photo, which its noise adds to the other two.
     pub noise: f64,
-    /// Of the photo.
+    /// The sum over the photo.
     pub product: f64,
     /// The sums of the fourth powers of differences and of errors, which tell how many pixels make up their squares.
     pub fourth: [f64; 2],
@@ -111,8 +111,8 @@ impl std::iter::Sum for Squares {
 }
 
 impl EstimatedProduct {
-    /// By how many standard errors more than half of the pixels are farther from a prediction than a draw of the noise of both and errors of the
-    /// norm `allowed`, spread as the noise is and evenly: a sign test. A right prediction's difference and that draw have the same distribution at
+    /// A sign test: the number of standard errors by which more than half of the pixels are farther from a prediction than a draw of the noise of
+    /// both and errors of the norm `allowed`, spread as the noise is and evenly. A right prediction's difference and that draw have the same distribution at
     /// each pixel, however heavy its tails are; single pixels of enormous noise, which hide everything from sums of squares, count once.
     pub fn signs(&self, prediction: &[f64], own: f64, allowed: f64) -> f64 {
         let noise = self.error.iter().map(|error| error * error).sum::<f64>();
@@ -174,7 +174,6 @@ impl Retraced<'_> {
         Ok(found)
     }
 
-    /// The products with at most `P` patterns.
     fn estimated_block<const P: usize>(
         &mut self,
         part: Part,
@@ -282,7 +281,7 @@ struct WeightSums<const P: usize> {
     halves: Halves,
     /// For each row of the product.
     products: Vec<HalfSums<P>>,
-    /// Of the quadratic form, by the pixels that the paths start from, which are independent of each other; for a coaxial rig.
+    /// The sums of the quadratic form, by the pixels that the paths start from, which are independent of each other; for a coaxial rig.
     of_starts: Vec<HalfSums<P>>,
 }
 
@@ -330,7 +329,6 @@ impl<const P: usize> Sums<P> {
 }
 
 impl<const P: usize> WeightSums<P> {
-    /// The shares of `tasks` tasks.
     fn shares(&mut self, tasks: usize) -> Vec<Share<'_, P>> {
         let both =
             Stripes::of(&mut self.products, tasks).into_iter().zip(Stripes::of(&mut self.of_starts, tasks));
@@ -346,10 +344,8 @@ struct Stripes<'a, T> {
 }
 
 impl<T> Stripes<'_, T> {
-    /// Entries of a stripe.
     const WIDTH: usize = 16;
 
-    /// The stripes of `values` for each of `tasks` tasks.
     fn of(values: &mut [T], tasks: usize) -> Vec<Stripes<'_, T>> {
         let count = values.len().div_ceil(Self::WIDTH);
         let mut stripes: Vec<Stripes<'_, T>> =

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::journal::{Journal, Key, Kind};
 use crate::observer::Observer;
-use crate::operator::{Adjoint, Operator, Product, Symmetry};
+use crate::operator::{Adjoint, Direction, Operator, Product, Symmetry};
 
 /// An operator whose products are kept in a journal. A product that is already there is read and not taken
 /// again. The operators of one source share a journal, each under its own name: which part of the light, and
@@ -26,16 +26,7 @@ struct Note {
     pattern: String,
 }
 
-#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Direction {
-    Forward,
-    Adjoint,
-}
-
-/// The keys of a vector and of its product.
 struct Keys {
-    /// The vector's bytes.
     pattern: Vec<u8>,
     product: Key,
 }
@@ -115,7 +106,7 @@ impl<'a> JournaledOperator<'a> {
     }
 
     fn keys(&self, direction: Direction, from: &[f64]) -> Keys {
-        let pattern: Vec<u8> = from.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let pattern = bytes(from);
         let side: &[u8] = match direction {
             Direction::Forward => b"forward",
             Direction::Adjoint => b"adjoint",
@@ -128,17 +119,14 @@ impl<'a> JournaledOperator<'a> {
     /// Whether the product was in the journal, and was copied from there.
     fn read(&mut self, key: Key, to: &mut [f64]) -> Result<bool> {
         let Some(stored) = self.journal.get(key)? else { return Ok(false) };
-        let (values, rest) = stored.payload.as_chunks::<8>();
-        if values.len() != to.len() || !rest.is_empty() {
+        if stored.payload.len() != size_of_val(to) {
             return Err(Error::Dimension {
                 what: "a product in the journal",
                 expected: format!("{} values", to.len()),
                 found: format!("{} bytes", stored.payload.len()),
             });
         }
-        for (to, value) in to.iter_mut().zip(values) {
-            *to = f64::from_le_bytes(*value);
-        }
+        to.copy_from_slice(&numbers(&stored.payload));
         Ok(true)
     }
 
@@ -154,24 +142,24 @@ impl<'a> JournaledOperator<'a> {
         let from: Vec<&[f64]> = places.iter().map(|&place| from[place]).collect();
         let to = to.iter_mut().enumerate().filter(|(place, _)| places.contains(place));
         let mut to: Vec<&mut [f64]> = to.map(|(_, to)| &mut **to).collect();
-        match direction {
-            Direction::Forward => inner.apply_block(&from, &mut to),
-            Direction::Adjoint => inner.apply_adjoint_block(&from, &mut to),
-        }
+        inner.products(direction, &from, &mut to)
     }
 
     fn append(&mut self, direction: Direction, keys: &Keys, to: &[f64]) -> Result<()> {
         let pattern = self.journal.pattern(&keys.pattern)?.to_string();
         let note = Note { operator: self.name.clone(), direction, pattern };
-        let photo: Vec<u8> = to.iter().flat_map(|value| value.to_le_bytes()).collect();
         // Texts always have a JSON form.
         let note = serde_json::to_vec(&note).unwrap_or_default();
-        self.journal.append_buffered(Kind::Photo, keys.product, &note, &photo)
+        self.journal.append_buffered(Kind::Photo, keys.product, &note, &bytes(to))
     }
 }
 
 fn numbers(bytes: &[u8]) -> Vec<f64> {
     bytes.as_chunks::<8>().0.iter().map(|value| f64::from_le_bytes(*value)).collect()
+}
+
+fn bytes(numbers: &[f64]) -> Vec<u8> {
+    numbers.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 fn not_journaled(journal: &Journal, name: &str) -> Error {

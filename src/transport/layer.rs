@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::tiles::{CompressedRows, Entries, Tiles};
+use super::tiles::{CompressedRows, Tiles};
 use crate::error::Result;
 use crate::sparse::Csr;
 
@@ -38,7 +38,6 @@ impl PartialEq for Layer {
     }
 }
 
-/// The square of an entry.
 pub(super) fn square(value: f32) -> f64 {
     f64::from(value) * f64::from(value)
 }
@@ -83,42 +82,11 @@ impl Layer {
         Csr::new(self.tiles.cols(), row_start, columns, weights)
     }
 
-    /// All channels in compressed rows.
     pub(crate) fn to_rows(&self) -> CompressedRows {
         self.tiles.to_rows()
     }
 
-    /// The offset of each row into these entries, then their number.
-    pub(crate) fn row_start(&self, which: Entries) -> Vec<usize> {
-        self.tiles.row_start(which)
-    }
-
-    /// The columns of these entries, row by row, as several pieces. `row_start` is theirs.
-    pub(crate) fn columns<'a>(
-        &'a self,
-        which: Entries,
-        row_start: &'a [usize],
-    ) -> impl Iterator<Item = Vec<u32>> + 'a {
-        self.tiles.columns(which, row_start)
-    }
-
-    /// The weights of one channel, as [`Layer::columns`].
-    pub(crate) fn weights<'a>(
-        &'a self,
-        which: Entries,
-        channel: usize,
-        row_start: &'a [usize],
-    ) -> impl Iterator<Item = Vec<f32>> + 'a {
-        self.tiles.weights(which, channel, row_start)
-    }
-
-    /// `sum` with the squares of the entries of one channel added: each row is summed from left to right, and then the rows.
-    pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
-        self.tiles.squares(channel, sum)
-    }
-
-    /// Its entries in tiles.
-    pub(super) fn tiles(&self) -> &Tiles {
+    pub(crate) fn tiles(&self) -> &Tiles {
         &self.tiles
     }
 
@@ -133,7 +101,7 @@ impl Layer {
 
     /// Keeps the rows of the transpose that this process has, where a matrix is spread over several processes.
     pub(super) fn keep_transpose(&self, transpose: Self) {
-        // Where there is one already, it is the same.
+        // A transpose that is there already is the same.
         let _ = self.transpose.set(Box::new(transpose));
     }
 }

@@ -12,7 +12,7 @@ use super::tiles::{BLOCK_WIDTH, CompressedRows, Interleaved, Summable};
 use super::{Channels, GpuMatrix, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::sparse::Csr;
 
 /// Rows of a task where the matrix has only a diagonal.
@@ -43,13 +43,6 @@ impl Part {
     pub(super) fn has(self, layer: Bounces) -> bool {
         self.holds(if layer == Bounces::One { 1 } else { 2 })
     }
-}
-
-/// The direction of a product: from the projector to the camera, or with the two exchanged (the transpose).
-#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Direction {
-    Forward,
-    Backward,
 }
 
 /// The direction, the part and the channel of a product.
@@ -162,7 +155,7 @@ impl TransportMatrix {
     /// `x ← Pᵀ y`: the photo of the dual rig, in which camera and projector have changed places. `y` has an
     /// entry for each camera pixel, `x` one for each of the projector's.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
-        self.multiply(Product { direction: Direction::Backward, part, channel }, y, x);
+        self.multiply(Product { direction: Direction::Adjoint, part, channel }, y, x);
     }
 
     /// `y_k ← P x_k` for each of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read
@@ -190,7 +183,7 @@ impl TransportMatrix {
         let (camera, projector) = (self.rig.camera.pixels(), self.rig.projector.pixels());
         let [lit, seen] = match product.direction {
             Direction::Forward => [from.len(), to.len()],
-            Direction::Backward => [to.len(), from.len()],
+            Direction::Adjoint => [to.len(), from.len()],
         };
         assert_eq!((lit, seen), (projector, camera), "x has the projector's pixels, and y the camera's");
         match &self.spread {
@@ -207,7 +200,7 @@ impl TransportMatrix {
         from: &[V],
         to: &mut [V],
     ) {
-        let transposed = direction == Direction::Backward && !self.rig.symmetric;
+        let transposed = direction == Direction::Adjoint && !self.rig.symmetric;
         let layers = self.layers.iter().filter(|layer| part.has(layer.bounces()));
         let layers: Vec<&Layer> =
             layers.map(|layer| if transposed { layer.transpose() } else { layer }).collect();
@@ -238,7 +231,7 @@ impl TransportMatrix {
     pub fn frobenius_norm(&self, part: Part, channel: usize) -> f64 {
         let mut all = 0.0;
         for (at, layer) in self.layers.iter().enumerate().filter(|(_, layer)| part.has(layer.bounces())) {
-            let own = layer.squares(channel, 0.0);
+            let own = layer.tiles().squares(channel, 0.0);
             all += self.spread.as_ref().map_or(own, |spread| spread.squares(at, channel, own));
         }
         if part.holds(1) {
@@ -350,15 +343,14 @@ impl Operator for MatrixOperator<'_> {
 
 impl Adjoint for MatrixOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.block(Direction::Backward, &[y], &mut [x])
+        self.block(Direction::Adjoint, &[y], &mut [x])
     }
 
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.block(Direction::Backward, ys, xs)
+        self.block(Direction::Adjoint, ys, xs)
     }
 }
 
-/// Entries that one task interleaves.
 const TASK: usize = 4096;
 
 /// Interleaves at most four vectors of equal length: element `i` holds entry `i` of each, and zeros in the

@@ -1,7 +1,7 @@
 //! The rows of the matrix, merged from the contributions of each pixel's paths and their transpose.
 //!
 //! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`.
-//! Where the projector stands apart, the rows of the camera's pixels are rows of `A`, and those of the
+//! If the projector stands apart, the rows of the camera's pixels are rows of `A`, and the rows of the
 //! projector's pixels are columns of `A`. The transpose comes one block at a time (`transpose`), without a second
 //! copy of `F`. A row of `A` is then two rows merged, one of `F` and one of its transpose, which both ascend.
 //!
@@ -27,7 +27,6 @@ use super::transpose::Sources;
 pub(super) struct Combined<const C: usize> {
     /// One layer for each class: one bounce, then the others.
     pub(super) layers: Vec<Tiles>,
-    /// Sums for each of the rows.
     pub(super) rows: Vec<Estimates<C>>,
     /// Squares of all entries; of a symmetric matrix, those on and above the diagonal of the rows, where what is above it counts twice.
     pub(super) squares: EntrySquares,
@@ -88,7 +87,6 @@ const BLOCK: usize = 1 << 21;
 /// The most blocks: each looks at every pixel once.
 const MOST_BLOCKS: usize = 48;
 
-/// Number of rows that one task merges.
 const ROWS_PER_TASK: usize = 64;
 
 /// The rows of a matrix while they are merged. Rows are counted from the first one that is made.
@@ -100,9 +98,7 @@ pub(super) struct Merging<'a, const C: usize> {
     /// The number of contributions to each row, and the diagonal of [`combine`].
     terms: Vec<u32>,
     direct: &'a [Estimates<C>],
-    /// Of the entries that were merged.
     pub(super) squares: EntrySquares,
-    /// The approximate number of contributions in one block.
     most: usize,
 }
 
@@ -223,7 +219,6 @@ fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
     joined
 }
 
-/// The merged rows of one task.
 struct Merged<'a> {
     layers: Vec<CompressedRows>,
     pairs: Pairs<'a>,
@@ -289,7 +284,6 @@ impl<'a> Merged<'a> {
         self.layers.iter_mut().for_each(CompressedRows::end_row);
     }
 
-    /// Adds the squares of an entry of a row.
     #[inline]
     fn count<const C: usize>(&mut self, row: u32, entry: &Entry<C>) {
         if entry.column == u32::MAX {
@@ -333,7 +327,6 @@ fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: im
     }
 }
 
-/// `to += more`.
 fn add<const C: usize>(to: &mut Estimates<C>, more: &Estimates<C>) {
     for (to, more) in to.iter_mut().flatten().zip(more.iter().flatten()) {
         *to += more;

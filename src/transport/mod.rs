@@ -92,7 +92,6 @@ pub struct RigShape {
 }
 
 impl RigShape {
-    /// The symmetry of the matrix.
     fn symmetry(self) -> Symmetry {
         if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
     }

@@ -5,7 +5,6 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 
-/// Pixels on each side.
 const SIDE: usize = 64;
 
 /// The settings of a trace of at most 64×64 pixels with one path each.
@@ -20,9 +19,6 @@ pub(super) fn of(settings: &TraceSettings) -> TraceSettings {
 }
 
 /// The number of paths of this trace, and their mean number of connections.
-///
-/// # Errors
-/// As [`Tracer::trace`].
 pub(super) fn connections(tracer: &mut Tracer, pilot: &TraceSettings) -> Result<(u64, f64)> {
     let mut connections = 0_usize;
     let summary = tracer.trace(pilot, &mut |batch| {
@@ -67,7 +63,6 @@ pub fn predict(
 /// The largest share of the rows that become tiles at the same time, on up to four cores.
 const GROUP: f64 = 0.125;
 
-/// The prediction for `per_path` connections per path.
 fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symmetric: bool) -> Prediction {
     let pixels = settings.resolution.pixels() as f64;
     let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;

@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::matrix::{Direction, deinterleave, interleave};
+use super::assembled::shape;
+use super::matrix::{deinterleave, interleave};
 use super::noise::Halves;
 use super::tiles::{BLOCK_WIDTH, Interleaved};
 use super::{Channels, Part, Transport, from_planes, luminance, planes, project, spread};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::render::{Batch, PIXEL_MASK, Run, TraceSettings, Tracer};
 
 /// A scene that is traced once per photo, always with the same light paths.
@@ -17,7 +18,7 @@ use crate::render::{Batch, PIXEL_MASK, Run, TraceSettings, Tracer};
 pub struct Retraced<'a> {
     /// The scene on its device. Its observer sees the steps of each photo, and may stop it.
     pub tracer: &'a mut Tracer,
-    /// What is traced for each photo.
+    /// The settings of the trace for each photo.
     pub settings: TraceSettings,
     /// Gray or colour.
     pub channels: Channels,
@@ -39,27 +40,24 @@ impl Retraced<'_> {
         Ok((image(|[mean, _]| *mean)?, image(|[_, error]| error.abs())?))
     }
 
-    /// What arrives of `pattern`, with the ambient light: `[channel][pixel]`.
+    /// The light that arrives of `pattern`, with the ambient light: `[channel][pixel]`.
     fn see<T: Tally>(&mut self, pattern: &Image) -> Result<Vec<Vec<T>>> {
         let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
-        let pixels = self.settings.resolution.pixels();
-        let way = Way { direction: Direction::Forward, part: Part::Full, with_ambient: true };
-        match (self.channels, &lit[..]) {
-            (Channels::Rgb, [red, green, blue]) => {
-                let lit: Vec<[f64; 3]> =
-                    red.iter().zip(green).zip(blue).map(|((&r, &g), &b)| [r, g, b]).collect();
-                let seen = self.trace(way, &lit, project, pixels)?;
-                Ok((0..3).map(|channel| seen.iter().map(|seen: &[T; 3]| seen[channel]).collect()).collect())
-            }
-            _ => {
-                let lit: Vec<[f64; 1]> = lit[0].iter().map(|&light| [light]).collect();
-                let seen = self.trace(way, &lit, project, pixels)?;
-                Ok(vec![seen.into_iter().map(|[seen]| seen).collect()])
-            }
+        match self.channels {
+            Channels::Luma => self.see_channels::<1, T>(&lit),
+            Channels::Rgb => self.see_channels::<3, T>(&lit),
         }
     }
 
-    /// What arrives of `K` patterns in one channel by the same paths, pixel by pixel.
+    fn see_channels<const C: usize, T: Tally>(&mut self, lit: &[Vec<f64>]) -> Result<Vec<Vec<T>>> {
+        let (lights, pixels) = (lit[0].len(), self.settings.resolution.pixels());
+        let lit: Vec<[f64; C]> = (0..lights).map(|pixel| std::array::from_fn(|c| lit[c][pixel])).collect();
+        let way = Way { direction: Direction::Forward, part: Part::Full, with_ambient: true };
+        let seen: Vec<[T; C]> = self.trace(way, &lit, project, pixels)?;
+        Ok((0..C).map(|channel| seen.iter().map(|seen| seen[channel]).collect()).collect())
+    }
+
+    /// The light that arrives of `K` patterns in one channel by the same paths, pixel by pixel.
     fn products<const K: usize>(
         &mut self,
         way: Way,
@@ -73,7 +71,7 @@ impl Retraced<'_> {
         }
     }
 
-    /// Traces, and returns what arrives of `lit`, pixel by pixel. `project` makes channels of a connection's
+    /// Traces, and returns the light that arrives of `lit`, pixel by pixel. `project` makes channels of a connection's
     /// colours.
     fn trace<const C: usize, T: Tally>(
         &mut self,
@@ -95,7 +93,7 @@ impl Retraced<'_> {
         add: &mut (impl FnMut(&Contributions<C>) + Send),
     ) -> Result<()> {
         let samples = self.settings.samples;
-        // Of the batch before: read, but not yet added up.
+        // The contributions of the batch before, read but not yet added up.
         let mut last: Option<Contributions<C>> = None;
         spread::trace(self.tracer, &self.settings, &mut |batch| {
             // One core adds up the contributions, in path order; meanwhile the others read the next batch, which
@@ -171,8 +169,7 @@ impl Operator for RetracedOperator<'_> {
     }
 
     fn symmetry(&self) -> Symmetry {
-        let Retraced { tracer, settings, .. } = &self.retraced;
-        if tracer.symmetric(settings) { Symmetry::Symmetric } else { Symmetry::General }
+        shape(self.retraced.tracer, &self.retraced.settings).symmetry()
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
@@ -190,11 +187,11 @@ impl Operator for RetracedOperator<'_> {
 
 impl Adjoint for RetracedOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.block(Direction::Backward, &[y], &mut [x])
+        self.block(Direction::Adjoint, &[y], &mut [x])
     }
 
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.block(Direction::Backward, ys, xs)
+        self.block(Direction::Adjoint, ys, xs)
     }
 }
 
@@ -208,7 +205,6 @@ pub(super) struct Way {
 
 /// A running mean over samples, with or without its error.
 pub(super) trait Tally: Copy + Default + Send {
-    /// Adds a sample.
     fn add(&mut self, halves: Halves, half: usize, value: f64);
 }
 
@@ -233,7 +229,6 @@ pub(super) struct Contributions<const C: usize> {
     parts: Vec<Read<C>>,
 }
 
-/// Number of runs that one task reads.
 const RUNS: usize = 16;
 
 /// Kinds of contributions, as bits above those of the other pixel: direct light, ambient light; without
@@ -287,7 +282,6 @@ impl<const C: usize> Contributions<C> {
 }
 
 impl Contributions<1> {
-    /// The weights of both halves of the samples.
     pub(super) fn halves(&self) -> Halves {
         self.halves
     }
@@ -359,7 +353,6 @@ impl<const C: usize> Read<C> {
         Self { runs: ends, found }
     }
 
-    /// Each run with its contributions.
     fn runs(&self) -> impl Iterator<Item = (&Run, &[(u32, [f32; C])])> {
         let starts = std::iter::once(0).chain(self.runs.iter().map(|(_, end)| *end));
         self.runs.iter().zip(starts).map(|((run, end), start)| (run, &self.found[start..*end]))

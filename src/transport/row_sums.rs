@@ -9,12 +9,11 @@ use super::RigShape;
 use super::chunk::{CLASSES, Chunk, Row, Term, at};
 use super::noise::Estimates;
 
-/// How many powers of two there are from the smallest to the largest exponent whose values are summed to the last bit. What is left of a smaller value
-/// is below the last bit of a larger one, of which there is one at least.
+/// The powers of two from the smallest to the largest exponent whose values are summed to the last bit. Smaller values lose bits that are below the
+/// last bit of the largest value.
 const POWERS: u32 = 70;
 
-/// The unit of sums: a power of two that depends on the largest of all values alone. So the bits of a sum do not depend on who adds which of its
-/// terms.
+/// The unit of sums: a power of two that depends on the largest of all values alone. The bits of a sum do not depend on the order of its terms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     /// The bits of the smallest exponent.
@@ -30,7 +29,6 @@ fn exponent(value: f32) -> u32 {
     value.to_bits() >> 23 & 0xff
 }
 
-/// The largest exponent of a contribution.
 pub(super) fn largest_exponent<const C: usize>(term: &Term<C>) -> u32 {
     term.mean.iter().chain(&term.error).map(|&value| exponent(value)).max().unwrap_or(0)
 }
@@ -47,7 +45,6 @@ impl Scale {
         [&term.mean, &term.error].map(|values| values.map(|value| self.units(value)))
     }
 
-    /// The sums as numbers.
     fn sums<const C: usize>(self, [mean, error]: &FixedSums<C>) -> Estimates<C> {
         std::array::from_fn(|channel| [self.value(mean[channel]), self.value(error[channel])])
     }
@@ -72,7 +69,6 @@ impl Scale {
     }
 }
 
-/// Adds other sums of the same row.
 #[inline]
 pub(super) fn add_sums<const C: usize>(to: &mut FixedSums<C>, more: &FixedSums<C>) {
     for (to, more) in to.as_flattened_mut().iter_mut().zip(more.as_flattened()) {

@@ -12,7 +12,6 @@ use crate::render::{Batch, End, Merged, Run};
 /// Tasks of each thread that take in the terms of a dispatch.
 const PARTS_OF_THREAD: usize = 4;
 
-/// Number of pixels whose contributions one task sums.
 const PIXELS_PER_TASK: usize = 16;
 
 /// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
@@ -41,7 +40,6 @@ pub(super) struct Rows<'a, const C: usize> {
     open: Option<Open<C>>,
 }
 
-/// The pixels of one task.
 struct Task<const C: usize> {
     /// The finished ones, for each step.
     finished: Vec<Growing<C>>,
@@ -65,7 +63,7 @@ struct Open<const C: usize> {
     entries: Vec<Entry<C>>,
 }
 
-/// Where paths start.
+/// The pixel that paths start from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Start {
     pixel: u32,
@@ -103,7 +101,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.steps.map_or(0, |steps| steps.of(start, from_camera, key.other()))
     }
 
-    /// As [`Rows::add`], for paths given as start pixel, half, and the pixels at their other ends with bounces and light.
+    /// [`Rows::add`] for paths given as start pixel, half, and the pixels at their other ends with bounces and light.
     #[cfg(test)]
     pub(super) fn add_paths(
         &mut self,
@@ -176,7 +174,7 @@ impl<'a, const C: usize> Rows<'a, C> {
 
     /// Adds the terms of pixels of which the device has summed all paths.
     fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
-        // What came before is of other pixels.
+        // The paths before are of other pixels.
         self.open.take().into_iter().for_each(|open| self.push(open));
         let finish = |part: &Merged<'_>| {
             let mut task = Task::<C>::new(self.chunks.len());
@@ -208,7 +206,6 @@ impl<'a, const C: usize> Rows<'a, C> {
         Found { steps, about: self.about }
     }
 
-    /// Adds one complete pixel.
     fn push(&mut self, Open { start, entries }: Open<C>) {
         let count = entries.len();
         let mut task = Task { entries, ..Task::new(self.chunks.len()) };
@@ -279,7 +276,6 @@ impl<const C: usize> Growing<C> {
 
 /// A source of paths' connections.
 trait Paths: Sync {
-    /// The most connections of a path.
     fn most_ends(&self) -> usize;
 
     /// Calls `to` with the far end of each connection of a run's paths, path by path, including those outside of the field of view.

@@ -1,4 +1,4 @@
-//! What a matrix takes on several processes, predicted from a short probe.
+//! Time and memory of a matrix on several processes, predicted from a short probe.
 
 use std::time::Instant;
 
@@ -12,7 +12,6 @@ use crate::render::{TraceSettings, Tracer};
 /// Pixels on the longer side of the probe, and its most samples.
 const SIDE: usize = 128;
 const SAMPLES: u32 = 64;
-/// Products and vector operations that are timed.
 const REPEATS: u32 = 5;
 /// Entries of the vectors that are timed: more than the caches hold.
 const LONG: usize = 1 << 21;
@@ -51,7 +50,7 @@ pub struct Network {
     pub latency: f64,
 }
 
-/// What a question of so many photos takes, on so many processes that are each like the one of the probe. Times in seconds, memory in bytes.
+/// Time and memory of a question on several processes, each like the one of the probe. Times are in seconds, memory is in bytes.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Scaled {
     /// Number of processes.
@@ -100,7 +99,7 @@ impl Scaled {
 }
 
 impl Probe {
-    /// Traces and assembles a small matrix of the scene in this process, and measures what that takes.
+    /// Traces and assembles a small matrix of the scene in this process, and measures the time of each part.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -139,7 +138,7 @@ impl Probe {
         })
     }
 
-    /// What `photos` photos by a Krylov method take on so many processes. Each photo is a product, and its vector is orthogonalized twice against
+    /// Time and memory of `photos` photos by a Krylov method on `processes` processes. Each photo is a product, and its vector is orthogonalized twice against
     /// all before.
     pub fn scaled(
         &self,
@@ -208,7 +207,6 @@ fn reached(connections: f64, found: f64, ends: f64) -> f64 {
     high.clamp(f64::MIN_POSITIVE, 1.0)
 }
 
-/// Seconds of a product.
 fn product_seconds(matrix: &TransportMatrix) -> f64 {
     let x = vec![1.0; matrix.projector_resolution().pixels()];
     let mut y = vec![0.0; matrix.resolution().pixels()];

@@ -139,7 +139,7 @@ impl Shard {
         &self.record
     }
 
-    /// Whether two shards have the same contributions to the last bit, whatever it took to trace them.
+    /// Whether two shards have the same contributions to the last bit. The times of tracing may differ.
     pub fn has_bits_of(&self, other: &Self) -> bool {
         match (&self.share, &other.share) {
             (Channeled::Luma(a), Channeled::Luma(b)) => a.has_bits_of(b),

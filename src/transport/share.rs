@@ -24,16 +24,12 @@ pub(super) struct Share<const C: usize> {
     pub(super) ambient: Vec<Estimates<C>>,
     /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
     pub(super) has_halves: bool,
-    /// The cost of tracing.
     pub(super) summary: TraceSummary,
 }
 
 impl<const C: usize> Share<C> {
     /// Traces the paths from `pixels`. If `split` is set, the second bounce and all later ones stay apart. `steps` are those in which several
     /// processes merge the contributions.
-    ///
-    /// # Errors
-    /// As [`Tracer::trace`].
     pub(super) fn trace(
         tracer: &mut Tracer,
         settings: &TraceSettings,
@@ -108,13 +104,11 @@ pub(super) struct About {
 }
 
 impl About {
-    /// Adds a contribution.
     pub(super) fn add<const C: usize>(&mut self, term: &Term<C>) {
         self.largest = self.largest.max(largest_exponent(term));
         self.of_class[term.key.class()] += 1;
     }
 
-    /// The summary of both.
     pub(super) fn and(mut self, more: Self) -> Self {
         self.largest = self.largest.max(more.largest);
         self.of_class.iter_mut().zip(more.of_class).for_each(|(all, more)| *all += more);
@@ -134,12 +128,10 @@ impl<const C: usize> Found<C> {
         Self { steps: vec![chunks], about }
     }
 
-    /// All chunks.
     pub(super) fn chunks(&self) -> impl Iterator<Item = &Chunk<C>> {
         self.steps.iter().flatten()
     }
 
-    /// All chunks, which one process merges.
     pub(super) fn into_chunks(self) -> Vec<Chunk<C>> {
         self.steps.into_iter().flatten().collect()
     }
@@ -149,7 +141,6 @@ impl<const C: usize> Found<C> {
 /// that the bits do not depend on the sizes of the batches.
 struct PixelSums<const C: usize> {
     halves: Halves,
-    /// The first of the pixels.
     first: usize,
     /// For each pixel.
     estimates: Vec<Estimates<C>>,

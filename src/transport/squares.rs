@@ -2,13 +2,13 @@
 
 use super::noise::Estimates;
 
-/// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. They have the same bits, whatever the order
-/// of the entries: of a symmetric matrix, each process and each thread adds those that it merges.
+/// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. They have the same bits in every order of the
+/// entries: each process and each thread adds the entries that it merges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct EntrySquares {
-    /// Of the entries without light of one bounce: nearly all of them.
+    /// The sums over the entries without light of one bounce: nearly all of them.
     indirect: [ExactSum; 2],
-    /// Of the entries with light of one bounce: that of all their light, and that of two or more bounces.
+    /// The sums over the entries with light of one bounce: of all their light, and of their light of two or more bounces.
     direct: [ExactSum; 2],
     beside_direct: [ExactSum; 2],
 }
@@ -23,7 +23,7 @@ impl EntrySquares {
         add(&mut self.indirect, times, entry);
     }
 
-    /// Adds those of an entry with light of one bounce: of all its light, and of its light of two or more bounces.
+    /// Adds the squares of an entry with light of one bounce: of all its light, and of its light of two or more bounces.
     pub(super) fn add_direct<const C: usize>(
         &mut self,
         times: f64,
@@ -34,7 +34,6 @@ impl EntrySquares {
         add(&mut self.beside_direct, times, global);
     }
 
-    /// Adds all entries of other sums.
     pub(super) fn add_all(&mut self, other: &Self) {
         self.sums_mut().zip(other.sums()).for_each(|(sum, other)| sum.add_all(other));
     }
@@ -49,7 +48,6 @@ impl EntrySquares {
         [0, 1].map(|of| self.indirect[of].value() + self.beside_direct[of].value())
     }
 
-    /// The sums in a message.
     pub(super) fn to_words(&self) -> Vec<u64> {
         self.sums().flat_map(ExactSum::to_words).collect()
     }
@@ -105,7 +103,6 @@ impl Default for ExactSum {
 }
 
 impl ExactSum {
-    /// The words of a sum in a message.
     const WORDS: usize = 129;
 
     /// Adds a number, which is not negative.
@@ -126,7 +123,6 @@ impl ExactSum {
         *part = part.wrapping_add(u128::from(whole) << (exponent % PART));
     }
 
-    /// Adds all terms of another sum.
     fn add_all(&mut self, other: &Self) {
         self.parts.iter_mut().zip(&other.parts).for_each(|(part, other)| *part += other);
         self.beyond += other.beyond;
@@ -143,7 +139,6 @@ impl ExactSum {
         self.parts.iter().enumerate().filter(|(_, whole)| **whole > 0).map(value).sum::<f64>() + self.beyond
     }
 
-    /// The sum in a message.
     fn to_words(&self) -> Vec<u64> {
         let parts = self.parts.iter().flat_map(|&part| [part as u64, (part >> 64) as u64]);
         parts.chain([self.beyond.to_bits()]).collect()
@@ -188,7 +183,7 @@ mod tests {
 
     #[test]
     fn neither_order_nor_parts_change_a_sum() {
-        // Of numbers that differ by up to 2^80, so that a sum of `f64` depends on the order.
+        // Numbers differ by up to 2^80, so that a sum of `f64` depends on the order.
         let term = |at: u64| {
             let drawn = at.wrapping_mul(0x9e37_79b9_7f4a_7c15);
             (drawn >> 11) as f64 * 2_f64.powi((drawn % 80) as i32 - 100)

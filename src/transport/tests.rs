@@ -22,7 +22,7 @@ type Paths = Vec<(u32, usize, Vec<Connection>)>;
 
 const SAMPLES: u32 = 4;
 
-/// Connections at random between so many camera and projector pixels; paths from the camera's pixels, in
+/// Connections at random between `camera` and `projector` pixels; paths from the camera's pixels, in
 /// order.
 fn from_camera(random: &mut Pcg64, camera: usize, projector: usize, most: u32) -> Paths {
     let mut paths = Vec::new();

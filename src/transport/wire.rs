@@ -23,14 +23,12 @@ pub(super) fn unread(Garbled(why): Garbled) -> Error {
 
 type Result<T> = std::result::Result<T, Garbled>;
 
-/// The bytes that `write` writes.
 pub(super) fn message(write: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> Vec<u8> {
     let mut bytes = Vec::new();
     write(&mut bytes).expect("memory takes all bytes");
     bytes
 }
 
-/// Writes an array: its length and its elements.
 pub(super) fn put<T: Pod>(to: &mut impl Write, array: &[T]) -> io::Result<()> {
     to.write_all(&(array.len() as u64).to_le_bytes())?;
     to.write_all(bytemuck::cast_slice(array))
@@ -39,24 +37,20 @@ pub(super) fn put<T: Pod>(to: &mut impl Write, array: &[T]) -> io::Result<()> {
 /// Arrays one after the other, from a message or a file.
 pub(super) struct Reader<R> {
     from: R,
-    /// The number of bytes that are left.
     left: u64,
 }
 
 impl<'a> Reader<&'a [u8]> {
-    /// The arrays of a message.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self::of(bytes, bytes.len() as u64)
     }
 }
 
 impl<R: Read> Reader<R> {
-    /// The arrays in the next `left` bytes.
     pub(super) fn of(from: R, left: u64) -> Self {
         Self { from, left }
     }
 
-    /// The next array.
     pub(super) fn take<T: Pod>(&mut self) -> Result<Vec<T>> {
         let mut array = vec![T::zeroed(); self.length(size_of::<T>())?];
         self.fill(bytemuck::cast_slice_mut(&mut array))?;
@@ -88,7 +82,6 @@ impl<R: Read> Reader<R> {
         self.from.read_exact(bytes).map_err(|error| Garbled(error.to_string()))
     }
 
-    /// Fails if anything is left.
     pub(super) fn end(self) -> Result<()> {
         if self.left == 0 { Ok(()) } else { Err(Garbled(format!("{} bytes too many", self.left))) }
     }
@@ -230,7 +223,6 @@ fn take_sparse<S: Pod + Ord + TryInto<usize>, N: Pod>(
     if is_whole { Ok((starts, columns, weights)) } else { Err(other_lengths()) }
 }
 
-/// Writes fragments of rows.
 pub(super) fn put_fragments(to: &mut Vec<u8>, fragments: &[Fragment]) -> io::Result<()> {
     let size = |fragment: &Fragment| {
         let columns = fragment.columns.len();
@@ -262,7 +254,6 @@ pub(super) fn take_fragments(
     (0..count).map(fragment).collect()
 }
 
-/// Rows of a layer as bytes.
 pub(super) fn rows_to_bytes(rows: &CompressedRows) -> Vec<u8> {
     message(|to| put_sparse(to, &rows.row_start, &rows.columns, &rows.weights))
 }

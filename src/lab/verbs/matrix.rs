@@ -6,7 +6,7 @@ use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::sparse::Csr;
 use crate::transport::{Assembled, Bounces, Part};
 
-/// Which matrices are wanted.
+/// The matrices that are wanted.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixRequest {
     /// Which light.

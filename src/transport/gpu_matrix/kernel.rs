@@ -9,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, shader};
 use crate::transport::{Bounces, CompressedRows};
 
-/// The limits of one dispatch.
 #[derive(Clone, Copy)]
 pub(super) struct Limits {
     pub(super) entries: usize,
@@ -46,7 +45,6 @@ pub(super) struct Band {
     pub(super) rows: Range<u32>,
     pub(super) starts: wgpu::Buffer,
     pub(super) columns: wgpu::Buffer,
-    /// One buffer for each channel.
     pub(super) weights: Vec<wgpu::Buffer>,
 }
 
@@ -102,7 +100,6 @@ const ROWS_OF_GROUP: u32 = 2;
 /// The band has entries; `HAS_ENTRIES` of `shaders/product.wgsl`.
 const HAS_ENTRIES: u32 = 1;
 
-/// Most workgroups in one dimension of a dispatch.
 const MOST_GROUPS: u32 = 65_535;
 
 /// The uniform of a dispatch, with the layout of `Band` in `shaders/product.wgsl`.
@@ -130,7 +127,6 @@ pub(super) struct Shared<'a> {
     pub(super) to: &'a wgpu::Buffer,
 }
 
-/// The compiled kernel.
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -186,37 +182,20 @@ impl Kernel {
         })
     }
 
-    /// The dispatch for a band's entries of one channel.
-    pub(super) fn band(
-        &self,
-        gpu: &Gpu,
-        (band, channel): (&Band, usize),
-        terms: Terms,
-        shared: &Shared<'_>,
-    ) -> Result<Step> {
-        let of_band = [&band.starts, &band.columns, &band.weights[channel]];
-        self.step(gpu, band.rows.clone(), HAS_ENTRIES | bits(terms), of_band, shared)
-    }
-
-    /// The dispatch that writes the diagonal's products to these rows, or zeros without a diagonal.
-    pub(super) fn diagonal(
+    /// The dispatch that writes the sums of these rows to the photo: over the entries of a band in one channel, if there is one, and over `terms`.
+    pub(super) fn step(
         &self,
         gpu: &Gpu,
         rows: Range<u32>,
+        band: Option<(&Band, usize)>,
         terms: Terms,
         shared: &Shared<'_>,
     ) -> Result<Step> {
-        self.step(gpu, rows, bits(terms), [&self.nothing; 3], shared)
-    }
-
-    fn step(
-        &self,
-        gpu: &Gpu,
-        rows: Range<u32>,
-        terms: u32,
-        of_band: [&wgpu::Buffer; 3],
-        shared: &Shared<'_>,
-    ) -> Result<Step> {
+        let (of_band, entries) = match band {
+            Some((band, channel)) => ([&band.starts, &band.columns, &band.weights[channel]], HAS_ENTRIES),
+            None => ([&self.nothing; 3], 0),
+        };
+        let terms = entries | bits(terms);
         let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let parameters = gpu.buffer("band", size_of::<Parameters>() as u64, uniform)?;
         let count = rows.end - rows.start;
@@ -241,7 +220,6 @@ impl Kernel {
         Ok(Step { group, workgroups: workgroups(count) })
     }
 
-    /// Records the steps, which the device runs one after the other.
     pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, steps: &[Step]) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline);

@@ -11,11 +11,12 @@ use wgpu::BufferUsages;
 
 use self::kernel::{Band, DeviceLayer, Kernel, Limits, Shared, Step, Terms};
 use super::layer::Layer;
-use super::matrix::{Direction, Product};
+use super::matrix::Product;
 use super::{Part, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::buffers::Results;
+use crate::operator::Direction;
 use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
@@ -28,7 +29,6 @@ pub struct GpuMatrix {
     kernel: Kernel,
     rig: RigShape,
     layers: Vec<DeviceLayer>,
-    /// One buffer for each channel.
     diagonals: Vec<wgpu::Buffer>,
     /// Whether direct light is a diagonal; without one the buffers above are empty.
     has_diagonal: bool,
@@ -37,7 +37,6 @@ pub struct GpuMatrix {
     state: Mutex<State>,
 }
 
-/// The buffers of pattern and photo on the device.
 struct Vectors {
     from: wgpu::Buffer,
     to: Results,
@@ -98,9 +97,6 @@ impl GpuMatrix {
     }
 
     /// A product of `matrix`, which this is a copy of. For a rig that is not coaxial, its transpose is copied to the device when first needed.
-    ///
-    /// # Errors
-    /// As [`GpuMatrix::apply`]; [`Error::Device`] also where the transpose does not fit the memory.
     pub(super) fn multiply(
         &self,
         matrix: &TransportMatrix,
@@ -109,7 +105,7 @@ impl GpuMatrix {
         to: &mut [f64],
     ) -> Result<()> {
         let mut state = self.state();
-        if product.direction == Direction::Backward && !self.rig.symmetric && state.transposed.is_none() {
+        if product.direction == Direction::Adjoint && !self.rig.symmetric && state.transposed.is_none() {
             let layer = |layer: &Layer| {
                 let rows = layer.to_rows().transposed(&(0..self.rig.projector.pixels()), 0);
                 DeviceLayer::upload(&self.gpu, layer.bounces(), &rows, self.limits)
@@ -125,7 +121,6 @@ impl GpuMatrix {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The dispatches of a product; prepared once.
     fn steps<'a>(&self, state: &'a mut State, product: Product) -> Result<&'a [Step]> {
         let known = state.products.iter().position(|(known, _)| *known == product);
         let index = match known {
@@ -142,7 +137,7 @@ impl GpuMatrix {
     fn new_steps(&self, state: &State, product: Product) -> Result<Vec<Step>> {
         let Product { part, channel, direction } = product;
         let (layers, rows) = match &state.transposed {
-            Some(transposed) if direction == Direction::Backward => (transposed, self.rig.projector),
+            Some(transposed) if direction == Direction::Adjoint => (transposed, self.rig.projector),
             _ => (&self.layers, self.rig.camera),
         };
         let diagonal = part.holds(1) && self.has_diagonal;
@@ -156,37 +151,36 @@ impl GpuMatrix {
         for layer in layers.iter().filter(|layer| part.has(layer.bounces)) {
             let terms = Terms { diagonal: diagonal && is_first, adds: !is_first };
             for band in &layer.bands {
-                steps.push(self.kernel.band(&self.gpu, (band, channel), terms, &shared)?);
+                let of_channel = Some((band, channel));
+                steps.push(self.kernel.step(&self.gpu, band.rows.clone(), of_channel, terms, &shared)?);
             }
             is_first = false;
         }
         if is_first {
-            let rows = rows.pixels();
+            let (rows, terms) = (rows.pixels(), Terms { diagonal, adds: false });
             for first in (0..rows).step_by(self.limits.rows) {
                 // A resolution has at most 2³² pixels.
                 let rows = first as u32..rows.min(first + self.limits.rows) as u32;
-                steps.push(self.kernel.diagonal(
-                    &self.gpu,
-                    rows,
-                    Terms { diagonal, adds: false },
-                    &shared,
-                )?);
+                steps.push(self.kernel.step(&self.gpu, rows, None, terms, &shared)?);
             }
         }
         Ok(steps)
     }
 
     fn take(&self, state: &mut State, product: Product, from: &[f64], to: &mut [f64]) -> Result<()> {
-        let [lit, seen] = [self.rig.projector.pixels(), self.rig.camera.pixels()];
-        let (expected, gpu) =
-            (if product.direction == Direction::Forward { [lit, seen] } else { [seen, lit] }, &self.gpu);
-        if [from.len(), to.len()] != expected {
+        let expected = [self.rig.projector.pixels(), self.rig.camera.pixels()];
+        let found = match product.direction {
+            Direction::Forward => [from.len(), to.len()],
+            Direction::Adjoint => [to.len(), from.len()],
+        };
+        if found != expected {
             return Err(Error::Dimension {
-                what: "entries of the vector to multiply and of the product",
+                what: "pixels of pattern and photo",
                 expected: format!("{} and {}", expected[0], expected[1]),
-                found: format!("{} and {}", from.len(), to.len()),
+                found: format!("{} and {}", found[0], found[1]),
             });
         }
+        let gpu = &self.gpu;
         let steps = self.steps(state, product)?;
         let Vectors { from: pattern, to: photo } = &self.vectors;
         let bytes = size_of_val(to) as u64;

@@ -102,7 +102,7 @@ fn both(
     let taken = gpu_matrix.apply(part, channel, &x, &mut found_ax).and_then(|()| {
         gpu_matrix.multiply(
             matrix,
-            Product { direction: Direction::Backward, part, channel },
+            Product { direction: Direction::Adjoint, part, channel },
             &y,
             &mut found_aty,
         )
@@ -132,7 +132,7 @@ const PARTS: [Part; 3] = [Part::Full, Part::Direct, Part::Global];
 #[test]
 fn products_agree_with_the_processor_to_rounding_for_any_bands() {
     let gpu = gpu();
-    // As on a discrete GPU, whose memory the host cannot read.
+    // A discrete GPU has memory of its own, whose memory the host cannot read.
     let far = Gpu { shares_memory: false, ..gpu.clone() };
     for matrix in [coaxial().matrix, apart()] {
         let whole = GpuMatrix::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));

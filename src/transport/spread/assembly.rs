@@ -23,12 +23,12 @@ const STOP: u8 = 0;
 /// The part of a matrix that one process has.
 struct Own<const C: usize> {
     matrix: TransportMatrix,
-    /// Of its pixels.
+    /// Direct and ambient light of its pixels.
     direct: Vec<Estimates<C>>,
     ambient: Vec<Estimates<C>>,
-    /// Of its rows.
+    /// The sums over its rows.
     sums: Vec<Estimates<C>>,
-    /// Of the entries that it merged.
+    /// The sums over the entries that it merged.
     squares: EntrySquares,
     has_halves: bool,
     summary: TraceSummary,
@@ -36,9 +36,6 @@ struct Own<const C: usize> {
 
 /// Traces the scene and assembles its matrix, which is then spread over the team of the tracer. As
 /// [`assemble_layers`](crate::transport::assemble_layers), with the same bits.
-///
-/// # Errors
-/// As [`Tracer::trace`]; [`Error::Team`](crate::Error::Team) where another process failed.
 pub(in crate::transport) fn assemble<const C: usize>(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -77,7 +74,7 @@ pub(in crate::transport) fn assemble<const C: usize>(
     finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
 }
 
-/// As [`assemble`], in a process that does not lead. `None` where another process failed, or the leader was stopped.
+/// The same in a process that does not lead. `None` if another process failed, or the leader was stopped.
 pub(super) fn assemble_part<const C: usize>(
     comm: &dyn Comm,
     tracer: &mut Tracer,
@@ -147,7 +144,6 @@ impl<const C: usize> Own<C> {
         Ok(Some(Self { matrix, direct, ambient, sums, squares, has_halves, summary }))
     }
 
-    /// Keeps the layers that the leader keeps.
     fn retain(&mut self, keep: &[u8]) {
         let mut keep = keep.iter();
         self.matrix.layers.retain(|_| keep.next() == Some(&1));
@@ -184,9 +180,6 @@ impl<const C: usize> Own<C> {
 
 /// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays that a part of the picture takes;
 /// counts are the same each time, where measured seconds are not.
-///
-/// # Errors
-/// As [`Tracer::trace`].
 fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> Result<Vec<StartPixels>> {
     let projector = tracer.projector_resolution(settings);
     let pilot = pilot::of(settings);
@@ -245,7 +238,7 @@ mod tests {
             assert_eq!(found.len(), processes);
             assert_eq!(found.iter().flat_map(Clone::clone).collect::<Vec<_>>(), (0..80).collect::<Vec<_>>());
         }
-        // Of 800 in all each of four gets 200: rows of pixels with 100, 100, 300 and 300, of 20 pixels each.
+        // Each of four gets 200 of 800: rows of pixels with 100, 100, 300 and 300, of 20 pixels each.
         let found = divide(&(0..80), size, &[99, 99, 299, 299], 4);
         assert_eq!(found, [0..40, 40..53, 53..66, 66..80], "cut after 2, 2⅔ and 3⅓ rows");
         assert_eq!(divide(&(0..0), size, &[1, 1], 3), [0..0, 0..0, 0..0]);

@@ -30,7 +30,6 @@ pub(in crate::transport) struct Steps {
     symmetric: bool,
     /// The groups of each process by rank, one for each step; some of the last ones are empty.
     groups: Vec<Vec<Range<usize>>>,
-    /// The step of each pixel of the camera.
     of_pixel: Vec<u8>,
 }
 
@@ -50,7 +49,6 @@ impl Steps {
         Self { symmetric: rig.symmetric, groups, of_pixel }
     }
 
-    /// The number of steps.
     pub(in crate::transport) fn count(&self) -> usize {
         self.groups.first().map_or(1, Vec::len)
     }
@@ -65,7 +63,6 @@ impl Steps {
         self.groups.iter().map(|groups| groups[0].start..groups[groups.len() - 1].end)
     }
 
-    /// The step of a pixel of the camera.
     pub(in crate::transport) fn of_pixel(&self, pixel: usize) -> usize {
         usize::from(self.of_pixel[pixel])
     }

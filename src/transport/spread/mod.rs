@@ -29,11 +29,12 @@ pub(super) use assembly::assemble;
 pub(super) use exchange::Steps;
 pub(super) use retrace::trace;
 
-use super::matrix::{Direction, Product};
+use super::matrix::Product;
 use super::tiles::Interleaved;
 use super::{Channels, TransportMatrix, wire};
 use crate::error::{Error, Result};
 use crate::observer::{Observer, Step};
+use crate::operator::Direction;
 use crate::render::{AdapterSummary, StartPixels, TraceSettings, Tracer};
 use crate::scene::Scene;
 use crate::team::{Comm, Remote, Team, Told, answer, serve};
@@ -42,7 +43,6 @@ use crate::team::{Comm, Remote, Team, Told, answer, serve};
 #[derive(Clone, Debug)]
 pub(super) struct Spread(Arc<Parts>);
 
-/// See [`Spread`].
 #[derive(Debug)]
 struct Parts {
     remote: Remote,
@@ -65,12 +65,10 @@ impl Spread {
         self.0.nonzeros
     }
 
-    /// The bytes that they take there.
     pub(super) fn bytes(&self) -> usize {
         self.0.bytes
     }
 
-    /// The number of processes that have a part.
     pub(super) fn processes(&self) -> usize {
         self.0.pixels.len()
     }
@@ -84,16 +82,21 @@ fn own_rows<'a>(matrix: &TransportMatrix, product: Product, pixels: &'a StartPix
 
 /// Whether a product is one with the transpose of a matrix that is not symmetric.
 fn is_transposed(matrix: &TransportMatrix, product: Product) -> bool {
-    product.direction == Direction::Backward && !matrix.is_symmetric()
+    product.direction == Direction::Adjoint && !matrix.is_symmetric()
 }
 
 /// A command about an object: a scene, or the rows of a matrix.
 #[derive(Serialize, Deserialize)]
 enum Command {
     /// Moves this scene to the device whose name contains `adapter`. The answer is an [`crate::render::AdapterSummary`].
-    Open { scene: Box<Scene>, adapter: Option<String> },
+    Open {
+        scene: Box<Scene>,
+        adapter: Option<String>,
+    },
     /// Traces the paths of each range of pixels of a scene that the leader asks for.
-    Trace { settings: TraceSettings },
+    Trace {
+        settings: TraceSettings,
+    },
     /// Assembles rows of the matrix of a scene: `pixels` has the rows of each process, by rank.
     Assemble {
         scene: u64,
@@ -103,13 +106,19 @@ enum Command {
         pixels: Vec<StartPixels>,
     },
     /// Multiplies the own rows of a matrix with a vector, or with four interleaved ones, which follow.
-    Multiply { product: Product, interleaved: bool },
-    /// Makes the own rows of the transpose.
+    Multiply {
+        product: Product,
+        interleaved: bool,
+    },
     Transpose,
-    /// Sends the own rows of a layer.
-    Rows { layer: usize },
+    Rows {
+        layer: usize,
+    },
     /// Adds the squares of the own entries of a layer to a sum, which follows.
-    Squares { layer: usize, channel: usize },
+    Squares {
+        layer: usize,
+        channel: usize,
+    },
 }
 
 /// Lets the other processes of the team help to trace `scene`, which is that of the tracer. They get the scene from this process, and open the
@@ -216,7 +225,7 @@ impl SceneWorker {
             Command::Rows { layer } => comm.send(0, &wire::rows_to_bytes(&matrix.layers[layer].to_rows())),
             Command::Squares { layer, channel } => {
                 let sum = product::number(&comm.receive(0));
-                comm.send(0, &matrix.layers[layer].squares(channel, sum).to_le_bytes());
+                comm.send(0, &matrix.layers[layer].tiles().squares(channel, sum).to_le_bytes());
             }
             _ => {}
         }

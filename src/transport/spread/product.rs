@@ -43,7 +43,7 @@ impl Spread {
         }
     }
 
-    /// All rows of the layers, of which `own` has those of this process.
+    /// All rows of the layers; `own` are the rows of this process.
     pub(in crate::transport) fn gathered(&self, own: &[Layer]) -> Result<Vec<Layer>> {
         let layer = |(at, own): (usize, &Layer)| {
             let mut rows = vec![own.to_rows()];
@@ -56,7 +56,7 @@ impl Spread {
         own.iter().enumerate().map(layer).collect()
     }
 
-    /// The squares of all entries of a layer, added row by row to the sum of those of this process.
+    /// The squares of all entries of a layer, added row by row to `own`, the sum over the rows of this process.
     pub(in crate::transport) fn squares(&self, layer: usize, channel: usize, own: f64) -> f64 {
         let turn = self.command(&Command::Squares { layer, channel });
         turn.others().fold(own, |sum, rank| {
@@ -66,7 +66,6 @@ impl Spread {
     }
 }
 
-/// The number in a message.
 pub(super) fn number(message: &[u8]) -> f64 {
     message.try_into().map(f64::from_le_bytes).expect("all processes run the same program")
 }

@@ -14,9 +14,6 @@ const PATHS: u64 = 1 << 16;
 
 /// As [`Tracer::trace`], with the help of the team of the tracer, if it has one. Ranges of pixels go round: while the leader adds up one, the
 /// others trace the next ones.
-///
-/// # Errors
-/// As [`Tracer::trace`]; [`Error::Team`](crate::Error::Team) where another process failed.
 pub(in crate::transport) fn trace(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -34,7 +31,7 @@ pub(in crate::transport) fn trace(
     traced
 }
 
-/// Traces the ranges of the leader, and receives those of the others.
+/// Traces the ranges of the leader, and receives the ranges of the others.
 fn trace_all(
     turn: &Turn<'_>,
     tracer: &mut Tracer,

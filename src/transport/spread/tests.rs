@@ -15,7 +15,6 @@ use crate::transport::{
     assemble_layers,
 };
 
-/// A team of threads.
 struct Crew {
     team: Arc<Team>,
     others: Vec<JoinHandle<()>>,
@@ -57,7 +56,6 @@ fn tracer(scene: &Scene, crew: Option<&Crew>) -> Result<Tracer> {
     Ok(tracer)
 }
 
-/// A scene with its settings and channels.
 struct Case {
     scene: Scene,
     settings: TraceSettings,
@@ -97,7 +95,6 @@ fn cases_of_several_steps() -> Vec<Case> {
     ]
 }
 
-/// A pattern with entries of both signs.
 fn pattern(pixels: usize) -> Vec<f64> {
     (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.4).collect()
 }

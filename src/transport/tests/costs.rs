@@ -1,4 +1,4 @@
-//! What a matrix will take: small traces tell it before.
+//! The size of a matrix, which small traces tell before.
 
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! What independent light paths tell of a prediction: sums of squares, and signs, on numbers worked out by hand.
+//! Checks of a prediction by independent light paths: sums of squares, and signs, on numbers worked out by hand.
 
 use crate::image::Resolution;
 use crate::render::TraceSettings;

@@ -69,7 +69,7 @@ struct Bytes {
     left: usize,
 }
 
-/// What `work` makes, on so many threads, of what `make` made on the same threads.
+/// The result of `work` on the result of `make`, both on the same `threads` threads, and the bytes of `work`.
 fn measured<A: Send, T: Send>(
     threads: usize,
     make: impl FnOnce() -> A + Send,
@@ -81,7 +81,7 @@ fn measured<A: Send, T: Send>(
         .start_handler(move |_| COUNTER.set(Some(counter)))
         .build();
     pool.expect("threads can be started").install(|| {
-        // What the threads themselves keep from their first work on.
+        // The threads themselves keep some memory from their first work on.
         rayon::join(|| rayon::broadcast(|_| ()), || ());
         counter.now.store(0, SeqCst);
         let given = make();
@@ -93,7 +93,7 @@ fn measured<A: Send, T: Send>(
     })
 }
 
-/// What lists of tasks, vectors of vectors and the like may take beside the arrays that a test knows.
+/// Bytes of lists of tasks, vectors of vectors and the like beside the arrays that a test knows.
 const SMALL: usize = 100_000;
 
 /// Bytes of a contribution, and of an entry of a layer, of one channel: place, mean and error; column and weight.
@@ -109,7 +109,7 @@ fn rig(symmetric: bool) -> RigShape {
     RigShape { camera: size, projector: size, symmetric }
 }
 
-/// Contributions of light of two bounces from each pixel to so many others, spread evenly. The chunks have 64 pixels.
+/// Contributions of light of two bounces from each pixel to `each` others, spread evenly. The chunks have 64 pixels.
 fn chunks(from_camera: bool, each: usize) -> Vec<Chunk<1>> {
     let chunk = |first: usize| {
         let rows = (0..64).map(|row| Row { pixel: (first + row) as u32, from_camera, end: each * (row + 1) });
@@ -245,7 +245,7 @@ fn products_take_the_memory_of_some_bands() {
     assert!(block.most <= block.given + 32 * (2 * PIXELS + rows + 1) + SMALL / 10, "{block:?}");
 }
 
-/// What is merged is there as the transposed contributions, as the rows of the tasks, and as one piece.
+/// The merged rows are there as the transposed contributions, as the rows of the tasks, and as one piece.
 #[test]
 fn merging_takes_the_contributions_and_twice_their_rows() {
     let make = || Sources::new(chunks(false, EACH), rig(false), &(0..PIXELS), false);
@@ -342,7 +342,7 @@ fn messages_take_no_more_than_their_bytes() {
     );
 }
 
-/// A fragment of ten rows with so many entries of two channels.
+/// A fragment of ten rows with `entries` entries of two channels.
 fn fragment(first: usize, entries: usize) -> Fragment {
     Fragment {
         first,

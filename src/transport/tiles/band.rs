@@ -9,7 +9,7 @@ use super::kernels::{LANES, Slice};
 use super::rows::{CompressedRows, Pieces};
 use super::{Pages, Shape, take};
 
-/// Where a tile begins.
+/// The beginning of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Start {
     pub(super) slice: usize,
@@ -26,7 +26,7 @@ pub(super) struct Filled<'a> {
 /// A row of tiles.
 #[derive(Clone, Debug)]
 pub(super) struct Band {
-    /// Where each tile begins, from left to right, and the end of the last.
+    /// The beginning of each tile, from left to right, and the end of the last.
     pub(super) tiles: Vec<Start>,
     pub(super) slices: Vec<Slice>,
     /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has
@@ -78,7 +78,7 @@ impl Band {
             + weights
     }
 
-    /// Where the rows of a tile are, of `rows` rows; `None` where the tile is empty.
+    /// The places of the `rows` rows of a tile; `None` for an empty tile.
     pub(super) fn places(&self, tile: usize, rows: usize) -> Option<Vec<Place>> {
         let [start, end] = [self.tiles[tile], self.tiles[tile + 1]];
         let mut step = start.step;
@@ -95,11 +95,11 @@ impl Band {
     }
 }
 
-/// Where the entries of a row within a tile are: in one lane of some steps.
+/// The place of the entries of a row within a tile: one lane of some steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Place {
     step: usize,
-    /// As many as the row has entries, or more: the rest are padding.
+    /// The number of steps; those beyond the entries of the row are padding.
     steps: u32,
     pub(super) lane: u8,
 }
@@ -144,7 +144,6 @@ pub(in crate::transport) struct Fragment {
 }
 
 impl Fragment {
-    /// The number of rows.
     fn rows(&self) -> usize {
         self.row_start.len() - 1
     }
@@ -163,7 +162,6 @@ impl Fragment {
         }
     }
 
-    /// The number of its entries of a row.
     pub(super) fn entries_of(&self, row: usize) -> usize {
         self.row(row).len()
     }
@@ -237,7 +235,7 @@ pub(super) fn of_bands(
 
 /// Entries above the diagonal.
 trait Above: Sync {
-    /// Where the weights of an entry are.
+    /// The place of the weights of an entry.
     type At: Copy;
 
     /// Calls `visit` with row, counted from the first one, column and place of each entry, row by row.
@@ -251,7 +249,7 @@ struct OfTile<'a> {
     band: &'a Band,
     /// The first column of the tile.
     first_column: usize,
-    /// Where each row of the tile is.
+    /// The place of each row of the tile.
     places: Vec<Place>,
     columns: Range<usize>,
 }

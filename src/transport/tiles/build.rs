@@ -60,8 +60,8 @@ impl Builder {
         self.push_joined(pieces, vec![Before { fragments, columns_before: cols }]);
     }
 
-    /// As [`Builder::push`], where the pieces do not have all entries: the others are in fragments, and the two take turns in each row. What is given
-    /// away is dropped before the tiles take memory.
+    /// The same as [`Builder::push`] for pieces that do not have all entries: the others are in fragments, and the two take turns in each row. Both
+    /// are dropped before the tiles take memory, if they are given away.
     pub(in crate::transport) fn push_joined(&mut self, pieces: impl Borrow<Pieces>, parts: Vec<Before>) {
         let Some(rows) = self.next_rows() else { return };
         let Tiles { shape, channels, cols, .. } = self.tiles;
@@ -95,7 +95,6 @@ impl Builder {
         of_bands(&self.tiles.bands, columns, first_row, (shape, channels))
     }
 
-    /// The number of weights of an entry.
     pub(in crate::transport) fn channels(&self) -> usize {
         self.tiles.channels
     }
@@ -107,7 +106,6 @@ impl Builder {
     }
 }
 
-/// Rows of a group: whole bands.
 fn group_of(rows: usize, shape: Shape) -> usize {
     let enough = (WINDOW * rayon::current_num_threads()).div_ceil(shape.rows);
     (rows.div_ceil(GROUPS) / shape.rows).max(enough) * shape.rows
@@ -181,7 +179,6 @@ pub(super) struct Window {
 /// A row's entries within a tile.
 #[derive(Clone, Copy)]
 struct Segment {
-    /// Row within the window.
     row: usize,
     /// Index of the first entry.
     first: usize,
@@ -201,7 +198,6 @@ impl Window {
         window
     }
 
-    /// The number of entries.
     pub(super) fn entries(&self) -> usize {
         self.rows.columns.len()
     }

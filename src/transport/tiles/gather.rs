@@ -89,7 +89,7 @@ fn by_four(
     }
 }
 
-/// As [`by_four`], for processors that look up four entries faster one by one. Panics where a step, a row or a column does not exist.
+/// The same as [`by_four`], for processors that look up four entries faster one by one. Panics where a step, a row or a column does not exist.
 #[target_feature(enable = "avx2")]
 fn one_by_one(
     slices: &[Slice],

@@ -34,10 +34,8 @@ pub(in crate::transport) struct Interleaved(pub(in crate::transport) [f64; BLOCK
 
 /// An element that a product multiplies by weights and sums.
 pub(in crate::transport) trait Value: Pod + Default + Send + Sync + 'static {
-    /// The element times `weight`.
     fn times(self, weight: f64) -> Self;
 
-    /// The sum of two elements.
     fn plus(self, other: Self) -> Self;
 }
 
@@ -104,7 +102,7 @@ pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
 impl<V: Summable> Sums<V> {
     /// The kernel that takes the least time now, which depends on the processor's maker and generation. The entries that are timed lie in the
-    /// first cache, and those of a matrix come from memory. There the portable kernel, which prefetches nothing, was slower than the others
+    /// first cache, and the entries of a matrix come from memory. There the portable kernel, which prefetches nothing, was slower than the others
     /// on the one processor where this was measured (AMD Zen 4). It is taken only where there is no other.
     fn fastest() -> Self {
         let timed = V::special().into_iter().map(|kernel| (Self(kernel).time(), Self(kernel)));

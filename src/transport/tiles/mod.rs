@@ -3,7 +3,7 @@
 //!
 //! Within a tile, eight rows of about equally many entries form a *slice* (the format is known as sliced
 //! ELLPACK). The eight sums are computed at the same time, each with the entries of one row from left to
-//! right. So a product has the same bits whatever the tiles' shape, the number of threads and the
+//! right. So the bits of a product do not depend on the shape of the tiles, the number of threads and the
 //! instructions used.
 //!
 //! Rows come in groups, from the first to the last ([`Builder`]). Of a symmetric matrix only the triangle on and above the
@@ -31,7 +31,6 @@ pub(super) use pages::Pages;
 pub(crate) use rows::CompressedRows;
 pub(super) use rows::Pieces;
 
-/// The entries of a matrix that are read.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Entries {
     All,
@@ -41,7 +40,7 @@ pub(crate) enum Entries {
 
 /// A sparse matrix in tiles, with one set of `f32` weights per channel on a common sparsity pattern.
 #[derive(Clone, Debug)]
-pub(super) struct Tiles {
+pub(crate) struct Tiles {
     rows: usize,
     cols: usize,
     channels: usize,
@@ -143,7 +142,6 @@ impl Tiles {
 
 /// From tiles back to rows.
 impl Tiles {
-    /// All rows.
     pub(in crate::transport) fn to_rows(&self) -> CompressedRows {
         let row_start = self.row_start(Entries::All);
         let mut columns = Vec::with_capacity(self.entries);
@@ -158,7 +156,7 @@ impl Tiles {
     }
 
     /// The offset of each row, then the number of entries.
-    pub(in crate::transport) fn row_start(&self, which: Entries) -> Vec<usize> {
+    pub(crate) fn row_start(&self, which: Entries) -> Vec<usize> {
         let counts = |band| {
             let mut counts = vec![0; self.rows_of(band).len()];
             self.each(band, which, |row, _, _, _| counts[row] += 1);
@@ -174,7 +172,7 @@ impl Tiles {
     }
 
     /// The columns of the entries, row by row, as several pieces. `row_start` is that of these entries.
-    pub(in crate::transport) fn columns<'a>(
+    pub(crate) fn columns<'a>(
         &'a self,
         which: Entries,
         row_start: &'a [usize],
@@ -183,7 +181,7 @@ impl Tiles {
     }
 
     /// The weights of one channel, as [`Tiles::columns`].
-    pub(in crate::transport) fn weights<'a>(
+    pub(crate) fn weights<'a>(
         &'a self,
         which: Entries,
         channel: usize,
@@ -221,7 +219,6 @@ impl Tiles {
         })
     }
 
-    /// The rows of a band.
     fn rows_of(&self, band: usize) -> Range<usize> {
         band * self.shape.rows..self.rows.min((band + 1) * self.shape.rows)
     }
@@ -285,7 +282,7 @@ impl Shape {
     /// threads. No sum depends on it.
     fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
         let bands = (BANDS_A_THREAD * threads.max(1)).max(BANDS.min(rows / ROWS_OF_MANY_BANDS));
-        // A power of two that leaves at least so many bands.
+        // A power of two that leaves at least this number of bands.
         let of_band = (1 << rows.div_ceil(bands).max(1).ilog2()).clamp(LEAST_ROWS, MOST_ROWS);
         // The narrowest tile with enough entries of a row.
         let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));

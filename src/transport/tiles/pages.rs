@@ -31,7 +31,7 @@ impl<T: Pod> Pages<T> {
         let memory = long.map_or_else(|| Memory::Short(vec![0; bytes.div_ceil(8)]), Memory::Long);
         #[cfg(target_os = "linux")]
         if let Memory::Long(map) = &memory {
-            // Where the system gives no large pages, small ones are used.
+            // Small pages are used if the system gives no large ones.
             let _ = map.advise(memmap2::Advice::HugePage);
         }
         Self { memory, length, of: PhantomData }

@@ -26,12 +26,10 @@ impl CompressedRows {
         }
     }
 
-    /// The number of rows.
     pub(crate) fn rows(&self) -> usize {
         self.row_start.len().saturating_sub(1)
     }
 
-    /// The entries of a row.
     pub(in crate::transport) fn row(&self, row: usize) -> Range<usize> {
         self.row_start[row]..self.row_start[row + 1]
     }
@@ -71,7 +69,6 @@ impl CompressedRows {
         Self { row_start, columns, weights }
     }
 
-    /// Ends the last row.
     pub(crate) fn end_row(&mut self) {
         self.row_start.push(self.columns.len());
     }
@@ -99,12 +96,10 @@ impl Pieces {
         self.first[self.first.len() - 1]
     }
 
-    /// The number of rows.
     pub(super) fn rows(&self) -> usize {
         self.end() - self.first[0]
     }
 
-    /// The number of entries.
     pub(super) fn entries(&self) -> usize {
         self.pieces.iter().map(|piece| piece.columns.len()).sum()
     }

@@ -111,7 +111,7 @@ proptest! {
     }
 }
 
-/// What a square matrix has on and above its diagonal, and the symmetric matrix of that.
+/// The triangle of a square matrix on and above its diagonal, and the symmetric matrix of this triangle.
 fn symmetric(of: &CompressedRows) -> [CompressedRows; 2] {
     let rows = of.rows();
     let mut dense = vec![Vec::new(); rows];

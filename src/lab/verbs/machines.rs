@@ -1,18 +1,130 @@
-//! The matrix of all its shards, which were traced by machines that know nothing of each other.
+//! A scene's matrix on several machines: shards that are traced by machines that know nothing of each other, the matrix of all of them, and a
+//! prediction for several processes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::matrix::bounces_apart;
-use crate::cache::ShardFile;
+use crate::cache::{ShardFile, ShardOrigin, write_shard};
 use crate::error::{Error, Result};
+use crate::io::atomic;
+use crate::lab::source::{SceneSource, Source};
 use crate::lab::text;
-use crate::lab::traced::{report_matrix, store};
-use crate::lab::{CacheChoice, Log, SharedObserver};
+use crate::lab::traced::{report_matrix, report_trace, store};
+use crate::lab::{CacheChoice, Lab, Log, SharedObserver};
 use crate::machine;
 use crate::sparse::Csr;
-use crate::transport::{self, Assembled, Part, Shard, ShardRecord};
+use crate::transport::{self, Assembled, Channels, Network, Part, Probe, Scaled, Shard, ShardRecord};
+
+/// A shard in its file.
+#[derive(Clone, Debug)]
+pub struct TracedShard {
+    /// Its record.
+    pub record: ShardRecord,
+    /// The bytes of its file.
+    pub bytes: u64,
+    /// Whether it was traced now; otherwise it was there already.
+    pub is_new: bool,
+}
+
+impl Lab {
+    /// Traces part `of.0` (from 1) of `of.1` of a scene's matrix into a file for [`join_shards`](crate::lab::join_shards). Where the file has this shard
+    /// already, nothing is traced; another shard, or a damaged one, is replaced.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming `--shard` for other sources than a scene, and for a part that does not exist; [`Error::Data`] for a file that is there and
+    /// is not a shard; [`Error::Write`]; errors of tracing.
+    pub fn trace_shard(&mut self, of: (usize, usize), file: &Path) -> Result<TracedShard> {
+        let refused = |fault: String, help: &str| {
+            Err(Error::Option { option: "--shard".into(), fault, help: help.into() })
+        };
+        let Source::Scene(scene) = &self.source else {
+            let fault = format!("{} is not traced: only a scene has shards", self.name());
+            return refused(fault, "leave it out, or give a scene");
+        };
+        if let Some(team) = self.settings.team.as_ref().filter(|team| team.size() > 1) {
+            let fault = format!("{} processes work together, and trace the whole matrix", team.size());
+            return refused(fault, "leave it out, or start one process for each shard");
+        }
+        scene.trace_shard(self.channels, self.settings.split_bounces, of, file)
+    }
+}
+
+impl SceneSource {
+    fn trace_shard(
+        &self,
+        channels: Channels,
+        split: bool,
+        of: (usize, usize),
+        file: &Path,
+    ) -> Result<TracedShard> {
+        let origin = self.shard_origin(channels, split);
+        atomic::check_writable(file)?;
+        if file.exists() {
+            if !ShardFile::is_begun(file)? {
+                return Err(Error::Data {
+                    path: file.into(),
+                    fault: "the file is there, and is not a shard".into(),
+                    help: "name another file by -o, or remove this one".into(),
+                });
+            }
+            if let Some(there) = self.whole_shard(file, &origin, of) {
+                return Ok(there);
+            }
+        }
+        let shard = transport::trace_shard(&mut self.tracer(), &self.settings, channels, split, of)?;
+        report_trace(&shard.record().summary, &self.observer);
+        let bytes = write_shard(file, &origin, &shard)?;
+        Ok(TracedShard { record: shard.record().clone(), bytes, is_new: true })
+    }
+
+    /// The facts that all shards of the matrix have in common.
+    fn shard_origin(&self, channels: Channels, split: bool) -> ShardOrigin {
+        let settings = &self.settings;
+        let projector = settings.projector.unwrap_or(settings.resolution);
+        let more = [
+            ("program", format!("krylux {}", env!("CARGO_PKG_VERSION"))),
+            ("camera", self.scene.camera.name.clone()),
+            ("projector's size", projector.to_string()),
+            ("sampler", format!("{:?}", settings.sampler)),
+            ("Russian roulette", settings.russian_roulette.to_string()),
+            ("number of chains through mirrors", settings.gather.photons.to_string()),
+            ("radius of chains through mirrors", settings.gather.radius.to_string()),
+            ("splitting of bounces", split.to_string()),
+        ];
+        let facts = self.facts(channels).into_iter().chain(more);
+        ShardOrigin {
+            key: self.key(channels, split),
+            facts: facts.map(|(name, fact)| (name.to_owned(), fact)).collect(),
+        }
+    }
+
+    /// The shard that is asked for, if the file has it already. Another one that is there is noted.
+    fn whole_shard(&self, file: &Path, origin: &ShardOrigin, of: (usize, usize)) -> Option<TracedShard> {
+        let found = ShardFile::open(file).and_then(|there| {
+            let record = there.record();
+            let mut differences = origin.differences(there.origin());
+            if (record.part, record.parts) != of {
+                differences.push(format!("it is part {} of {}", record.part, record.parts));
+            }
+            Ok((differences, there.read()?))
+        });
+        let replaced = |why: &str| {
+            self.observer.note(format_args!("note: {} is replaced: {why}", file.display()));
+            None
+        };
+        match found {
+            Ok((differences, shard)) if differences.is_empty() => {
+                let bytes = std::fs::metadata(file).map_or(0, |about| about.len());
+                Some(TracedShard { record: shard.record().clone(), bytes, is_new: false })
+            }
+            Ok((differences, _)) => replaced(&differences.join("; ")),
+            Err(Error::Data { fault, .. }) => replaced(&fault),
+            Err(error) => replaced(&error.to_string()),
+        }
+    }
+}
 
 /// The matrix of all shards.
 #[derive(Debug)]
@@ -91,7 +203,6 @@ pub fn join_shards(
     Ok(JoinedShards { traced, splits_bounces })
 }
 
-/// Checks that all shards are of the matrix of the first one.
 fn require_one_matrix(files: Vec<ShardFile>) -> Result<Vec<ShardFile>> {
     let Some(first) = files.first() else { return Ok(files) };
     let parts = first.record().parts;
@@ -120,7 +231,6 @@ fn require_one_matrix(files: Vec<ShardFile>) -> Result<Vec<ShardFile>> {
     Err(error)
 }
 
-/// Checks that no part is missing.
 fn require_all_parts(files: &[ShardFile]) -> Result<()> {
     let parts = files.first().map_or(0, |file| file.record().parts);
     let there: BTreeSet<usize> = files.iter().map(|file| file.record().part).collect();
@@ -153,7 +263,6 @@ fn ranges(numbers: &[usize]) -> String {
     }
 }
 
-/// Checks that the shards fit the memory together.
 fn require_memory(files: &[ShardFile]) -> Result<()> {
     let (bytes, memory) =
         (files.iter().map(ShardFile::bytes).fold(0, u64::saturating_add), machine::memory());
@@ -179,6 +288,39 @@ fn contradiction(path: PathBuf, first: &Path, record: &ShardRecord) -> Error {
         path,
         fault: format!("it is part {part} of {parts} as {} is, but with other light paths", first.display()),
         help: format!("one of them is wrong: trace both again, with --shard {part}/{parts}, and join one"),
+    }
+}
+
+/// The time and memory that several processes would take, from a probe of this machine.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Scaling {
+    /// The constants that were measured.
+    pub probe: Probe,
+    /// The network that the prediction assumes.
+    pub network: Network,
+    /// A prediction for each number of processes.
+    pub processes: Vec<Scaled>,
+}
+
+impl Lab {
+    /// Predicts memory and time of `photos` photos of a scene by a Krylov method on each of these numbers of processes, all on machines like this one. A small
+    /// matrix is traced and multiplied for it, which takes seconds.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for other sources than a scene; errors of tracing.
+    pub fn scaling(&self, processes: &[usize], photos: usize, network: Network) -> Result<Scaling> {
+        let Source::Scene(scene) = &self.source else {
+            return Err(Error::Option {
+                option: "--ranks".into(),
+                fault: "only scenes are traced by several processes".into(),
+                help: "give a scene (.glb, .gltf, .obj)".into(),
+            });
+        };
+        let (settings, channels) = (&scene.settings, self.channels);
+        let probe = Probe::measure(&mut scene.tracer(), settings)?;
+        let symmetric = scene.is_symmetric();
+        let scaled = |&count: &usize| probe.scaled(settings, channels, symmetric, photos, (count, network));
+        Ok(Scaling { probe, network, processes: processes.iter().map(scaled).collect() })
     }
 }
 

@@ -1,9 +1,8 @@
 //! `krylux matrix`: the light transport matrix itself, as a file.
 
-mod join;
-
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 
 use clap::Subcommand;
 use serde_json::{Value, json};
@@ -11,6 +10,7 @@ use serde_json::{Value, json};
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, channel_suffixes, in_journal, merge};
+use super::operator::CacheArgs;
 use super::options::{ChannelsArg, KeepArgs, ViewArgs, count, free_file};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -19,7 +19,7 @@ use crate::finding::Grade;
 use crate::image::Resolution;
 use crate::io::name::Name;
 use crate::io::{manifest, sparse};
-use crate::lab::{Lab, MatrixRequest, SourceKind, TracedShard, text};
+use crate::lab::{Lab, MatrixRequest, SharedObserver, SourceKind, TracedShard, join_shards, text};
 use crate::sparse::Csr;
 use crate::transport::{Channels, MOST_PARTS, Noise};
 use crate::verbs::options::LightPart;
@@ -70,7 +70,7 @@ const EXAMPLES: &str = "Examples:
 
 #[derive(Subcommand)]
 enum Action {
-    Join(join::Args),
+    Join(JoinArgs),
 }
 
 /// `--shard`: part `K` of `N`.
@@ -96,7 +96,7 @@ impl FromStr for ShardArg {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     match (&args.action, &args.source) {
-        (Some(Action::Join(args)), _) => join::run(args, console),
+        (Some(Action::Join(args)), _) => join(args, console),
         (None, Some(source)) => write_matrix(args, source, console),
         // The parser requires one of them.
         (None, None) => Ok(Outcome::Done),
@@ -164,6 +164,42 @@ fn write_shard(
     Ok(Outcome::Done)
 }
 
+/// Join all parts that `krylux matrix SOURCE --shard K/N` traced to the matrix, with the bits of a single run
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLE_OF_JOIN)]
+struct JoinArgs {
+    /// The files of all parts, in any order
+    #[arg(value_name = "SHARDS", required = true)]
+    shards: Vec<PathBuf>,
+    /// Which light: all of it, one bounce (a diagonal), or two bounces and more [default: full, or three matrices if the shards were
+    /// traced with --split-bounces]
+    #[arg(long, value_enum)]
+    part: Option<LightPart>,
+    /// Where it goes: .npz (scipy.sparse.load_npz) or .mtx (Matrix Market)
+    /// [default: matrix.npz, or the first free one of matrix-2.npz, matrix-3.npz, …]
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    file: Option<PathBuf>,
+    #[command(flatten)]
+    cache: CacheArgs,
+}
+
+const EXAMPLE_OF_JOIN: &str = "Example:
+  krylux matrix join shard-*.krylux -o matrix.npz # later verbs on this scene find it in the cache, too";
+
+fn join(args: &JoinArgs, console: &Console) -> Result<Outcome> {
+    let file = args.file.clone().unwrap_or_else(|| free_file("matrix", "npz"));
+    sparse::check_writable(&file)?;
+    let observer = SharedObserver(Arc::new(console.clone()));
+    let joined = join_shards(&args.shards, &args.cache.choice(), &observer)?;
+    let matrices = joined.matrices(args.part.map(Into::into))?;
+    let traced = &joined.traced;
+    let shape = (traced.matrix.channels(), traced.matrix.resolution(), traced.matrix.projector_resolution());
+    let mut more = of_paths(Some(traced.summary.paths), traced.noise.as_ref());
+    merge(&mut more, json!({ "verb": "matrix join", "shards": args.shards.len() }));
+    write(&file, &matrices, shape, more, console)?;
+    Ok(Outcome::Done)
+}
+
 /// Writes the matrices of each channel, says where, and prints the summary with `more` in it.
 fn write(
     named: &Path,
@@ -195,7 +231,7 @@ fn write(
     console.summary(&summary)
 }
 
-/// What the summary says of the light paths.
+/// The facts of the summary about the light paths.
 fn of_paths(paths: Option<u64>, noise: Option<&Noise>) -> Value {
     json!({ "paths": paths, "noise": noise.map(manifest::Noise::from) })
 }
