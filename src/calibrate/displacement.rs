@@ -209,8 +209,6 @@ fn unseen() -> Error {
     )
 }
 
-// Tools to compare pictures: a band-pass filter, interpolation between pixels, and correlation.
-
 /// The standard deviation of the narrow blur, in pixels. It makes edges so wide that the iteration sees them
 /// from a pixel away.
 pub(crate) const BLUR: f64 = 1.2;

@@ -1,4 +1,4 @@
-//! The exposure at which white fills the camera's range.
+//! The exposure at which white fills the camera's range, and the count at which the camera saturates.
 
 use std::sync::Arc;
 
@@ -54,9 +54,6 @@ pub(crate) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> 
 }
 
 /// The exposure in seconds at which `frame` fills the range best, and whether it suits the frame.
-///
-/// # Errors
-/// Those of taking frames.
 pub(crate) fn search(
     session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
@@ -119,8 +116,6 @@ fn unseen(exposure: f64) -> Error {
             .into(),
     }
 }
-
-// The saturation of the camera: a full well, or the largest count of the converter.
 
 /// The count that overexposed samples reach.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! The measurement of the pixel map, from Gray codes to footprints (O'Toole and Kutulakos, section 8.1).
+//! The measurement of the pixel map, from Gray codes or a checkerboard to footprints (O'Toole and Kutulakos, section 8.1).
 
 use super::least_squares::Normal;
 use super::map_fit;
@@ -32,12 +32,9 @@ const ALIGNED: f64 = 0.1;
 const STRIPE: f64 = 1.5;
 
 /// Measures the map from camera to projector, and makes the pixel map of it.
-///
-/// # Errors
-/// Those of [`map_fit::fit`], and of taking frames.
 pub(crate) fn pixel_map(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     by: Option<MapBy>,
 ) -> Result<(Registration, MapFigures)> {
     let (camera, projector) = (session.camera().resolution, session.projector().resolution);
@@ -157,12 +154,9 @@ const SQUARE: f64 = 6.0;
 
 /// Shows a checkerboard, and finds its corners near the places that `map` predicts. Camera pixels that are
 /// not `lit` are not used.
-///
-/// # Errors
-/// Those of taking frames.
 pub(crate) fn corners(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     map: &LensMap,
     lit: &[bool],
 ) -> Result<Vec<Match>> {

@@ -1,4 +1,4 @@
-//! The report of a calibration: every measured value with its standard error.
+//! The report of a calibration: every measured value with its standard error, and the lines that show it.
 
 use std::fmt;
 
@@ -111,8 +111,6 @@ pub struct StabilityFigures {
     pub sweep: Vec<(f64, f64)>,
 }
 
-// A measured number with its standard error.
-
 /// A measured number with its standard error, in the same unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeasuredValue {
@@ -142,8 +140,6 @@ impl fmt::Display for MeasuredValue {
         write!(f, "{:.decimals$} ± {:.decimals$}", self.value, self.error)
     }
 }
-
-// A calibration's report as lines of text.
 
 /// What a line is about, and its figures. The first is empty where the line continues the one before.
 type Line = [String; 2];

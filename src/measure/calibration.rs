@@ -1,5 +1,5 @@
-//! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map and the
-//! stability (O'Toole and Kutulakos, section 8.1).
+//! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map, the uneven brightness and the stability
+//! (O'Toole and Kutulakos, section 8.1).
 
 use super::footprint::by_overlap;
 use super::lens_map::LensMap;
@@ -162,9 +162,6 @@ pub struct FlatField {
 impl FlatField {
     /// The flat field of a rig whose camera and projector differ by the factor `ratio`, `p / c`: what the symmetry of `A` tells. The
     /// whole factor is taken as the camera's. What is common to both stays in the photos, where it leaves the matrix symmetric.
-    ///
-    /// # Errors
-    /// As [`Self::check`].
     pub fn of_ratio(ratio: &[f64]) -> Result<Self> {
         let camera = ratio.iter().map(|ratio| 1.0 / ratio).collect();
         Self { projector: vec![1.0; ratio.len()], camera }.normalized()

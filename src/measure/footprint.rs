@@ -1,10 +1,10 @@
-//! Footprints: the camera pixels that see each projector pixel, by the overlap of their areas.
+//! Footprints: the camera pixels that see each projector pixel, by the overlap of their areas, and their weights.
 
 use rayon::prelude::*;
 
 use super::calibration::Registration;
 use super::lens_map::LensMap;
-use super::spread::{Entry, Rows};
+use super::spread::{Entry, SparseRows};
 use crate::image::Resolution;
 
 /// A projector pixel counts as seen when lit camera pixels cover at least this share of its area.
@@ -142,14 +142,14 @@ const REACH: usize = 2;
 const ACCURACY: f64 = 1e-6;
 
 /// The share of each camera pixel's area that lies in each projector pixel.
-pub(crate) struct Shares(Rows);
+pub(crate) struct Shares(SparseRows);
 
 impl Shares {
     /// The shares from the areas of the camera's pixels and those of their overlaps, which are listed by projector pixel.
     pub(crate) fn new(areas: &[f64], overlaps: &[Vec<Entry>]) -> Self {
         let share = |&(camera, area): &Entry| (camera, area / areas[camera as usize]);
         let shares: Vec<Vec<Entry>> = overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
-        Self(Rows::transposed(&shares, areas.len()))
+        Self(SparseRows::transposed(&shares, areas.len()))
     }
 
     /// The shares of one camera pixel.

@@ -1,4 +1,4 @@
-//! The options of the stages between counts and light.
+//! The options of the stages between counts and light, and the part of a run's record that concerns its rig.
 
 use serde::{Deserialize, Serialize};
 
@@ -180,8 +180,6 @@ fn refused(key: &str, found: String, expected: String) -> Error {
         help: format!("give {expected}"),
     }
 }
-
-// The part of a run's record that concerns its rig.
 
 /// How the photos of a run on a rig were made, and what they cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

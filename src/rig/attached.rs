@@ -77,7 +77,8 @@ impl AttachedCamera {
         if !is_asked {
             return self;
         }
-        let asked = super::Helper::find().and_then(|helper| super::describe::ask(&helper, kind, place));
+        let asked =
+            super::Helper::find().and_then(|helper| crate::rig::genicam::set_up::ask(&helper, kind, place));
         match asked {
             Ok(abilities) => {
                 self.lines.push(abilities.to_string());

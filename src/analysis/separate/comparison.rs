@@ -26,9 +26,6 @@ pub struct ComparisonRow {
 
 /// Compares all methods. `full` are operators of all of the light (`n × n`), one per channel; `exact` is the light of one bounce,
 /// and of two and more, under white; `period` is that of the sinusoids in pixels.
-///
-/// # Errors
-/// As [`separate`] and [`capture`].
 pub fn compare_separations<O: Operator>(
     full: &mut [O],
     resolution: Resolution,

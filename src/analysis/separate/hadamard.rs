@@ -6,7 +6,7 @@
 //! The patterns change from pixel to pixel. Projector and camera have to be in focus.
 
 use super::Separation;
-use super::high_frequency::Fit;
+use super::high_frequency::LineFit;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::measure::code_patterns;
@@ -18,7 +18,7 @@ use crate::operator::Operator;
 /// [`Error::Option`] for another number of photos; [`Error::Dimension`] if sizes differ; any error of the operator.
 pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize) -> Result<Separation> {
     check(photos)?;
-    let mut fit = Fit::new(operator, resolution)?;
+    let mut fit = LineFit::new(operator, resolution)?;
     fit.take(operator, code_patterns(resolution, photos))?;
     Ok(fit.separation())
 }

@@ -26,7 +26,7 @@ pub fn checkerboards(
 ) -> Result<Separation> {
     check_checkerboards(square, shifts)?;
     let offset = |shift: usize| shift * 2 * square / shifts;
-    let mut fit = Fit::new(operator, resolution)?;
+    let mut fit = LineFit::new(operator, resolution)?;
     let patterns = (0..shifts * shifts).map(|shift| {
         let (row, column) = (shift / shifts, shift % shifts);
         pattern(resolution, |x, y| {
@@ -50,7 +50,7 @@ pub fn sinusoids(
     phases: usize,
 ) -> Result<Separation> {
     check_sinusoids(period, phases)?;
-    let mut fit = Fit::new(operator, resolution)?;
+    let mut fit = LineFit::new(operator, resolution)?;
     let patterns = (0..2 * phases).map(|photo| {
         let (along_rows, shift) = (photo < phases, (photo % phases) as f64 / phases as f64);
         pattern(resolution, |x, y| {
@@ -99,7 +99,7 @@ fn pattern(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Vec<f
 }
 
 /// The least-squares line `y = D p + G/2` of each pixel through the photos so far.
-pub(super) struct Fit {
+pub(super) struct LineFit {
     photos: usize,
     sums: Vec<Sums>,
 }
@@ -136,7 +136,7 @@ impl Sums {
     }
 }
 
-impl Fit {
+impl LineFit {
     pub(super) fn new(operator: &dyn Operator, resolution: Resolution) -> Result<Self> {
         let n = resolution.pixels();
         if operator.rows() != n || operator.cols() != n {

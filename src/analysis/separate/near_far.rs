@@ -38,9 +38,6 @@ pub struct NearFarOptions {
 
 /// Probes the near part of `light`, each channel's global light under white, with operators `global` of that light (`n × n`).
 /// `matrices` are the true ones, if known.
-///
-/// # Errors
-/// As [`probe`].
 pub fn near_far<O: Operator>(
     global: &mut [O],
     resolution: Resolution,

@@ -9,9 +9,6 @@ use crate::operator::Operator;
 
 /// Separates with `photos ≥ 2` patterns of random signs and the white one; a signed pattern is one product with `operator` (`n ×
 /// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
-///
-/// # Errors
-/// As [`diagonal`].
 pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) -> Result<Separation> {
     let estimate = diagonal(operator, photos, seed)?;
     let mut white = vec![0.0; operator.rows()];

@@ -3,7 +3,7 @@
 
 use crate::bench::rig_check::probe::{Probe, average, binned};
 use crate::bench::rig_check::thresholds::{
-    CLIPPED, COLOURS, COLOURS_UNCALIBRATED, IRIS, IRIS_UNCALIBRATED, STRAY,
+    CLIPPED, COLOURS, COLOURS_UNCALIBRATED, IRIS, IRIS_UNCALIBRATED, SIGMAS, STRAY,
 };
 use crate::bench::rig_check::{Finding, Grade, Recorder};
 use crate::error::Result;
@@ -93,12 +93,9 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
         "switch off the automatic iris, dynamic contrast and eco mode in the projector's menu; if the camera's counts are not in \
          proportion to light, calibrate first and check again"
     };
-    let grade = match (is_off, probe.is_known) {
-        (false, _) => Grade::Ok,
-        (true, true) => Grade::Fails,
-        (true, false) => Grade::Warning,
-    };
-    Finding::graded("iris", grade, found, format!("within {:.0} %", 100.0 * bound), help)
+    let beyond = if probe.is_known { Grade::Fails } else { Grade::Warning };
+    let expected = format!("within {:.0} %", 100.0 * bound);
+    Finding::at_most("iris", [off.abs(), 0.5 * scatter, bound], beyond, found, expected, help)
 }
 
 /// Whether light reaches all pixels evenly, and in proportion to the mean of the pattern. Light of the scene itself does not: what comes
@@ -141,6 +138,7 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
         "cover the scene with black cloth: if that light remains, blacken or tilt the light trap behind the beam splitter, and shade \
          the lens; otherwise the scene itself exchanges that light",
     )
+    .measured(share, probe.scatter / SIGMAS, STRAY)
 }
 
 /// The slope of the line through points, and its standard error. None where all points have nearly the same first coordinate: no slope is
@@ -175,9 +173,10 @@ fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
             100.0 * high
         )
     };
-    Finding::graded(
+    Finding::at_least(
         "levels",
-        if is_clipped { Grade::Warning } else { Grade::Ok },
+        [(1.0 - high).abs(), 0.5 * probe.scatter, CLIPPED],
+        Grade::Warning,
         found,
         format!("level 235 at least {:.0} % darker than level 255", 100.0 * CLIPPED),
         "set the projector's input and the graphics card to full range (0 to 255, \"PC\"), lower the contrast, and calibrate again",
@@ -239,7 +238,11 @@ fn sum(probe: &Probe<'_>, off: [f64; 2]) -> Finding {
                 patterns alone (--channels luma)";
     let unknown = "; if the camera's counts are not in proportion to light, calibrate first and check again";
     let help = if probe.is_known { help.to_owned() } else { format!("{help}{unknown}") };
-    Finding::graded("colours", grade, found, format!("within {:.0} %", 100.0 * bound), help)
+    Finding::graded("colours", grade, found, format!("within {:.0} %", 100.0 * bound), help).measured(
+        off[0].abs().max(off[1].abs()),
+        0.5 * probe.scatter,
+        bound,
+    )
 }
 
 #[cfg(test)]

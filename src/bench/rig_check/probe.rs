@@ -1,4 +1,4 @@
-//! Photos of patterns as light above black: what the checks of the devices compare.
+//! The photos of black and white that the check takes, and photos of patterns as light above black.
 
 use std::sync::Arc;
 
@@ -167,8 +167,6 @@ pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>,
     };
     ((0..small.pixels()).map(value).collect(), small)
 }
-
-// The sequence of photos that the check takes of black and white, and numbers of one photo.
 
 /// The number of rounds. In each, white is shown after black and photographed twice.
 const ROUNDS: u32 = 4;

@@ -67,9 +67,10 @@ fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
     let bound = if probe.is_known { PULSES } else { PULSES_UNCALIBRATED };
     let is_pulsed = spread - 3.0 * error > bound;
     let what = if is_pulsed { ": the projector's light is pulsed (PWM or a colour wheel)" } else { "" };
-    Finding::graded(
+    Finding::at_most(
         "pulses",
-        if is_pulsed { Grade::Warning } else { Grade::Ok },
+        [spread, error, bound],
+        Grade::Warning,
         format!(
             "white's light per second differs by {:.1} % between exposures of {} to {} s{what}",
             100.0 * spread,
@@ -131,6 +132,7 @@ fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
         "set the camera to a global shutter; otherwise wait until the light has settled for all rows (settle in [measurement]), and use \
          exposures that are whole multiples of the refresh and of the mains period",
     )
+    .measured(last - first, probe.scatter / SIGMAS, ROLLING)
 }
 
 #[cfg(test)]

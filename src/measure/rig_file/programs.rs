@@ -1,4 +1,5 @@
-//! Programs that a rig file names. The author of the file chooses what is run, and so a stranger's file runs nothing unasked.
+//! Programs that a rig file names, and the line that the program itself writes into a rig file. The author of the file chooses what is run,
+//! and so a stranger's file runs nothing unasked.
 
 use std::path::{Path, PathBuf};
 
@@ -69,8 +70,6 @@ fn objection(path: &Path, folder: &Path) -> Option<String> {
         }
     })
 }
-
-// The one change that the program makes to a rig file: it names the calibration. All else stays as its author wrote it.
 
 impl RigFile {
     /// Writes into the rig file that `folder` holds its calibration, and returns the new content. Comments and the order of keys stay.
