@@ -4,9 +4,9 @@
 
 use std::path::PathBuf;
 
-use krylux::analysis::{SegmentOptions, segment::segment};
 use krylux::krylov::{EigsOptions, eigs};
 use krylux::transport::Part;
+use krylux::verbs::Segment;
 
 fn main() -> krylux::Result<()> {
     let folder =
@@ -18,8 +18,8 @@ fn main() -> krylux::Result<()> {
     let mut lab = krylux::open("assets/scenes/zigzag/scene.glb")?; // a scene, a rig, the folder of a run, or a matrix
     let mut global = lab.operator(Part::Global)?; // a linear operator; each product is a photo
     let pairs = eigs(&mut global, &EigsOptions { count: 4, ..EigsOptions::default() })?;
-    let groups = segment(&mut global, &SegmentOptions::groups([2, 6]))?;
+    let groups = lab.ask(&Segment { groups: vec![2, 6], ..Segment::default() })?; // pixels that exchange light
     lab.save(&folder, &groups)?; // arrays, pictures, run.json, report.html
-    println!("the largest eigenvalue is {:.4}; {}", pairs.values[0], groups.regions.sentence());
+    println!("the largest eigenvalue is {:.4}; {}", pairs.values[0], groups.segmentation.regions.sentence());
     Ok(())
 }

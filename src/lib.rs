@@ -1,8 +1,8 @@
 //! krylux (Krylov + lux): a light transport laboratory.
 //!
 //! A projector lights a scene, a camera takes the photo, the photo is projected back, and so on. These photos span
-//! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so its eigenvectors and
-//! what follows from them come from a few dozen photos, without ever measuring `A` itself. The method is
+//! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so a few dozen photos
+//! yield its eigenvectors and the answers that follow from them, without ever measuring `A` itself. The method is
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, the precursor of *Optical computing for fast light
 //! transport analysis*, 2010, doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
 //!
@@ -11,18 +11,18 @@
 //! [`lab`] is the door: [`open()`] takes a scene, a rig file, the folder of an earlier run, or a matrix.
 //!
 //! ```
-//! use krylux::analysis::{SegmentOptions, segment::segment};
 //! use krylux::krylov::{EigsOptions, eigs};
 //! use krylux::transport::Part;
+//! use krylux::verbs::Segment;
 //!
 //! fn ask(source: &str, folder: &std::path::Path) -> krylux::Result<()> {
 //!     let mut lab = krylux::open(source)?;
 //!     let mut global = lab.operator(Part::Global)?;
 //!     let pairs = eigs(&mut global, &EigsOptions { count: 4, ..EigsOptions::default() })?;
-//!     let groups = segment(&mut global, &SegmentOptions::groups([2, 6]))?;
+//!     let groups = lab.ask(&Segment { groups: vec![2, 6], ..Segment::default() })?;
 //!     lab.save(folder, &groups)?;
 //!     // Two regions exchange no light, so that the eigenvalue 1 of the normalized graph comes twice.
-//!     assert!(pairs.values.len() == 4 && groups.eigenvalues[1] > 0.99);
+//!     assert!(pairs.values.len() == 4 && groups.segmentation.eigenvalues[1] > 0.99);
 //!     Ok(())
 //! }
 //!
@@ -33,26 +33,25 @@
 //! # }
 //! ```
 //!
-//! [`Lab::builder`](lab::Lab::builder) sets what differs from the defaults. With a folder, every photo is in its journal before it is used, and
+//! [`Lab::builder`](lab::Lab::builder) changes the defaults. With a folder, every photo is in its journal before it is used, and
 //! the folder is a source for further questions. The same lines run on a rig and on a run:
 //!
 //! ```
-//! use krylux::analysis::{SegmentOptions, segment::segment};
 //! use krylux::lab::Lab;
-//! use krylux::transport::Part;
+//! use krylux::verbs::Segment;
 //!
 //! # fn main() -> krylux::Result<()> {
 //! # let folder = tempfile::tempdir().expect("a temporary folder can be made");
 //! let run = folder.path().join("rig");
 //! let mut rig = Lab::builder("assets/rigs/ideal.toml").size(24, 24).folder(&run).open()?;
-//! let options = SegmentOptions { photos: 12, eigenvectors: 4, ..SegmentOptions::groups([2]) };
-//! let first = segment(&mut rig.operator(Part::Global)?, &options)?;
+//! let request = Segment { groups: vec![2], photos: Some(12), eigenvectors: 4, ..Segment::default() };
+//! let first = rig.ask(&request)?;
 //! rig.finish(&first)?;
 //!
 //! // The photos of the run answer again, with no rig attached.
 //! let mut replay = krylux::open(&run)?;
-//! let again = segment(&mut replay.operator(Part::Global)?, &options)?;
-//! assert_eq!(first.labels, again.labels);
+//! let again = replay.ask(&request)?;
+//! assert_eq!(first.segmentation.labels, again.segmentation.labels);
 //! # Ok(())
 //! # }
 //! ```
@@ -63,7 +62,7 @@
 //! |---|---|
 //! | `first_groups` | the README's five lines |
 //! | `segment` | groups of pixels that exchange light, with the report |
-//! | `compensate` | what to project so that a scene looks like a target |
+//! | `compensate` | a pattern under which a scene looks like a target |
 //! | `own_matrix` | eigenpairs of a matrix or a function of your own ([`krylov`], [`operator::Closure`]) |
 //! | `own_camera` | a projector and a camera of your own behind the traits of [`rig`] |
 //! | `relight_run` | a scene relit from the folder of a finished run |
@@ -83,7 +82,7 @@
 //! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
 //! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
 //! | patterns painted by hand, their photo seen at once | [`paint`] |
-//! | more than one machine can hold | [`team`]: processes that each trace and keep a part |
+//! | matrices that are too large for one machine | [`team`]: each process traces and keeps a part |
 //! | the figures | [`paper`] makes them again, and holds them to bounds |
 //!
 //! Units, conventions and the symmetric estimator are described in [`render`] and [`transport`].
@@ -94,9 +93,10 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, paint, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
-//! paper     → lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
-//! paint     → lab, report, analysis, transport, krylov, io, sparse, operator, image, error
+//! cli       → paper, paint, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
+//! paint     → verbs, lab, report, analysis, transport, krylov, io, sparse, operator, image, error
+//! paper     → verbs, lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
+//! verbs     → lab, report, analysis, transport, krylov, io, operator, finding, image, error
 //! lab       → report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
 //! report    → bench, analysis, calibrate, measure, rig, krylov, io, finding, image, file, error
 //! bench     → analysis, calibrate, measure, rig, io, operator, finding, image, error
@@ -151,6 +151,7 @@ pub mod scene;
 pub mod sparse;
 pub mod team;
 pub mod transport;
+pub mod verbs;
 
 pub use error::{Error, Result};
 pub use lab::open;

@@ -1,118 +1,14 @@
 """The verbs of a laboratory: what the command line asks, as methods that return arrays."""
 
-from . import _checks, answers
+from . import _checks, _declared, answers
 from ._lighting import Lighting
-from ._questions import columns, confirm_share, eigs_question, segment_question
 
 
 class Asking(Lighting):
     """The questions that a laboratory answers; the base of :class:`krylux.Lab`."""
 
-    def segment(self, groups=(), *, photos=None, starts=None, eigenvectors=10, cut="normalized", mu=0.0,
-                mask_below=0.01, direct="source", direct_photos=16, direct_square=4, blur=None, features=(),
-                evidence=False, confirm=None):
-        """Segments the scene by how light travels in it: pixels that exchange light form a group.
-
-        Parameters
-        ----------
-        groups : int or sequence of int
-            Numbers of groups, all from the same photos. Default: as many as the light shows regions.
-        photos : int
-            Photos to take at most. Default 50, or as many as the run that is the source might take.
-        starts : int
-            Patterns that the photos start from; 1 is the paper's process. Default: a quarter of the photos, up to 12.
-        eigenvectors : int
-            Eigenvectors that the groups are made from.
-        cut : str
-            ``"normalized"`` or ``"average"``.
-        mu : float
-            Added to every edge of the graph, in units of ``A``.
-        mask_below : float
-            Masks pixels with less than this share of the median global light.
-        direct : str
-            How direct light is kept apart: ``"source"``, ``"patterns"``, ``"estimator"``, or ``"keep"``.
-        direct_photos, direct_square : int
-            Photos of direct light where it is measured, and the side in pixels of the squares of ``"patterns"``.
-        blur : float, optional
-            Standard deviation in pixels by which patterns and photos are blurred. Default: 1 on a calibrated rig
-            whose camera has fewer than two pixels along a side for each of the projector's, else 0.
-        features : sequence of (int, int)
-            Pixels, as ``(column, row)``, whose places in the space of eigenvectors are wanted.
-        evidence : bool
-            Light each group alone, one more photo for each.
-        confirm : float
-            Confirm that no region was missed whose eigenvalue is above those found by more than this share of the spectrum's
-            spread. On a rig this takes further photos; traced scenes are confirmed in any case, at 0.01.
-
-        Returns
-        -------
-        krylux.answers.Segmentation
-
-        References
-        ----------
-        O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5.
-        """
-        question = segment_question(self, locals())
-        return answers.Segmentation(*self._native.segment(question), self)
-
-    def eigs(self, count=6, *, part="full", which="la", photos=None, tolerance=None, method="lanczos", block=2,
-             max_basis=None, confirm=None):
-        """Computes eigenvalues and eigenvectors of one part of the light transport matrix.
-
-        Parameters
-        ----------
-        count : int
-            How many eigenpairs.
-        part : str
-            ``"full"``, ``"direct"`` or ``"global"`` light.
-        which : str
-            ``"la"``, ``"sa"``, ``"lm"``, ``"sm"``, ``"be"`` or ``"li"``, as in ARPACK.
-        photos : int
-            Photos to take at most. Default 50, or as many as the run that is the source might take.
-        tolerance : float
-            Done when each residual norm is at most this share of the matrix norm. Default 1e-8, or the photos' noise.
-        method : str
-            ``"lanczos"``, ``"block-lanczos"``, ``"arnoldi"`` or ``"power"``.
-        block : int
-            Vectors in the block of ``"block-lanczos"``.
-        max_basis : int
-            The most basis vectors to keep, by restarts.
-        confirm : float
-            Confirm that no eigenvalue was missed that lies beyond the last one by more than this share of the spectrum's spread.
-            On a rig this takes further photos; matrices and traced scenes are confirmed in any case, at 0.01.
-
-        Returns
-        -------
-        krylux.answers.Eigenpairs
-
-        References
-        ----------
-        O'Toole and Kutulakos, section 3.
-        """
-        block = _checks.vectors(block, "block", self._pixels)
-        question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance,
-                                 method=method, block=block, max_basis=max_basis, confirm=confirm, seed=self.seed)
-        fields, native = self._native.eigs(part, question)
-        return answers.Eigenpairs({**columns(fields), "shape": self.projector_shape}, native, self)
-
     def singular(self, count=6, *, part="full", photos=None, tolerance=None, confirm=None):
-        """Computes singular values of one part of the light transport matrix, with the patterns and their photos.
-
-        They exist where camera and projector are apart, too. Every second photo is one of the transpose, with camera and
-        projector exchanged.
-
-        Parameters
-        ----------
-        count : int
-            How many singular values, the largest first.
-        part : str
-            ``"full"``, ``"direct"`` or ``"global"`` light.
-        photos : int
-            Photos to take at most, both ways. Default 50, or as many as the run that is the source might take.
-        tolerance : float
-            Done when each residual is at most this share of the largest singular value. Default 1e-8, or the photos' noise.
-        confirm : float
-            As for :meth:`eigs`: none above ``√(σ_k² + confirm · σ_1²)`` is missed.
+        """Computes singular values of one part of the light transport matrix: :meth:`eigs` with ``singular=True``.
 
         Returns
         -------
@@ -122,9 +18,7 @@ class Asking(Lighting):
         ----------
         Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix*, 1965.
         """
-        tolerance = _checks.maybe(_checks.finite, tolerance, "tolerance", 0.0)
-        question = (_checks.count(count, "count"), self._budget(photos, 50), tolerance, self.seed, confirm_share(confirm))
-        return answers.SingularTriplets(*self._native.singular(part, question), self)
+        return self.eigs(count, part=part, photos=photos, tolerance=tolerance, confirm=confirm, singular=True)
 
     def solve(self, b, *, method="minres", photos=50, rtol=1e-6, lower=0.0, upper=1.0):
         """Solves ``A x = b`` with the matrix of the first channel.
@@ -175,13 +69,10 @@ class Asking(Lighting):
         """The photos that were given, or those of the run, or a default."""
         return _checks.count(self._photos_of_run or default if photos is None else photos, "photos")
 
-    def _starts(self, starts):
-        if starts is None and self._photos_of_run is not None:
-            # Fewer photos of a run than it has ask for the same patterns.
-            return min(max((self._photos_of_run - 2) // 4, 1), 12)
-        return _checks.maybe(_checks.vectors, starts, "starts", self._pixels)
-
     @property
     def _pixels(self):
         """Pixels of a pattern."""
         return self.projector_shape[0] * self.projector_shape[1]
+
+
+_declared.add_verbs(Asking)

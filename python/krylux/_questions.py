@@ -7,30 +7,6 @@ import numpy as np
 from . import _checks
 
 
-def segment_question(lab, asked):
-    """What is asked of a segmentation; ``asked`` has the arguments of :meth:`krylux.Lab.segment` by name."""
-    groups = asked["groups"]
-    groups = [groups] if np.ndim(groups) == 0 else list(groups)
-    pixels = [tuple(_checks.count(side, "features", 0) for side in pixel) for pixel in asked["features"]]
-    return {
-        "photos": lab._budget(asked["photos"], 50),
-        "groups": [_checks.count(number, "groups") for number in groups],
-        "starts": lab._starts(asked["starts"]),
-        "eigenvectors": _checks.count(asked["eigenvectors"], "eigenvectors"),
-        "cut": asked["cut"],
-        "mu": _checks.finite(asked["mu"], "mu"),
-        "mask_below": _checks.finite(asked["mask_below"], "mask_below"),
-        "direct": asked["direct"],
-        "direct_photos": _checks.vectors(asked["direct_photos"], "direct_photos", lab._pixels),
-        "direct_square": _checks.count(asked["direct_square"], "direct_square"),
-        "blur": None if asked["blur"] is None else _checks.finite(asked["blur"], "blur"),
-        "features": pixels,
-        "evidence": bool(asked["evidence"]),
-        "confirm": confirm_share(asked["confirm"]),
-        "seed": lab.seed,
-    }
-
-
 def compensate_question(lab, asked):
     """``(target, question)`` of a compensation; ``asked`` has the arguments of :meth:`krylux.Lab.compensate` by name."""
     target = _checks.picture(asked["target"], "target", lab.shape, lab.channels)
@@ -60,35 +36,6 @@ def compensate_question(lab, asked):
         "compare_methods": bool(asked["compare_methods"]),
         "model": None if model is None else os.fspath(model),
     }
-
-
-def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, confirm, seed, noise=0.0, start=None,
-                  deflate=()):
-    """What is asked of eigenpairs."""
-    return {
-        "count": _checks.count(count, "count"),
-        "which": which,
-        "photos": _checks.count(photos, "photos"),
-        "tolerance": None if tolerance is None else _checks.finite(tolerance, "tolerance", 0.0),
-        "method": method,
-        "block": _checks.count(block, "block"),
-        "max_basis": None if max_basis is None else _checks.count(max_basis, "max_basis"),
-        "noise": _checks.finite(noise, "noise", 0.0),
-        "seed": _checks.count(seed, "seed", 0, 2**64 - 1),
-        "start": start,
-        "deflate": list(deflate),
-        "confirm": confirm_share(confirm),
-    }
-
-
-def columns(fields):
-    """Eigenvectors as columns, as SciPy has them."""
-    return {**fields, "vectors": fields["vectors"].T, "imaginary_vectors": fields["imaginary_vectors"].T}
-
-
-def confirm_share(share):
-    """The share of the spectrum's spread beyond which no eigenvalue may be missed."""
-    return _checks.maybe(_checks.finite, share, "confirm", 0.0)
 
 
 def _number(asked, option, least=None):

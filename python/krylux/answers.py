@@ -3,6 +3,8 @@
 Shapes: ``H×W`` are the pixels of photos; with three channels, pictures are ``H×W×3``. ``k`` counts eigenpairs.
 """
 
+import numpy as np
+
 from . import _display
 from ._answer import Answer
 
@@ -42,6 +44,25 @@ class Segmentation(Answer):
         ``(photos, eigenvalues, residuals)`` after each photo.
     """
 
+    direct = None
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        self.rand_index = {int(groups): score for groups, score in facts["adjusted_rand_index"].items()}
+        self.history = [tuple(row) for row in facts["history"]]
+        self.evidence = {
+            of["groups"]: {
+                "photos": arrays["evidence"][of["groups"]], "exchange": np.array(of["exchange"]), "cut": of["cut"],
+            }
+            for of in facts["evidence"]
+        }
+        if self.features is not None:
+            self.features = {
+                "pixels": [tuple(pixel) for pixel in self.features["pixels"]],
+                "coordinates": np.array(self.features["coordinates"]),
+                "distances": np.array(self.features["distances"]),
+            }
+
     def _repr_html_(self):
         pictures = [
             _display.image(_display.groups(labels), f"{count} groups") for count, labels in self.labels.items()
@@ -79,7 +100,15 @@ class Eigenpairs(Answer):
         ``(H, W)`` of an eigenvector as a picture, where it is one.
     """
 
-    shape = None
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        columns = {name: arrays[name].reshape(len(arrays["eigenvalues"]), -1).T for name in arrays if "vectors" in name}
+        self.values, self.vectors = arrays["eigenvalues"], columns["eigenvectors"]
+        self.imaginary = arrays.get("eigenvalues-imaginary", np.zeros_like(self.values))
+        self.imaginary_vectors = columns.get("eigenvectors-imaginary", np.zeros_like(self.vectors))
+        self.completeness = facts["completeness_in_words"]
+        self.history = [tuple(row) for row in facts["history"]]
+        self.shape = None if lab is None else lab.projector_shape
 
     def picture(self, index):
         """Eigenvector ``index`` as a picture, ``float64[H, W]``."""
@@ -122,6 +151,13 @@ class SingularTriplets(Answer):
         ``(photos, values, residuals)`` after each pair of photos.
     """
 
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        self.values, self.standard_errors = arrays["singular-values"], arrays["standard-errors"]
+        self.patterns, self.photographs = arrays["right-vectors"], arrays["left-vectors"]
+        self.completeness = facts["completeness_in_words"]
+        self.history = [tuple(row) for row in facts["history"]]
+
     def _repr_html_(self):
         pictures = []
         for name, stack in (("pattern", self.patterns), ("photo", self.photographs)):
@@ -135,7 +171,7 @@ class SingularTriplets(Answer):
 
 
 class Compensation(Answer):
-    """What to project, so that the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
+    """The pattern under which the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
 
     Attributes
     ----------
@@ -305,7 +341,7 @@ class Solution(Answer):
 
 
 class Plan:
-    """What a verb will cost on a rig, and how good its answer will be: the answer of :meth:`krylux.Lab.plan`.
+    """The predicted cost and error of a verb on a rig: the answer of :meth:`krylux.Lab.plan`.
 
     Every array has one entry for each trial, whose noise is its own; their spread is that of the prediction.
 

@@ -2,18 +2,13 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use krylux::analysis::EigenpairEstimate;
-use krylux::analysis::segment::{SegmentRequest, Segmented, Truth};
 use krylux::bench::audit::Audit;
 use krylux::finding::Finding;
-use krylux::image::Image;
-use krylux::io::manifest::Verification;
-use krylux::krylov::{Eigs, Method, Singular, Solution};
+use krylux::krylov::{Method, Solution};
 use krylux::lab::{
-    CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Relighting, Saved,
-    Scored, Separated, SingularTriplets, Solved, VerifiedCompensation, VerifiedEigenpairs,
+    CompensateAnswer, CompensateRequest, Compensated, Lab, ProbedLight, Relighting, Saved, Separated, Solved,
+    Verified, VerifiedCompensation,
 };
-use krylux::transport::Part;
 use pyo3::prelude::*;
 
 /// An answer as krylux has it.
@@ -24,28 +19,11 @@ pub(crate) struct Answer(Mutex<Kept>);
 pub(crate) enum Kept {
     Audit(Audit),
     Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
-    Eigs {
-        found: Box<Eigs>,
-        wanted: usize,
-        part: Part,
-    },
     Probe(ProbedLight),
     Relight(Box<Relighting>),
-    Segment {
-        request: Box<SegmentRequest>,
-        found: Box<Segmented>,
-        truth: Option<Truth>,
-        scores: Vec<(usize, f64)>,
-    },
+    Asked(Box<dyn krylux::lab::Answer + Send>),
     Separate(Box<Separated>),
-    Singular {
-        found: Box<Singular>,
-        wanted: usize,
-    },
-    Solve {
-        found: Box<Solution>,
-        method: Method,
-    },
+    Solve { found: Box<Solution>, method: Method },
 }
 
 impl Kept {
@@ -57,24 +35,13 @@ impl Kept {
                 let shown = Compensated::new(&answer.found, &request.options);
                 work(&Compensated { methods: &answer.methods, ..shown })
             }
-            Self::Eigs { found, wanted, .. } => work(&Eigenpairs::new(found, *wanted)),
             Self::Probe(found) => work(found),
             Self::Relight(found) => work(&**found),
-            Self::Segment { found, truth, scores, .. } => work(&Scored::new(found, truth.as_ref(), scores)),
+            Self::Asked(found) => work(&**found),
             Self::Separate(found) => work(&**found),
-            Self::Singular { found, wanted } => work(&SingularTriplets { found, wanted: *wanted }),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
         }
     }
-}
-
-/// What independent light says of an answer.
-pub(crate) struct Checked {
-    pub(crate) verification: Verification,
-    pub(crate) estimates: Vec<EigenpairEstimate>,
-    pub(crate) residual: Option<f64>,
-    /// The photo by independent light, and the standard error of each of its samples.
-    pub(crate) photo: Option<[Image; 2]>,
 }
 
 impl Answer {
@@ -100,28 +67,20 @@ impl Answer {
     }
 
     /// Compares the photos that the answer predicts with independent ones: `None` where there are none, or where the answer predicts no photos.
-    pub(crate) fn check(&self, lab: &mut Lab) -> krylux::Result<Option<Checked>> {
-        let whole =
-            |verification| Checked { verification, estimates: Vec::new(), residual: None, photo: None };
-        let of_pairs =
-            |VerifiedEigenpairs { verification, estimates, .. }| Checked { estimates, ..whole(verification) };
-        let of_compensation = |found: VerifiedCompensation| Checked {
+    pub(crate) fn check(&self, lab: &mut Lab) -> krylux::Result<Option<Verified>> {
+        let of_compensation = |found: VerifiedCompensation| Verified {
             residual: Some(found.residual),
             photo: Some([found.photo, found.standard_error]),
-            ..whole(found.verification)
+            ..found.verification.into()
         };
-        Ok(match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kept::Eigs { found, part, .. } => lab.verify_eigenpairs(*part, found)?.map(of_pairs),
-            Kept::Segment { request, found, .. } if request.is_of_photos_as_taken(found) => {
-                let (part, cut) = (request.part(), request.options.cut);
-                lab.verify_segmentation(part, cut, &found.segmentation)?.map(of_pairs)
-            }
+        Ok(match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Asked(found) => found.verify(lab)?,
             // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
             Kept::Compensate(request, answer) if request.colors.is_none() => {
                 lab.verify_compensation(&answer.found)?.map(of_compensation)
             }
-            Kept::Relight(found) => lab.verify_relighting(found)?.map(whole),
-            Kept::Separate(found) => lab.verify_separation(found)?.map(whole),
+            Kept::Relight(found) => lab.verify_relighting(found)?.map(Verified::from),
+            Kept::Separate(found) => lab.verify_separation(found)?.map(Verified::from),
             _ => None,
         })
     }
@@ -131,10 +90,9 @@ impl Answer {
         match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Audit(_) => "audit",
             Kept::Compensate(..) => "compensate",
-            Kept::Eigs { .. } | Kept::Singular { .. } => "eigs",
             Kept::Probe(_) => "probe",
             Kept::Relight(_) => "relight",
-            Kept::Segment { .. } => "segment",
+            Kept::Asked(found) => found.verb(),
             Kept::Separate(_) => "separate",
             Kept::Solve { .. } => "solve",
         }

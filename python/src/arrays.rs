@@ -119,6 +119,11 @@ impl<'py> Fields<'py> {
     pub(crate) fn record(&self, name: &str, value: &impl serde::Serialize) -> PyResult<&Self> {
         let text = serde_json::to_string(value)
             .map_err(|error| pyo3::exceptions::PyValueError::new_err(error.to_string()))?;
+        self.json(name, text)
+    }
+
+    /// A value as JSON.
+    pub(crate) fn json(&self, name: &str, text: String) -> PyResult<&Self> {
         let value = self.0.py().import("json")?.call_method1("loads", (text,))?;
         self.put(name, value)
     }

@@ -81,7 +81,7 @@ fn make(
 }
 
 /// A text with the options of the command line as arguments of Python: `--max-bounces` becomes `max_bounces`.
-fn in_python(text: &str) -> String {
+pub(crate) fn in_python(text: &str) -> String {
     let named = match text {
         "-o" => return "folder".into(),
         "SOURCE" | "RIG" => return "source".into(),

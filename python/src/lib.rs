@@ -43,6 +43,7 @@ fn _krylux(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<matrix::Matrix>()?;
     module.add_class::<operator::Operator>()?;
     module.add_class::<preview::Preview>()?;
+    module.add_function(wrap_pyfunction!(verbs::verbs, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::solve, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::eigenpairs, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::trace, module)?)?;

@@ -2,6 +2,7 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod asked;
 mod audit;
 mod bar;
 mod cache;
@@ -10,7 +11,6 @@ mod compensate;
 mod completions;
 mod console;
 mod drawing;
-mod eigs;
 mod embedded_page;
 mod index;
 mod info;
@@ -34,9 +34,7 @@ mod reproduce;
 mod rig;
 mod rig_info;
 mod runs;
-mod segment;
 mod separate;
-mod singular;
 mod solve;
 mod team;
 mod tev;
@@ -50,6 +48,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
+use crate::verbs::{Eigs, Segment};
 use console::Console;
 use options::GlobalArgs;
 
@@ -68,13 +67,13 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 #[derive(Subcommand)]
 enum Verb {
     Photo(photo::Args),
-    Segment(segment::Args),
+    Segment(asked::Asked<Segment>),
     Compensate(compensate::Args),
     Separate(separate::Args),
     Relight(relight::Args),
     Paint(paint::Args),
     Probe(probe::Args),
-    Eigs(eigs::Args),
+    Eigs(asked::Asked<Eigs>),
     Audit(audit::Args),
     Plan(plan::Args),
     Rig(rig::Args),
@@ -133,13 +132,13 @@ pub fn main() -> ExitCode {
     let console = Console::new(&cli.global, team.clone());
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console),
-        Verb::Segment(args) => segment::run(args, &console),
+        Verb::Segment(args) => args.run(&console),
         Verb::Compensate(args) => compensate::run(args, &console),
         Verb::Separate(args) => separate::run(args, &console),
         Verb::Relight(args) => relight::run(args, &console),
         Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),
-        Verb::Eigs(args) => eigs::run(args, &console),
+        Verb::Eigs(args) => args.run(&console),
         Verb::Audit(args) => audit::run(args, &console),
         Verb::Rig(args) => rig::run(args, &console),
         Verb::Plan(args) => plan::run(args, &console),

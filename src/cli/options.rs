@@ -1,13 +1,13 @@
 //! Options that several verbs share.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
 use crate::krylov::{METHODS, Method};
 use crate::lab::ChannelChoice;
 use crate::transport::Channels;
+pub(super) use crate::verbs::options::{count, number, time};
 
 /// Which source of photos.
 #[derive(Args, Clone)]
@@ -174,30 +174,4 @@ pub(super) fn method(name: &str) -> Result<Method, String> {
         let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
         format!("expected one of {}", names.join(", "))
     })
-}
-
-/// A number of any option, which may be infinite: NaN would pass every bound that it is compared with.
-pub(super) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
-    let number = text.trim().parse::<T>().ok().filter(|&number| !number.into().is_nan());
-    number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
-}
-
-/// A time in seconds or minutes: above 0, and short enough that every clock can count it.
-pub(super) fn time(text: &str) -> Result<f64, String> {
-    const LONGEST: f64 = 1e9;
-    let time = number(text)?;
-    let is_one = time > 0.0 && time <= LONGEST;
-    is_one
-        .then_some(time)
-        .ok_or_else(|| format!("`{text}` is not a time: give more than 0, and at most {LONGEST}"))
-}
-
-/// The largest number of photos, pixels or the like that an option takes: so many columns has the matrix of 4096×4096 pixels.
-const MAX_COUNT: u64 = 1 << 24;
-
-/// A number of photos, pixels or the like. It is bounded, so that sums and products of such numbers do not overflow.
-pub(super) fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
-    let count = text.trim().parse().ok().filter(|&count: &u64| count <= MAX_COUNT);
-    let count = count.and_then(|count| T::try_from(count).ok());
-    count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
 }

@@ -7,13 +7,14 @@ use super::console::Console;
 use super::opening::Opening;
 use super::options::{SourceArgs, count, number};
 use super::trace::TraceArgs;
-use super::{Outcome, compensate, eigs, plan_ranks, segment};
+use super::{Outcome, compensate, plan_ranks};
 use crate::analysis::plan::Cost;
 use crate::error::{Error, Result};
 use crate::finding::decimal;
 use crate::io::name::Name;
 use crate::lab::{ChannelChoice, Lab, Plan, PlanRequest, RigSource, SourceKind};
 use crate::transport::Channels;
+use crate::verbs::{Eigs, Segment};
 
 /// Predict photos, time and error of a verb on a rig, from its virtual twin; or memory and time of a scene on several machines
 #[derive(clap::Args)]
@@ -45,13 +46,13 @@ pub(super) struct Args {
 enum Question {
     /// Plan `krylux segment`: how well the groups agree with those without noise, and with the true labels
     #[command(after_help = "Example:\n  krylux plan rig.toml segment --photos 40 --groups 2")]
-    Segment(segment::Question),
+    Segment(Segment),
     /// Plan `krylux compensate`: how much larger the residual is than that of the best pattern
     #[command(after_help = "Example:\n  krylux plan rig.toml compensate --target target.png --photos 20")]
     Compensate(compensate::Question),
     /// Plan `krylux eigs`: how far the eigenvalues are off
     #[command(after_help = "Example:\n  krylux plan rig.toml eigs --count 4 --photos 30")]
-    Eigs(eigs::Question),
+    Eigs(Eigs),
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -110,13 +111,16 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn request(question: &Question, lab: &Lab) -> Result<PlanRequest> {
     let seed = lab.seed();
     Ok(match question {
-        Question::Segment(question) => PlanRequest::Segment(question.part(), question.options(seed, None)),
+        Question::Segment(question) => {
+            question.check_plan()?;
+            PlanRequest::Segment(question.part(), question.options(seed, None))
+        }
         Question::Compensate(question) => {
             let target = question.target(lab.resolution(), Channels::Luma)?;
             let is_symmetric = lab.rig().is_none_or(RigSource::is_symmetric);
             PlanRequest::Compensate(target, question.options_on(is_symmetric, None))
         }
-        Question::Eigs(question) => PlanRequest::Eigs(question.part(), question.options(seed, None)),
+        Question::Eigs(question) => PlanRequest::Eigs(question.part.into(), question.options(seed, None)),
     })
 }
 

@@ -20,7 +20,7 @@ impl Lab {
         self.source.truth()
     }
 
-    /// The true labels that [`Lab::segment`] asked for, or else [`Lab::truth`].
+    /// The true labels that a segmentation asked for, or else [`Lab::truth`].
     ///
     /// # Errors
     /// As [`Lab::labels`].

@@ -6,14 +6,14 @@
 //!
 //! ```no_run
 //! use krylux::krylov::{EigsOptions, eigs};
-//! use krylux::analysis::{SegmentOptions, segment::segment};
 //! use krylux::transport::Part;
+//! use krylux::verbs::Segment;
 //!
 //! # fn main() -> krylux::Result<()> {
 //! let mut lab = krylux::open("assets/scenes/zigzag/scene.glb")?;
 //! let mut global = lab.operator(Part::Global)?;
 //! let pairs = eigs(&mut global, &EigsOptions { count: 4, ..EigsOptions::default() })?;
-//! let groups = segment(&mut global, &SegmentOptions::groups([2, 6]))?;
+//! let groups = lab.ask(&Segment { groups: vec![2, 6], ..Segment::default() })?;
 //! lab.save("out", &groups)?;
 //! # let _ = pairs;
 //! # Ok(())
@@ -47,13 +47,10 @@ mod settings;
 mod source;
 #[cfg(test)]
 mod tests_of_rigs;
-#[cfg(test)]
-mod tests_of_runs;
-#[cfg(test)]
-mod tests_of_verification;
 mod through_rig;
 mod traced;
 mod transport;
+mod verb;
 mod verbs;
 mod verification;
 mod view;
@@ -61,7 +58,6 @@ mod view;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-pub use answers::{Answer, Saved};
 pub use builder::LabBuilder;
 pub use folder::{RunFolder, RunOptions};
 pub use kept::{KeptPhotos, KeptRun};
@@ -72,6 +68,7 @@ pub use operator::LabOperator;
 pub use run_model::open_model;
 pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
 pub use source::{RigSource, SourceKind};
+pub use verb::{Answer, Saved, Verb, Verified};
 pub use verbs::{
     BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
     PlanRequest, Questions, RelightRequest, Scaling, SeparateRequest, SinglePhoto, TracedShard, join_shards,
@@ -85,12 +82,9 @@ use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 pub use crate::report::compensation::Compensated;
 use crate::report::contact_sheet::ContactSheet;
-pub use crate::report::eigenpairs::Eigenpairs;
 pub use crate::report::probing::ProbedLight;
 pub use crate::report::relighting::Relighting;
-pub use crate::report::segmentation::Scored;
 pub use crate::report::separation::Separated;
-pub use crate::report::singular::SingularTriplets;
 pub use crate::report::solution::Solved;
 pub use crate::report::text;
 use crate::scene::Scene;
@@ -278,6 +272,21 @@ impl Lab {
             Source::Rig(rig) => Some(rig),
             _ => None,
         }
+    }
+
+    /// The standard deviation in pixels of the blur that patterns and photos of a rig need, whose camera has too few pixels; 0 for none.
+    pub(crate) fn blur(&self) -> f64 {
+        self.source.blur()
+    }
+
+    /// Whether photos are answered by a model of an earlier run's photos.
+    pub(crate) fn is_model(&mut self) -> Result<bool> {
+        Ok(lock::lock(self.transport()?).is_model())
+    }
+
+    /// Adds what an answer's photos say of the rig.
+    pub(crate) fn add_findings(&mut self, more: impl IntoIterator<Item = Finding>) {
+        crate::finding::merge(&mut self.findings, more);
     }
 
     fn scene_source(&self) -> Result<&SceneSource> {

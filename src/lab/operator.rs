@@ -70,7 +70,7 @@ impl LabOperator {
     }
 
     /// Whether products cost nothing but a little computing.
-    pub(super) fn is_free(&self) -> bool {
+    pub(crate) fn is_free(&self) -> bool {
         lock(&self.transport).is_free()
     }
 

@@ -65,7 +65,7 @@ impl Lab {
     }
 
     /// Announces how many photos of each channel are about to be taken.
-    pub(super) fn expect(&self, photos: usize) {
+    pub(crate) fn expect(&self, photos: usize) {
         let total = (photos * self.channels.count()) as u64;
         let step = Step { stage: "photos", done: 0, total, estimate: Estimate::None };
         // Whether to go on is asked with the first photo.
@@ -74,12 +74,12 @@ impl Lab {
 
     /// Runs `work`, which takes photos; records how long it took and what they have cost on a rig. The costs are of interest above all when
     /// it failed.
-    pub(super) fn photos<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+    pub(crate) fn photos<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.photos_with(|_| true, work)
     }
 
     /// As [`Self::photos`]; `is_complete` says whether the photos are enough to know noise and drift.
-    pub(super) fn photos_with<T>(
+    pub(crate) fn photos_with<T>(
         &mut self,
         is_complete: impl FnOnce(&T) -> bool,
         work: impl FnOnce(&mut Self) -> Result<T>,

@@ -3,10 +3,9 @@
 use std::path::Path;
 use std::time::Instant;
 
-use super::answers::{Answer, Saved};
 use super::folder::{RunFolder, RunOptions};
 use super::lock::lock;
-use super::{Lab, Log};
+use super::{Answer, Lab, Log, Saved};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, merge};
 use crate::io::manifest::Verification;

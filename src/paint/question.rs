@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::canvas::{Canvas, Light};
+use crate::analysis::Segmentation;
 use crate::analysis::planes::{self, Planes};
-use crate::analysis::segment::{SegmentRequest, Segmented};
-use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::{Error, Result};
 use crate::krylov::{Eigs, EigsOptions, Method, SolveOptions, eigs, solve_adjoint};
 use crate::lab::text::decimal;
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::transport::Part;
+use crate::verbs::{Segment, Segmented};
 
 /// The most eigenvectors, and the most groups, that a page may ask for.
 const MOST: usize = 32;
@@ -111,17 +111,10 @@ impl Canvas<'_> {
         let groups: Vec<usize> =
             groups.iter().copied().filter(|groups| (2..=MOST).contains(groups)).collect();
         let eigenvectors = groups.iter().copied().max().unwrap_or(0).max(10);
-        let options = SegmentOptions { eigenvectors, ..SegmentOptions::groups(groups) };
-        let request = SegmentRequest {
-            options,
-            direct: Default::default(),
-            blur: None,
-            features: Vec::new(),
-            evidence: false,
-        };
+        let request = Segment { groups, eigenvectors, ..Segment::default() };
         let resolution = self.camera();
         let global = &mut self.operators(Part::Global)?[0];
-        let Segmented { segmentation, .. } = request.run(global as &mut dyn Operator, resolution)?;
+        let Segmented { segmentation, .. } = request.run(global, resolution, 0)?;
         let mut answer = Answer::from(&segmentation);
         answer.status += self.of_channel();
         Ok(answer)

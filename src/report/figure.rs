@@ -4,10 +4,10 @@ use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::io::tone::develop;
+use crate::io::raster::develop;
 
 /// A photo in `unit`, developed with exposure `scale`; the colour bar of a colour photo shows its grays.
-pub(super) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {
+pub(crate) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {
     Ok(Figure {
         png: develop(image, scale).encode_png()?,
         caption: caption.into(),
@@ -18,12 +18,12 @@ pub(super) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<St
 }
 
 /// A pattern; its values are fractions of the projector's white.
-pub(super) fn pattern(image: &Image, caption: impl Into<String>) -> Result<Figure> {
+pub(crate) fn pattern(image: &Image, caption: impl Into<String>) -> Result<Figure> {
     light(image, 1.0, "of the projector's white", caption)
 }
 
 /// Signed values, shown on the range ±`range`.
-pub(super) fn signed(
+pub(crate) fn signed(
     size: Resolution,
     values: &[f64],
     range: f64,
@@ -40,7 +40,7 @@ pub(super) fn signed(
 }
 
 /// Nonnegative amounts, shown from 0.
-pub(super) fn amounts(
+pub(crate) fn amounts(
     size: Resolution,
     values: &[f64],
     unit: &str,

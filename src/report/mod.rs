@@ -5,7 +5,7 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the arrays, pictures and page of one command | [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
@@ -20,8 +20,8 @@ pub mod calibration;
 pub mod colormap;
 pub mod compensation;
 pub mod contact_sheet;
-pub mod eigenpairs;
-mod figure;
+pub mod content;
+pub(crate) mod figure;
 pub mod html;
 pub mod index;
 mod notes;
@@ -35,9 +35,7 @@ pub mod relighting;
 mod residuals;
 pub mod run;
 pub mod scatter;
-pub mod segmentation;
 pub mod separation;
-pub mod singular;
 pub mod solution;
 pub(crate) mod spectrum;
 mod svg;

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::contact_sheet::ContactSheet;
+use super::content::{Content, Values};
 use super::html::{Block, Figure, FileLink, Outcome, Report, Section, Verdict};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, merge, worst};
@@ -35,7 +36,7 @@ pub struct Run<'a> {
 
 impl Run<'_> {
     /// The section with the contact sheet; `order` explains the order of its photos.
-    pub(super) fn photos(&self, order: &str) -> Result<Option<Section>> {
+    pub(crate) fn photos(&self, order: &str) -> Result<Option<Section>> {
         match &self.strip {
             Some(strip) => strip.section(self.unit, order),
             None => Ok(None),
@@ -44,7 +45,7 @@ impl Run<'_> {
 
     /// The page of an answer, in one sentence, from so many photos; `findings` are those of the answer, and `more` are facts of the command itself.
     /// Its colour follows from the findings of the answer and of the run.
-    pub(super) fn page(
+    pub(crate) fn page(
         &self,
         (findings, sentence): (Vec<Finding>, String),
         photos: usize,
@@ -76,7 +77,7 @@ impl Run<'_> {
 }
 
 /// The colour that findings give: good where each is as expected.
-pub(super) fn outcome(findings: &[Finding]) -> Outcome {
+pub(crate) fn outcome(findings: &[Finding]) -> Outcome {
     if worst(findings) == Grade::Ok { Outcome::Good } else { Outcome::Short }
 }
 
@@ -89,7 +90,7 @@ fn sentence_of(mut sentence: String, findings: &[Finding]) -> String {
 }
 
 /// Findings as a table.
-pub(super) fn table(findings: &[Finding]) -> Block {
+pub(crate) fn table(findings: &[Finding]) -> Block {
     let row = |finding: &Finding| {
         let cells = [&*finding.name, finding.grade.word(), &finding.found, &finding.expected, &finding.help];
         cells.map(str::to_owned).to_vec()
@@ -114,16 +115,33 @@ impl<'a> Files<'a> {
         Self { folder, names: Vec::new(), about: Vec::new() }
     }
 
+    /// The files of an answer, with its arrays written.
+    ///
+    /// # Errors
+    /// [`crate::Error::Write`] naming the file.
+    pub(crate) fn of(folder: &'a Path, content: &Content<'_>) -> Result<Self> {
+        let mut files = Self::new(folder);
+        for array in content.arrays.iter().filter(|array| array.is_saved) {
+            let (name, shape) = (array.file(), array.shape.as_slice());
+            match &array.values {
+                Values::F64(values) => files.array(&name, shape, values)?,
+                Values::U8(values) => files.array(&name, shape, values)?,
+                Values::Bool(values) => files.array(&name, shape, values)?,
+            }
+        }
+        Ok(files)
+    }
+
     pub(crate) fn path(&mut self, name: &str) -> PathBuf {
         self.names.push(name.to_owned());
         self.folder.join(name)
     }
 
-    pub(super) fn text(&mut self, name: &str, text: &str) -> Result<()> {
+    pub(crate) fn text(&mut self, name: &str, text: &str) -> Result<()> {
         atomic::write_bytes(&self.path(name), text.as_bytes())
     }
 
-    pub(super) fn array<T: npyz::AutoSerialize>(
+    pub(crate) fn array<T: npyz::AutoSerialize>(
         &mut self,
         name: &str,
         shape: &[usize],
@@ -135,7 +153,7 @@ impl<'a> Files<'a> {
     }
 
     /// An image as `.npy` and `.exr`.
-    pub(super) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
+    pub(crate) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
         let Resolution { width, height } = image.resolution();
         let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
         self.about.push((format!("{name}.npy"), format!("{}, float32", sizes(shape))));
@@ -145,7 +163,7 @@ impl<'a> Files<'a> {
     }
 
     /// A figure as `.png`.
-    pub(super) fn picture(&mut self, name: &str, figure: &Figure) -> Result<()> {
+    pub(crate) fn picture(&mut self, name: &str, figure: &Figure) -> Result<()> {
         atomic::write_bytes(&self.path(&format!("{name}.png")), &figure.png)
     }
 
@@ -168,7 +186,7 @@ impl<'a> Files<'a> {
     }
 
     /// Writes the page, and returns the names of all files.
-    pub(super) fn finish(mut self, page: Report) -> Result<Vec<String>> {
+    pub(crate) fn finish(mut self, page: Report) -> Result<Vec<String>> {
         let mut page = Report { files: self.links(), ..page };
         if !page.paint.is_empty() {
             page.files.push(FileLink::new(PAINT, "the light transport matrix, to paint with"));

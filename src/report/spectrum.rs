@@ -16,7 +16,7 @@ const LINES: usize = 5;
 
 /// A signed picture of each eigenvector, with its file name. `mask` is `true` at pixels to leave out; `embedding` maps entries to the coordinates
 /// that groups are made of.
-pub(super) fn pictures(
+pub(crate) fn pictures(
     resolution: Resolution,
     vectors: &[Vec<f64>],
     values: &[f64],
@@ -48,7 +48,7 @@ pub(super) fn pictures(
 }
 
 /// Each eigenvector as a layer of an `.exr` file, named `eigenvector01` and so on.
-pub(super) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec<(String, Image)>> {
+pub(crate) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec<(String, Image)>> {
     let layer = |(index, vector): (usize, &Vec<f64>)| {
         Ok((format!("eigenvector{:02}", index + 1), narrowed(resolution, vector)?))
     };
@@ -61,7 +61,7 @@ pub(crate) fn narrowed(resolution: Resolution, values: &[f64]) -> Result<Image> 
 }
 
 /// A stem plot of the eigenvalues, with residual norms as error bars.
-pub(super) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
+pub(crate) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
     let plot = StemPlot {
         x_label: "eigenvector".into(),
         y_label: "eigenvalue λ".into(),
@@ -72,7 +72,7 @@ pub(super) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
 }
 
 /// A plot of the leading pairs' residual norms over the photos; `first` is the number of the first pair with a history.
-pub(super) fn convergence(history: &[HistoryRow], first: usize) -> Block {
+pub(crate) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     let pairs = history.last().map_or(0, |row| row.residuals.len()).min(LINES);
     let points = |pair: usize| {
         history.iter().filter_map(move |row| Some((row.products as f64, *row.residuals.get(pair)?))).collect()
@@ -91,7 +91,7 @@ pub(super) fn convergence(history: &[HistoryRow], first: usize) -> Block {
 }
 
 /// A table of eigenvalue, with its standard error where one is known, and residual norm of each pair, followed by the columns `more`.
-pub(super) fn table(
+pub(crate) fn table(
     (values, errors): (&[f64], &[f64]),
     residuals: &[f64],
     more: &[(&str, Vec<String>)],

@@ -1,5 +1,8 @@
 //! Suggestions for mistyped names.
 
+// A swap of two neighbouring letters is one edit.
+use strsim::osa_distance as distance;
+
 /// The known name with the fewest edits from `name`. `None`: all are so different that they are probably other words.
 pub(crate) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let distances = known.iter().map(|known| (strsim::osa_distance(name, known), *known));

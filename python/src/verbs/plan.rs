@@ -1,14 +1,14 @@
 //! Plans: what a verb will cost on a rig, and how good its answer will be.
 
+use std::collections::BTreeMap;
+
 use krylux::lab::{Plan, PlanRequest, RigSource};
-use krylux::transport::Part;
+use krylux::verbs::{Eigs, Segment};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::compensate::CompensateQuestion;
-use super::eigs::EigsQuestion;
-use super::segment::SegmentQuestion;
 use crate::arrays::{self, Fields};
 use crate::lab::Lab;
 
@@ -37,16 +37,17 @@ impl Lab {
 
 #[pymethods]
 impl Lab {
-    /// The plan of a segmentation, with direct light kept where the question says `keep`.
+    /// The plan of a segmentation.
     fn plan_segment<'py>(
         &self,
         py: Python<'py>,
-        question: SegmentQuestion,
+        asked: BTreeMap<String, String>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let part = if question.direct == "keep" { Part::Full } else { Part::Global };
-        let options = question.request(py)?.options;
-        self.plan(py, &PlanRequest::Segment(part, options), trials)
+        let request: Segment = super::asked::request(py, asked)?;
+        request.check_plan().map_err(|error| crate::errors::raise(py, &error))?;
+        let seed = self.with(py, |lab| Ok(lab.seed()))?;
+        self.plan(py, &PlanRequest::Segment(request.part(), request.options(seed, None)), trials)
     }
 
     /// The plan of a compensation.
@@ -67,11 +68,11 @@ impl Lab {
     fn plan_eigs<'py>(
         &self,
         py: Python<'py>,
-        part: &str,
-        question: EigsQuestion,
+        asked: BTreeMap<String, String>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let request = PlanRequest::Eigs(crate::lab::part(py, part)?, question.options(py)?);
-        self.plan(py, &request, trials)
+        let request: Eigs = super::asked::request(py, asked)?;
+        let seed = self.with(py, |lab| Ok(lab.seed()))?;
+        self.plan(py, &PlanRequest::Eigs(request.part.into(), request.options(seed, None)), trials)
     }
 }

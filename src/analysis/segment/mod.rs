@@ -24,7 +24,6 @@ mod laplacian;
 mod low_pass;
 mod options;
 mod regions;
-mod request;
 mod segmentation;
 mod truth;
 
@@ -38,7 +37,6 @@ pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
 pub use options::{Cut, SegmentOptions};
 pub use regions::{KEPT, Regions};
-pub use request::{DirectLight, SegmentRequest, Segmented};
 pub use segmentation::{MASKED, SURE, Segmentation, possible};
 pub use truth::Truth;
 

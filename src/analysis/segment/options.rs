@@ -5,7 +5,10 @@ use crate::image::Resolution;
 use crate::krylov::Confirm;
 
 /// The normalization of a cut.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
 pub enum Cut {
     /// Light across the cut relative to each side's light: `(D − G) u = (1 − λ) D u`.
     #[default]

@@ -3,7 +3,6 @@
 mod audit;
 mod calibrate;
 mod compensate;
-mod eigs;
 mod flat_field;
 mod join;
 mod matrix;
@@ -13,7 +12,6 @@ mod plan;
 mod probe;
 mod relight;
 mod scaling;
-mod segment;
 mod separate;
 mod shard;
 mod solve;

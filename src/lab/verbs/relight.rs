@@ -57,7 +57,7 @@ impl Lab {
             answer.files = Some(answer.model.write(&run.path)?);
         }
         answer.curve = self.timed("error curve", |lab| lab.rank_curve(&answer.model))?;
-        self.timed("relighting", |lab| lab.ask(&mut answer, &request.questions))?;
+        self.timed("relighting", |lab| lab.answer_questions(&mut answer, &request.questions))?;
         Ok(answer)
     }
 
@@ -136,7 +136,7 @@ impl Lab {
 
     /// Asks the model, and for the truth light paths of another seed: the noise of the captured photos is in the model. Interreflections are
     /// removed by hundreds of products, which only the scene's own matrix can take.
-    fn ask(&mut self, answer: &mut Relighting, questions: &Questions) -> Result<()> {
+    fn answer_questions(&mut self, answer: &mut Relighting, questions: &Questions) -> Result<()> {
         let full = self.independent_operators(Part::Full)?;
         let global = match self.assembled()? {
             Some(_) => Some(self.reference_operators(Part::Global)?),

@@ -1,0 +1,174 @@
+//! An answer as named arrays and named facts. Files, the machine-readable summary, the attributes in Python and the lines on the terminal all
+//! come from them.
+
+use std::borrow::Cow;
+use std::fmt::Display;
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+/// The content of an answer.
+#[derive(Clone, Debug, Default)]
+pub struct Content<'a> {
+    /// The arrays, in the order of their files.
+    pub arrays: Vec<Array<'a>>,
+    /// The lines on the terminal.
+    pub lines: Vec<String>,
+    /// The remarks beside the result, on stderr.
+    pub notes: Vec<String>,
+    facts: Vec<Fact>,
+}
+
+/// A named array in C order.
+#[derive(Clone, Debug)]
+pub struct Array<'a> {
+    /// The name of the file and of the attribute in Python.
+    pub name: &'static str,
+    /// The number that tells arrays of one name apart, such as a number of groups: the file is `NAME-KEY.npy`, the attribute a dictionary.
+    pub key: Option<usize>,
+    /// The shape.
+    pub shape: Vec<usize>,
+    /// The elements.
+    pub values: Values<'a>,
+    /// Whether the array is written to a file.
+    pub is_saved: bool,
+}
+
+/// The elements of an array.
+#[derive(Clone, Debug)]
+#[allow(missing_docs, reason = "each variant is named by its element")]
+pub enum Values<'a> {
+    F64(Cow<'a, [f64]>),
+    U8(Cow<'a, [u8]>),
+    Bool(Cow<'a, [bool]>),
+}
+
+macro_rules! values {
+    ($($variant:ident of $element:ty),*) => { $(
+        impl<'a> From<&'a [$element]> for Values<'a> {
+            fn from(values: &'a [$element]) -> Self {
+                Self::$variant(Cow::Borrowed(values))
+            }
+        }
+
+        impl<'a> From<&'a Vec<$element>> for Values<'a> {
+            fn from(values: &'a Vec<$element>) -> Self {
+                Self::$variant(Cow::Borrowed(values))
+            }
+        }
+
+        impl From<Vec<$element>> for Values<'_> {
+            fn from(values: Vec<$element>) -> Self {
+                Self::$variant(Cow::Owned(values))
+            }
+        }
+    )* };
+}
+
+values!(F64 of f64, U8 of u8, Bool of bool);
+
+/// A named value.
+#[derive(Clone, Debug)]
+struct Fact {
+    name: &'static str,
+    value: serde_json::Value,
+    /// Whether the summary of `--json` holds it.
+    is_told: bool,
+}
+
+impl<'a> Content<'a> {
+    /// Adds an array that is written to `NAME.npy`.
+    pub fn array(&mut self, name: &'static str, shape: &[usize], values: impl Into<Values<'a>>) {
+        self.push(name, None, shape, values.into(), true);
+    }
+
+    /// Adds one of several arrays of a name, which is written to `NAME-KEY.npy`.
+    pub fn keyed(&mut self, name: &'static str, key: usize, shape: &[usize], values: impl Into<Values<'a>>) {
+        self.push(name, Some(key), shape, values.into(), true);
+    }
+
+    /// Adds an array that programs can use and that no file holds.
+    pub fn attribute(&mut self, name: &'static str, shape: &[usize], values: impl Into<Values<'a>>) {
+        self.push(name, None, shape, values.into(), false);
+    }
+
+    fn push(
+        &mut self,
+        name: &'static str,
+        key: Option<usize>,
+        shape: &[usize],
+        values: Values<'a>,
+        is_saved: bool,
+    ) {
+        self.arrays.push(Array { name, key, shape: shape.to_vec(), values, is_saved });
+    }
+
+    /// Adds a fact. A number that JSON has no form for is null.
+    pub fn fact(&mut self, name: &'static str, value: impl Serialize) {
+        self.facts.push(Fact { name, value: json(value), is_told: true });
+    }
+
+    /// Adds a fact that programs can use and that the summary leaves out.
+    pub fn detail(&mut self, name: &'static str, value: impl Serialize) {
+        self.facts.push(Fact { name, value: json(value), is_told: false });
+    }
+
+    /// Adds a line on the terminal.
+    pub fn line(&mut self, line: impl Display) {
+        self.lines.push(line.to_string());
+    }
+
+    /// Adds a remark beside the result.
+    pub fn note(&mut self, note: impl Display) {
+        self.notes.push(note.to_string());
+    }
+
+    /// All facts, also those that the summary leaves out, by name as JSON.
+    pub fn facts(&self) -> impl Iterator<Item = (&'static str, String)> {
+        self.facts.iter().map(|fact| (fact.name, fact.value.to_string()))
+    }
+}
+
+/// The summary: the facts by name.
+impl Serialize for Content<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for fact in self.facts.iter().filter(|fact| fact.is_told) {
+            map.serialize_entry(fact.name, &fact.value)?;
+        }
+        map.end()
+    }
+}
+
+impl Array<'_> {
+    /// The name of the file without its extension.
+    pub fn file(&self) -> String {
+        match self.key {
+            Some(key) => format!("{}-{key}", self.name),
+            None => self.name.to_owned(),
+        }
+    }
+}
+
+/// A value as JSON; one whose keys are no texts, which no answer has, is null.
+fn json(value: impl Serialize) -> serde_json::Value {
+    serde_json::to_value(value).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_summary_holds_the_facts_that_are_told_and_programs_all_of_them() {
+        let mut content = Content::default();
+        content.fact("photos", 7);
+        content.fact("error", f64::NAN);
+        content.detail("history", [1, 2]);
+        content.array("labels", &[2], vec![1_u8, 2]);
+        content.keyed("labels", 6, &[2], vec![1_u8, 2]);
+        assert_eq!(serde_json::to_string(&content).expect("facts"), r#"{"photos":7,"error":null}"#);
+        assert_eq!(content.facts().last(), Some(("history", "[1,2]".to_owned())));
+        assert_eq!(content.arrays.iter().map(Array::file).collect::<Vec<_>>(), ["labels", "labels-6"]);
+    }
+}

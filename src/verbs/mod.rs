@@ -1,0 +1,25 @@
+//! The questions to a laboratory. A folder holds all of one question: its request, how it is run, its answer, and its page.
+//!
+//! A [request](crate::lab::Verb) is a struct whose documented fields are declared once: the options of the command line, the keyword arguments in
+//! Python and the record in `run.json` come from them. An [answer](crate::lab::Answer) is named arrays and named facts: files, summary,
+//! attributes in Python and lines on the terminal come from them.
+
+pub mod eigs;
+pub mod options;
+pub mod segment;
+#[cfg(test)]
+mod tests_of_runs;
+#[cfg(test)]
+mod tests_of_verification;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+pub use eigs::{Eigs, Spectrum};
+pub use options::{from_json, signature};
+pub use segment::{Segment, Segmented};
+
+/// A request that is declared once: asked on the command line and by keywords.
+pub trait Request: crate::lab::Verb + clap::Args + Serialize + DeserializeOwned + Default {}
+
+impl<V: crate::lab::Verb + clap::Args + Serialize + DeserializeOwned + Default> Request for V {}

@@ -1,0 +1,170 @@
+//! Fields of requests: their values on the command line and in Python, and their defaults.
+
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::error::{Error, Result};
+use crate::transport::Part;
+
+/// The default of a request: what its declaration says of each option.
+#[allow(
+    clippy::panic,
+    reason = "a request with an option that must be given is a fault of its declaration, which a test finds"
+)]
+pub(super) fn defaults<T: clap::Args>() -> T {
+    let name = clap::Command::new("defaults");
+    let parsed = T::augment_args(name).try_get_matches_from(["defaults"]);
+    match parsed.and_then(|matches| T::from_arg_matches(&matches)) {
+        Ok(request) => request,
+        Err(error) => panic!("a request whose options all have defaults: {error}"),
+    }
+}
+
+/// A number of any option, which may be infinite. NaN is refused: it would pass every bound that it is compared with.
+pub(crate) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> std::result::Result<T, String> {
+    let number = text.trim().parse::<T>().ok().filter(|&number| !number.into().is_nan());
+    number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
+}
+
+/// A time in seconds or minutes: above 0, and short enough that every clock can count it.
+pub(crate) fn time(text: &str) -> std::result::Result<f64, String> {
+    const LONGEST: f64 = 1e9;
+    let time = number(text)?;
+    let is_one = time > 0.0 && time <= LONGEST;
+    is_one
+        .then_some(time)
+        .ok_or_else(|| format!("`{text}` is not a time: give more than 0, and at most {LONGEST}"))
+}
+
+/// The largest number of photos, pixels or the like that an option takes: the number of pixels of a picture of 4096×4096.
+const MAX_COUNT: u64 = 1 << 24;
+
+/// A number of photos, pixels or the like. It is bounded, so that sums and products of such numbers do not overflow.
+pub(crate) fn count<T: TryFrom<u64>>(text: &str) -> std::result::Result<T, String> {
+    let count = text.trim().parse().ok().filter(|&count: &u64| count <= MAX_COUNT);
+    let count = count.and_then(|count| T::try_from(count).ok());
+    count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
+}
+
+/// A part of the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs, reason = "texts would stand in the help of each value, and Part explains them")]
+pub enum LightPart {
+    Full,
+    Direct,
+    Global,
+}
+
+impl From<LightPart> for Part {
+    fn from(part: LightPart) -> Self {
+        match part {
+            LightPart::Full => Self::Full,
+            LightPart::Direct => Self::Direct,
+            LightPart::Global => Self::Global,
+        }
+    }
+}
+
+/// Checks that so many vectors fit into memory.
+///
+/// # Errors
+/// [`Error::Option`] naming the option that asks for them.
+pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Result<()> {
+    let fits = vectors.checked_mul(length).is_some_and(|n| Vec::<f64>::new().try_reserve_exact(n).is_ok());
+    if fits {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: option.into(),
+        fault: format!("{vectors} vectors of {length} entries do not fit into memory"),
+        help: "give a smaller number".into(),
+    })
+}
+
+/// The option of a field on the command line: `--direct-photos` for `direct_photos`.
+fn option_of(field: &str) -> String {
+    format!("--{}", field.replace('_', "-"))
+}
+
+/// A request from fields by name. A field that is not given has its default; a single value of a field that takes several is one of them.
+///
+/// # Errors
+/// [`Error::Option`] naming a field that the request does not have, or whose value it cannot have.
+pub fn from_json<V: super::Request>(fields: Map<String, Value>) -> Result<V> {
+    let Ok(Value::Object(mut request)) = serde_json::to_value(V::default()) else {
+        return Err(Error::Numerical("a request that has no fields".into()));
+    };
+    for (name, value) in fields {
+        let refuse =
+            |fault: String, help: String| Err(Error::Option { option: option_of(&name), fault, help });
+        let Some(default) = request.get(&name) else {
+            let near = request
+                .keys()
+                .max_by(|a, b| strsim::jaro_winkler(a, &name).total_cmp(&strsim::jaro_winkler(b, &name)));
+            let near = near.map_or(String::new(), |near| option_of(near));
+            return refuse("there is no such option".into(), format!("the nearest is {near}"));
+        };
+        if let Some(count) = value.as_u64().filter(|&count| count > MAX_COUNT) {
+            let help = format!("give a whole number from 0 to {MAX_COUNT}");
+            return refuse(format!("{count} is too large"), help);
+        }
+        let value = if default.is_array() && !value.is_array() { Value::Array(vec![value]) } else { value };
+        let before = request.insert(name.clone(), value.clone());
+        if let Err(why) = V::deserialize(&Value::Object(request.clone())) {
+            let before = before.unwrap_or_default();
+            return refuse(format!("{value} cannot be used: {why}"), format!("the default is {before}"));
+        }
+    }
+    V::deserialize(&Value::Object(request)).map_err(|why| Error::Numerical(why.to_string()))
+}
+
+/// A field of a request, as a caller by keywords sees it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parameter {
+    /// The name, such as `direct_photos`.
+    pub name: String,
+    /// The default as JSON; null where the source decides.
+    pub default: String,
+    /// The type in Python.
+    pub kind: String,
+    /// The help of the option.
+    pub help: String,
+}
+
+/// The fields of a request in the order of the options, and what the request is for.
+pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
+    let command = V::augment_args(clap::Command::new("request"));
+    let defaults = serde_json::to_value(V::default()).unwrap_or_default();
+    let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+    let of = |arg: &clap::Arg| {
+        let name = arg.get_id().to_string();
+        let default = &defaults[&name];
+        let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+        Parameter { kind: kind(arg, default), default: default.to_string(), name, help }
+    };
+    (about, command.get_arguments().map(of).collect())
+}
+
+/// The type of an option's value in Python.
+fn kind(arg: &clap::Arg, default: &Value) -> String {
+    use std::any::TypeId;
+    let parser = arg.get_value_parser();
+    let names: Vec<String> =
+        arg.get_possible_values().iter().map(|value| format!("\"{}\"", value.get_name())).collect();
+    let one = match parser.type_id() {
+        of if of == TypeId::of::<bool>() => "bool".to_owned(),
+        of if of == TypeId::of::<f64>() => "float".to_owned(),
+        of if of == TypeId::of::<usize>() => "int".to_owned(),
+        of if of == TypeId::of::<std::path::PathBuf>() => "str | PathLike[str]".to_owned(),
+        _ if names.is_empty() => "Any".to_owned(),
+        _ => format!("Literal[{}]", names.join(", ")),
+    };
+    match default {
+        Value::Array(_) => format!("{one} | Sequence[{one}]"),
+        Value::Null => format!("{one} | None"),
+        _ => one,
+    }
+}

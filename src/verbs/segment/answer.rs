@@ -1,0 +1,329 @@
+//! The answer of a segmentation.
+
+use serde_json::json;
+
+use super::{Direct, Segment};
+use crate::analysis::segment::Truth;
+use crate::analysis::{Cut, EigenpairEstimate, Evidence, FeatureView, Segmentation, Separation};
+use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio};
+use crate::image::Resolution;
+use crate::lab::text::{decimal, rounded, with_error};
+use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::report::content::Content;
+use crate::transport::Part;
+
+/// The groups, with what was asked beside them.
+#[derive(Clone, Debug)]
+pub struct Segmented {
+    /// The groups.
+    pub segmentation: Segmentation,
+    /// The pixels of labels and eigenvectors.
+    pub resolution: Resolution,
+    /// The direct light, if it was measured.
+    pub direct: Option<Separation>,
+    /// The evidence for each number of groups.
+    pub evidence: Vec<Evidence>,
+    /// The chosen pixels in the space of eigenvectors.
+    pub features: Option<FeatureView>,
+    /// The standard deviation in pixels of the Gaussian that blurred patterns and photos; 0 for none.
+    pub blur: f64,
+    /// Whether the graph is that of `A Aᵀ`, of a matrix that is not symmetric: every second photo is one of the transpose.
+    pub there_and_back: bool,
+    /// The true labels, where they are known.
+    pub truth: Option<Truth>,
+    /// The adjusted Rand index of each number of groups; empty without true labels.
+    pub scores: Vec<(usize, f64)>,
+    /// The eigenvalues of the scene by independent light, without the first, which is known; empty before [`Answer::verify`].
+    pub estimates: Vec<EigenpairEstimate>,
+    /// The share of the confidence that independent light leaves each number of groups; empty before [`Answer::verify`].
+    pub supported: Vec<(usize, f64)>,
+    /// Eigenvectors that were counted as regions and that independent light refutes.
+    pub refuted: usize,
+    pub(super) part: Part,
+    pub(super) cut: Cut,
+    pub(super) is_of_photos_as_taken: bool,
+    /// Whether one region was divided into two groups only because no number of groups was asked for.
+    pub(super) is_undivided: bool,
+    pub(super) min_rand_index: Option<f64>,
+}
+
+impl Segmented {
+    pub(super) fn new(asked: &Segment, segmentation: Segmentation, resolution: Resolution) -> Self {
+        let blur = asked.blur.unwrap_or(0.0);
+        Self {
+            is_undivided: asked.groups.is_empty() && segmentation.regions.count < 2,
+            is_of_photos_as_taken: !matches!(asked.direct, Direct::Patterns | Direct::Estimator)
+                && blur == 0.0
+                && asked.mu == 0.0,
+            part: asked.part(),
+            cut: asked.cut,
+            min_rand_index: asked.min_rand_index,
+            segmentation,
+            resolution,
+            blur,
+            direct: None,
+            evidence: Vec::new(),
+            features: None,
+            there_and_back: false,
+            truth: None,
+            scores: Vec::new(),
+            estimates: Vec::new(),
+            supported: Vec::new(),
+            refuted: 0,
+        }
+    }
+
+    /// The same, compared with the true labels.
+    pub(super) fn against(mut self, truth: Option<Truth>) -> Result<Self> {
+        self.scores =
+            truth.as_ref().map(|truth| truth.scores(&self.segmentation)).transpose()?.unwrap_or_default();
+        self.truth = truth;
+        Ok(self)
+    }
+
+    /// The share of the pixels whose label is sure, and no more than independent light supports. `None` for a number of groups that was not asked
+    /// for.
+    pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
+        let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
+        self.segmentation.share_of_sure(groups).map(|sure| sure * supported)
+    }
+
+    /// Masked pixels.
+    pub(super) fn masked(&self) -> usize {
+        self.segmentation.mask.iter().filter(|&&masked| masked).count()
+    }
+
+    /// The eigenvalue of the scene for eigenvector `index`; the first is known.
+    fn estimate(&self, index: usize) -> Option<&EigenpairEstimate> {
+        self.estimates.get(index.checked_sub(1)?)
+    }
+
+    fn arrays(&self, content: &mut Content<'_>) {
+        let Resolution { width, height } = self.resolution;
+        let (found, count) = (&self.segmentation, self.segmentation.eigenvectors.len());
+        content.array("eigenvalues", &[count], found.eigenvalues.clone());
+        content.array("residuals", &[count], found.residuals.clone());
+        content.array("eigenvectors", &[count, height, width], found.eigenvectors.concat());
+        content.array("degree", &[height, width], found.degree.clone());
+        for (groups, labels) in &found.labels {
+            content.keyed("labels", *groups, &[height, width], labels.clone());
+        }
+        for (groups, confidence) in &found.confidence {
+            content.keyed("confidence", *groups, &[height, width], confidence.clone());
+        }
+        if let Some(truth) = &self.truth {
+            content.array("labels-true", &[height, width], truth.labels.clone());
+        }
+        if let Some(direct) = &self.direct {
+            content.array("direct", &[height, width], direct.direct.clone());
+        }
+        for of in &self.evidence {
+            content.keyed("evidence", of.groups, &[of.groups, height, width], of.photos.concat());
+        }
+        content.attribute("within", &[count], found.embedding.within.clone());
+        content.attribute("weights", &[height, width], found.weights.clone());
+        content.attribute("mask", &[height, width], found.mask.clone());
+    }
+
+    fn facts(&self, content: &mut Content<'_>) {
+        let found = &self.segmentation;
+        let by_groups = |values: Vec<(usize, Option<f64>)>| {
+            values
+                .into_iter()
+                .map(|(groups, value)| (groups.to_string(), json!(value)))
+                .collect::<serde_json::Map<_, _>>()
+        };
+        content.fact("photos", found.photos);
+        content.fact("photos_direct", self.direct.as_ref().map(|direct| direct.photos));
+        content.fact("status", &found.status);
+        content.fact("there_and_back", self.there_and_back);
+        content.fact("regions", &found.regions);
+        content.fact("refuted_regions", self.refuted);
+        content.fact("blur", self.blur);
+        let values = found.eigenvalues.iter().enumerate();
+        let values = values
+            .map(|(index, &value)| rounded(value, self.estimate(index).map_or(0.0, |of| of.standard_error)));
+        content.fact("eigenvalues", values.collect::<Vec<f64>>());
+        content.fact("residuals", &found.residuals);
+        let of_scene = self.estimates.iter().map(|of| {
+            json!({ "eigenvalue": rounded(of.value, of.standard_error), "standard_error": of.standard_error })
+        });
+        content.fact("of_scene", of_scene.collect::<Vec<_>>());
+        content.fact("within", &found.embedding.within);
+        content.fact("masked", self.masked());
+        let sure = found.labels.iter().map(|(groups, _)| (*groups, self.share_of_sure(*groups)));
+        content.fact("share_of_sure", by_groups(sure.collect()));
+        let scores = self.scores.iter().map(|(groups, score)| (*groups, Some(*score)));
+        content.fact("adjusted_rand_index", by_groups(scores.collect()));
+        let evidence = self.evidence.iter().map(|of| {
+            json!({
+                "groups": of.groups,
+                "photos": of.photos.len(),
+                "cut": of.cut(),
+                "kept": of.kept(),
+                "exchange": of.exchange,
+            })
+        });
+        content.fact("evidence", evidence.collect::<Vec<_>>());
+        let features = self.features.as_ref().map(|view| {
+            json!({ "pixels": view.pixels, "coordinates": view.coordinates, "distances": view.distances })
+        });
+        content.fact("features", features);
+        content.detail("regions_sentence", found.regions.sentence());
+        let history = found.history.iter().map(|row| json!([row.products, row.values, row.residuals]));
+        content.detail("history", history.collect::<Vec<_>>());
+    }
+
+    fn lines(&self, content: &mut Content<'_>) {
+        let found = &self.segmentation;
+        if let Some(direct) = &self.direct {
+            let [own, global] = [&direct.direct, &direct.global].map(|light| light.iter().sum::<f64>());
+            let share = Ratio::of(own, own + global, 0.0);
+            content.line(format_args!("direct    {share} of the light, from {} photos", direct.photos));
+        }
+        content.line(format_args!("photos    {}", found.status));
+        if self.there_and_back {
+            content.line(
+                "matrix    not symmetric: camera and projector stand apart; every second photo is one with the two exchanged",
+            );
+        }
+        if self.masked() > 0 {
+            let share = 100.0 * self.masked() as f64 / found.mask.len() as f64;
+            content
+                .line(format_args!("masked    {} pixels without global light ({share:.1} %)", self.masked()));
+        }
+        let of_scene = if self.estimates.is_empty() { "" } else { "   of the scene" };
+        content.line(format_args!("          eigenvalue   residual{of_scene}"));
+        for (index, (value, residual)) in found.eigenvalues.iter().zip(&found.residuals).enumerate() {
+            let note = if found.embedding.is_local(index) { "   localized eigenvector" } else { "" };
+            let (value, of_scene) = match self.estimate(index) {
+                Some(of) => (
+                    rounded(*value, of.standard_error).to_string(),
+                    format!("   {:<16}", with_error(of.value, of.standard_error)),
+                ),
+                None => (decimal(*value, 6), String::new()),
+            };
+            content.line(format_args!("  {:>6}  {value:>10}   {residual:.1e}{of_scene}{note}", index + 1));
+        }
+        content.line(format_args!("regions   {}", found.regions.sentence()));
+        for (groups, _) in &found.labels {
+            let sure = 100.0 * self.share_of_sure(*groups).unwrap_or(0.0);
+            let score = self.scores.iter().find(|(of, _)| of == groups);
+            let score =
+                score.map(|(_, score)| format!("; adjusted Rand index {score:.4} against the true labels"));
+            content.line(format_args!(
+                "groups    {groups:>3}: {sure:.1} % of the pixels are sure of theirs{}",
+                score.unwrap_or_default()
+            ));
+        }
+        for of in &self.evidence {
+            let least = of.kept().into_iter().fold(1.0, f64::min);
+            content.line(format_args!(
+                "evidence  {:>3} groups, each lit alone: the cut is {:.4}, and each keeps {:.2} % of its light or more",
+                of.groups,
+                of.cut(),
+                100.0 * least
+            ));
+        }
+    }
+
+    fn notes(&self, content: &mut Content<'_>) {
+        if self.refuted > 0 {
+            content.note(format_args!(
+                "warning: {} of the {} eigenvectors that were counted as regions are noise: other light paths do not confirm them; give more --spp",
+                self.refuted, self.segmentation.regions.at_one
+            ));
+        }
+        if self.is_undivided {
+            content.note(
+                "the light shows one region, which has no groups to tell apart; the two that are shown divide it, as --groups 2 asks for",
+            );
+        }
+    }
+
+    /// Whether the groups agree with the true labels as well as the user demands. A demand that cannot be examined fails.
+    fn agreement(&self) -> Option<Finding> {
+        let least = self.min_rand_index?;
+        let expected = format!("at least {least}");
+        let fails = |found: String, help: String| {
+            Some(Finding::graded("agreement", Grade::Fails, found, expected.clone(), help))
+        };
+        let Some(truth) = &self.truth else {
+            return fails(
+                "the scene has no true labels to compare with".into(),
+                "give regions by `region` in the extras of its nodes, meshes or primitives".into(),
+            );
+        };
+        let regions = truth.seen();
+        let Some(&(_, score)) = self.scores.iter().find(|(groups, _)| *groups == regions) else {
+            return fails(
+                format!("the scene shows {regions} labelled regions, and there are no {regions} groups"),
+                format!("add --groups {regions}"),
+            );
+        };
+        // A bound that is not a number is missed, not passed.
+        let grade = if score >= least { Grade::Ok } else { Grade::Fails };
+        let found = format!("the adjusted Rand index against the true labels is {score:.4}");
+        Some(Finding::graded("agreement", grade, found, expected, "give more --photos or --spp"))
+    }
+}
+
+impl Answer for Segmented {
+    fn verb(&self) -> &'static str {
+        Segment::NAME
+    }
+
+    /// All photos: of direct light, of the graph and of the evidence.
+    fn photos(&self) -> usize {
+        let direct = self.direct.as_ref().map_or(0, |direct| direct.photos);
+        let evidence: usize = self.evidence.iter().map(|evidence| evidence.photos.len()).sum();
+        self.segmentation.photos + direct + evidence
+    }
+
+    fn sentence(&self) -> String {
+        self.segmentation.status.clone()
+    }
+
+    fn content(&self) -> Content<'_> {
+        let mut content = Content::default();
+        self.arrays(&mut content);
+        self.facts(&mut content);
+        self.lines(&mut content);
+        self.notes(&mut content);
+        content
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        let mut findings = self.segmentation.findings();
+        if self.is_undivided {
+            findings.push(Finding::graded(
+                "groups",
+                Grade::Fails,
+                "the light shows one region, which has no groups to tell apart",
+                "two regions or more, where no number of groups is asked for",
+                "ask for a number: --groups 2",
+            ));
+        }
+        findings.extend(self.agreement());
+        findings
+    }
+
+    fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
+        // The eigenvectors must be those of photos as they were taken: nothing subtracted, no blur, no exchanged devices.
+        if !self.is_of_photos_as_taken || self.there_and_back {
+            return Ok(None);
+        }
+        let Some(verified) = lab.verify_segmentation(self.part, self.cut, &self.segmentation)? else {
+            return Ok(None);
+        };
+        self.refuted = verified.refuted(self.segmentation.regions.at_one);
+        (self.estimates, self.supported) = (verified.estimates, verified.supported);
+        Ok(Some(Verified { estimates: self.estimates.clone(), ..verified.verification.into() }))
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        let white = lab.white()?;
+        self.write_page(&white, &lab.page("light transport segmentation", run, seconds))
+    }
+}
