@@ -52,7 +52,7 @@ pub struct Alignment {
     pub camera: Resolution,
     /// Each camera pixel's light under white, in linear digital numbers (DN).
     pub white: Vec<f64>,
-    /// What each camera pixel sees.
+    /// The sight of each camera pixel.
     pub sights: Vec<Sight>,
     /// The share of shadow among the pixels that see the scene.
     pub shadow: f64,
@@ -73,9 +73,9 @@ pub enum Round {
     Found(Box<Alignment>),
     /// No map could be fitted.
     Lost {
-        /// What the rig shows instead.
+        /// The fault that the rig shows instead.
         fault: String,
-        /// What to do.
+        /// The remedy.
         help: String,
     },
 }
@@ -163,7 +163,7 @@ const SIGMAS: f64 = 5.0;
 /// … and this share of the median direct light; less is negligible.
 const GLIMMER: f64 = 0.01;
 
-/// What a camera pixel sees.
+/// The kinds of things that a camera pixel sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
     /// Light straight from the projector.

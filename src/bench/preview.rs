@@ -12,7 +12,7 @@ use crate::image::Image;
 use crate::measure::{CameraResponse, CaptureRequest, FrameSource};
 use crate::rig::{Frame, ProjectorInfo, RawFrame};
 
-/// What the counts of a camera mean.
+/// The meaning of a camera's counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CountRange {
     /// The count without light.
@@ -113,7 +113,7 @@ impl Preview {
         self.last.as_ref()
     }
 
-    /// What the counts mean.
+    /// The meaning of the counts.
     pub fn range(&self) -> &CountRange {
         &self.range
     }

@@ -54,7 +54,7 @@ pub struct CalibrateOptions {
     /// Levels of the projector that are shown at most, from 3 on. `None`: 257, or 33 where more than half a second passes from one frame to the
     /// next.
     pub levels: Option<usize>,
-    /// What the pixel map is made from. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
+    /// The source of the pixel map. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
     /// for each of the projector's along an axis.
     pub map: Option<MapBy>,
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then their uneven brightness can
@@ -159,7 +159,7 @@ pub fn calibrate(
     Ok((calibration, report))
 }
 
-/// What the report says of one channel of the projector.
+/// The report on one channel of the projector.
 fn figures(ramp: &Ramp) -> ProjectorFigures {
     ProjectorFigures {
         gamma: ramp.gamma,

@@ -25,7 +25,7 @@ const OUTLIERS: f64 = 0.5;
 /// projector pixel are decoded, which hides a shift by a part of a pixel.
 const SAMPLED: f64 = 1.5;
 
-/// Where fewer camera pixels than this share are not decoded, each of the others lies inside one projector pixel, and the codes are exact.
+/// If fewer camera pixels than this share are not decoded, each of the others lies inside one projector pixel, and the codes are exact.
 const ALIGNED: f64 = 0.1;
 
 /// The least width of the finest stripes that can be decoded, in camera pixels.
@@ -66,7 +66,7 @@ pub(crate) fn pixel_map(
     let outliers = |fit: &Fit| fit.outliers;
     match fit {
         Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
-            // Where no camera pixel sees an edge, the codes are exact, and the stripes tell less.
+            // If no camera pixel sees an edge, the codes are exact, and the stripes tell less.
             let finer = refined(&fit, &decoded).ok().filter(|finer| finer.error < fit.error);
             let fit = finer.unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);

@@ -310,7 +310,7 @@ mod tests {
         let white = frame(0.5, |sample| 100.0 + (sample % 240) as f64);
         let black = frame(0.25, |_| 50.0);
         let points = points(std::slice::from_ref(&white), std::slice::from_ref(&black), &white, 330.0);
-        // Of 24 groups of 20 samples the last one has counts of 330 to 339.
+        // The last of 24 groups of 20 samples has counts of 330 to 339.
         assert_eq!(points.len(), 23 + 1);
         for (group, point) in points[..23].iter().enumerate() {
             let count = 100.0 + 10.0 * group as f64 + 4.5;

@@ -106,7 +106,7 @@ impl Registration {
     /// whose centres lie in it, with equal weights. If there is none, it is seen by the camera pixel that
     /// contains its centre.
     ///
-    /// Where the camera is finer, but not by a whole factor, some of its pixels see two of the projector's. Then the map is made as that of a
+    /// If the camera is finer, but not by a whole factor, some of its pixels see two of the projector's. Then the map is made as that of a
     /// calibrated rig, so that light of the neighbours is told from the pixel's own.
     pub fn by_area(projector: Resolution, camera: Resolution) -> Self {
         let sides = [(projector.width, camera.width), (projector.height, camera.height)];
@@ -214,7 +214,7 @@ impl FlatField {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
 
-    /// What a pattern that was shown stands for.
+    /// The vector `x` that a shown pattern stands for.
     pub(crate) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }
@@ -250,7 +250,7 @@ mod tests {
         assert_eq!((coarser.starts, coarser.pixels), (vec![0, 1, 2, 3], vec![0, 1, 1]));
     }
 
-    /// Whatever the two rasters are, each pixel's photo holds its own light, and hardly any of its neighbours'.
+    /// For any two rasters, each pixel's photo holds its own light, and hardly any of its neighbours'.
     #[test]
     fn the_camera_may_be_finer_by_any_factor() {
         let projector = Resolution::new(8, 6);

@@ -50,7 +50,7 @@ const STEPS: [usize; 2] = [4, 12];
 pub(crate) struct DirectMatrix {
     /// `d` and its variance for each of the camera's channels.
     planes: Vec<Plane>,
-    /// What is not known of the blur.
+    /// The uncertainty of the blur.
     doubt: BlurDoubt,
     /// The spread `K` of the projector's pixels; `None` where none was found.
     blur: Option<Blur>,

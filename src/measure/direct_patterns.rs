@@ -24,7 +24,7 @@ pub(crate) enum DirectPatterns {
 }
 
 impl DirectPatterns {
-    /// What suits a pixel map. Runs by calibrations that know no map of the lens were taken with squares of four pixels, and can still be asked.
+    /// The patterns that suit a pixel map. Runs by calibrations that know no map of the lens were taken with squares of four pixels, and can still be asked.
     pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
@@ -94,7 +94,7 @@ fn step(codes: usize) -> usize {
         };
         (1..=codes.isqrt() + 1).map(below).min().unwrap_or(0).min(codes * codes)
     };
-    // Of equally good ones, the smallest.
+    // The smallest of equally good steps.
     (1..codes).rev().max_by_key(|&step| nearest(step)).unwrap_or(1)
 }
 

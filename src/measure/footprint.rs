@@ -233,7 +233,7 @@ impl Overlaps<'_> {
             .flat_map(|other| self.rows[other].iter().map(|entry| (entry.0, 0.0)))
             .chain(own.iter().copied())
             .collect();
-        // Of the same camera pixel, the overlap comes before the zeros, and the first entry is kept.
+        // The overlap of a camera pixel comes before its zeros, and the first entry is kept.
         row.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
         row.dedup_by_key(|entry| entry.0);
         row

@@ -128,7 +128,7 @@ impl HdrCamera {
 /// Camera pixels for each of the projector's, along an axis, below which neighbouring projector pixels are mixed in the photo.
 const ENOUGH_PIXELS: f64 = 1.0;
 
-/// As [`ENOUGH_PIXELS`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
+/// Camera pixels, as [`ENOUGH_PIXELS`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
 pub(crate) const LEAST_PIXELS: f64 = 0.75;
 
 /// The finding about a camera with too few pixels; `None` if it has enough. A camera that sees more than the projector lights has fewer pixels for the

@@ -24,7 +24,7 @@ pub trait Transport: Send {
     /// The stream of frames.
     type Stream: Send;
 
-    /// Where the camera is, e.g. `at 192.168.1.20`.
+    /// The camera's place, e.g. `at 192.168.1.20`.
     fn place(&self) -> String;
 
     /// Opens the camera.

@@ -52,7 +52,7 @@ impl HardwareRig {
         Ok(Devices { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
 
-    /// What a machine vision camera says that it can do, in words; `None` of other cameras. Its description is a stranger's program in XML: it is read by a
+    /// The abilities that a machine vision camera states, in words; `None` of other cameras. Its description is a stranger's program in XML: it is read by a
     /// process of `helper`, in at most 15 s and 1 GiB of address space, and can end only that process.
     ///
     /// # Errors

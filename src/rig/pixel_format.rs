@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn bytes_are_unpacked_as_the_conventions_say() {
         use PixelFormat as F;
-        // By hand, from PFNC 2.4: 6.1.1 (whole bytes), figures 6-8 and 6-9 (`p`), and from the layout of GigE Vision 2.0 that makers
+        // Computed by hand from PFNC 2.4: 6.1.1 (whole bytes), figures 6-8 and 6-9 (`p`), and from the layout of GigE Vision 2.0 that makers
         // of cameras document for `Packed`.
         for (format, bytes, expected) in [
             (F::Mono8, &[0x00, 0xFF, 0x07][..], &[0, 255, 7][..]),

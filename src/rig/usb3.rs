@@ -109,7 +109,7 @@ pub trait Port: Send {
     /// The transfer of bytes to the camera and back.
     type Wire: UsbTransfer + 'static;
 
-    /// Where the camera is, for errors, e.g. `on USB`.
+    /// The camera's place, for errors, e.g. `on USB`.
     fn place(&self) -> String;
 
     /// Opens the camera.

@@ -205,7 +205,7 @@ mod tests {
     struct SimulatedDevice {
         formats: Vec<[u8; 4]>,
         most: [usize; 2],
-        /// By number: value, least and most.
+        /// Each number's value, least and most.
         controls: BTreeMap<u32, [i64; 3]>,
         /// Controls that stay as they are.
         stubborn: Vec<u32>,

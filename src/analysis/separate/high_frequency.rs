@@ -4,7 +4,7 @@
 //! pattern at the pixel itself. Least squares over the shifts gives `D` as the slope of `y` over `p`, and `G` as twice the
 //! intercept; for two-valued patterns this is Nayar's `max − min`.
 //!
-//! What is left of the photos around the line is noise, and global light that does follow the pattern. Its mean square `s²` (over the photos less
+//! The residuals around the line are noise, and global light that does follow the pattern. Its mean square `s²` (over the photos less
 //! two) gives the standard errors `s/√Σ(p − p̄)²` of `D` and `2 s √(1/m + p̄²/Σ(p − p̄)²)` of `G`. They do not tell of global light that follows the
 //! pattern as direct light does: from a pixel's own surroundings, within a square.
 

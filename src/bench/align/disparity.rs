@@ -73,7 +73,7 @@ pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
         .collect();
     let lengths = || cells.iter().map(|cell| cell.off[0].hypot(cell.off[1]));
     let (median, upper) = (percentile(lengths(), 0.5), percentile(lengths(), 0.95));
-    // Where there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
+    // If there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
     let error = within.min(median / 1.18).hypot(fit_error);
     Disparity { side, median, upper, error, cells }
 }

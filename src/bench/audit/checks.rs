@@ -71,7 +71,7 @@ pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) ->
                 * (dimmed.variance[pixel] / (share * share) + photo.variance[pixel]);
         }
         let off = Ratio::of((dot / share - norm).abs(), norm, variance.sqrt());
-        // Where there is nothing to measure, no other share can tell more.
+        // If there is nothing to measure, no other share can tell more.
         if off.value() >= worst.0.value() || off.value().is_none() {
             worst = (off, variance.sqrt() / norm, *share);
         }

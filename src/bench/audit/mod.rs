@@ -66,7 +66,7 @@ pub struct Audit {
     pub additivity: Vec<f64>,
     /// Number of patterns photographed.
     pub photos: usize,
-    /// What the devices of a rig do without being asked: an iris, pulses, overscan and others. Empty where there are none. They explain a check
+    /// Findings about things that the devices of a rig do without being asked: an iris, pulses, overscan and others. Empty where there are none. They explain a check
     /// that fails, and do not fail the audit.
     pub devices: Vec<Finding>,
 }

@@ -16,7 +16,7 @@ const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
 /// Blocks that the picture is divided into along an axis, for the search of stray light.
 const BLOCKS: usize = 24;
 
-/// Where light is least, it grows by this power of what white gives, at most, if it is even. Light of the scene grows in proportion.
+/// Even light grows, where it is least, at most by this power of the light under white. Light of the scene grows in proportion.
 const EVEN: f64 = 0.5;
 
 /// Brightnesses that differ by less than this factor's logarithm do not show such a power.
@@ -262,7 +262,7 @@ mod tests {
         let [value, error] = slope(&points).expect("the points are apart");
         assert!((value - 0.3).abs() < 3.0 * error && error < 2e-3, "{value} ± {error}");
         assert_eq!(slope(&[[1.0, 2.0]; 20]), None);
-        // By hand: the ordinates of nine points rise by 2, and the first and the last are 3 and −3 off, whose line falls by 0.4.
+        // The ordinates of nine points rise by 2, and the first and the last are 3 and −3 off, whose line falls by 0.4.
         let mut points: Vec<[f64; 2]> = (0..9).map(|at| [f64::from(at), 2.0 * f64::from(at)]).collect();
         points[0][1] += 3.0;
         points[8][1] -= 3.0;
@@ -291,7 +291,7 @@ mod tests {
         check(&mut Probe::new(&mut frames, None, &photos, 0.1, true))
     }
 
-    /// What was photographed before the check is none of its photos.
+    /// A photo from before the check is not counted among its photos.
     #[test]
     fn a_check_counts_its_own_photos() {
         use crate::measure::{CaptureRequest, FrameSource};
@@ -322,7 +322,7 @@ mod tests {
     fn the_quadrants_of_a_frame_have_no_pixel_in_common_and_make_up_all_of_it() {
         with_probe(8, |probe| {
             let Quadrants { whites, quadrants } = quadrants(probe).expect("it never fails");
-            // Of five columns the third belongs to the left: its beginning does.
+            // The third of five columns belongs to the left: its beginning does.
             let lit = |light: &[f64]| {
                 light.iter().map(|light| (light / 50_000.0).round() as u8).collect::<Vec<u8>>()
             };

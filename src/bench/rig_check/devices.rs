@@ -15,7 +15,7 @@ use crate::io::atomic;
 use crate::measure::{Calibration, FrameSource, MeasureOptions, RigFile, RigKind, sight};
 use crate::rig::{CameraInfo, CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
-/// What the file describes, and whether its exposures suit its projector.
+/// The rig that the file describes, and whether its exposures suit its projector.
 pub(crate) fn file(file: &RigFile) -> Finding {
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     let kind = match file.kind {

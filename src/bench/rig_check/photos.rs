@@ -28,7 +28,7 @@ pub(crate) struct Setup<'a> {
     pub(crate) known: Option<&'a Calibration>,
 }
 
-/// What the photos of black and white allow to examine further.
+/// The photos of black and white, and how far they allow to examine further.
 pub(crate) struct Seen {
     /// The exposure of white, in seconds.
     pub(crate) exposure: f64,

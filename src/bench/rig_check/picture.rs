@@ -260,7 +260,7 @@ mod tests {
         (0..to.pixels()).map(value).collect()
     }
 
-    /// What `check` finds on a bench without a calibration whose camera sees `optics` of the light that the projector shows, in
+    /// The finding of `check` on a bench without a calibration whose camera sees `optics` of the light that the projector shows, in
     /// the camera's pixels; white has 50,000 counts above 100.
     fn found<T>(
         [projector, camera]: [Resolution; 2],
@@ -294,7 +294,7 @@ mod tests {
             };
             let finding = found([projector, camera], scene, border);
             assert!(finding.grade == Grade::Ok && finding.found.contains("row and column at"), "{finding}");
-            // Where a camera's pixel holds the border in part, the scene is taken as even inside of it: it changes by less than 5 %.
+            // If a camera's pixel holds the border in part, the scene is taken as even inside of it: it changes by less than 5 %.
             assert!((numbers(&finding)[0] - 100.0).abs() <= 1.0, "{finding}");
         }
     }
@@ -354,7 +354,7 @@ mod tests {
         (0..light.len() as i64).map(one).collect()
     }
 
-    /// Of stripes blurred by `σ` the first harmonic is left, `exp(−f² σ² / 2)` of it, with f = π/2 for a period of four. The coarse
+    /// Stripes blurred by `σ` keep the share `exp(−f² σ² / 2)` of their first harmonic, with f = π/2 for a period of four. The coarse
     /// stripes have an edge every eight pixels, and lose `2 σ √(2/π)` of their light at each. What is found is the blur whose
     /// harmonic is that share of theirs.
     #[test]

@@ -20,7 +20,7 @@ pub(crate) struct Probe<'a> {
     pub(crate) is_known: bool,
     /// The light of white above black, one value for each camera pixel.
     pub(crate) white: Vec<f64>,
-    /// By which share repeated photos of white differ at most.
+    /// The share by which repeated photos of white differ at most.
     pub(crate) scatter: f64,
     /// The light of each count, where the camera's response is not a line.
     curve: Option<Vec<f64>>,
@@ -183,7 +183,7 @@ pub(crate) struct Photos {
     pub(crate) dark_count: f64,
     /// Black at the shortest exposure.
     pub(crate) dark: RawFrame,
-    /// What these photos have cost.
+    /// The cost of these photos.
     pub(crate) effort: Effort,
 }
 

@@ -15,7 +15,7 @@ const REFRESH: f64 = 1.0 / 60.0;
 /// Rows with less than this share of the mean light are too dark to be compared.
 const LEAST_LIGHT: f64 = 0.02;
 
-/// By how many counts rounding may change the mean of a photo.
+/// The counts by which rounding may change the mean of a photo.
 const ROUNDING: f64 = 0.3;
 
 /// Takes six photos of white at short exposures.
@@ -145,7 +145,7 @@ mod tests {
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
 
-    /// What `check` finds on a bench of four by eight pixels whose photos of one second have 100 counts without light, 300 more for black, and
+    /// The finding of `check` on a bench of four by eight pixels whose photos of one second have 100 counts without light, 300 more for black, and
     /// 40,000 more for white, times `share` of the row, the exposure and the wait.
     fn found(
         share: impl Fn(usize, f64, f64) -> f64 + Send,

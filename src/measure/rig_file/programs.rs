@@ -76,10 +76,10 @@ impl RigFile {
     /// A folder below that of the rig file is named relative to it.
     ///
     /// # Errors
-    /// Those of [`Self::load`]; [`Error::Write`].
+    /// The errors of [`Self::load`]; [`Error::Write`].
     pub fn name_calibration(&self, folder: &Path) -> Result<Self> {
         let bytes = file::read(&self.path)?;
-        // What the user changed in the meantime must be as valid as what was read before.
+        // The user may have changed the file in the meantime; it must still be valid.
         Self::from_bytes(&self.path, &bytes)?;
         let named = named_in(&String::from_utf8_lossy(&bytes), &relative(&self.path, folder)?);
         let named = named.map_err(|fault| Error::Data {

@@ -183,7 +183,7 @@ pub(crate) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
     )
 }
 
-/// What a machine vision camera can do, as far as it says.
+/// The abilities of a machine vision camera, as far as it states them.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Abilities {
     /// Width and height of the sensor, in pixels.
@@ -261,7 +261,7 @@ pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Ab
     let ended = wait(&mut child, PATIENCE);
     let (mut said, mut complaint) = (String::new(), String::new());
     if let (Some(stdout), Some(stderr)) = (child.stdout.take(), child.stderr.take()) {
-        // What cannot be read is missing from the answer, which then is none.
+        // Bytes that cannot be read are missing from the answer, which then cannot be parsed.
         let _ = stdout.take(MAX_ANSWER).read_to_string(&mut said);
         let _ = stderr.take(MAX_ANSWER).read_to_string(&mut complaint);
     }
@@ -270,7 +270,7 @@ pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Ab
             serde_json::from_str(&said).map_err(|why| fault(format!("its description gave no answer: {why}")))
         }
         Some(status) => Err(match serde_json::from_str::<Value>(&complaint) {
-            // What the process found wrong; it names the camera itself.
+            // The fault that the process found, which names the camera itself.
             Ok(error) => {
                 let [what, help] = ["error", "help"].map(|key| error[key].as_str().unwrap_or_default());
                 camera_fault(what.trim_start_matches("camera: "), help)

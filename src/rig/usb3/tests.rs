@@ -51,7 +51,7 @@ struct State {
     answers: VecDeque<Vec<u8>>,
     /// Leaders, payloads and trailers that are not yet read.
     stream: VecDeque<Vec<u8>>,
-    /// What is sent late; `None`: nothing is.
+    /// The packets that are sent late; `None`: none are.
     held: Option<Vec<Vec<u8>>>,
     frames: u64,
 }

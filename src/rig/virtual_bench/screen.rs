@@ -9,7 +9,7 @@ use crate::rig::Frame;
 pub(crate) struct VirtualScreen {
     /// The light of each level, relative to white.
     light: Vec<f64>,
-    /// What the white segment adds to the light that a pixel's colours have in common.
+    /// The share that the white segment adds to the light that a pixel's colours have in common.
     white_segment: f64,
     /// The part of the frame that each pixel shows; none where it shows its own.
     overscan: Option<Optics>,

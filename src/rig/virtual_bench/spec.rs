@@ -91,7 +91,7 @@ pub struct VirtualProjector {
     pub latency: f64,
     /// Seconds from one refresh to the next, which is the time that showing a frame takes.
     pub frame_time: f64,
-    /// What the white segment of a colour wheel adds to gray: this share of the light that red, green and blue have in common in a pixel. White is
+    /// The share that the white segment of a colour wheel adds to gray, of the light that red, green and blue have in common in a pixel. White is
     /// then so much brighter than red, green and blue together; light is still relative to white.
     pub white_segment: f64,
     /// How the brightness follows the frame.

@@ -1,4 +1,4 @@
-//! What stands in for an X server where krylux was built without the feature `x11`: every request is an error that says so.
+//! The substitute for an X server where krylux was built without the feature `x11`: every request is an error that says so.
 
 use super::fault;
 use crate::error::{Error, Result};

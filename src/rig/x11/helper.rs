@@ -72,7 +72,7 @@ impl Helper {
     }
 }
 
-/// Where the helper program is looked for.
+/// The places where the helper program is looked for.
 struct Places<'a> {
     variable: Option<OsString>,
     declared: Option<&'a Path>,

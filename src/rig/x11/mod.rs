@@ -92,9 +92,9 @@ pub enum ProjectorKind {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum X11Monitor {
-    /// By its number in the server's order, from 0.
+    /// Its number in the server's order, from 0.
     Number(usize),
-    /// By its name, e.g. `HDMI-1`.
+    /// Its name, e.g. `HDMI-1`.
     Name(String),
 }
 

@@ -306,7 +306,7 @@ mod tests {
         assert!(!is_ramp([&off, &off, &off]) && !is_ramp([&[], &[], &[]]));
     }
 
-    /// What is left in memory: pointers, small numbers and zeros, in 64 bits each.
+    /// Leftovers in memory: pointers, small numbers and zeros, in 64 bits each.
     #[test]
     fn memory_that_nobody_has_written_is_no_ramp() {
         use rand::{RngExt, SeedableRng};

@@ -25,7 +25,7 @@ pub(crate) struct Watch {
     mapped: bool,
     /// Whether the window is covered now.
     obscured: bool,
-    /// What went wrong since the last look. It is kept until it is reported.
+    /// The trouble since the last look. It is kept until it is reported.
     trouble: Option<Trouble>,
     completed: Option<Completed>,
 }
