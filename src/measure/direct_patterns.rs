@@ -43,23 +43,21 @@ impl DirectPatterns {
     }
 }
 
-/// The shifted checkerboards.
-fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
-    // The shift is half a square: each pixel is at least once well inside a bright square, and once well
-    // inside a dark one.
-    let step = side.div_ceil(2);
-    let shifts = |to: usize| (0..to).step_by(step);
-    let pattern = |right: usize, down: usize| {
-        (0..resolution.pixels())
-            .map(|pixel| {
-                let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
-                f64::from(u8::from((x / side + y / side).is_multiple_of(2)))
-            })
-            .collect()
+/// A checkerboard with squares of `side` pixels, moved to the left and up by `shift`: 1 where a pixel is lit, 0 elsewhere.
+pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 2]) -> Vec<f64> {
+    let lit = |pixel: usize| {
+        let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
+        f64::from(u8::from((x / side + y / side).is_multiple_of(2)))
     };
+    (0..resolution.pixels()).map(lit).collect()
+}
+
+/// The shifted checkerboards. The shift is half a square: each pixel is at least once well inside a bright square, and once well inside a
+/// dark one.
+fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
+    let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));
     shifts(side)
-        .flat_map(|down| shifts(2 * side).map(move |right| (right, down)))
-        .map(|(x, y)| pattern(x, y))
+        .flat_map(|down| shifts(2 * side).map(move |right| checkerboard(resolution, side, [right, down])))
         .collect()
 }
 

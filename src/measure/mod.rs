@@ -52,7 +52,7 @@ pub(crate) mod simulated;
 pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
-pub use direct_patterns::code_patterns;
+pub use direct_patterns::{checkerboard, code_patterns};
 pub use display::{bit_plane_amplification, bit_plane_weights};
 pub use frame_source::{CaptureRequest, Effort, FrameSource, Times};
 pub use journal_records::JournaledPhoto;

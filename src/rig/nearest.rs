@@ -5,7 +5,7 @@ use strsim::osa_distance as distance;
 
 /// The known name with the fewest edits from `name`. `None`: all are so different that they are probably other words.
 pub(crate) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
-    let distances = known.iter().map(|known| (strsim::osa_distance(name, known), *known));
+    let distances = known.iter().map(|known| (distance(name, known), *known));
     let (edits, known) = distances.min_by_key(|(edits, _)| *edits)?;
     (2 * edits <= name.chars().count().max(known.chars().count()) + 1).then_some(known)
 }
@@ -28,5 +28,11 @@ mod tests {
             assert_eq!(nearest(name, &known), expected, "{name}");
         }
         assert_eq!(nearest("anything", &[]), None);
+    }
+
+    #[test]
+    fn edits_are_counted() {
+        let cases = [("saturday", "sunday", 3), ("", "abc", 3), ("ab", "ba", 1), ("same", "same", 0)];
+        assert!(cases.iter().all(|(a, b, edits)| distance(a, b) == *edits && distance(b, a) == *edits));
     }
 }
