@@ -88,8 +88,35 @@ impl Finding {
         Self::graded(name, Grade::Unmeasured, format!("not measured, because {because}"), "", "")
     }
 
-    /// A share of the light with its standard error, which must not exceed `bound` by more than [`SIGMAS`] of these. `sentences` say what it
-    /// means that it does not, and that it does.
+    /// A value with its standard error, which must not exceed the bound by more than [`SIGMAS`] of these; otherwise the grade is `beyond`. An
+    /// error that is NaN does not pass.
+    pub fn at_most(
+        name: &'static str,
+        [value, error, bound]: [f64; 3],
+        beyond: Grade,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Self {
+        let grade = if value - SIGMAS * error <= bound { Grade::Ok } else { beyond };
+        Self::graded(name, grade, found, expected, help).measured(value, error, bound)
+    }
+
+    /// As [`Self::at_most`], for a value that must not be less than the bound.
+    pub fn at_least(
+        name: &'static str,
+        [value, error, bound]: [f64; 3],
+        beyond: Grade,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Self {
+        let grade = if value + SIGMAS * error >= bound { Grade::Ok } else { beyond };
+        Self::graded(name, grade, found, expected, help).measured(value, error, bound)
+    }
+
+    /// A share of the light with its standard error, as [`Self::at_most`]. The sentences say what it means that the share passes, and that
+    /// it fails.
     pub fn judged(
         name: &'static str,
         share: Ratio,
@@ -100,12 +127,11 @@ impl Finding {
         let Some(value) = share.value() else {
             return Self::unmeasured(name, "there is no light to compare it with");
         };
-        // An error that is NaN does not pass.
-        let within = value - SIGMAS * error <= bound;
-        let (grade, meaning) = if within { (Grade::Ok, passes) } else { (Grade::Fails, fails) };
-        let found = format!("{} % ± {} %: {meaning}", percent(value), percent(error));
         let expected = format!("at most {} %", percent(bound));
-        Self::graded(name, grade, found, expected, "").measured(value, error, bound)
+        let mut finding = Self::at_most(name, [value, error, bound], Grade::Fails, "", expected, "");
+        let meaning = if finding.grade == Grade::Ok { passes } else { fails };
+        finding.found = format!("{} % ± {} %: {meaning}", percent(value), percent(error));
+        finding
     }
 
     /// A share of the light that is told, but not judged.

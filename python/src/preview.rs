@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use krylux::bench::preview::{CountRange, Preview as Running, level_frame};
+use krylux::calibrate::StructuredLight;
 use krylux::image::{Image, Resolution};
 use krylux::measure::{FrameSource, RigFile, RigKind};
 use krylux::report::preview::overlay;
@@ -67,7 +68,7 @@ impl Preview {
             let frame = Arc::new(level_frame(&image, frames.projector())?);
             let exposure = match exposure.or(source.file.longest_exposure()) {
                 Some(exposure) => exposure,
-                None => Running::white_exposure(frames.as_mut())?.0,
+                None => StructuredLight::white_exposure(frames.as_mut())?.0,
             };
             let range = CountRange::measure(known.as_ref().map(|known| &known.camera), frames.as_mut())?;
             let running = Running::new(frames.as_ref(), frame, exposure, range);

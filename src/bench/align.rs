@@ -3,12 +3,12 @@
 //! A round of structured light finds where each camera pixel looks on the projector's raster. If both devices share one centre,
 //! one map joins their rasters whatever the scene. If they do not, near surfaces are displaced against far ones:
 //!
-//! | figure | from | file |
-//! |---|---|---|
-//! | disparity | codes against the one map that fits most of them | `disparity` |
-//! | camera offset | the cells displaced from that map, which are assumed to be nearer | `offset` |
-//! | shadow | camera pixels that see the scene, but no light straight from the projector | `shadow` |
-//! | symmetry | `yᵀ A x` against `xᵀ A y` | [`crate::bench::audit`] |
+//! | figure | from |
+//! |---|---|
+//! | disparity | codes against the one map that fits most of them |
+//! | camera offset | the cells displaced from that map, which are assumed to be nearer |
+//! | shadow | camera pixels that see the scene, but no light straight from the projector |
+//! | symmetry | `yᵀ A x` against `xᵀ A y`, as in [`crate::bench::audit`] |
 //!
 //! **These figures cannot distinguish near from far**: a bump seen from the left has the same codes and shadows as a dent seen
 //! from the right (relief reversal). So the larger part of the view is taken as the background, and whatever is displaced from
@@ -20,12 +20,13 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 pub use super::align::disparity::{CameraOffset, Cell, Disparity};
-use super::audit::{Seen, symmetry as score};
+use super::audit::symmetry as score;
 use crate::calibrate::{Decoded, Fit, StructuredLight};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::image::{Resolution, percentile};
-use crate::measure::{LensMap, Registration};
+use crate::measure::footprint::by_overlap;
+use crate::measure::{LensMap, Plane, Registration};
 
 /// The options of an alignment round.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,7 +52,7 @@ pub struct Alignment {
     pub camera: Resolution,
     /// Each camera pixel's light under white, in linear digital numbers (DN).
     pub white: Vec<f64>,
-    /// What each camera pixel sees.
+    /// The sight of each camera pixel.
     pub sights: Vec<Sight>,
     /// The share of shadow among the pixels that see the scene.
     pub shadow: f64,
@@ -72,9 +73,9 @@ pub enum Round {
     Found(Box<Alignment>),
     /// No map could be fitted.
     Lost {
-        /// What the rig shows instead.
+        /// The fault that the rig shows instead.
         fault: String,
-        /// What to do.
+        /// The remedy.
         help: String,
     },
 }
@@ -85,10 +86,37 @@ impl Alignment {
         disparity::least(&self.disparity)
     }
 
-    /// Whether no figure contradicts a common centre of projection.
+    /// The findings: displacement from the common map, shadow, and symmetry where it is judged.
+    pub fn findings(&self, options: &AlignOptions) -> Vec<Finding> {
+        let (disparity, least) = (&self.disparity, self.least());
+        let [size, error] =
+            self.stand.map_or([disparity.upper, disparity.error], |stand| [stand.size, stand.error]);
+        let displaced = self.stand.map_or(0.0, |stand| 100.0 * stand.share);
+        let found = format!("{displaced:.0} % of the field is displaced from one map, by {size:.3} pixels");
+        let help = "move the camera to the projector's centre of projection";
+        // The grade follows from enough displaced cells, and not from the size of their displacement alone.
+        let grade = if self.stand.is_none() { Grade::Ok } else { Grade::Fails };
+        let disparity =
+            Finding::graded("disparity", grade, found, format!("at most {least:.3} pixels"), help);
+        let found = format!(
+            "{:.1} % of what the camera sees gets no light straight from the projector",
+            100.0 * self.shadow
+        );
+        let expected = format!("at most {:.1} %", 100.0 * options.share);
+        let shadow = Finding::at_most(
+            "shadow",
+            [self.shadow, 0.0, options.share],
+            Grade::Fails,
+            found,
+            expected,
+            help,
+        );
+        [disparity.measured(size, error, least), shadow].into_iter().chain(self.symmetry.clone()).collect()
+    }
+
+    /// Whether no finding contradicts a common centre of projection.
     pub fn is_aligned(&self, options: &AlignOptions) -> bool {
-        let is_symmetric = self.symmetry.as_ref().is_none_or(|found| found.grade == Grade::Ok);
-        self.stand.is_none() && self.shadow <= options.share && is_symmetric
+        self.findings(options).iter().all(|found| found.grade == Grade::Ok)
     }
 }
 
@@ -123,8 +151,6 @@ pub fn align(observer: &mut StructuredLight<'_>, options: &AlignOptions) -> Resu
     })))
 }
 
-// The shadow image: what the camera sees but the projector does not light.
-
 /// A pixel with less than this share of the median direct light is not lit, …
 const UNLIT: f64 = 0.05;
 
@@ -137,7 +163,7 @@ const SIGMAS: f64 = 5.0;
 /// … and this share of the median direct light; less is negligible.
 const GLIMMER: f64 = 0.01;
 
-/// What a camera pixel sees.
+/// The kinds of things that a camera pixel sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
     /// Light straight from the projector.
@@ -176,8 +202,6 @@ pub(crate) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight
         .collect()
 }
 
-// The symmetry score of a round, from all pairs of random patterns.
-
 /// The score from patterns whose pixels are fully lit or dark, so that the projector's response need not be known. Photos are
 /// resampled by the round's own map. None where fewer than two projector pixels are seen.
 pub(crate) fn symmetry(
@@ -188,7 +212,7 @@ pub(crate) fn symmetry(
 ) -> Result<Option<Finding>> {
     let used: Vec<bool> =
         decoded.lit.iter().zip(&decoded.saturated).map(|(lit, over)| *lit && !over).collect();
-    let map = fit.footprints(&used);
+    let map = by_overlap(&fit.map, &used);
     let mask = map.seen();
     if mask.iter().filter(|&&seen| seen).count() < 2 {
         return Ok(None);
@@ -213,17 +237,17 @@ pub(crate) fn symmetry(
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();
-    let white = Seen { variance, ..white };
+    let white = Plane { variance, ..white };
     Ok(Some(score(&patterns, &photos, &white, &mask, options.asymmetry)))
 }
 
 /// A photo minus black, resampled to the projector's pixels, with the photo's own noise.
-fn resampled(map: &Registration, photo: &[f64], black: &[f64], variance: impl Fn(f64) -> f64) -> Seen {
+fn resampled(map: &Registration, photo: &[f64], black: &[f64], variance: impl Fn(f64) -> f64) -> Plane {
     let row = |pixel: usize, of: &dyn Fn(usize, f64) -> f64| -> f64 {
         map.row(pixel).map(|(camera, weight)| of(camera, weight)).sum()
     };
     let pixels = 0..map.projector.pixels();
-    Seen {
+    Plane {
         values: pixels.clone().map(|i| row(i, &|at, weight| weight * (photo[at] - black[at]))).collect(),
         variance: pixels.map(|i| row(i, &|at, weight| weight * weight * variance(photo[at]))).collect(),
     }

@@ -1,5 +1,4 @@
-//! The live preview of a rig: one pattern photographed again and again while a person sets up projector and
-//! camera.
+//! The live preview of a rig: one pattern is photographed again and again while a person sets up projector and camera.
 //!
 //! Frames are not converted to light: their figures are those of the camera's counts.
 
@@ -7,14 +6,13 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::calibrate::{StructuredLight, WhiteExposure};
 use crate::error::Result;
 use crate::finding::decimal;
 use crate::image::Image;
 use crate::measure::{CameraResponse, CaptureRequest, FrameSource};
 use crate::rig::{Frame, ProjectorInfo, RawFrame};
 
-/// What the counts of a camera mean.
+/// The meaning of a camera's counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CountRange {
     /// The count without light.
@@ -28,9 +26,6 @@ pub struct CountRange {
 impl CountRange {
     /// The range that a calibration knows. Without one, a frame of the black projector at the shortest
     /// exposure is taken: its median is the count without light, and only the largest count is saturated.
-    ///
-    /// # Errors
-    /// Those of [`FrameSource::capture`].
     pub fn measure(known: Option<&CameraResponse>, frames: &mut dyn FrameSource) -> Result<Self> {
         let camera = frames.camera();
         let full = f64::from((1_u32 << camera.bits) - 1);
@@ -89,19 +84,7 @@ impl Preview {
         Self { frame, exposure, range, began, taken: 0, last: None, best_focus: None }
     }
 
-    /// The exposure, in seconds, at which white fills about 70 % of the camera's range, and whether the
-    /// camera has one.
-    ///
-    /// # Errors
-    /// Those of [`FrameSource::capture`].
-    pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
-        StructuredLight::white_exposure(frames)
-    }
-
     /// Takes the next frame.
-    ///
-    /// # Errors
-    /// Those of [`FrameSource::capture`].
     pub fn capture(&mut self, frames: &mut dyn FrameSource) -> Result<FrameFigures> {
         let request = CaptureRequest {
             frame: Arc::clone(&self.frame),
@@ -130,13 +113,11 @@ impl Preview {
         self.last.as_ref()
     }
 
-    /// What the counts mean.
+    /// The meaning of the counts.
     pub fn range(&self) -> &CountRange {
         &self.range
     }
 }
-
-// The figures of one frame of a preview.
 
 /// The figures of one frame. Shares are of all samples; the mean is above black, as a share of the camera's
 /// range.

@@ -1,4 +1,4 @@
-//! The calibration of the camera, from frames of white and black at many exposures.
+//! The calibration of the camera, from frames of white and black at many exposures, and from the photon transfer curve.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ const MARGIN: f64 = 4.0;
 
 /// A calibrated camera.
 #[derive(Clone, Debug)]
-pub(crate) struct Camera {
+pub(crate) struct CalibratedCamera {
     pub(crate) linear: Linear,
     /// Counts from here on may be saturated.
     pub(crate) limit: f64,
@@ -40,7 +40,7 @@ pub(crate) fn camera(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
     exposure: f64,
-) -> Result<Camera> {
+) -> Result<CalibratedCamera> {
     let full = session.full();
     let shortest = session.camera().exposures[0];
     let black = session.filled(0);
@@ -76,7 +76,7 @@ pub(crate) fn camera(
     let spread = (top.max(0.0) / noise.gain.value + noise.read_noise.value.powi(2)).sqrt();
     let limit = limit(&plateau, spread / linear.slope(plateau.count).max(1e-3), MARGIN);
     let white_noise = white_noise(&sorting, &linear, noise.gain.value, noise.read_noise.value);
-    Ok(Camera {
+    Ok(CalibratedCamera {
         figures: CameraFigures {
             black: MeasuredValue::new(linear.black, black_error),
             read_noise: noise.read_noise,
@@ -262,7 +262,7 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // Where the inverse response is flat, its slope is not known well enough to convert the noise.
+        // If the inverse response is flat, its slope is not known well enough to convert the noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;

@@ -209,8 +209,6 @@ fn unseen() -> Error {
     )
 }
 
-// Tools to compare pictures: a band-pass filter, interpolation between pixels, and correlation.
-
 /// The standard deviation of the narrow blur, in pixels. It makes edges so wide that the iteration sees them
 /// from a pixel away.
 pub(crate) const BLUR: f64 = 1.2;
@@ -319,7 +317,7 @@ mod tests {
         }
     }
 
-    /// By hand: the error along one axis is that of `d₀ + d₂ u + d₃ v` for the coordinates `(u, v)` of the point.
+    /// The error along one axis is that of `d₀ + d₂ u + d₃ v` for the coordinates `(u, v)` of the point.
     #[test]
     fn the_error_of_a_displacement_follows_from_the_covariance_of_its_coefficients() {
         let d = Affine { size: SIZE, by: [0.0; 6] };
@@ -332,7 +330,7 @@ mod tests {
             covariance[i * UNKNOWNS + j] = value;
             covariance[j * UNKNOWNS + i] = value;
         };
-        // Of the first axis: unknowns 2, 4 and 5.
+        // The first axis has the unknowns 2, 4 and 5.
         for (i, j, value) in [(2, 2, 4.0), (4, 4, 9.0), (5, 5, 16.0), (2, 4, 1.0), (2, 5, -2.0), (4, 5, 0.5)]
         {
             set(i, j, value);
@@ -403,7 +401,7 @@ mod tests {
         let slow: Vec<f64> = (0..size.pixels()).map(|pixel| 5.0 + 0.1 * (pixel % 48) as f64).collect();
         let used: Vec<bool> = (0..size.pixels()).map(|pixel| pixel % 48 < 24).collect();
         let left = band(size, &slow, &used).expect("both blurs are wider than 0");
-        // Where the used part of the ramp ends, the wide blur changes it by no more than its rise over the
+        // At the end of the used part of the ramp, the wide blur changes it by no more than its rise over the
         // width of the blur.
         assert!((0..size.pixels()).filter(|&pixel| used[pixel]).all(|pixel| left[pixel].abs() < 0.3));
         assert!(left[16 * 48 + 12].abs() < 1e-3, "{}", left[16 * 48 + 12]);

@@ -1,4 +1,4 @@
-//! The exposure at which white fills the camera's range.
+//! The exposure at which white fills the camera's range, and the count at which the camera saturates.
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ pub enum WhiteExposure {
 }
 
 impl WhiteExposure {
-    /// What is wrong with `exposure`, in seconds, and what to do. `None` when it suits white.
+    /// The fault of `exposure`, in seconds, and its remedy. `None` when it suits white.
     pub fn warning(self, exposure: f64) -> Option<String> {
         match self {
             Self::Filled => None,
@@ -54,9 +54,6 @@ pub(crate) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> 
 }
 
 /// The exposure in seconds at which `frame` fills the range best, and whether it suits the frame.
-///
-/// # Errors
-/// Those of taking frames.
 pub(crate) fn search(
     session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
@@ -120,8 +117,6 @@ fn unseen(exposure: f64) -> Error {
     }
 }
 
-// The saturation of the camera: a full well, or the largest count of the converter.
-
 /// The count that overexposed samples reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plateau {
@@ -178,7 +173,7 @@ mod tests {
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
 
-    /// What is found for a hundred pixels with so much light, in counts per second above 10, by a camera of 1023 counts, and all exposures that
+    /// The plateau found for a hundred pixels with this light, in counts per second above 10, by a camera of 1023 counts, and all exposures that
     /// were tried. The bright pixels shall have 10 + 0.7 · 1013 = 719 counts, within 101.
     fn found(light: impl Fn(usize) -> f64 + Send) -> (f64, WhiteExposure, Vec<f64>) {
         let photo = move |request: &CaptureRequest, _| {

@@ -37,7 +37,7 @@ const EXPECTED: f64 = 0.2;
 const RESPONSE_ERROR: f64 = 5e-4;
 
 /// The brightness of the projector relative to the camera's.
-pub(crate) struct Ratio {
+pub(crate) struct BrightnessRatio {
     /// At each of the projector's pixels.
     pub(crate) values: Vec<f64>,
     /// The darkest pixel relative to the brightest, with its error.
@@ -46,15 +46,12 @@ pub(crate) struct Ratio {
 
 /// Measures the ratio by photos of smooth patterns. `curves` are the projector's responses; the pixel map has a standard error in projector
 /// pixels.
-///
-/// # Errors
-/// Those of taking frames.
 pub(crate) fn ratio(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     curves: &[Vec<f64>],
     (registration, map_error): (&Registration, f64),
-) -> Result<Ratio> {
+) -> Result<BrightnessRatio> {
     let photos = Photos::take(session, model, curves, (registration, map_error))?;
     let size = registration.projector;
     let terms: Vec<[f64; TERMS]> = (0..size.pixels()).map(|pixel| polynomials(pixel, size)).collect();
@@ -78,7 +75,7 @@ pub(crate) fn ratio(
     let [least, most] =
         [f64::min, f64::max].map(|choose| values.iter().copied().reduce(choose).unwrap_or(1.0));
     let corner = terms.first().map_or(0.0, error);
-    Ok(Ratio { values, range: MeasuredValue::new(least / most, corner) })
+    Ok(BrightnessRatio { values, range: MeasuredValue::new(least / most, corner) })
 }
 
 /// Photos of the patterns on the projector's pixels.
@@ -97,7 +94,7 @@ struct Photos {
 impl Photos {
     fn take(
         session: &mut CalibrationSession<'_>,
-        model: &CameraModel<'_>,
+        model: &CameraModel,
         curves: &[Vec<f64>],
         (registration, map_error): (&Registration, f64),
     ) -> Result<Self> {
@@ -183,7 +180,7 @@ fn slope(x: &[f64], Resolution { width, height }: Resolution) -> Vec<f64> {
 }
 
 /// The longest exposure, down from that at which white fills the range, at which no sample of white is saturated.
-fn unsaturated(session: &mut CalibrationSession<'_>, model: &CameraModel<'_>) -> Result<f64> {
+fn unsaturated(session: &mut CalibrationSession<'_>, model: &CameraModel) -> Result<f64> {
     let white = session.filled(session.top());
     let mut exposure = model.exposure;
     for _ in 0..6 {
@@ -217,8 +214,6 @@ fn polynomials(pixel: usize, size: Resolution) -> [f64; TERMS] {
     let square = 0.5 * (x * x + y * y);
     [x, y, x * y, 0.5 * (x * x - y * y), square, square * square]
 }
-
-// The uneven brightness of projector and camera, by the photo of a matte sheet.
 
 /// The highest power of a coordinate in the polynomial that describes the sheet's photo.
 const DEGREE: usize = 6;

@@ -1,4 +1,5 @@
-//! Weighted linear least squares of a few unknowns, with the answer's covariance.
+//! Weighted linear least squares of a few unknowns, with the answer's covariance; covariances of residuals that err alike in groups; and
+//! isotonic regression.
 //!
 //! The rows are summed up as normal equations, because a fit can have a row for every pixel of a camera: a QR factorization would have
 //! to hold them all.
@@ -96,8 +97,6 @@ impl Normal {
     }
 }
 
-// Isotonic regression: the ascending curve that is nearest to noisy data.
-
 /// The ascending sequence that is nearest to `values` in the weighted mean square, by the
 /// pool-adjacent-violators algorithm.
 pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
@@ -116,8 +115,6 @@ pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
     }
     pools.iter().flat_map(|&(value, _, length)| std::iter::repeat_n(value, length)).collect()
 }
-
-// The covariance of a fitted map whose residuals come in groups that err alike (a cluster-robust covariance).
 
 /// The gradients of all residuals, summed by group: those of one column or row of the projector's pixels.
 #[derive(Default)]

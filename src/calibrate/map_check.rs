@@ -34,7 +34,7 @@ const DARK: f64 = 0.1;
 /// (several in a small field) at `exposure` seconds.
 ///
 /// # Errors
-/// Those of taking frames; [`crate::Error::Numerical`] when the photos do not show the pattern.
+/// [`crate::Error::Numerical`] when the photos do not show the pattern.
 pub fn map_check(frames: &mut dyn FrameSource, known: &Calibration, exposure: f64) -> Result<Displacement> {
     let mut session = CalibrationSession::new(frames);
     let size = known.registration.projector;

@@ -29,17 +29,6 @@ pub struct Fit {
     pub outliers: f64,
 }
 
-impl Fit {
-    /// Fits the map from the points of one raster to those of another. Correspondences are expected to be off
-    /// by about `spread` pixels of the second raster; some may be wrong.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
-    pub fn of(matches: &[Match], from: Resolution, to: Resolution, spread: f64) -> Result<Self> {
-        fit(matches, from, to, spread)
-    }
-}
-
 /// Fits the map to correspondences, some of which may be wrong. They are expected to be off by about `spread`
 /// projector pixels.
 ///

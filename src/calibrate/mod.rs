@@ -2,14 +2,13 @@
 //!
 //! | measured | from | file |
 //! |---|---|---|
-//! | latency | white after black, after growing waits | `latency` |
-//! | exposure, saturation | white | `exposure`, `saturation` |
+//! | latency | white after black, after growing waits | `session` |
+//! | exposure, saturation | white | `exposure` |
 //! | the camera's response, black level | an exposure series of white and black | `response` |
-//! | gain, read noise | pairs of equal frames | `transfer` |
-//! | the projector's response | a ramp of levels | `ramp` |
-//! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `map_fit`, `footprint` |
-//! | the brightness of the projector relative to the camera's | smooth patterns, by the symmetry of the light transport | `reciprocity` |
-//! | drift | the photos of white during the calibration | `stability` |
+//! | gain, read noise | pairs of equal frames | `camera` |
+//! | the projector's response, the lamp's drift | a ramp of levels, and white between them | `ramp` |
+//! | the pixel map | Gray codes, or a checkerboard | `structured_light`, `pixel_map`, `map_fit`, `stripe_fit` |
+//! | the brightness of the projector relative to the camera's | smooth patterns, by the symmetry of the light transport | `flat_field` |
 //!
 //! While a bench is aligned and checked, [`StructuredLight`] decodes Gray codes without a whole calibration, and
 //! [`map_check`](map_check()) tests a known pixel map.
@@ -20,7 +19,7 @@ mod exposure;
 mod flat_field;
 mod least_squares;
 mod map_check;
-mod map_fit;
+pub(crate) mod map_fit;
 mod pixel_map;
 mod ramp;
 mod report;
@@ -55,7 +54,7 @@ pub struct CalibrateOptions {
     /// Levels of the projector that are shown at most, from 3 on. `None`: 257, or 33 where more than half a second passes from one frame to the
     /// next.
     pub levels: Option<usize>,
-    /// What the pixel map is made from. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
+    /// The source of the pixel map. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
     /// for each of the projector's along an axis.
     pub map: Option<MapBy>,
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then their uneven brightness can
@@ -100,7 +99,7 @@ pub fn calibrate(
     step("camera")?;
     let camera = camera::camera(&mut session, &white, exposure)?;
     let model = CameraModel {
-        linear: &camera.linear,
+        linear: camera.linear.clone(),
         gain: camera.figures.gain.value,
         read_noise: camera.figures.read_noise.value,
         limit: camera.limit,
@@ -160,7 +159,7 @@ pub fn calibrate(
     Ok((calibration, report))
 }
 
-/// What the report says of one channel of the projector.
+/// The report on one channel of the projector.
 fn figures(ramp: &Ramp) -> ProjectorFigures {
     ProjectorFigures {
         gamma: ramp.gamma,

@@ -1,4 +1,4 @@
-//! The measurement of the pixel map, from Gray codes to footprints (O'Toole and Kutulakos, section 8.1).
+//! The measurement of the pixel map, from Gray codes or a checkerboard to footprints (O'Toole and Kutulakos, section 8.1).
 
 use super::least_squares::Normal;
 use super::map_fit;
@@ -25,19 +25,16 @@ const OUTLIERS: f64 = 0.5;
 /// projector pixel are decoded, which hides a shift by a part of a pixel.
 const SAMPLED: f64 = 1.5;
 
-/// Where fewer camera pixels than this share are not decoded, each of the others lies inside one projector pixel, and the codes are exact.
+/// If fewer camera pixels than this share are not decoded, each of the others lies inside one projector pixel, and the codes are exact.
 const ALIGNED: f64 = 0.1;
 
 /// The least width of the finest stripes that can be decoded, in camera pixels.
 const STRIPE: f64 = 1.5;
 
 /// Measures the map from camera to projector, and makes the pixel map of it.
-///
-/// # Errors
-/// Those of [`map_fit::fit`], and of taking frames.
 pub(crate) fn pixel_map(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     by: Option<MapBy>,
 ) -> Result<(Registration, MapFigures)> {
     let (camera, projector) = (session.camera().resolution, session.projector().resolution);
@@ -69,7 +66,7 @@ pub(crate) fn pixel_map(
     let outliers = |fit: &Fit| fit.outliers;
     match fit {
         Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
-            // Where no camera pixel sees an edge, the codes are exact, and the stripes tell less.
+            // If no camera pixel sees an edge, the codes are exact, and the stripes tell less.
             let finer = refined(&fit, &decoded).ok().filter(|finer| finer.error < fit.error);
             let fit = finer.unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);
@@ -157,12 +154,9 @@ const SQUARE: f64 = 6.0;
 
 /// Shows a checkerboard, and finds its corners near the places that `map` predicts. Camera pixels that are
 /// not `lit` are not used.
-///
-/// # Errors
-/// Those of taking frames.
 pub(crate) fn corners(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     map: &LensMap,
     lit: &[bool],
 ) -> Result<Vec<Match>> {

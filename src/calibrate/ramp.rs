@@ -53,7 +53,7 @@ pub(crate) struct Ramp {
 /// [`Error::Rig`] when white is no brighter than black.
 pub(crate) fn ramp(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     channel: usize,
     most_levels: usize,
 ) -> Result<Ramp> {
@@ -118,13 +118,7 @@ fn levels(top: u16, most: usize) -> Vec<u16> {
 
 /// The light of `lit` less that of `dark`, both at one exposure, relative to `white` less `base`, both at
 /// another exposure; and its standard error.
-fn relative(
-    model: &CameraModel<'_>,
-    lit: &Mean,
-    dark: &Mean,
-    white: &Mean,
-    base: &Mean,
-) -> Result<(f64, f64)> {
+fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for sample in 0..lit.counts.len() {
         let saturated =
@@ -150,7 +144,7 @@ fn relative(
 }
 
 /// The light of black relative to that of white.
-fn black_share(model: &CameraModel<'_>, white: &Mean, base: &Mean) -> MeasuredValue {
+fn black_share(model: &CameraModel, white: &Mean, base: &Mean) -> MeasuredValue {
     let sum = |mean: &Mean| mean.counts.iter().map(|&count| model.linear.of(count)).sum::<f64>();
     let [white_sum, base_sum] = [white, base].map(sum);
     let samples = base.counts.len() as f64;
@@ -240,8 +234,6 @@ fn at(points: &[(f64, f64)], x: f64) -> f64 {
     }
 }
 
-// The drift of the lamp: a line fitted to the photos of white over time.
-
 /// The relative change per hour of `whites` (seconds, light), each with this relative standard error. Where
 /// the residuals of the line are larger than that, the error of the result is scaled up accordingly.
 ///
@@ -269,8 +261,8 @@ mod tests {
     use crate::calibrate::session::Linear;
 
     const LINEAR: Linear = Linear { black: 10.0, curve: None };
-    const MODEL: CameraModel<'static> =
-        CameraModel { linear: &LINEAR, gain: 4.0, read_noise: 0.5, limit: 1000.0, exposure: 0.1, takes: 1 };
+    const MODEL: CameraModel =
+        CameraModel { linear: LINEAR, gain: 4.0, read_noise: 0.5, limit: 1000.0, exposure: 0.1, takes: 1 };
 
     fn mean(counts: [f64; 3], exposure: f64, takes: u32) -> Mean {
         let peaks = counts.map(|count| count as u16).to_vec();

@@ -1,4 +1,4 @@
-//! The report of a calibration: every measured value with its standard error.
+//! The report of a calibration: every measured value with its standard error, and the lines that show it.
 
 use std::fmt;
 
@@ -67,7 +67,7 @@ pub struct ProjectorFigures {
 /// The measured values of the pixel map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapFigures {
-    /// What it was made from: `gray-code` or `checkerboard`.
+    /// The source of the map: `gray-code` or `checkerboard`.
     pub by: MapBy,
     /// The map of homography and lens. `None` when none fits; each camera pixel was then decoded by itself.
     pub lens: Option<LensMap>,
@@ -84,7 +84,7 @@ pub struct MapFigures {
     pub masked: f64,
 }
 
-/// What a pixel map is made from.
+/// The source of a pixel map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapBy {
@@ -110,8 +110,6 @@ pub struct StabilityFigures {
     /// The latency sweep: seconds waited, and the share of the light that was there.
     pub sweep: Vec<(f64, f64)>,
 }
-
-// A measured number with its standard error.
 
 /// A measured number with its standard error, in the same unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -143,9 +141,7 @@ impl fmt::Display for MeasuredValue {
     }
 }
 
-// A calibration's report as lines of text.
-
-/// What a line is about, and its figures. The first is empty where the line continues the one before.
+/// The subject of a line, and its figures. The first is empty where the line continues the one before.
 type Line = [String; 2];
 
 impl CalibrationReport {

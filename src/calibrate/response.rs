@@ -32,7 +32,7 @@ struct Point {
 
 /// The response that follows from an exposure series.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Response {
+pub(crate) struct FittedResponse {
     /// The extrapolated count without light.
     pub(crate) black: f64,
     /// Its standard error.
@@ -55,15 +55,20 @@ pub(crate) fn response(
     floor: f64,
     limit: f64,
     full: f64,
-) -> Result<Response> {
+) -> Result<FittedResponse> {
     let points = points(whites, blacks, sorting, limit);
     let (black, black_error, departure) = line(&points, full - floor)?;
     if departure <= LINEAR_WITHIN {
-        return Ok(Response { black, black_error, departure, curve: None });
+        return Ok(FittedResponse { black, black_error, departure, curve: None });
     }
     let (black, curve) = curve(&points, floor, limit, full)?;
     let dark = points.iter().min_by(|a, b| a.count.total_cmp(&b.count));
-    Ok(Response { black, black_error: dark.map_or(1.0, |point| point.error), departure, curve: Some(curve) })
+    Ok(FittedResponse {
+        black,
+        black_error: dark.map_or(1.0, |point| point.error),
+        departure,
+        curve: Some(curve),
+    })
 }
 
 /// The mean counts of all groups at all exposures.
@@ -210,7 +215,7 @@ mod tests {
     }
 
     /// Twelve exposures of white and of black with a camera of this response, and what follows from them.
-    fn measured(count: impl Fn(f64) -> f64) -> Response {
+    fn measured(count: impl Fn(f64) -> f64) -> FittedResponse {
         let exposures: Vec<f64> = (0..12).map(|k| 2.0_f64.powf(-0.5 * f64::from(k))).collect();
         let white = |exposure: f64| frame(exposure, |sample| count(light(sample) * exposure));
         let whites: Vec<RawFrame> = exposures.iter().map(|&exposure| white(exposure)).collect();
@@ -305,7 +310,7 @@ mod tests {
         let white = frame(0.5, |sample| 100.0 + (sample % 240) as f64);
         let black = frame(0.25, |_| 50.0);
         let points = points(std::slice::from_ref(&white), std::slice::from_ref(&black), &white, 330.0);
-        // Of 24 groups of 20 samples the last one has counts of 330 to 339.
+        // The last of 24 groups of 20 samples has counts of 330 to 339.
         assert_eq!(points.len(), 23 + 1);
         for (group, point) in points[..23].iter().enumerate() {
             let count = 100.0 + 10.0 * group as f64 + 4.5;

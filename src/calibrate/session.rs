@@ -1,4 +1,5 @@
-//! A calibration session: it takes frames, each with a new take number, and computes their means.
+//! A calibration session: it takes frames, each with a new take number, and computes their means. The model of the camera, as far as it is
+//! known in the course of the session, and the first measurement, the projector's latency, are here as well.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -148,8 +149,6 @@ impl<'a> CalibrationSession<'a> {
     }
 }
 
-// Counts as light, as far as a calibration knows while it is made.
-
 /// `linear DN = curve(count)`, or `count − black`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Linear {
@@ -175,13 +174,11 @@ impl Linear {
     }
 }
 
-// The camera's response and noise, as far as they are known in the course of a calibration.
-
 /// How photos are taken and converted to light: exposure, takes, response and noise.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct CameraModel<'a> {
+#[derive(Clone, Debug)]
+pub(crate) struct CameraModel {
     /// The response: linear DN of a count.
-    pub(crate) linear: &'a Linear,
+    pub(crate) linear: Linear,
     /// Electrons per linear DN.
     pub(crate) gain: f64,
     /// The read noise, in DN.
@@ -194,7 +191,7 @@ pub(crate) struct CameraModel<'a> {
     pub(crate) takes: u32,
 }
 
-impl CameraModel<'_> {
+impl CameraModel {
     /// The variance of the mean of so many takes of a sample with this light, in linear DN above black.
     pub(crate) fn variance(&self, light: f64, takes: u32) -> f64 {
         (light.max(0.0) / self.gain + self.read_noise.powi(2)) / f64::from(takes)
@@ -224,9 +221,6 @@ pub(crate) struct Latency {
 
 /// Measures the latency by a search over waits. The exposure, in seconds, should be short and must not
 /// saturate.
-///
-/// # Errors
-/// Those of taking frames.
 pub(crate) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Result<Latency> {
     let (black, white) = (session.filled(0), session.filled(session.top()));
     let step = |session: &mut CalibrationSession<'_>, wait: f64| -> Result<f64> {

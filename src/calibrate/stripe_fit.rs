@@ -108,7 +108,7 @@ fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations>
     if !(square > 0.25 && direct > SIGMAS * decoded.noise[pixel]) {
         return None;
     }
-    // Of a change of the stripes only that part counts which is no change of the direct light.
+    // A change of the stripes counts only as far as a change of the direct light does not explain it.
     let change = |more: [f64; PLANES], less: [f64; PLANES]| {
         let change: [f64; PLANES] = std::array::from_fn(|plane| (more[plane] - less[plane]) / (2.0 * SHIFT));
         let along = product(&change, &expected) / square;
@@ -156,7 +156,7 @@ fn normal_equations(equations: &[Equations]) -> Normal {
     normal
 }
 
-/// From this misfit on a camera pixel is left out.
+/// A camera pixel with this misfit or more is left out.
 fn limit(equations: &[Equations]) -> f64 {
     LIMIT * percentile(equations.iter().map(Equations::misfit), 0.5).max(f64::MIN_POSITIVE)
 }

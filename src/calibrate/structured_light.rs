@@ -1,5 +1,4 @@
-//! Structured light without a whole calibration: exposure, Gray codes, and single photos, as often as needed
-//! while a bench is set up.
+//! Gray codes, and structured light without a whole calibration, as often as needed while a bench is set up.
 
 use super::camera::transfer;
 use super::exposure::{WhiteExposure, fill, search};
@@ -8,9 +7,8 @@ use super::pixel_map::coarse;
 use super::session::{CalibrationSession, CameraModel, Linear, Mean};
 use crate::error::Result;
 use crate::image::{Resolution, percentile};
-use crate::measure::footprint::by_overlap;
 use crate::measure::lens_map::{Match, centre};
-use crate::measure::{CameraResponse, FrameSource, Registration};
+use crate::measure::{CameraResponse, FrameSource};
 use crate::rig::RawFrame;
 
 /// Pairs of equal frames at each of three brightnesses, by which the noise is measured when no calibration is
@@ -24,11 +22,7 @@ const LIMIT: f64 = 0.98;
 /// linear DN, summed over the camera's channels.
 pub struct StructuredLight<'a> {
     session: CalibrationSession<'a>,
-    linear: Linear,
-    limit: f64,
-    gain: f64,
-    read_noise: f64,
-    exposure: f64,
+    model: CameraModel,
 }
 
 impl<'a> StructuredLight<'a> {
@@ -52,8 +46,9 @@ impl<'a> StructuredLight<'a> {
         };
         if let Some(known) = known {
             let linear = Linear { black: known.black, curve: known.curve.clone() };
-            let CameraResponse { saturation, gain, read_noise, .. } = *known;
-            return Ok(Self { session, linear, limit: saturation, gain, read_noise, exposure });
+            let CameraResponse { saturation: limit, gain, read_noise, .. } = *known;
+            let model = CameraModel { linear, gain, read_noise, limit, exposure, takes: 1 };
+            return Ok(Self { session, model });
         }
         let shortest = session.camera().exposures[0];
         let black = session.filled(0);
@@ -69,14 +64,12 @@ impl<'a> StructuredLight<'a> {
         let linear = Linear { black: dark, curve: None };
         let noise = transfer(&pairs, &linear, limit)?;
         let (gain, read_noise) = (noise.gain.value, noise.read_noise.value);
-        Ok(Self { session, linear, limit, gain, read_noise, exposure })
+        let model = CameraModel { linear, gain, read_noise, limit, exposure, takes: 1 };
+        Ok(Self { session, model })
     }
 
     /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera
     /// has one.
-    ///
-    /// # Errors
-    /// Those of taking frames.
     pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
@@ -85,7 +78,7 @@ impl<'a> StructuredLight<'a> {
 
     /// The exposure of all photos, in seconds.
     pub fn exposure(&self) -> f64 {
-        self.exposure
+        self.model.exposure
     }
 
     /// The camera's pixels.
@@ -99,13 +92,9 @@ impl<'a> StructuredLight<'a> {
     }
 
     /// Shows Gray codes, and decodes which projector pixel each camera pixel sees.
-    ///
-    /// # Errors
-    /// Those of taking frames.
     pub fn codes(&mut self) -> Result<Decoded> {
         let coarse = coarse(self.camera(), self.projector());
-        let Self { session, linear, limit, gain, read_noise, exposure } = self;
-        gray_code(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), coarse)
+        gray_code(&mut self.session, &self.model, coarse)
     }
 
     /// The map from camera to projector that most of the decoded pixels agree on.
@@ -122,31 +111,15 @@ impl<'a> StructuredLight<'a> {
     }
 
     /// The photo of a pattern of the pixels (column, row) that are `lit`: one value per camera pixel.
-    ///
-    /// # Errors
-    /// Those of taking frames.
     pub fn photograph(&mut self, lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
-        let Self { session, linear, limit, gain, read_noise, exposure } = self;
-        Ok(photo(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), lit)?.0)
+        sum(&mut self.session, &self.model, lit)
     }
 
     /// The variance of a photo's value, in linear DN², where the light is this many linear DN.
     pub fn variance(&self, light: f64) -> f64 {
         let channels = self.session.camera().channels as f64;
-        light.max(0.0) / self.gain + channels * (self.read_noise.powi(2) + 1.0 / 12.0)
+        light.max(0.0) / self.model.gain + channels * (self.model.read_noise.powi(2) + 1.0 / 12.0)
     }
-}
-
-impl Fit {
-    /// The pixel map that follows from this lens map: which camera pixels see each projector pixel. Camera
-    /// pixels that are not `used` are left out.
-    pub fn footprints(&self, used: &[bool]) -> Registration {
-        by_overlap(&self.map, used)
-    }
-}
-
-fn model(linear: &Linear, limit: f64, [gain, read_noise, exposure]: [f64; 3]) -> CameraModel<'_> {
-    CameraModel { linear, gain, read_noise, limit, exposure, takes: 1 }
 }
 
 // Gray codes: which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
@@ -242,12 +215,9 @@ impl Decoded {
 }
 
 /// Shows the codes and decodes them. The `coarse` finest bits of each axis are left out.
-///
-/// # Errors
-/// Those of taking frames.
 pub(crate) fn gray_code(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     coarse: u32,
 ) -> Result<Decoded> {
     let Resolution { width, height } = session.projector().resolution;
@@ -325,7 +295,7 @@ pub(crate) fn gray_code(
 /// The photo of a pattern: linear DN of each camera pixel, summed over its channels.
 pub(crate) fn sum(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     lit: impl Fn(usize, usize) -> bool,
 ) -> Result<Vec<f64>> {
     Ok(photo(session, model, lit)?.0)
@@ -334,7 +304,7 @@ pub(crate) fn sum(
 /// The photo of a pattern, and which camera pixels have a saturated channel.
 pub(crate) fn photo(
     session: &mut CalibrationSession<'_>,
-    model: &CameraModel<'_>,
+    model: &CameraModel,
     lit: impl Fn(usize, usize) -> bool,
 ) -> Result<(Vec<f64>, Vec<bool>)> {
     let frame = session.drawn(lit)?;

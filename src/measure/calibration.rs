@@ -1,5 +1,5 @@
-//! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map and the
-//! stability (O'Toole and Kutulakos, section 8.1).
+//! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map, the uneven brightness and the stability
+//! (O'Toole and Kutulakos, section 8.1).
 
 use super::footprint::by_overlap;
 use super::lens_map::LensMap;
@@ -106,7 +106,7 @@ impl Registration {
     /// whose centres lie in it, with equal weights. If there is none, it is seen by the camera pixel that
     /// contains its centre.
     ///
-    /// Where the camera is finer, but not by a whole factor, some of its pixels see two of the projector's. Then the map is made as that of a
+    /// If the camera is finer, but not by a whole factor, some of its pixels see two of the projector's. Then the map is made as that of a
     /// calibrated rig, so that light of the neighbours is told from the pixel's own.
     pub fn by_area(projector: Resolution, camera: Resolution) -> Self {
         let sides = [(projector.width, camera.width), (projector.height, camera.height)];
@@ -162,9 +162,6 @@ pub struct FlatField {
 impl FlatField {
     /// The flat field of a rig whose camera and projector differ by the factor `ratio`, `p / c`: what the symmetry of `A` tells. The
     /// whole factor is taken as the camera's. What is common to both stays in the photos, where it leaves the matrix symmetric.
-    ///
-    /// # Errors
-    /// As [`Self::check`].
     pub fn of_ratio(ratio: &[f64]) -> Result<Self> {
         let camera = ratio.iter().map(|ratio| 1.0 / ratio).collect();
         Self { projector: vec![1.0; ratio.len()], camera }.normalized()
@@ -217,7 +214,7 @@ impl FlatField {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
 
-    /// What a pattern that was shown stands for.
+    /// The vector `x` that a shown pattern stands for.
     pub(crate) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }
@@ -253,7 +250,7 @@ mod tests {
         assert_eq!((coarser.starts, coarser.pixels), (vec![0, 1, 2, 3], vec![0, 1, 1]));
     }
 
-    /// Whatever the two rasters are, each pixel's photo holds its own light, and hardly any of its neighbours'.
+    /// For any two rasters, each pixel's photo holds its own light, and hardly any of its neighbours'.
     #[test]
     fn the_camera_may_be_finer_by_any_factor() {
         let projector = Resolution::new(8, 6);

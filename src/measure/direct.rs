@@ -47,10 +47,10 @@ const STEPS: [usize; 2] = [4, 12];
 
 /// Direct light: `y = S (d ∘ K x)` for each of the camera's channels.
 #[derive(Clone, Debug)]
-pub(crate) struct DirectLight {
+pub(crate) struct DirectMatrix {
     /// `d` and its variance for each of the camera's channels.
     planes: Vec<Plane>,
-    /// What is not known of the blur.
+    /// The uncertainty of the blur.
     doubt: BlurDoubt,
     /// The spread `K` of the projector's pixels; `None` where none was found.
     blur: Option<Blur>,
@@ -58,7 +58,7 @@ pub(crate) struct DirectLight {
     spread: Option<Arc<Spread>>,
 }
 
-impl DirectLight {
+impl DirectMatrix {
     /// The direct light of one channel under a pattern, with its variance.
     pub(crate) fn under(&self, channel: usize, pattern: &[f64]) -> Plane {
         let Plane { values, variance } = &self.planes[channel];
@@ -130,7 +130,7 @@ pub(crate) struct DirectPhotos<'a> {
 
 impl DirectPhotos<'_> {
     /// Fits the direct light of all channels.
-    pub(crate) fn fit(&self) -> DirectLight {
+    pub(crate) fn fit(&self) -> DirectMatrix {
         let spread =
             self.registration.lens.as_ref().map(|lens| Arc::new(Spread::new(self.registration, lens)));
         let channels = self.shown.len();
@@ -163,7 +163,7 @@ impl DirectPhotos<'_> {
                 fit.plane(noise, self.registration.projector)
             })
             .collect();
-        DirectLight { planes, doubt, blur, spread }
+        DirectMatrix { planes, doubt, blur, spread }
     }
 
     /// The photos of one channel, less their mean.
@@ -242,7 +242,7 @@ mod tests {
             for spread in [None, Some(&spread)] {
                 let planes = vec![Plane { values: values.clone(), variance: vec![0.0; 120] }];
                 let doubt = BlurDoubt::none(size);
-                let direct = DirectLight { planes, doubt, blur: blur.clone(), spread: spread.cloned() };
+                let direct = DirectMatrix { planes, doubt, blur: blur.clone(), spread: spread.cloned() };
                 let photo = direct.under(0, &pattern).values;
                 for (pixel, seen) in photo.iter().enumerate() {
                     let row = direct.row(0, pixel);
@@ -264,7 +264,7 @@ mod tests {
         let (values, variance, slope, z, x) = (of(1), of(2), of(3), of(4), of(5));
         let planes = vec![Plane { values: values.clone(), variance: variance.clone() }];
         let known = BlurDoubt::none(size);
-        let mut direct = DirectLight { planes, doubt: known, blur: Blur::new(size, 0.5), spread: None };
+        let mut direct = DirectMatrix { planes, doubt: known, blur: Blur::new(size, 0.5), spread: None };
         let light = Blur::new(size, 0.5).map(|blur| blur.apply(&x)).unwrap_or_default();
         let of_pixels: f64 = (0..30).map(|at| (z[at] * light[at]).powi(2) * variance[at]).sum();
         assert!((direct.error_of_form(0, &z, &x) - of_pixels.sqrt()).abs() < 1e-12);
@@ -274,7 +274,7 @@ mod tests {
         let form = |share: f64| -> f64 {
             let values = values.iter().zip(&slope).map(|(d, slope)| d + share * slope).collect();
             let planes = vec![Plane { values, variance: variance.clone() }];
-            let moved = DirectLight { planes, ..direct.clone() };
+            let moved = DirectMatrix { planes, ..direct.clone() };
             moved.under(0, &wider(size, &x, share)).values.iter().zip(&z).map(|(y, z)| y * z).sum()
         };
         // The central difference has no error of second order.

@@ -15,7 +15,7 @@ pub(crate) struct DirectFit<'a> {
     square: Vec<f64>,
     spread: Option<&'a Spread>,
     direct: Vec<f64>,
-    /// What is left of the photos.
+    /// The residuals of the photos.
     left: Vec<Vec<f64>>,
 }
 
@@ -158,7 +158,7 @@ pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     planes
 }
 
-// What the fit of direct light does not know of the projector's blur.
+// The uncertainty of the projector's blur, and what it does to the direct light.
 //
 // Light that a pixel sends to its neighbours by way of other surfaces looks like a blur, and near edges and creases only. A blur that is a little too wide makes
 // the direct light of all pixels a little too bright, which no average over pixels takes out. The error of the blur is found from how much
@@ -182,7 +182,7 @@ pub(crate) struct BlurDoubt {
 }
 
 impl BlurDoubt {
-    /// That of fits of each of the `channels`, where `fit` has so much more light go to the neighbours.
+    /// The doubt about the blur of `channels` fits: `fit` is that of a channel with a given share more light for the neighbours.
     pub(crate) fn of<'a>(
         resolution: Resolution,
         channels: usize,

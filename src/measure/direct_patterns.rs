@@ -24,7 +24,7 @@ pub(crate) enum DirectPatterns {
 }
 
 impl DirectPatterns {
-    /// What suits a pixel map. Runs by calibrations that know no map of the lens were taken with squares of four pixels, and can still be asked.
+    /// The patterns that suit a pixel map. Runs by calibrations that know no map of the lens were taken with squares of four pixels, and can still be asked.
     pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
@@ -43,23 +43,21 @@ impl DirectPatterns {
     }
 }
 
-/// The shifted checkerboards.
-fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
-    // The shift is half a square: each pixel is at least once well inside a bright square, and once well
-    // inside a dark one.
-    let step = side.div_ceil(2);
-    let shifts = |to: usize| (0..to).step_by(step);
-    let pattern = |right: usize, down: usize| {
-        (0..resolution.pixels())
-            .map(|pixel| {
-                let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
-                f64::from(u8::from((x / side + y / side).is_multiple_of(2)))
-            })
-            .collect()
+/// A checkerboard with squares of `side` pixels, moved to the left and up by `shift`: 1 where a pixel is lit, 0 elsewhere.
+pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 2]) -> Vec<f64> {
+    let lit = |pixel: usize| {
+        let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
+        f64::from(u8::from((x / side + y / side).is_multiple_of(2)))
     };
+    (0..resolution.pixels()).map(lit).collect()
+}
+
+/// The shifted checkerboards. The shift is half a square: each pixel is at least once well inside a bright square, and once well inside a
+/// dark one.
+fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
+    let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));
     shifts(side)
-        .flat_map(|down| shifts(2 * side).map(move |right| (right, down)))
-        .map(|(x, y)| pattern(x, y))
+        .flat_map(|down| shifts(2 * side).map(move |right| checkerboard(resolution, side, [right, down])))
         .collect()
 }
 
@@ -94,7 +92,7 @@ fn step(codes: usize) -> usize {
         };
         (1..=codes.isqrt() + 1).map(below).min().unwrap_or(0).min(codes * codes)
     };
-    // Of equally good ones, the smallest.
+    // The smallest of equally good steps.
     (1..codes).rev().max_by_key(|&step| nearest(step)).unwrap_or(1)
 }
 

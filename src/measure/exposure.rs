@@ -136,7 +136,7 @@ mod tests {
             Self { light: light.to_vec(), channels: 1, used, exposures: [1e-3, 100.0], frame_time: 0.0 }
         }
 
-        /// What is chosen, and the exposures of all test photos. It is the same whether the black level is corrected or not.
+        /// The chosen exposures, and those of all test photos. They are the same whether the black level is corrected or not.
         fn choose(&self, brackets: u32) -> (Result<Vec<f64>>, Vec<f64>) {
             let chosen = [true, false].map(|undo| {
                 let light = self.light.clone();

@@ -1,10 +1,10 @@
-//! Footprints: the camera pixels that see each projector pixel, by the overlap of their areas.
+//! Footprints: the camera pixels that see each projector pixel, by the overlap of their areas, and their weights.
 
 use rayon::prelude::*;
 
 use super::calibration::Registration;
 use super::lens_map::LensMap;
-use super::spread::{Entry, Rows};
+use super::spread::{Entry, SparseRows};
 use crate::image::Resolution;
 
 /// A projector pixel counts as seen when lit camera pixels cover at least this share of its area.
@@ -142,14 +142,14 @@ const REACH: usize = 2;
 const ACCURACY: f64 = 1e-6;
 
 /// The share of each camera pixel's area that lies in each projector pixel.
-pub(crate) struct Shares(Rows);
+pub(crate) struct Shares(SparseRows);
 
 impl Shares {
     /// The shares from the areas of the camera's pixels and those of their overlaps, which are listed by projector pixel.
     pub(crate) fn new(areas: &[f64], overlaps: &[Vec<Entry>]) -> Self {
         let share = |&(camera, area): &Entry| (camera, area / areas[camera as usize]);
         let shares: Vec<Vec<Entry>> = overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
-        Self(Rows::transposed(&shares, areas.len()))
+        Self(SparseRows::transposed(&shares, areas.len()))
     }
 
     /// The shares of one camera pixel.
@@ -233,7 +233,7 @@ impl Overlaps<'_> {
             .flat_map(|other| self.rows[other].iter().map(|entry| (entry.0, 0.0)))
             .chain(own.iter().copied())
             .collect();
-        // Of the same camera pixel, the overlap comes before the zeros, and the first entry is kept.
+        // The overlap of a camera pixel comes before its zeros, and the first entry is kept.
         row.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
         row.dedup_by_key(|entry| entry.0);
         row

@@ -1,4 +1,4 @@
-//! The source of raw frames: open devices, or a journal in front of them.
+//! The source of raw frames, open devices or a journal in front of them, and how the time of a session is spent.
 
 use std::fmt;
 use std::ops::Add;
@@ -80,9 +80,6 @@ pub trait FrameSource: Send {
     /// again, and `frame` was the camera's last. A journal calls this once, before the first photo that it
     /// does not hold. A virtual rig that was opened with that frame's [`Stamp`](crate::rig::Stamp) then
     /// continues as if there had been no interruption.
-    ///
-    /// # Errors
-    /// Those of [`Self::capture`].
     fn follow(&mut self, request: &CaptureRequest, frame: &RawFrame) -> Result<()> {
         let _ = (request, frame);
         Ok(())
@@ -96,8 +93,6 @@ pub trait FrameSource: Send {
     /// The costs so far.
     fn effort(&self) -> Effort;
 }
-
-// How the time of a session is spent.
 
 /// How the time of one or of many photos is spent, in seconds on the rig's clock. The sum of a session is
 /// [`Effort::seconds`](crate::measure::Effort::seconds). `refresh` and `settle` depend on the projector, `expose` on

@@ -1,4 +1,5 @@
-//! The averaging stage: the mean of repeated takes of one frame, in linear light.
+//! From repeated takes at several exposures to one photo on the camera's pixels: averaging, ambient light, and merging (O'Toole and Kutulakos,
+//! sections 7.2 and 8.2).
 
 use std::ops::Range;
 use std::sync::Arc;

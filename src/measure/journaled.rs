@@ -272,8 +272,6 @@ fn mean(frame: &Arc<Frame>) -> f64 {
     levels.iter().map(|&level| f64::from(level)).sum::<f64>() / levels.len() as f64
 }
 
-// The order in which the photos of a journal were taken, and the places of lost photos in it.
-
 /// The photos of a journal, ordered by the camera's frame number.
 pub(crate) struct CaptureOrder {
     /// All photos whose stamp is known, including those whose content is damaged.

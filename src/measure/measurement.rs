@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::calibration::{Calibration, FlatField, Registration};
-use super::direct::DirectLight;
+use super::direct::DirectMatrix;
 use super::display::Display;
 use super::frame_source::{Effort, FrameSource};
 use super::options::MeasureOptions;
@@ -41,7 +41,7 @@ pub struct Measurement {
     pub(crate) full_white: Option<Arc<Vec<Plane>>>,
     /// The photo under even white.
     pub(crate) white: Option<Photo>,
-    pub(crate) direct: Option<Arc<DirectLight>>,
+    pub(crate) direct: Option<Arc<DirectMatrix>>,
     pub(crate) last: Option<Plane>,
 }
 
@@ -167,26 +167,17 @@ impl Measurement {
     }
 
     /// The exposures in use, in seconds.
-    ///
-    /// # Errors
-    /// Those of taking the test photos by which the exposures are chosen.
     pub fn exposures(&mut self) -> Result<Vec<f64>> {
         Ok(self.pipeline.references()?.exposures.clone())
     }
 
     /// The share of the camera's samples that are saturated in at least one exposure of the white photo.
     /// Shorter exposures replace them.
-    ///
-    /// # Errors
-    /// Those of taking the white photo.
     pub fn saturated(&mut self) -> Result<f64> {
         Ok(self.pipeline.references()?.saturated)
     }
 
     /// The drift of the lamp, as the sentinels measured it.
-    ///
-    /// # Errors
-    /// Those of taking the white photo.
     pub fn drift(&mut self) -> Result<DriftReport> {
         Ok(self.pipeline.references()?.drift.report())
     }
@@ -254,8 +245,6 @@ impl Measurement {
         Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
     }
 }
-
-// A measured rig as a linear operator for the Krylov methods.
 
 /// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it
 /// needs; a constant `x` needs none.

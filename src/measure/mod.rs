@@ -1,34 +1,27 @@
-//! The measurement of a rig: from the integers of projector and camera to products `A x` with signed, real
-//! vectors `x`.
+//! The measurement of a rig: from the integers of projector and camera to products `A x` with signed, real vectors `x`.
 //!
-//! Raw frames come from a [`FrameSource`]: live devices ([`LiveFrames`]) or a journal in front of them
-//! ([`JournaledFrames`]). A [`Calibration`] holds the devices' responses, noise and pixel map; the room `calibrate`
-//! measures it. A [`Measurement`] puts all stages together, and its [`MeasuredOperator`] is the linear
-//! operator for the Krylov methods. A [`RigFile`] describes a rig.
+//! Raw frames come from a [`FrameSource`]: live devices ([`LiveFrames`]) or a journal in front of them ([`JournaledFrames`]). A
+//! [`Calibration`] holds the devices' responses, noise and pixel map; the room `calibrate` measures it. A [`Measurement`] puts all stages
+//! together, and its [`MeasuredOperator`] is the linear operator for the Krylov methods. A [`RigFile`] describes a rig.
 //!
-//! Each correction is a stage in its own file, and [`MeasureOptions`] can switch it off. Sections are
-//! those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
+//! [`MeasureOptions`] can switch each correction off. The sections are those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov
+//! Subspace Illumination*.
 //!
 //! | file | stage | section |
 //! |---|---|---|
 //! | `live` | waits until the light has settled, and distinguishes new frames from old ones | |
-//! | `times` | how the seconds of a session are spent | |
-//! | `averaging` | the mean of repeated takes | |
-//! | `response` | counts to light with its noise, light to levels | 8.1 |
-//! | `exposure`, `hdr` | exposures are chosen, and merged by inverse variance | 7.2 |
-//! | `ambient` | the black photo is subtracted, and nothing is clipped | 8.2 |
-//! | `drift` | photos are divided by the lamp's brightness, which a sentinel measures | |
-//! | `sight` | whether white is seen at all, and whether it is steady | |
-//! | `registration` | camera pixels to projector pixels, with the noise of any sum of photos | 8.1 |
-//! | `flat_field` | patterns are divided by the projector's uneven brightness, photos by the camera's | |
-//! | `display`, [`bit_planes`] | patterns to levels, and sums of frames for more levels | 7.2 |
-//! | `signed`, `noise` | signed vectors as patterns, chosen by predicted noise | 7.1 |
-//! | `direct`, `direct_fit`, `direct_patterns`, [`codes`], `spread` | the direct light, with its spread; it is removed for the pattern that was actually shown | |
-//! | `product` | products put together from photos, with a blur of pattern and photo | |
+//! | `response` | converts counts to light with its noise, and light to levels | 8.1 |
+//! | `exposure`, `hdr` | choose exposures, average takes, subtract the black photo, merge by inverse variance | 7.2, 8.2 |
+//! | `photo_pipeline` | divides photos by the lamp's brightness, which a sentinel measures | |
+//! | `sight` | tells whether white is seen at all, and whether it is steady | |
+//! | `registration`, `footprint`, `spread` | resample photos to projector pixels, with the noise of any sum of photos | 8.1 |
+//! | `display` | rounds patterns to levels, and sums frames for more levels | 7.2 |
+//! | `signed` | shows signed vectors as patterns, chosen by predicted noise | 7.1 |
+//! | `direct`, `direct_fit`, `direct_patterns` | measure the direct light, and remove it for the pattern that was actually shown | |
+//! | `product` | puts products together from photos, with a blur of pattern and photo | |
 //!
-//! Photos are in linear DN per second for a full-range pattern: the value 1 is the light of the projector's
-//! brightest level less that of its black level. Every value has a variance, propagated from
-//! `linear DN / gain + read_noise² + 1/12`.
+//! Photos are in linear DN per second for a full-range pattern: the value 1 is the light of the projector's brightest level less that of its
+//! black level. Every value has a variance, propagated from `linear DN / gain + read_noise² + 1/12`.
 
 mod calibration;
 mod calibration_file;
@@ -59,7 +52,7 @@ pub(crate) mod simulated;
 pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
-pub use direct_patterns::code_patterns;
+pub use direct_patterns::{checkerboard, code_patterns};
 pub use display::{bit_plane_amplification, bit_plane_weights};
 pub use frame_source::{CaptureRequest, Effort, FrameSource, Times};
 pub use journal_records::JournaledPhoto;

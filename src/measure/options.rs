@@ -1,4 +1,4 @@
-//! The options of the stages between counts and light.
+//! The options of the stages between counts and light, and the part of a run's record that concerns its rig.
 
 use serde::{Deserialize, Serialize};
 
@@ -94,7 +94,7 @@ pub enum DitherBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectBy {
-    /// By shifted patterns of high frequency (Nayar et al. 2006).
+    /// Shifted patterns of high frequency measure it (Nayar et al. 2006).
     Patterns,
     /// It is not measured, and cannot be removed.
     None,
@@ -181,8 +181,6 @@ fn refused(key: &str, found: String, expected: String) -> Error {
     }
 }
 
-// The part of a run's record that concerns its rig.
-
 /// How the photos of a run on a rig were made, and what they cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RigRecord {
@@ -201,7 +199,7 @@ pub struct RigRecord {
     /// The largest relative change of white during the run, as the sentinels measured it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub drift: Option<f64>,
-    /// What the photos say of the rig: whether it sees the projector, whether its light is steady, and whether light takes every way in both
+    /// Findings from the photos: whether it sees the projector, whether its light is steady, and whether light takes every way in both
     /// directions alike.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub findings: Vec<Finding>,

@@ -1,5 +1,4 @@
-//! From a frame to its photo on the camera's pixels: averaging, HDR, ambient light, camera response and
-//! drift, in this order.
+//! From a frame to its photo on the camera's pixels: averaging, HDR, ambient light, camera response and drift, in this order.
 
 use std::collections::HashSet;
 use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
@@ -35,7 +34,7 @@ pub(crate) struct ReferencePhotos {
     /// The share of the used samples that are saturated in at least one exposure of white.
     pub(crate) saturated: f64,
     /// The drift of the lamp since the white photo.
-    pub(crate) drift: Drift,
+    pub(crate) drift: LampDrift,
     /// White at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
     /// The sentinels within the run's patterns, without those at an end.
@@ -130,7 +129,7 @@ impl HdrCamera {
         }
         let (seen, mut exposed) = self.see(&white, &exposures, &blacks)?;
         let saturated = self.saturated(&exposed);
-        let drift = Drift::new(seen.started);
+        let drift = LampDrift::new(seen.started);
         let reference = exposed.swap_remove(0);
         Ok(ReferencePhotos {
             exposures,
@@ -206,7 +205,7 @@ impl HdrCamera {
 
 /// The brightness of the lamp over time, as far as it is known.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Drift {
+pub(crate) struct LampDrift {
     /// Times in seconds on the rig's clock, and brightnesses relative to the first white photo.
     sentinels: Vec<[f64; 2]>,
     /// The largest standard error of a brightness.
@@ -225,7 +224,7 @@ pub struct DriftReport {
     pub step: [f64; 2],
 }
 
-impl Drift {
+impl LampDrift {
     /// The drift after the first white photo, which was taken at this time.
     pub(crate) fn new(started: f64) -> Self {
         Self { sentinels: vec![[started, 1.0]], error: 0.0 }
@@ -271,7 +270,7 @@ mod tests {
 
     #[test]
     fn brightness_is_interpolated_between_sentinels_and_extrapolated_after_them() {
-        let mut drift = Drift::new(10.0);
+        let mut drift = LampDrift::new(10.0);
         assert_eq!(drift.light(99.0), 1.0);
         drift.add(20.0, [1.1, 0.01]);
         let close = |time: f64, light: f64| assert!((drift.light(time) - light).abs() < 1e-12, "{time}");

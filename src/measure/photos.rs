@@ -1,4 +1,4 @@
-//! The photos of a measured rig: white, black, direct image, and patterns.
+//! Photos in linear light with the variance of each value, and the photos of a measured rig: white, black, direct image, and patterns.
 
 use std::sync::Arc;
 
@@ -60,22 +60,15 @@ impl Likeness {
         let Some(value) = Ratio::of(hy, (hh * yy).max(0.0).sqrt(), 0.0).value() else {
             return Finding::unmeasured("pixel map", "the photo shows no pattern");
         };
-        let grade = if value >= LEAST_CORRELATION { Grade::Ok } else { Grade::Fails };
         let found = format!("the photo of random squares correlates by {value:.2} with what was projected");
         let help = "turn the camera to what the projector lights, and calibrate with `krylux rig calibrate`: the pixel map does not fit";
-        Finding::graded("pixel map", grade, found, format!("at least {LEAST_CORRELATION}"), help).measured(
-            value,
-            0.0,
-            LEAST_CORRELATION,
-        )
+        let expected = format!("at least {LEAST_CORRELATION}");
+        Finding::at_least("pixel map", [value, 0.0, LEAST_CORRELATION], Grade::Fails, found, expected, help)
     }
 }
 
 impl Measurement {
     /// The white photo, `A 1`. It is taken once.
-    ///
-    /// # Errors
-    /// Those of taking it.
     pub fn white(&mut self) -> Result<Photo> {
         if let Some(white) = &self.white {
             return Ok(white.clone());
@@ -95,9 +88,6 @@ impl Measurement {
 
     /// The black photo: the light without a pattern. It is taken once. When the ambient stage is switched off
     /// it is unknown, and 0.
-    ///
-    /// # Errors
-    /// Those of taking it.
     pub fn ambient(&mut self) -> Result<Photo> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
@@ -198,9 +188,6 @@ impl Measurement {
 
     /// The matrix of the direct light of one channel, `n × n` for `n` pixels, by rows: columns in ascending order, and their weights. It is a
     /// diagonal where neither the projector's lens nor the camera's pixels spread light.
-    ///
-    /// # Errors
-    /// As [`Measurement::direct`].
     pub fn direct_rows(&mut self, channel: usize) -> Result<Vec<Vec<(u32, f64)>>> {
         let direct = self.direct_light()?;
         let weights = self.channel_weights(channel);
@@ -242,9 +229,6 @@ impl Measurement {
 
     /// The norm of the light, in each channel of a photo of this pattern, that is missing or too much because the projector has levels: of what each
     /// pixel sends back of the difference to the pattern that is shown. It takes no photo but white.
-    ///
-    /// # Errors
-    /// As [`Measurement::photograph`].
     pub fn rounding(&mut self, pattern: &Image) -> Result<Vec<f64>> {
         let mut left: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
@@ -277,8 +261,6 @@ impl Measurement {
         (0..self.camera_channels()).map(|channel| self.sum(terms, white, channel)).collect()
     }
 }
-
-// A photo in linear light, with the variance of each value.
 
 /// One channel of a photo: the value of each pixel, and its variance.
 #[derive(Clone, Debug, PartialEq)]
@@ -333,9 +315,6 @@ impl Photo {
     }
 
     /// The standard error of each pixel as an image of one or three channels.
-    ///
-    /// # Errors
-    /// Those of [`Photo::to_image`].
     pub fn errors_to_image(&self) -> Result<Image> {
         self.picture(|plane| &plane.variance, f64::sqrt)
     }

@@ -7,12 +7,12 @@
 //! direct   D x                                         without a photo
 //! ```
 //!
-//! Here `D` is the direct light ([`DirectLight`]), and `a` the coefficient of the white photo `A 1`. The
+//! Here `D` is the direct light ([`DirectMatrix`]), and `a` the coefficient of the white photo `A 1`. The
 //! optional blur is applied to the vector before, and to the product after all of this.
 
 use std::sync::Arc;
 
-use super::direct::{DirectLight, DirectPhotos};
+use super::direct::{DirectMatrix, DirectPhotos};
 use super::direct_patterns::DirectPatterns;
 use super::display::{Displayed, decompose};
 use super::hdr::RateFrame;
@@ -77,9 +77,6 @@ impl Measurement {
 
     /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's
     /// three channels. `None` when the projector or the camera is gray.
-    ///
-    /// # Errors
-    /// Those of taking the photos.
     pub fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
         if self.camera_channels() != 3 || self.pipeline.camera.frames.projector().channels != 3 {
             return Ok(None);
@@ -225,7 +222,7 @@ impl Measurement {
     }
 
     /// The direct light. It is measured once.
-    pub(crate) fn direct_light(&mut self) -> Result<Arc<DirectLight>> {
+    pub(crate) fn direct_light(&mut self) -> Result<Arc<DirectMatrix>> {
         if let Some(direct) = &self.direct {
             return Ok(Arc::clone(direct));
         }

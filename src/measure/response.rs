@@ -1,5 +1,5 @@
-//! The response stage: the camera's counts are converted to linear light with its noise, and light to the
-//! projector's levels (O'Toole and Kutulakos, section 8.1).
+//! The response stage: the camera's counts are converted to linear light with its noise, and light to the projector's levels (O'Toole and
+//! Kutulakos, section 8.1). [`noise_ratio`] compares the noise of two equal captures with the predicted one.
 
 use serde::Serialize;
 
@@ -179,9 +179,6 @@ impl ProjectorCurve {
         if self.light(above) - light < light - self.light(below) { above } else { below }
     }
 }
-
-// The noise of a photo, measured over predicted: two frames of one capture request should differ by what the
-// noise model says, and by nothing else.
 
 /// How much two frames of one capture request differ, relative to the predicted noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

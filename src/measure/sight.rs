@@ -13,7 +13,7 @@ use super::hdr::{AveragedExposure, BlackPhotos, RateFrame};
 use super::measurement::Measurement;
 use super::photo_pipeline::HdrCamera;
 use crate::error::{Error, Result};
-use crate::finding::{Finding, Grade, SIGMAS};
+use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
 
 /// A pixel sees the projector where white is brighter than black by this many standard errors of a pixel that sees none of its light.
@@ -29,9 +29,6 @@ const STEP: f64 = 0.05;
 impl Measurement {
     /// Whether the camera sees the projector where the pixel map says that it does. Noise is taken from the repeated photos of black,
     /// because the noise of a rig that was not calibrated is not known. A replayed run that lacks these photos is not examined.
-    ///
-    /// # Errors
-    /// Those of taking the photos.
     pub fn sight(&mut self) -> Result<Finding> {
         let light = match self.above_black() {
             Err(Error::NotTaken { .. }) => {
@@ -70,9 +67,6 @@ impl Measurement {
 
     /// Photographs white once more, and says whether the lamp was steady since the run's first white. Nothing is photographed where no
     /// pattern was shown since the last white. A replayed run that lacks this photo is judged by those that it has.
-    ///
-    /// # Errors
-    /// Those of taking the photo.
     pub fn steadiness(&mut self) -> Result<Finding> {
         match self.pipeline.look_again() {
             Ok(()) | Err(Error::NotTaken { .. }) => {}
@@ -83,16 +77,14 @@ impl Measurement {
             return Ok(Finding::unmeasured("drift", "white was photographed only once"));
         }
         let [step, error] = drift.step;
-        let within = step - SIGMAS * error <= STEP;
         let found = format!(
             "white changed by {:.1} % from one photo of it to the next, and by {:.1} % in all",
             100.0 * step,
             100.0 * drift.largest
         );
         let help = "let the lamp warm up, shut out other light, and photograph white more often (sentinel_every in [measurement])";
-        let grade = if within { Grade::Ok } else { Grade::Fails };
-        let finding = Finding::graded("drift", grade, found, format!("at most {:.0} %", 100.0 * STEP), help);
-        Ok(finding.measured(step, error, STEP))
+        let expected = format!("at most {:.0} %", 100.0 * STEP);
+        Ok(Finding::at_most("drift", [step, error, STEP], Grade::Fails, found, expected, help))
     }
 }
 
@@ -114,7 +106,6 @@ pub(crate) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) ->
     let covered = seen.iter().filter(|&&seen| seen).count();
     let lit = (0..seen.len()).filter(|&pixel| seen[pixel] && is_lit(pixel)).count();
     let share = lit as f64 / covered.max(1) as f64;
-    let grade = if share < LEAST { Grade::Fails } else { Grade::Ok };
     let found = format!(
         "white is brighter than black by {SEEN} standard errors at {lit} of {covered} pixels of the pixel map, {:.1} %",
         100.0 * share
@@ -122,7 +113,7 @@ pub(crate) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) ->
     let help = "take off the lens cap, expose longer, and let the projector light what the camera sees; where the camera sees more than the \
                 projector lights, or much of the scene is black, calibrate with `krylux rig calibrate`: the pixel map then has only what is lit";
     let expected = format!("at least {:.0} %", 100.0 * LEAST);
-    Finding::graded("light", grade, found, expected, help).measured(share, 0.0, LEAST)
+    Finding::at_least("light", [share, 0.0, LEAST], Grade::Fails, found, expected, help)
 }
 
 impl HdrCamera {
@@ -134,12 +125,10 @@ impl HdrCamera {
     }
 }
 
-// Whether a camera has enough pixels for the patterns of a projector.
-
 /// Camera pixels for each of the projector's, along an axis, below which neighbouring projector pixels are mixed in the photo.
 const ENOUGH_PIXELS: f64 = 1.0;
 
-/// As [`ENOUGH_PIXELS`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
+/// Camera pixels, as [`ENOUGH_PIXELS`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
 pub(crate) const LEAST_PIXELS: f64 = 0.75;
 
 /// The finding about a camera with too few pixels; `None` if it has enough. A camera that sees more than the projector lights has fewer pixels for the

@@ -87,8 +87,6 @@ fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
     if least <= largest { [least, largest] } else { [0.0, 0.0] }
 }
 
-// The predicted noise of a photo that has not been taken yet.
-
 /// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's
 /// noise model.
 ///

@@ -15,7 +15,7 @@ pub(crate) struct Simulated<F> {
     pub(crate) photo: F,
     /// Seconds between the confirmation of a frame and its exposure.
     pub(crate) settle: f64,
-    /// What was asked for.
+    /// The requests so far.
     pub(crate) asked: Vec<CaptureRequest>,
 }
 

@@ -17,8 +17,8 @@ const LEAST_SHARE: f64 = 1e-4;
 /// The matrix `S`, `n × n` for `n` projector pixels, and its transpose.
 #[derive(Clone, Debug)]
 pub(crate) struct Spread {
-    rows: Rows,
-    columns: Rows,
+    rows: SparseRows,
+    columns: SparseRows,
 }
 
 impl Spread {
@@ -35,7 +35,7 @@ impl Spread {
         };
         let n = registration.projector.pixels();
         let rows: Vec<Vec<Entry>> = (0..n).into_par_iter().map(row).collect();
-        Self { rows: Rows::new(&rows), columns: Rows::transposed(&rows, n) }
+        Self { rows: SparseRows::new(&rows), columns: SparseRows::transposed(&rows, n) }
     }
 
     /// `S y`, for `n` values.
@@ -64,19 +64,17 @@ impl Spread {
     }
 }
 
-// Sparse matrices of the measurement, as compressed rows.
-
 /// A column and its weight.
 pub(crate) type Entry = (u32, f64);
 
 /// A sparse matrix in compressed rows.
 #[derive(Clone, Debug)]
-pub(crate) struct Rows {
+pub(crate) struct SparseRows {
     starts: Vec<usize>,
     entries: Vec<Entry>,
 }
 
-impl Rows {
+impl SparseRows {
     /// The matrix with these rows.
     pub(crate) fn new(rows: &[Vec<Entry>]) -> Self {
         let mut starts = vec![0];
@@ -183,7 +181,7 @@ mod tests {
     #[test]
     fn a_matrix_and_its_transpose_have_the_same_entries() {
         let rows = [vec![(1, 2.0), (2, 3.0)], vec![], vec![(1, 5.0)]];
-        let (matrix, transpose) = (Rows::new(&rows), Rows::transposed(&rows, 3));
+        let (matrix, transpose) = (SparseRows::new(&rows), SparseRows::transposed(&rows, 3));
         assert_eq!(matrix.apply(&[1.0, 10.0, 100.0], |weight| weight), [320.0, 0.0, 50.0]);
         assert_eq!(
             [transpose.row(0), transpose.row(1), transpose.row(2)],

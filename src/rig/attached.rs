@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{CameraSpec, HardwareRig, MonitorInfo, monitors};
 use crate::error::{Error, Result};
 
-/// What was found.
+/// The devices that were found.
 #[derive(Clone, Debug)]
 pub struct AttachedDevices {
     /// The monitors of the X server, in its order.
@@ -20,7 +20,7 @@ pub struct AttachedDevices {
 /// A camera that was found.
 #[derive(Clone, Debug)]
 pub struct AttachedCamera {
-    /// What a person is told of it: its kind, address and name, then its abilities.
+    /// The lines for a person: its kind, address and name, then its abilities.
     pub lines: Vec<String>,
     /// Why its abilities are not known, where it was asked for them.
     pub unknown: Option<String>,
@@ -77,7 +77,8 @@ impl AttachedCamera {
         if !is_asked {
             return self;
         }
-        let asked = super::Helper::find().and_then(|helper| super::describe::ask(&helper, kind, place));
+        let asked =
+            super::Helper::find().and_then(|helper| crate::rig::genicam::set_up::ask(&helper, kind, place));
         match asked {
             Ok(abilities) => {
                 self.lines.push(abilities.to_string());

@@ -1,8 +1,11 @@
-//! The kinds of cameras, and the description of each in a rig file.
+//! The kinds of cameras, and the description of each in a rig file. That of a still camera is beside its driver.
+
+use std::net::Ipv4Addr;
 
 use serde::Deserialize;
 
-use super::{CameraInfo, GigeSpec, Gphoto2Spec, Usb3Spec, V4lSpec};
+use super::sensor::{Sensor, Settings};
+use super::{CameraInfo, Colour, Gphoto2Spec, PixelFormat};
 
 /// The kinds of cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -68,20 +71,262 @@ impl From<Gphoto2Spec> for CameraSpec {
 }
 
 /// The default range of exposures, in seconds, which most machine vision cameras have.
-pub(super) fn exposures() -> [f64; 2] {
+pub(crate) fn exposures() -> [f64; 2] {
     [1e-4, 1.0]
 }
 
 /// The default time in seconds to wait for a frame beyond its exposure.
-pub(super) fn timeout() -> f64 {
+pub(crate) fn timeout() -> f64 {
     1.0
 }
 
 /// The error where krylux was built without support for a kind of camera.
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
-pub(super) fn not_built(what: &str, feature: &str) -> crate::Error {
-    super::camera_fault(
+pub(crate) fn not_built(what: &str, feature: &str) -> crate::Error {
+    crate::rig::camera_fault(
         format!("this krylux was built without {what}"),
         format!("build it with --features {feature}"),
     )
+}
+
+/// A description of a GigE Vision camera.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GigeSpec {
+    /// The kind of camera.
+    pub kind: CameraKind,
+    /// The camera's address.
+    pub address: Ipv4Addr,
+    /// Width and height of the part of the sensor that is read, in photosites.
+    pub size: [usize; 2],
+    /// The offset of that part from the sensor's top left photosite, to the right and down.
+    #[serde(default)]
+    pub offset: [usize; 2],
+    /// The format in which the camera sends counts.
+    #[serde(default)]
+    pub pixel_format: PixelFormat,
+    /// How the cells of a colour sensor become pixels.
+    #[serde(default)]
+    pub colour: Colour,
+    /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
+    #[serde(default)]
+    pub saturation: Option<u16>,
+    /// The gain in the camera's own unit (usually decibels). `None`: the camera's setting is left unchanged.
+    #[serde(default)]
+    pub gain: Option<f64>,
+    /// The shortest and the longest exposure, in seconds.
+    #[serde(default = "exposures")]
+    pub exposures: [f64; 2],
+    /// Seconds to wait for a frame beyond its exposure.
+    #[serde(default = "timeout")]
+    pub timeout: f64,
+    /// The largest size of a packet in bytes. `None`: the largest that gets through the network.
+    #[serde(default)]
+    pub packet_size: Option<u32>,
+}
+
+impl GigeSpec {
+    /// The camera at this address, with counts of 12 bits and an image of `width` by `height` pixels.
+    pub fn new(address: Ipv4Addr, width: usize, height: usize) -> Self {
+        Self {
+            kind: CameraKind::Gige,
+            address,
+            size: [width, height],
+            offset: [0, 0],
+            pixel_format: PixelFormat::default(),
+            colour: Colour::default(),
+            saturation: None,
+            gain: None,
+            exposures: exposures(),
+            timeout: timeout(),
+            packet_size: None,
+        }
+    }
+
+    /// The camera's properties.
+    pub fn info(&self) -> CameraInfo {
+        self.settings().info(&format!("gige {}", self.address))
+    }
+
+    pub(crate) fn settings(&self) -> Settings {
+        let Self { size, offset, pixel_format, colour, saturation, gain, exposures, timeout, .. } = *self;
+        let (bits, tiles) = (pixel_format.bits(), pixel_format.tiles());
+        let sensor = Sensor { size, offset, bits, tiles, colour, saturation };
+        Settings { pixel_format, sensor, gain, exposures, timeout }
+    }
+}
+
+/// A description of a USB3 Vision camera.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Usb3Spec {
+    /// The kind of camera.
+    pub kind: CameraKind,
+    /// The camera's serial number. `None`: the only camera that is plugged in.
+    #[serde(default)]
+    pub serial: Option<String>,
+    /// Width and height of the part of the sensor that is read, in photosites.
+    pub size: [usize; 2],
+    /// The offset of that part from the sensor's top left photosite, to the right and down.
+    #[serde(default)]
+    pub offset: [usize; 2],
+    /// The format in which the camera sends counts.
+    #[serde(default)]
+    pub pixel_format: PixelFormat,
+    /// How the cells of a colour sensor become pixels.
+    #[serde(default)]
+    pub colour: Colour,
+    /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
+    #[serde(default)]
+    pub saturation: Option<u16>,
+    /// The gain in the camera's own unit (usually decibels). `None`: the camera's setting is left unchanged.
+    #[serde(default)]
+    pub gain: Option<f64>,
+    /// The shortest and the longest exposure, in seconds.
+    #[serde(default = "exposures")]
+    pub exposures: [f64; 2],
+    /// Seconds to wait for a frame beyond its exposure.
+    #[serde(default = "timeout")]
+    pub timeout: f64,
+}
+
+impl Usb3Spec {
+    /// The only camera that is plugged in, with counts of 12 bits and an image of `width` by `height` pixels.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            kind: CameraKind::Usb3,
+            serial: None,
+            size: [width, height],
+            offset: [0, 0],
+            pixel_format: PixelFormat::default(),
+            colour: Colour::default(),
+            saturation: None,
+            gain: None,
+            exposures: exposures(),
+            timeout: timeout(),
+        }
+    }
+
+    /// The camera's properties.
+    pub fn info(&self) -> CameraInfo {
+        let serial = self.serial.as_deref().map_or_else(String::new, |serial| format!(" {serial}"));
+        self.settings().info(&format!("usb3{serial}"))
+    }
+
+    pub(crate) fn settings(&self) -> Settings {
+        let Self { size, offset, pixel_format, colour, saturation, gain, exposures, timeout, .. } = *self;
+        let (bits, tiles) = (pixel_format.bits(), pixel_format.tiles());
+        let sensor = Sensor { size, offset, bits, tiles, colour, saturation };
+        Settings { pixel_format, sensor, gain, exposures, timeout }
+    }
+}
+
+/// A description of a camera of Linux's video interface, e.g. a webcam. It runs freely, and its gray counts are used.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct V4lSpec {
+    /// The kind of camera.
+    pub kind: CameraKind,
+    /// The device file, e.g. `/dev/video0`.
+    pub device: String,
+    /// Width and height of a frame in pixels.
+    pub size: [usize; 2],
+    /// The format in which the camera sends counts.
+    #[serde(default)]
+    pub pixel_format: V4lFormat,
+    /// The count from which a pixel is saturated. `None`: `2^bits − 1`.
+    #[serde(default)]
+    pub saturation: Option<u16>,
+    /// The gain in the driver's own unit. `None`: the camera's setting is left unchanged.
+    #[serde(default)]
+    pub gain: Option<i64>,
+    /// The shortest and the longest exposure, in seconds.
+    #[serde(default = "video_exposures")]
+    pub exposures: [f64; 2],
+    /// Seconds to wait for a frame beyond its exposure.
+    #[serde(default = "timeout")]
+    pub timeout: f64,
+    /// The number of frames that are discarded before each photo, in addition to those that the driver buffers: those that the camera
+    /// itself may have begun too early.
+    #[serde(default = "two")]
+    pub skip: u32,
+}
+
+/// The pixel formats that are supported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum V4lFormat {
+    /// 8 bits of gray.
+    Grey,
+    /// 10 bits of gray in 16.
+    Y10,
+    /// 12 bits of gray in 16.
+    Y12,
+    /// 16 bits of gray.
+    #[default]
+    Y16,
+    /// Luma and chroma alternately, 8 bits each; only luma is used.
+    Yuyv,
+}
+
+impl V4lFormat {
+    /// All formats.
+    pub const ALL: [Self; 5] = [Self::Grey, Self::Y10, Self::Y12, Self::Y16, Self::Yuyv];
+
+    /// The name in rig files.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Grey => "grey",
+            Self::Y10 => "y10",
+            Self::Y12 => "y12",
+            Self::Y16 => "y16",
+            Self::Yuyv => "yuyv",
+        }
+    }
+
+    /// The four-character code of the video interface.
+    pub fn code(self) -> [u8; 4] {
+        *match self {
+            Self::Grey => b"GREY",
+            Self::Y10 => b"Y10 ",
+            Self::Y12 => b"Y12 ",
+            Self::Y16 => b"Y16 ",
+            Self::Yuyv => b"YUYV",
+        }
+    }
+
+    /// Bits of a count.
+    pub fn bits(self) -> u32 {
+        match self {
+            Self::Grey | Self::Yuyv => 8,
+            Self::Y10 => 10,
+            Self::Y12 => 12,
+            Self::Y16 => 16,
+        }
+    }
+}
+
+fn video_exposures() -> [f64; 2] {
+    [1e-3, 0.1]
+}
+
+fn two() -> u32 {
+    2
+}
+
+impl V4lSpec {
+    /// The camera's properties. The name contains every setting that changes counts.
+    pub fn info(&self) -> CameraInfo {
+        let code = String::from_utf8_lossy(&self.pixel_format.code()).trim_end().to_owned();
+        let mut info = self.sensor().info(&format!("v4l {} {code}", self.device), self.exposures);
+        if let Some(gain) = self.gain {
+            info.name.push_str(&format!(" gain {gain}"));
+        }
+        info
+    }
+
+    pub(crate) fn sensor(&self) -> Sensor {
+        let (size, saturation, bits) = (self.size, self.saturation, self.pixel_format.bits());
+        Sensor { size, offset: [0, 0], bits, tiles: None, colour: Colour::default(), saturation }
+    }
 }

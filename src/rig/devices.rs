@@ -1,6 +1,6 @@
 //! The traits of devices, [`Projector`], [`Camera`] and [`Clock`], and the three together as [`Devices`].
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 use crate::error::Result;
@@ -28,9 +28,6 @@ pub trait Projector: Send {
 
     /// Shows the frame that was on screen when an earlier session ended, so that this session can continue it. The default
     /// shows it as any other. A virtual projector overrides this: in simulated time no time passed between the sessions.
-    ///
-    /// # Errors
-    /// As [`Projector::show`].
     fn restore(&mut self, frame: &Frame) -> Result<Shown> {
         self.show(frame)
     }
@@ -103,7 +100,7 @@ impl std::ops::Add for Losses {
     }
 }
 
-/// The clock of a rig, in seconds: real time ([`WallClock`](super::WallClock)) for hardware, simulated time for virtual
+/// The clock of a rig, in seconds: real time ([`WallClock`](crate::rig::WallClock)) for hardware, simulated time for virtual
 /// devices. A projector's confirmations and a camera's frames carry times of this clock.
 pub trait Clock: Send {
     /// Seconds since the rig was opened; a session that continues an earlier one counts on from its end.
@@ -273,5 +270,31 @@ impl Devices {
         clock: impl Clock + 'static,
     ) -> Self {
         Self { projector: Box::new(projector), camera: Box::new(camera), clock: Box::new(clock) }
+    }
+}
+
+/// Real time in seconds, from a given moment on. Copies tell the same time.
+#[derive(Clone, Copy, Debug)]
+pub struct WallClock {
+    origin: Instant,
+    /// The time that it told at the origin, in seconds.
+    start: f64,
+}
+
+impl WallClock {
+    /// A clock that tells `start` seconds now.
+    pub fn starting_at(start: f64) -> Self {
+        Self { origin: Instant::now(), start }
+    }
+
+    /// The time now, in seconds.
+    pub fn seconds(&self) -> f64 {
+        self.start + self.origin.elapsed().as_secs_f64()
+    }
+}
+
+impl Clock for WallClock {
+    fn now(&self) -> f64 {
+        self.seconds()
     }
 }

@@ -1,10 +1,18 @@
-//! A rig of real devices: a projector that is a monitor of an X server, and a camera.
+//! A rig of real devices: a projector that is a monitor of an X server, and a camera. Cameras that another program has open are recognized
+//! here, which every kind of camera reports in its own way.
 
-use super::x11::{Helper, X11Projector, X11Spec};
+use std::error::Error as Why;
+use std::io;
+use std::io::ErrorKind;
+
+use super::{
+    Camera, CameraInfo, CameraSpec, Devices, Gphoto2, Helper, ProjectorInfo, Stamp, WallClock, X11Projector,
+    X11Spec, camera_fault,
+};
+use crate::error::{Error, Result};
+
 #[cfg(any(feature = "gige", feature = "usb3"))]
-use super::{Abilities as Described, describe};
-use super::{Camera, CameraInfo, CameraSpec, Devices, Gphoto2, ProjectorInfo, Stamp, WallClock};
-use crate::error::Result;
+use super::genicam::set_up::{self, Abilities as Described};
 
 /// Without features for machine vision cameras none describes itself.
 #[cfg(not(any(feature = "gige", feature = "usb3")))]
@@ -35,7 +43,7 @@ impl HardwareRig {
     /// time and frame numbers continue from there.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when a device is missing, is in use, or cannot do what its description says.
+    /// [`Error::Rig`] when a device is missing, is in use, or cannot do what its description says.
     pub fn open(&self, helper: &Helper, after: Option<Stamp>) -> Result<Devices> {
         let clock = WallClock::starting_at(after.map_or(0.0, |stamp| stamp.time));
         self.camera_abilities(helper)?;
@@ -44,17 +52,17 @@ impl HardwareRig {
         Ok(Devices { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
 
-    /// What a machine vision camera says that it can do, in words; `None` of other cameras. Its description is a stranger's program in XML: it is read by a
+    /// The abilities that a machine vision camera states, in words; `None` of other cameras. Its description is a stranger's program in XML: it is read by a
     /// process of `helper`, in at most 15 s and 1 GiB of address space, and can end only that process.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when it does not answer, or when its description cannot be read within these bounds.
+    /// [`Error::Rig`] when it does not answer, or when its description cannot be read within these bounds.
     pub fn camera_abilities(&self, helper: &Helper) -> Result<Option<String>> {
         let described = match &self.camera {
             #[cfg(feature = "gige")]
-            CameraSpec::Gige(spec) => Some(describe::ask(helper, "gige", Some(&spec.address.to_string()))?),
+            CameraSpec::Gige(spec) => Some(set_up::ask(helper, "gige", Some(&spec.address.to_string()))?),
             #[cfg(feature = "usb3")]
-            CameraSpec::Usb3(spec) => Some(describe::ask(helper, "usb3", spec.serial.as_deref())?),
+            CameraSpec::Usb3(spec) => Some(set_up::ask(helper, "usb3", spec.serial.as_deref())?),
             // It has no description, or it cannot be opened at all.
             _ => None::<Described>,
         };
@@ -62,26 +70,17 @@ impl HardwareRig {
     }
 
     /// Opens only the camera, whose description was read before by [`Self::camera_abilities`].
-    ///
-    /// # Errors
-    /// As [`Self::open`].
     pub(crate) fn open_checked_camera(&self) -> Result<Box<dyn Camera>> {
         camera(&self.camera, WallClock::starting_at(0.0), 0)
     }
 
     /// Opens only the camera, as [`Self::open`] does.
-    ///
-    /// # Errors
-    /// As [`Self::open`].
     pub fn open_camera(&self, helper: &Helper) -> Result<Box<dyn Camera>> {
         self.camera_abilities(helper)?;
         self.open_checked_camera()
     }
 
     /// Opens only the projector, which then shows level 0.
-    ///
-    /// # Errors
-    /// As [`Self::open`].
     pub fn open_projector(&self, helper: &Helper) -> Result<X11Projector> {
         X11Projector::open(&self.projector, helper, WallClock::starting_at(0.0))
     }
@@ -91,17 +90,73 @@ impl HardwareRig {
 fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Camera>> {
     Ok(match spec {
         #[cfg(feature = "gige")]
-        CameraSpec::Gige(spec) => Box::new(super::GigeVision::open(spec, clock, after)?),
+        CameraSpec::Gige(spec) => Box::new(crate::rig::GigeVision::open(spec, clock, after)?),
         #[cfg(feature = "usb3")]
-        CameraSpec::Usb3(spec) => Box::new(super::Usb3Vision::open(spec, clock, after)?),
+        CameraSpec::Usb3(spec) => Box::new(crate::rig::Usb3Vision::open(spec, clock, after)?),
         #[cfg(feature = "v4l")]
-        CameraSpec::V4l(spec) => Box::new(super::V4l::open(spec, clock, after)?),
+        CameraSpec::V4l(spec) => Box::new(crate::rig::V4l::open(spec, clock, after)?),
         CameraSpec::Gphoto2(spec) => Box::new(Gphoto2::open(spec, clock, after)?),
         #[cfg(not(feature = "gige"))]
-        CameraSpec::Gige(_) => return Err(super::not_built("GigE Vision", "gige")),
+        CameraSpec::Gige(_) => return Err(crate::rig::not_built("GigE Vision", "gige")),
         #[cfg(not(feature = "usb3"))]
-        CameraSpec::Usb3(_) => return Err(super::not_built("USB3 Vision", "usb3")),
+        CameraSpec::Usb3(_) => return Err(crate::rig::not_built("USB3 Vision", "usb3")),
         #[cfg(not(feature = "v4l"))]
-        CameraSpec::V4l(_) => return Err(super::not_built("cameras of Linux's video interface", "v4l")),
+        CameraSpec::V4l(_) => return Err(crate::rig::not_built("cameras of Linux's video interface", "v4l")),
     })
+}
+
+/// Words by which libraries say so whose errors have no code for it: nusb ("interface is busy") and gphoto2 ("Could not claim the USB device").
+const WORDS: [&str; 3] = ["is busy", "resource busy", "could not claim"];
+
+/// An error, what caused it, and so on.
+pub(crate) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &'a (dyn Why + 'static)> {
+    let mut next = Some(why);
+    std::iter::from_fn(move || {
+        let why = next?;
+        next = why.source();
+        Some(why)
+    })
+}
+
+/// Whether an error, or what caused it, says that another program has the device open.
+pub(crate) fn is_busy(why: &(dyn Why + 'static)) -> bool {
+    causes(why).any(|why| {
+        let text = why.to_string().to_lowercase();
+        let code = why.downcast_ref::<io::Error>().map(io::Error::kind);
+        code == Some(ErrorKind::ResourceBusy) || WORDS.iter().any(|words| text.contains(words))
+    })
+}
+
+/// The error of such a camera. `place` is e.g. `at 192.168.1.20`.
+pub(crate) fn in_use(place: &str) -> Error {
+    camera_fault(
+        format!("the camera {place} is in use by another program"),
+        "end that program: the maker's viewer, a video call, a desktop that has mounted the camera, another krylux; after a crash the camera is free \
+         again in a few seconds",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An error with a cause.
+    #[derive(Debug, thiserror::Error)]
+    #[error("claim the control interface (0)")]
+    struct Caused(#[source] io::Error);
+
+    #[test]
+    fn a_busy_device_is_known_by_its_code_or_by_words_of_the_cause() {
+        let busy = |why: io::Error| is_busy(&Caused(why));
+        assert!(busy(ErrorKind::ResourceBusy.into()));
+        assert!(busy(io::Error::other("interface is busy (error 16)")));
+        assert!(busy(io::Error::other(
+            "*** Error ***\nAn error occurred in the io-library ('Could not claim the USB device'): …"
+        )));
+        for kind in [ErrorKind::TimedOut, ErrorKind::PermissionDenied, ErrorKind::NotFound] {
+            assert!(!busy(kind.into()), "{kind}");
+        }
+        #[cfg(target_os = "linux")]
+        assert!(busy(io::Error::from_raw_os_error(16)), "EBUSY");
+    }
 }

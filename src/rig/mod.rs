@@ -19,57 +19,62 @@
 //! | [`Gphoto2`], a still camera | the programs `gphoto2` and `dcraw` (or another RAW decoder) |
 
 mod attached;
-mod busy;
 mod cameras;
-mod clock;
-#[cfg(any(feature = "gige", feature = "usb3"))]
-mod describe;
 mod devices;
 mod frame;
-pub(crate) mod genicam;
+#[cfg(any(feature = "gige", feature = "usb3"))]
+mod genicam;
+#[cfg(feature = "gige")]
 mod gige;
 mod gphoto2;
 mod hardware;
-mod info;
 pub(crate) mod nearest;
-pub(crate) mod pixels;
+mod pixel_format;
 mod program;
+pub(crate) mod sensor;
+#[cfg(feature = "usb3")]
 mod usb3;
+#[cfg(feature = "v4l")]
 mod v4l;
+#[cfg(any(feature = "v4l", test))]
+mod v4l_set_up;
 mod virtual_bench;
 mod x11;
 
 pub use attached::{AttachedCamera, AttachedDevices};
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
 use cameras::not_built;
-pub use cameras::{CameraKind, CameraSpec};
-pub use clock::WallClock;
-pub use devices::{Camera, Clock, Devices, Losses, Projector, Shown, Stamp, Waited};
-pub use frame::{Frame, RawFrame};
+pub use cameras::{CameraKind, CameraSpec, GigeSpec, Usb3Spec, V4lFormat, V4lSpec};
+pub use devices::{Camera, Clock, Devices, Losses, Projector, Shown, Stamp, Waited, WallClock};
+pub use frame::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 #[cfg(any(feature = "gige", feature = "usb3"))]
-pub use genicam::Abilities;
-pub use gige::GigeSpec;
+pub use genicam::set_up::Abilities;
 #[cfg(feature = "gige")]
 pub use gige::{FoundGigeCamera, GigeVision, cameras, gige_camera_abilities};
-pub use gphoto2::{FoundStillCamera, Gphoto2, Gphoto2Spec, still_cameras};
+pub use gphoto2::answers::FoundStillCamera;
+pub use gphoto2::body::still_cameras;
+pub use gphoto2::{Gphoto2, Gphoto2Spec};
 pub use hardware::HardwareRig;
-pub use info::{CameraInfo, ProjectorInfo};
-pub use pixels::{Binning, Colour, PixelFormat, Tiles};
+pub use pixel_format::PixelFormat;
 pub use program::{DeviceOpener, ProgramCamera, ProgramProjector, ProgramRig};
-pub use usb3::Usb3Spec;
+pub use sensor::{Binning, Colour, Tiles};
 #[cfg(feature = "usb3")]
 pub use usb3::{FoundUsbCamera, Usb3Vision, usb_camera_abilities, usb_cameras};
 #[cfg(feature = "v4l")]
 pub use v4l::{FoundVideoDevice, V4l, video_devices};
-pub use v4l::{V4lFormat, V4lSpec};
-pub use virtual_bench::{
-    Ambient, Drift, Faults, Iris, MatteSheet, Misregistration, Pulse, Response, Splitter, VirtualCamera,
-    VirtualProjector, VirtualRig, VirtualScene,
+pub use virtual_bench::MatteSheet;
+pub use virtual_bench::spec::{
+    Ambient, Drift, Faults, Misregistration, Response, Splitter, VirtualCamera, VirtualProjector, VirtualRig,
+    VirtualScene,
 };
-pub use x11::{
-    Helper, MonitorInfo, ProjectorKind, ShowTimes, X11Monitor, X11Projector, X11Spec, monitors,
-    serve_projector,
-};
+pub use virtual_bench::world::{Iris, Pulse};
+#[cfg(not(feature = "x11"))]
+pub use x11::absent::monitors;
+pub use x11::helper::{Helper, serve_projector};
+#[cfg(feature = "x11")]
+pub use x11::monitor::monitors;
+pub use x11::projector::{ShowTimes, X11Projector};
+pub use x11::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 
 /// An error of the device "camera"; `help` says what to do.
 fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Error {

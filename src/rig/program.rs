@@ -102,9 +102,6 @@ impl DeviceOpener {
     }
 
     /// Opens the devices.
-    ///
-    /// # Errors
-    /// Those of the program.
     pub fn open(&self, after: Option<Stamp>) -> Result<Devices> {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         (*open)(after)

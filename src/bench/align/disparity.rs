@@ -1,5 +1,7 @@
-//! Disparity: the distance between the projector position that a camera pixel sees and the one that a common map predicts.
+//! Disparity, the distance between the projector position that a camera pixel sees and the one that a common map predicts; and the camera's
+//! offset, which follows from the cells that are displaced.
 
+use crate::calibrate::map_fit::fit;
 use crate::calibrate::{Decoded, Fit};
 use crate::image::percentile;
 use crate::measure::{LensMap, Match};
@@ -71,7 +73,7 @@ pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
         .collect();
     let lengths = || cells.iter().map(|cell| cell.off[0].hypot(cell.off[1]));
     let (median, upper) = (percentile(lengths(), 0.5), percentile(lengths(), 0.95));
-    // Where there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
+    // If there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
     let error = within.min(median / 1.18).hypot(fit_error);
     Disparity { side, median, upper, error, cells }
 }
@@ -120,12 +122,12 @@ fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     let seen = |patch: &Patch| [patch.expected[0] + patch.off[0], patch.expected[1] + patch.off[1]];
     let matches: Vec<Match> =
         patches.iter().map(|patch| Match { camera: patch.expected, projector: seen(patch) }).collect();
-    let fit = Fit::of(&matches, map.projector, map.projector, spread).ok()?;
+    let refitted = fit(&matches, map.projector, map.projector, spread).ok()?;
     for patch in patches {
-        let [seen, expected] = [seen(patch), fit.map.to_projector(patch.expected)];
+        let [seen, expected] = [seen(patch), refitted.map.to_projector(patch.expected)];
         patch.off = [seen[0] - expected[0], seen[1] - expected[1]];
     }
-    Some(fit.error)
+    Some(refitted.error)
 }
 
 /// The matrix that turns a displacement on the projector's raster to the photo's axes, and the projector pixels per camera pixel.
@@ -139,8 +141,6 @@ fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     let by = scale / determinant;
     ([[d * by, -b * by], [-c * by, a * by]], scale)
 }
-
-// The camera offset, estimated from the cells that are displaced from the common map.
 
 /// A cell counts as displaced beyond this many standard errors, …
 const SIGMAS: f64 = 4.0;

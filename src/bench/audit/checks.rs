@@ -1,8 +1,8 @@
 //! The checks of an audit, one function each.
 
 use crate::analysis::Crosstalk;
-use crate::bench::audit::Seen;
 use crate::finding::{Finding, Grade, Ratio};
+use crate::measure::Plane;
 
 /// A pixel is in shadow if less than this share of its light under white is direct.
 const SHADOW: f64 = 0.05;
@@ -11,7 +11,7 @@ const SHADOW: f64 = 0.05;
 const DARK: f64 = 0.02;
 
 /// A share of the length of a photo.
-fn of_length(numerator: f64, seen: &Seen) -> Ratio {
+fn of_length(numerator: f64, seen: &Plane) -> Ratio {
     Ratio::to_length(
         numerator,
         seen.values.iter().zip(&seen.variance).map(|(&value, &variance)| [value, variance]),
@@ -19,7 +19,7 @@ fn of_length(numerator: f64, seen: &Seen) -> Ratio {
 }
 
 /// `√(Σ r² − Σ var) / ‖reference‖`: the relative deviation without the expected noise, and its standard error.
-fn deviation(residual: &[f64], variance: &[f64], reference: &Seen) -> (Ratio, f64) {
+fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f64) {
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
     // The sum of squares of n noisy values has a standard error of √(2 Σ var²), its root one of half of that over the root.
@@ -38,7 +38,7 @@ fn z(residual: &[f64], variance: &[f64]) -> Option<f64> {
     (count > 0).then(|| (sum / f64::from(count)).sqrt())
 }
 
-pub(crate) fn additivity(lit: &Seen, rest: &Seen, white: &Seen, bound: f64) -> Finding {
+pub(crate) fn additivity(lit: &Plane, rest: &Plane, white: &Plane, bound: f64) -> Finding {
     let pixels = 0..white.values.len();
     let residual: Vec<f64> =
         pixels.clone().map(|i| lit.values[i] + rest.values[i] - white.values[i]).collect();
@@ -60,7 +60,7 @@ pub(crate) fn additivity(lit: &Seen, rest: &Seen, white: &Seen, bound: f64) -> F
     )
 }
 
-pub(crate) fn homogeneity(photo: &Seen, scaled: &[(f64, Seen)], bound: f64) -> Finding {
+pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) -> Finding {
     let norm: f64 = photo.values.iter().map(|value| value * value).sum();
     let mut worst = (Ratio::from(0.0), 0.0, 0.0);
     for (share, dimmed) in scaled {
@@ -71,7 +71,7 @@ pub(crate) fn homogeneity(photo: &Seen, scaled: &[(f64, Seen)], bound: f64) -> F
                 * (dimmed.variance[pixel] / (share * share) + photo.variance[pixel]);
         }
         let off = Ratio::of((dot / share - norm).abs(), norm, variance.sqrt());
-        // Where there is nothing to measure, no other share can tell more.
+        // If there is nothing to measure, no other share can tell more.
         if off.value() >= worst.0.value() || off.value().is_none() {
             worst = (off, variance.sqrt() / norm, *share);
         }
@@ -92,7 +92,7 @@ pub(crate) fn homogeneity(photo: &Seen, scaled: &[(f64, Seen)], bound: f64) -> F
     )
 }
 
-pub(crate) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Finding {
+pub(crate) fn repeatability(first: &Plane, last: &Plane, bound: f64) -> Finding {
     let (mut dot, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for pixel in 0..first.values.len() {
         dot += first.values[pixel] * last.values[pixel];
@@ -115,13 +115,13 @@ pub(crate) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Finding {
 /// `‖A − Aᵀ‖/‖A‖` from photos of `(1 + x)/2` for random signs `x`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, `E (yᵀ A x)² = ‖A‖²`.
 pub(crate) fn symmetry(
     patterns: &[Vec<f64>],
-    photos: &[Seen],
-    white: &Seen,
+    photos: &[Plane],
+    white: &Plane,
     mask: &[bool],
     bound: f64,
 ) -> Finding {
     let sign = |pattern: &[f64], pixel: usize| if mask[pixel] { 2.0 * pattern[pixel] - 1.0 } else { 0.0 };
-    let product = |with: &[f64], photo: &Seen| -> f64 {
+    let product = |with: &[f64], photo: &Plane| -> f64 {
         (0..mask.len())
             .map(|pixel| sign(with, pixel) * (2.0 * photo.values[pixel] - white.values[pixel]))
             .sum()
@@ -159,7 +159,7 @@ pub(crate) fn symmetry(
 }
 
 /// Finds pixels that see light, but hardly any straight from their own projector pixel.
-pub(crate) fn shadows(direct: &Seen, white: &Seen, mask: &[bool], bound: f64) -> (Finding, Vec<bool>) {
+pub(crate) fn shadows(direct: &Plane, white: &Plane, mask: &[bool], bound: f64) -> (Finding, Vec<bool>) {
     let brightest = white.values.iter().copied().fold(0.0, f64::max);
     let lit = |pixel: usize| {
         mask[pixel] && white.values[pixel] > (DARK * brightest).max(5.0 * white.variance[pixel].sqrt())
@@ -186,16 +186,16 @@ pub(crate) fn shadows(direct: &Seen, white: &Seen, mask: &[bool], bound: f64) ->
     (check, shadow)
 }
 
-pub(crate) fn ambient(ambient: &Seen, white: &Seen) -> Finding {
-    let sum = |seen: &Seen| seen.values.iter().sum::<f64>();
+pub(crate) fn ambient(ambient: &Plane, white: &Plane) -> Finding {
+    let sum = |seen: &Plane| seen.values.iter().sum::<f64>();
     let total = sum(white);
-    let error = |seen: &Seen| seen.variance.iter().sum::<f64>().sqrt();
+    let error = |seen: &Plane| seen.variance.iter().sum::<f64>().sqrt();
     let meaning = "of white's light is there without a pattern: ambient light and the projector's black";
     let share = Ratio::of(sum(ambient), total, error(white));
     Finding::told("black", share, error(ambient) / total, meaning)
 }
 
-pub(crate) fn noise_floor(white: &Seen) -> Finding {
+pub(crate) fn noise_floor(white: &Plane) -> Finding {
     let noise: f64 = white.variance.iter().sum();
     let meaning = "noise of the white photo: no answer is better than that without more photos";
     Finding::told("noise floor", of_length(noise.sqrt(), white), 0.0, meaning)

@@ -66,7 +66,7 @@ pub struct Audit {
     pub additivity: Vec<f64>,
     /// Number of patterns photographed.
     pub photos: usize,
-    /// What the devices of a rig do without being asked: an iris, pulses, overscan and others. Empty where there are none. They explain a check
+    /// Findings about things that the devices of a rig do without being asked: an iris, pulses, overscan and others. Empty where there are none. They explain a check
     /// that fails, and do not fail the audit.
     pub devices: Vec<Finding>,
 }
@@ -214,67 +214,35 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     Ok(audit)
 }
 
-// The interface between an audit and a source.
-
-/// A photo of one channel, with the variance of each pixel.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Seen {
-    /// The light of each pixel, without ambient light.
-    pub values: Vec<f64>,
-    /// The variance of each pixel; 0 where there is no noise.
-    pub variance: Vec<f64>,
-}
-
 /// A source that can be audited: one channel, with equal rasters of camera and projector.
 pub trait Audited {
     /// The resolution of patterns and photos.
     fn resolution(&self) -> Resolution;
 
     /// The photo of a pattern of values in \[0, 1\].
-    ///
-    /// # Errors
-    /// Any error of taking the photo.
-    fn photograph(&mut self, pattern: &[f64]) -> Result<Seen>;
+    fn photograph(&mut self, pattern: &[f64]) -> Result<Plane>;
 
     /// Whether white gives any light to measure: a finding of the name `light`. It is asked after the white photo was taken.
-    ///
-    /// # Errors
-    /// Any error of taking that photo.
     fn sight(&mut self) -> Result<Finding>;
 
     /// Which pixels the camera sees; the others are never lit.
     fn seen(&self) -> Vec<bool>;
 
     /// The direct light under white, if it is known.
-    ///
-    /// # Errors
-    /// Any error of measuring it.
-    fn direct(&mut self) -> Result<Option<Seen>>;
+    fn direct(&mut self) -> Result<Option<Plane>>;
 
     /// The light without a pattern, if it is known.
-    ///
-    /// # Errors
-    /// Any error of measuring it.
-    fn ambient(&mut self) -> Result<Option<Seen>>;
+    fn ambient(&mut self) -> Result<Option<Plane>>;
 
     /// The share of the camera's samples of white that are saturated in some exposure; none where there is no camera.
-    ///
-    /// # Errors
-    /// Any error of taking the white photo.
     fn saturated(&mut self) -> Result<Option<f64>>;
 
     /// Photos of the projector's red, green and blue alone, in each camera channel; none if either device is monochrome.
-    ///
-    /// # Errors
-    /// Any error of taking them.
     fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
         Ok(None)
     }
 
     /// The largest relative change of the lamp's light that was measured and corrected; none if it was not monitored.
-    ///
-    /// # Errors
-    /// Any error of measuring it.
     fn drift(&mut self) -> Result<Option<f64>>;
 }
 
@@ -293,7 +261,7 @@ impl Audited for Exact<'_> {
         self.resolution
     }
 
-    fn photograph(&mut self, pattern: &[f64]) -> Result<Seen> {
+    fn photograph(&mut self, pattern: &[f64]) -> Result<Plane> {
         let mut values = vec![0.0; self.full.rows()];
         self.full.apply(pattern, &mut values)?;
         Ok(exact(values))
@@ -313,11 +281,11 @@ impl Audited for Exact<'_> {
         vec![true; self.resolution.pixels()]
     }
 
-    fn direct(&mut self) -> Result<Option<Seen>> {
+    fn direct(&mut self) -> Result<Option<Plane>> {
         Ok(self.direct.clone().map(exact))
     }
 
-    fn ambient(&mut self) -> Result<Option<Seen>> {
+    fn ambient(&mut self) -> Result<Option<Plane>> {
         Ok(None)
     }
 
@@ -330,8 +298,8 @@ impl Audited for Exact<'_> {
     }
 }
 
-fn exact(values: Vec<f64>) -> Seen {
-    Seen { variance: vec![0.0; values.len()], values }
+fn exact(values: Vec<f64>) -> Plane {
+    Plane { variance: vec![0.0; values.len()], values }
 }
 
 impl Audited for Measurement {
@@ -339,7 +307,7 @@ impl Audited for Measurement {
         Self::resolution(self)
     }
 
-    fn photograph(&mut self, pattern: &[f64]) -> Result<Seen> {
+    fn photograph(&mut self, pattern: &[f64]) -> Result<Plane> {
         let samples = pattern.iter().map(|&value| value as f32).collect();
         let image = crate::image::Image::new(Self::resolution(self), 1, samples)?;
         first(Self::photograph(self, &image)?)
@@ -353,14 +321,14 @@ impl Audited for Measurement {
         Self::seen(self).to_vec()
     }
 
-    fn direct(&mut self) -> Result<Option<Seen>> {
+    fn direct(&mut self) -> Result<Option<Plane>> {
         match self.options().direct {
             crate::measure::DirectBy::None => Ok(None),
             crate::measure::DirectBy::Patterns => Ok(Some(first(Self::direct(self)?)?)),
         }
     }
 
-    fn ambient(&mut self) -> Result<Option<Seen>> {
+    fn ambient(&mut self) -> Result<Option<Plane>> {
         if !self.options().ambient {
             return Ok(None);
         }
@@ -381,9 +349,6 @@ impl Audited for Measurement {
     }
 }
 
-fn first(photo: Photo) -> Result<Seen> {
-    let plane = photo.planes.into_iter().next();
-    let Plane { values, variance } =
-        plane.ok_or_else(|| Error::Numerical("a photo without channels".into()))?;
-    Ok(Seen { values, variance })
+fn first(photo: Photo) -> Result<Plane> {
+    photo.planes.into_iter().next().ok_or_else(|| Error::Numerical("a photo without channels".into()))
 }

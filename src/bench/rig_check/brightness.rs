@@ -3,7 +3,7 @@
 
 use crate::bench::rig_check::probe::{Probe, average, binned};
 use crate::bench::rig_check::thresholds::{
-    CLIPPED, COLOURS, COLOURS_UNCALIBRATED, IRIS, IRIS_UNCALIBRATED, STRAY,
+    CLIPPED, COLOURS, COLOURS_UNCALIBRATED, IRIS, IRIS_UNCALIBRATED, SIGMAS, STRAY,
 };
 use crate::bench::rig_check::{Finding, Grade, Recorder};
 use crate::error::Result;
@@ -16,7 +16,7 @@ const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
 /// Blocks that the picture is divided into along an axis, for the search of stray light.
 const BLOCKS: usize = 24;
 
-/// Where light is least, it grows by this power of what white gives, at most, if it is even. Light of the scene grows in proportion.
+/// Even light grows, where it is least, at most by this power of the light under white. Light of the scene grows in proportion.
 const EVEN: f64 = 0.5;
 
 /// Brightnesses that differ by less than this factor's logarithm do not show such a power.
@@ -93,12 +93,9 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
         "switch off the automatic iris, dynamic contrast and eco mode in the projector's menu; if the camera's counts are not in \
          proportion to light, calibrate first and check again"
     };
-    let grade = match (is_off, probe.is_known) {
-        (false, _) => Grade::Ok,
-        (true, true) => Grade::Fails,
-        (true, false) => Grade::Warning,
-    };
-    Finding::graded("iris", grade, found, format!("within {:.0} %", 100.0 * bound), help)
+    let beyond = if probe.is_known { Grade::Fails } else { Grade::Warning };
+    let expected = format!("within {:.0} %", 100.0 * bound);
+    Finding::at_most("iris", [off.abs(), 0.5 * scatter, bound], beyond, found, expected, help)
 }
 
 /// Whether light reaches all pixels evenly, and in proportion to the mean of the pattern. Light of the scene itself does not: what comes
@@ -141,6 +138,7 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
         "cover the scene with black cloth: if that light remains, blacken or tilt the light trap behind the beam splitter, and shade \
          the lens; otherwise the scene itself exchanges that light",
     )
+    .measured(share, probe.scatter / SIGMAS, STRAY)
 }
 
 /// The slope of the line through points, and its standard error. None where all points have nearly the same first coordinate: no slope is
@@ -175,9 +173,10 @@ fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
             100.0 * high
         )
     };
-    Finding::graded(
+    Finding::at_least(
         "levels",
-        if is_clipped { Grade::Warning } else { Grade::Ok },
+        [(1.0 - high).abs(), 0.5 * probe.scatter, CLIPPED],
+        Grade::Warning,
         found,
         format!("level 235 at least {:.0} % darker than level 255", 100.0 * CLIPPED),
         "set the projector's input and the graphics card to full range (0 to 255, \"PC\"), lower the contrast, and calibrate again",
@@ -239,7 +238,11 @@ fn sum(probe: &Probe<'_>, off: [f64; 2]) -> Finding {
                 patterns alone (--channels luma)";
     let unknown = "; if the camera's counts are not in proportion to light, calibrate first and check again";
     let help = if probe.is_known { help.to_owned() } else { format!("{help}{unknown}") };
-    Finding::graded("colours", grade, found, format!("within {:.0} %", 100.0 * bound), help)
+    Finding::graded("colours", grade, found, format!("within {:.0} %", 100.0 * bound), help).measured(
+        off[0].abs().max(off[1].abs()),
+        0.5 * probe.scatter,
+        bound,
+    )
 }
 
 #[cfg(test)]
@@ -259,7 +262,7 @@ mod tests {
         let [value, error] = slope(&points).expect("the points are apart");
         assert!((value - 0.3).abs() < 3.0 * error && error < 2e-3, "{value} ± {error}");
         assert_eq!(slope(&[[1.0, 2.0]; 20]), None);
-        // By hand: the ordinates of nine points rise by 2, and the first and the last are 3 and −3 off, whose line falls by 0.4.
+        // The ordinates of nine points rise by 2, and the first and the last are 3 and −3 off, whose line falls by 0.4.
         let mut points: Vec<[f64; 2]> = (0..9).map(|at| [f64::from(at), 2.0 * f64::from(at)]).collect();
         points[0][1] += 3.0;
         points[8][1] -= 3.0;
@@ -288,7 +291,7 @@ mod tests {
         check(&mut Probe::new(&mut frames, None, &photos, 0.1, true))
     }
 
-    /// What was photographed before the check is none of its photos.
+    /// A photo from before the check is not counted among its photos.
     #[test]
     fn a_check_counts_its_own_photos() {
         use crate::measure::{CaptureRequest, FrameSource};
@@ -319,7 +322,7 @@ mod tests {
     fn the_quadrants_of_a_frame_have_no_pixel_in_common_and_make_up_all_of_it() {
         with_probe(8, |probe| {
             let Quadrants { whites, quadrants } = quadrants(probe).expect("it never fails");
-            // Of five columns the third belongs to the left: its beginning does.
+            // The third of five columns belongs to the left: its beginning does.
             let lit = |light: &[f64]| {
                 light.iter().map(|light| (light / 50_000.0).round() as u8).collect::<Vec<u8>>()
             };

@@ -1,4 +1,4 @@
-//! The check of the rig file, and of each device by itself.
+//! The check of the rig file, the disk, each device by itself, and the calibration with its pixel map.
 
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
@@ -15,7 +15,7 @@ use crate::io::atomic;
 use crate::measure::{Calibration, FrameSource, MeasureOptions, RigFile, RigKind, sight};
 use crate::rig::{CameraInfo, CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
-/// What the file describes, and whether its exposures suit its projector.
+/// The rig that the file describes, and whether its exposures suit its projector.
 pub(crate) fn file(file: &RigFile) -> Finding {
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     let kind = match file.kind {
@@ -176,8 +176,6 @@ fn camera(
     }
 }
 
-// The check of the disk: space for a session's photos.
-
 /// Whether the folder can be written, and has space for a session's photos.
 pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
     let there = existing(folder);
@@ -210,6 +208,7 @@ pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
         format!("space for {SESSION_PHOTOS} photos"),
         "free some space, or give another folder by -o",
     )
+    .measured(photos as f64, 0.0, SESSION_PHOTOS as f64)
 }
 
 /// The folder, or the nearest folder above it that exists.
@@ -232,9 +231,6 @@ fn free(folder: &Path) -> Option<u64> {
 fn free(_: &Path) -> Option<u64> {
     None
 }
-
-// The check of the calibration: whether there is one, whether it belongs to these devices, and whether its
-// pixel map still fits.
 
 /// Loads the calibration. Returns it when it can be used.
 pub(crate) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Result<Option<Calibration>> {
@@ -318,7 +314,8 @@ pub(crate) fn pixel_map(
                 "off by {:.3} ± {:.3} pixels at most, by ({right:.3}, {down:.3}) in the centre",
                 found.off, found.error
             );
-            Finding::graded("pixel map", grade, text, expected, help)
+            let finding = Finding::graded("pixel map", grade, text, expected, help);
+            finding.measured(found.off, found.error, MAP_OFFSET_WARNING)
         }
     };
     recorder.add(finding)

@@ -51,7 +51,7 @@ use probe::Probe;
 pub struct RigToCheck<'a> {
     /// The rig file.
     pub file: &'a RigFile,
-    /// Where the runs of the session will be written. It need not exist yet.
+    /// The folder of the session's runs. It need not exist yet.
     pub folder: &'a Path,
     /// Finds the program that draws on the screen of an X11 projector. It is called for a rig of real devices
     /// only.
@@ -132,7 +132,7 @@ fn map(
     recorder.add(Finding::unmeasured("pixel map", because))
 }
 
-/// What the devices of an open rig do without being asked, and what lies in the way of their light: an automatic iris, stray light, limited-range
+/// Findings about things that the devices of an open rig do without being asked, and about obstacles to their light: an automatic iris, stray light, limited-range
 /// video, pulses of a lamp or colour wheel, a rolling shutter, overscan, blur, ghosts, and a white segment. These are the last findings of [`check`]; an audit names
 /// them, too. There are none where white cannot be seen; an error of the devices is a finding.
 ///
@@ -155,7 +155,7 @@ pub fn faults(
             return Ok(recorder.findings.all);
         }
     };
-    // What photos of black and white show by themselves is judged by the caller's own photos.
+    // The caller's own photos judge what black and white show by themselves.
     recorder.findings.all.clear();
     if let Some(seen) = seen
         && let Err(error) = imperfections(&setup, &seen, frames, &mut recorder)

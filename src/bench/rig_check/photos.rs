@@ -1,4 +1,4 @@
-//! The check by photos of black and white: what they show of frames, settling, repeatability and noise.
+//! The check by photos of black and white: exposure, saturation, ambient light, frames, settling, repeatability and noise.
 
 use std::borrow::Cow;
 
@@ -28,7 +28,7 @@ pub(crate) struct Setup<'a> {
     pub(crate) known: Option<&'a Calibration>,
 }
 
-/// What the photos of black and white allow to examine further.
+/// The photos of black and white, and how far they allow to examine further.
 pub(crate) struct Seen {
     /// The exposure of white, in seconds.
     pub(crate) exposure: f64,
@@ -124,10 +124,10 @@ fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
         means.iter().map(|[first, again]| Ratio::of(again - first, *again, 0.0).value()).collect();
     let Some(missing) = missing else { return Finding::unmeasured("settling", NO_WHITE) };
     let (average, error) = average(&missing);
-    let is_short = average.abs() - SIGMAS * error > SETTLING;
-    Finding::graded(
+    Finding::at_most(
         "settling",
-        if is_short { Grade::Fails } else { Grade::Ok },
+        [average.abs(), error, SETTLING],
+        Grade::Fails,
         format!(
             "{} s after a frame, white after black has {:.2} ± {:.2} % less light than a repeated white",
             decimal(settle, 4),
@@ -147,9 +147,10 @@ fn repeatability(means: &[[f64; 2]]) -> Finding {
     let Some(most) = Ratio::of(off, middle, 0.0).value() else {
         return Finding::unmeasured("repeatability", NO_WHITE);
     };
-    Finding::graded(
+    Finding::at_most(
         "repeatability",
-        if most > REPEATABILITY { Grade::Warning } else { Grade::Ok },
+        [most, 0.0, REPEATABILITY],
+        Grade::Warning,
         format!("white's light changes by {:.3} % from photo to photo", 100.0 * most),
         format!("at most {:.0} %", 100.0 * REPEATABILITY),
         "use exposures that are whole multiples of the refresh and of the mains period; let the lamp warm up",
@@ -167,6 +168,7 @@ fn noise(ratio: f64, error: f64) -> Finding {
         format!("{least} to {most}"),
         "more noise may be vibration or flicker; more or less may be another gain: calibrate again",
     )
+    .measured(ratio, error, if ratio < 1.0 { least } else { most })
 }
 
 /// The mean of a few values, and its standard error.
@@ -176,8 +178,6 @@ fn average(values: &[f64]) -> (f64, f64) {
     let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
     (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
-
-// The check of the light: exposure, saturation and ambient light.
 
 /// How white was exposed.
 pub(crate) struct Exposure {
@@ -255,7 +255,7 @@ fn range(reached: f64, exposure: &Exposure) -> Finding {
         (_, share) if share < DIM_WHITE => (Grade::Warning, "expose longer, or open the lens"),
         _ => (Grade::Ok, ""),
     };
-    Finding::graded("exposure", grade, found, expected, help)
+    Finding::graded("exposure", grade, found, expected, help).measured(reached, 0.0, DIM_WHITE)
 }
 
 /// The share of white's samples that are saturated.
@@ -272,13 +272,15 @@ fn saturation(share: f64) -> Finding {
         format!("at most {:.0} %", 100.0 * SATURATED_WARNING),
         "add a shorter exposure, close the lens, or remove highlights from the scene",
     )
+    .measured(share, 0.0, SATURATED_WARNING)
 }
 
 /// The light of black, as a share of white's.
 fn ambient(share: f64) -> Finding {
-    Finding::graded(
+    Finding::at_most(
         "ambient",
-        if share > AMBIENT { Grade::Warning } else { Grade::Ok },
+        [share, 0.0, AMBIENT],
+        Grade::Warning,
         format!("black has {:.1} % of white's light", 100.0 * share),
         format!("less than {:.0} %", 100.0 * AMBIENT),
         "darken the room: ambient light is subtracted, but its noise remains",

@@ -1,5 +1,5 @@
-//! The check of the picture: whether all of the frame is shown (overscan), whether it is sharp, and whether there is a second image of it
-//! (ghost).
+//! The check of the picture: whether all of the frame is shown (overscan), whether it is sharp, and whether a beam splitter's back reflects a
+//! second image of it (ghost).
 
 use rayon::prelude::*;
 
@@ -60,9 +60,10 @@ fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     }
     let share = light.iter().sum::<f64>() / expected;
     let rows = if wide == 1 { "row and column".into() } else { format!("{wide} rows and columns") };
-    Ok(Finding::graded(
+    Ok(Finding::at_least(
         "border",
-        if share < BORDER { Grade::Warning } else { Grade::Ok },
+        [share, 0.0, BORDER],
+        Grade::Warning,
         format!(
             "the outermost {rows} at each side give {:.0} % of the light that white has there",
             100.0 * share
@@ -100,9 +101,10 @@ fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     let sharp = 4.0 / std::f64::consts::PI * pixel.sin() / pixel;
     let frequency = std::f64::consts::TAU / fine as f64;
     let blur = (2.0 * (sharp / contrast).ln().max(0.0)).sqrt() / frequency;
-    Ok(Finding::graded(
+    Ok(Finding::at_most(
         "sharpness",
-        if blur > BLUR { Grade::Warning } else { Grade::Ok },
+        [blur, 0.0, BLUR],
+        Grade::Warning,
         format!(
             "stripes of {} projector pixels are blurred by {blur:.2} projector pixels, or {:.2} of the camera's (standard deviation)",
             fine / 2,
@@ -112,8 +114,6 @@ fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
         "focus the camera (`krylux rig preview`), then the projector, and close the camera's aperture; a scene of wax or marble blurs as well",
     ))
 }
-
-// The search for a second image of the frame, as a beam splitter's back reflects it.
 
 /// The distance of the dots in projector pixels, and their side. All dots have the same second image beside them, while light of the
 /// scene differs from dot to dot.
@@ -260,7 +260,7 @@ mod tests {
         (0..to.pixels()).map(value).collect()
     }
 
-    /// What `check` finds on a bench without a calibration whose camera sees `optics` of the light that the projector shows, in
+    /// The finding of `check` on a bench without a calibration whose camera sees `optics` of the light that the projector shows, in
     /// the camera's pixels; white has 50,000 counts above 100.
     fn found<T>(
         [projector, camera]: [Resolution; 2],
@@ -294,7 +294,7 @@ mod tests {
             };
             let finding = found([projector, camera], scene, border);
             assert!(finding.grade == Grade::Ok && finding.found.contains("row and column at"), "{finding}");
-            // Where a camera's pixel holds the border in part, the scene is taken as even inside of it: it changes by less than 5 %.
+            // If a camera's pixel holds the border in part, the scene is taken as even inside of it: it changes by less than 5 %.
             assert!((numbers(&finding)[0] - 100.0).abs() <= 1.0, "{finding}");
         }
     }
@@ -354,7 +354,7 @@ mod tests {
         (0..light.len() as i64).map(one).collect()
     }
 
-    /// Of stripes blurred by `σ` the first harmonic is left, `exp(−f² σ² / 2)` of it, with f = π/2 for a period of four. The coarse
+    /// Stripes blurred by `σ` keep the share `exp(−f² σ² / 2)` of their first harmonic, with f = π/2 for a period of four. The coarse
     /// stripes have an edge every eight pixels, and lose `2 σ √(2/π)` of their light at each. What is found is the blur whose
     /// harmonic is that share of theirs.
     #[test]

@@ -1,4 +1,4 @@
-//! Photos of patterns as light above black: what the checks of the devices compare.
+//! The photos of black and white that the check takes, and photos of patterns as light above black.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub(crate) struct Probe<'a> {
     pub(crate) is_known: bool,
     /// The light of white above black, one value for each camera pixel.
     pub(crate) white: Vec<f64>,
-    /// By which share repeated photos of white differ at most.
+    /// The share by which repeated photos of white differ at most.
     pub(crate) scatter: f64,
     /// The light of each count, where the camera's response is not a line.
     curve: Option<Vec<f64>>,
@@ -168,8 +168,6 @@ pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>,
     ((0..small.pixels()).map(value).collect(), small)
 }
 
-// The sequence of photos that the check takes of black and white, and numbers of one photo.
-
 /// The number of rounds. In each, white is shown after black and photographed twice.
 const ROUNDS: u32 = 4;
 
@@ -185,7 +183,7 @@ pub(crate) struct Photos {
     pub(crate) dark_count: f64,
     /// Black at the shortest exposure.
     pub(crate) dark: RawFrame,
-    /// What these photos have cost.
+    /// The cost of these photos.
     pub(crate) effort: Effort,
 }
 

@@ -54,13 +54,13 @@ pub const MIN_CORRELATION: f64 = 0.5;
 /// The automatic iris: the quadrants of white may differ from white by this share.
 pub const IRIS: f64 = 0.02;
 
-/// As [`IRIS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 4 %.
+/// The same as [`IRIS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 4 %.
 pub const IRIS_UNCALIBRATED: f64 = 0.05;
 
 /// The white segment of a colour wheel: red, green and blue may differ from gray by this share.
 pub const COLOURS: f64 = 0.02;
 
-/// As [`COLOURS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 5.6 % where the camera has no colours.
+/// The same as [`COLOURS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 5.6 % where the camera has no colours.
 pub const COLOURS_UNCALIBRATED: f64 = 0.07;
 
 /// A warning when this share of white's light reaches all pixels evenly, and follows the pattern.
@@ -72,7 +72,7 @@ pub const CLIPPED: f64 = 0.01;
 /// Pulses of light: white's light per second may differ by this share between exposures of parts of a refresh.
 pub const PULSES: f64 = 0.02;
 
-/// As [`PULSES`], where the camera's response is not known. A response of `x^0.95` makes 5 %.
+/// The same as [`PULSES`], where the camera's response is not known. A response of `x^0.95` makes 5 %.
 pub const PULSES_UNCALIBRATED: f64 = 0.08;
 
 /// A warning when the last rows of a photo see more of a frame that was just shown than the first rows, by this share.

@@ -15,7 +15,7 @@ const REFRESH: f64 = 1.0 / 60.0;
 /// Rows with less than this share of the mean light are too dark to be compared.
 const LEAST_LIGHT: f64 = 0.02;
 
-/// By how many counts rounding may change the mean of a photo.
+/// The counts by which rounding may change the mean of a photo.
 const ROUNDING: f64 = 0.3;
 
 /// Takes six photos of white at short exposures.
@@ -67,9 +67,10 @@ fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
     let bound = if probe.is_known { PULSES } else { PULSES_UNCALIBRATED };
     let is_pulsed = spread - 3.0 * error > bound;
     let what = if is_pulsed { ": the projector's light is pulsed (PWM or a colour wheel)" } else { "" };
-    Finding::graded(
+    Finding::at_most(
         "pulses",
-        if is_pulsed { Grade::Warning } else { Grade::Ok },
+        [spread, error, bound],
+        Grade::Warning,
         format!(
             "white's light per second differs by {:.1} % between exposures of {} to {} s{what}",
             100.0 * spread,
@@ -131,6 +132,7 @@ fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
         "set the camera to a global shutter; otherwise wait until the light has settled for all rows (settle in [measurement]), and use \
          exposures that are whole multiples of the refresh and of the mains period",
     )
+    .measured(last - first, probe.scatter / SIGMAS, ROLLING)
 }
 
 #[cfg(test)]
@@ -143,7 +145,7 @@ mod tests {
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
 
-    /// What `check` finds on a bench of four by eight pixels whose photos of one second have 100 counts without light, 300 more for black, and
+    /// The finding of `check` on a bench of four by eight pixels whose photos of one second have 100 counts without light, 300 more for black, and
     /// 40,000 more for white, times `share` of the row, the exposure and the wait.
     fn found(
         share: impl Fn(usize, f64, f64) -> f64 + Send,

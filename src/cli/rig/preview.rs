@@ -14,6 +14,7 @@ use super::super::pattern::Pattern;
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::bench::preview::{self, CountRange, FrameFigures, Preview};
+use crate::calibrate::StructuredLight;
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::name::Name;
@@ -120,7 +121,7 @@ fn watch(
 /// An exposure for white. When no exposure suits white, a warning says so: there is something to be seen all
 /// the same.
 fn white_exposure(frames: &mut dyn FrameSource, console: &Console) -> Result<f64> {
-    let (exposure, outcome) = Preview::white_exposure(frames)?;
+    let (exposure, outcome) = StructuredLight::white_exposure(frames)?;
     if let Some(warning) = outcome.warning(exposure) {
         console.note(format_args!("warning: {warning}"));
     }

@@ -1,12 +1,11 @@
-//! The validation of a rig file's values. Each error names the file, the key, the valid range, and what to
-//! do.
+//! The validation of a rig file's values. Each error names the file, the key, the valid range, and what to do.
 
 use std::path::PathBuf;
 
 use crate::error::Error;
 use crate::measure::MeasureOptions;
-use crate::rig::genicam::Settings;
-use crate::rig::pixels::Sensor;
+use crate::rig::sensor::Sensor;
+use crate::rig::sensor::Settings;
 use crate::rig::{
     Ambient, CameraSpec, Drift, Faults, Gphoto2Spec, ProgramRig, Pulse, Splitter, V4lSpec, VirtualCamera,
     VirtualProjector, X11Spec,
@@ -232,8 +231,6 @@ impl Check {
     }
 }
 
-// The validation of a real camera's table in a rig file.
-
 impl Check {
     /// Checks the description of the devices of a program.
     pub(crate) fn program(&self, rig: &ProgramRig) -> Checked {
@@ -307,8 +304,6 @@ impl Check {
         Ok(())
     }
 }
-
-// The validation of what a virtual rig's projector and beam splitter do to the light.
 
 impl Check {
     /// Checks the way of the light: projector, camera, and what is between them.

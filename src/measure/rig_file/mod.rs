@@ -210,9 +210,6 @@ impl RigFile {
     }
 
     /// Parses `bytes`, which are or were the content of the file at `path`.
-    ///
-    /// # Errors
-    /// Those of [`Self::load`].
     pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
         let check = Check { path: path.to_path_buf() };
         let text = std::str::from_utf8(bytes)
@@ -298,8 +295,6 @@ fn kind_of(check: &Check, text: &str) -> Result<String> {
     }
 }
 
-// The parser of rig files. Its errors name the line, the key, and the name that was probably meant.
-
 /// Parses `text`, the content of the file at `path`.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|error| explain(path, text, &error))
@@ -343,8 +338,6 @@ fn place(text: &str, at: usize) -> String {
         _ => format!("line {line}: "),
     }
 }
-
-// Settings of a session that follow from a rig file, from its calibration, or from neither.
 
 /// Seconds between the confirmation of a frame and its photo where neither the rig file nor a calibration
 /// gives them. Projectors that process their picture show it some frames late.

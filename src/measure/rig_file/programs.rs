@@ -1,4 +1,5 @@
-//! Programs that a rig file names. The author of the file chooses what is run, and so a stranger's file runs nothing unasked.
+//! Programs that a rig file names, and the line that the program itself writes into a rig file. The author of the file chooses what is run,
+//! and so a stranger's file runs nothing unasked.
 
 use std::path::{Path, PathBuf};
 
@@ -70,17 +71,15 @@ fn objection(path: &Path, folder: &Path) -> Option<String> {
     })
 }
 
-// The one change that the program makes to a rig file: it names the calibration. All else stays as its author wrote it.
-
 impl RigFile {
     /// Writes into the rig file that `folder` holds its calibration, and returns the new content. Comments and the order of keys stay.
     /// A folder below that of the rig file is named relative to it.
     ///
     /// # Errors
-    /// Those of [`Self::load`]; [`Error::Write`].
+    /// The errors of [`Self::load`]; [`Error::Write`].
     pub fn name_calibration(&self, folder: &Path) -> Result<Self> {
         let bytes = file::read(&self.path)?;
-        // What the user changed in the meantime must be as valid as what was read before.
+        // The user may have changed the file in the meantime; it must still be valid.
         Self::from_bytes(&self.path, &bytes)?;
         let named = named_in(&String::from_utf8_lossy(&bytes), &relative(&self.path, folder)?);
         let named = named.map_err(|fault| Error::Data {

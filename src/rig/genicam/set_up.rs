@@ -1,19 +1,26 @@
-//! The setup of a machine vision camera: one frame for each software trigger, nothing automatic, all values within its limits.
+//! The setup of a machine vision camera: one frame for each software trigger, nothing automatic, all values within its limits; and what the
+//! camera can do.
 
+use std::io::Read;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
 use viva_genicam::genapi::{RegisterIo, ValueRange};
 use viva_genicam::{Camera, GenicamError, StandardFeature};
 
-use super::settings::Settings;
 use crate::error::{Error, Result};
-use crate::rig::busy::{in_use, is_busy};
-use crate::rig::camera_fault;
+use crate::rig::gphoto2::body::wait;
+use crate::rig::hardware::{in_use, is_busy};
+use crate::rig::sensor::Settings;
+use crate::rig::{Helper, camera_fault};
 
 /// The largest difference between the gain that was asked for and the one that was set, in the camera's unit (usually decibels):
 /// half of the usual step of a tenth, with a margin.
 const GAIN_TOLERANCE: f64 = 0.06;
 
 /// Sets an open camera up. `place` says where it is, for errors.
-pub(super) fn set_up<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
+pub(crate) fn set_up<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
     // A session that ended abruptly leaves the acquisition running.
     let _ = camera.acquisition_stop();
@@ -139,7 +146,7 @@ fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place
 }
 
 /// Sets the exposure in seconds; returns the exposure that was really set.
-pub(super) fn set_exposure<T: RegisterIo>(camera: &mut Camera<T>, place: &str, exposure: f64) -> Result<f64> {
+pub(crate) fn set_exposure<T: RegisterIo>(camera: &mut Camera<T>, place: &str, exposure: f64) -> Result<f64> {
     let failed = |why: GenicamError| said(place, &format!("set an exposure of {exposure} s"), &why);
     camera.set_exposure_time(1e6 * exposure).map_err(failed)?;
     let set = camera.exposure_time().map_err(failed)?;
@@ -166,7 +173,7 @@ fn told(range: ValueRange) -> String {
 }
 
 /// The error where the camera failed to do something; `why` is the protocol's error.
-pub(in crate::rig) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
+pub(crate) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
     if is_busy(why) || matches!(why, GenicamError::NotInControl(_)) {
         return in_use(place);
     }
@@ -174,4 +181,121 @@ pub(in crate::rig) fn said(place: &str, doing: &str, why: &GenicamError) -> Erro
         format!("the camera {place} did not {doing}: {why}"),
         "check its cable and power, and that no other program uses it",
     )
+}
+
+/// The abilities of a machine vision camera, as far as it states them.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Abilities {
+    /// Width and height of the sensor, in pixels.
+    pub sensor: Option<[usize; 2]>,
+    /// The camera's names of its pixel formats.
+    pub pixel_formats: Vec<String>,
+    /// The shortest and the longest exposure, in seconds.
+    pub exposures: Option<[f64; 2]>,
+    /// The lowest and the highest gain, in the camera's own unit.
+    pub gains: Option<[f64; 2]>,
+}
+
+impl Abilities {
+    /// Reads the abilities of an open camera, without setting anything.
+    pub(crate) fn of<T: RegisterIo>(camera: &Camera<T>) -> Self {
+        let range = |names: &[&str]| {
+            let mut states = names.iter().filter_map(|name| camera.feature_state(name).ok());
+            states.find_map(|state| state.range).map(|range| [range.min, range.max])
+        };
+        let whole = |names: &[&str]| {
+            let number = names.iter().find_map(|name| camera.get_integer(name).ok());
+            number.and_then(|number| usize::try_from(number).ok()).filter(|&number| number > 0)
+        };
+        // Width and Height may be a part of the sensor now: their maximum is the sensor's.
+        let sides = [whole(&["WidthMax", "SensorWidth"]), whole(&["HeightMax", "SensorHeight"])];
+        Self {
+            sensor: sides[0].zip(sides[1]).map(|(width, height)| [width, height]),
+            pixel_formats: camera
+                .feature_state("PixelFormat")
+                .ok()
+                .and_then(|state| state.enum_entries)
+                .unwrap_or_default(),
+            // The camera's exposures are in microseconds.
+            exposures: range(&["ExposureTime", "ExposureTimeAbs"]).map(|range| range.map(|time| time / 1e6)),
+            gains: range(&["Gain"]),
+        }
+    }
+}
+
+impl std::fmt::Display for Abilities {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let between =
+            |what: &str, [least, most]: [f64; 2], unit: &str| format!("{what} {least} to {most}{unit}");
+        let parts = [
+            self.sensor.map(|[width, height]| format!("{width}x{height} pixels")),
+            Some(self.pixel_formats.join(", ")).filter(|formats| !formats.is_empty()),
+            self.exposures.map(|range| between("exposures", range, " s")),
+            self.gains.map(|range| between("gain", range, "")),
+        ];
+        f.write_str(&parts.into_iter().flatten().collect::<Vec<_>>().join("; "))
+    }
+}
+
+/// How long a camera's description may take. Reading one takes about a second.
+const PATIENCE: Duration = Duration::from_secs(15);
+/// The address space of the process that reads a description, in KiB. Descriptions have a few MiB.
+const ADDRESS_SPACE: u64 = 1 << 20;
+/// The largest answer of that process in bytes.
+const MAX_ANSWER: u64 = 1 << 20;
+
+/// Asks a camera what it can do, in a process of `helper`.
+///
+/// # Errors
+/// [`Error::Rig`] when it does not answer, or when its description cannot be read in bounded time and memory.
+pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Abilities> {
+    let name =
+        place.map_or_else(|| format!("the {kind} camera"), |place| format!("the {kind} camera {place}"));
+    let fault = |what: String| {
+        let help = "it is not opened: a description that is damaged or hostile could end the program, or hold it up; \
+                    check the camera's cable and firmware, and that it is the camera that you mean";
+        camera_fault(format!("{name}: {what}"), help)
+    };
+    let started = reader(helper, kind, place).spawn();
+    let mut child = started.map_err(|why| fault(format!("no process can read its description: {why}")))?;
+    let ended = wait(&mut child, PATIENCE);
+    let (mut said, mut complaint) = (String::new(), String::new());
+    if let (Some(stdout), Some(stderr)) = (child.stdout.take(), child.stderr.take()) {
+        // Bytes that cannot be read are missing from the answer, which then cannot be parsed.
+        let _ = stdout.take(MAX_ANSWER).read_to_string(&mut said);
+        let _ = stderr.take(MAX_ANSWER).read_to_string(&mut complaint);
+    }
+    match ended {
+        Some(status) if status.success() => {
+            serde_json::from_str(&said).map_err(|why| fault(format!("its description gave no answer: {why}")))
+        }
+        Some(status) => Err(match serde_json::from_str::<Value>(&complaint) {
+            // The fault that the process found, which names the camera itself.
+            Ok(error) => {
+                let [what, help] = ["error", "help"].map(|key| error[key].as_str().unwrap_or_default());
+                camera_fault(what.trim_start_matches("camera: "), help)
+            }
+            Err(_) => fault(format!(
+                "its description ended the process that read it ({status}), as a damaged or hostile one does"
+            )),
+        }),
+        None => Err(fault(format!("its description was not read within {} s", PATIENCE.as_secs()))),
+    }
+}
+
+/// The process that reads the description of a camera.
+fn reader(helper: &Helper, kind: &str, place: Option<&str>) -> Command {
+    let program = &helper.program;
+    let mut command = if cfg!(unix) {
+        let mut shell = Command::new("sh");
+        shell
+            .args(["-c", &format!("ulimit -v {ADDRESS_SPACE}; ulimit -c 0; exec \"$0\" \"$@\"")])
+            .arg(program);
+        shell
+    } else {
+        Command::new(program)
+    };
+    command.args(["--json", "describe-camera", kind]).args(place);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
 }

@@ -1,13 +1,18 @@
-//! The setup of a still camera: it is found, and its settings are read, set and read back.
+//! The setup of a still camera, whose settings are set and read back, and the programs that run with a time limit for it.
 
-use std::time::Duration;
+use std::fs::File;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
 
-use super::answers::{FoundStillCamera, Setting, cameras, names, setting};
-use super::program::{Ran, run};
-use super::spec::Gphoto2Spec;
-use super::speed::seconds;
+use tempfile::TempDir;
+
 use crate::error::{Error, Result};
 use crate::rig::camera_fault;
+use crate::rig::gphoto2::Gphoto2Spec;
+use crate::rig::gphoto2::answers::{FoundStillCamera, Setting, cameras, names, seconds, setting};
+use crate::rig::hardware::{in_use, is_busy};
 use crate::rig::nearest::nearest;
 
 /// How long `gphoto2` may take to answer a request.
@@ -28,7 +33,7 @@ pub fn still_cameras() -> Result<Vec<FoundStillCamera>> {
 }
 
 /// Finds the camera and sets everything except the shutter speed, whose name and setting it returns.
-pub(super) fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
+pub(crate) fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
     let found = run(&spec.program, &["--auto-detect".into()], None, ANSWER)?;
     let body = Body { program: spec.program.clone(), port: choose(&found, spec.model.as_deref())? };
     let known = names(&body.run(&["--list-config"], ANSWER)?.answer);
@@ -123,14 +128,14 @@ impl Setting {
 }
 
 /// A camera, which `program` reaches at `port`.
-pub(super) struct Body {
+pub(crate) struct Body {
     program: String,
     port: String,
 }
 
 impl Body {
     /// Runs the program on this camera's port.
-    pub(super) fn run(&self, arguments: &[&str], limit: Duration) -> Result<Ran> {
+    pub(crate) fn run(&self, arguments: &[&str], limit: Duration) -> Result<Ran> {
         let arguments = ["--port", &self.port].into_iter().chain(arguments.iter().copied());
         run(&self.program, &arguments.map(String::from).collect::<Vec<_>>(), None, limit)
     }
@@ -142,7 +147,7 @@ impl Body {
     }
 
     /// Sets a setting, and checks it by reading it back.
-    pub(super) fn put(&self, name: &str, value: &str) -> Result<()> {
+    pub(crate) fn put(&self, name: &str, value: &str) -> Result<()> {
         let assigned = format!("{name}={value}");
         let ran = self.run(&["--set-config-value", &assigned, "--get-config", name], ANSWER)?;
         let now = setting(&ran.answer).ok_or_else(|| unreadable(name, &ran))?.current;
@@ -161,4 +166,112 @@ fn unreadable(name: &str, ran: &Ran) -> Error {
         format!("gphoto2 did not tell {name}: {}", ran.said),
         "check by hand what `gphoto2 --get-config` prints for it",
     )
+}
+
+/// The time between two looks whether a program has ended.
+const LOOK: Duration = Duration::from_millis(2);
+
+/// The number of characters of a program's output that an error quotes.
+const REPEATED: usize = 300;
+
+/// The output of a program, and the folder in which it ran.
+pub(crate) struct Ran {
+    pub(crate) folder: TempDir,
+    /// Its standard output.
+    pub(crate) answer: Vec<u8>,
+    /// The end of its standard error, or of its standard output if that is empty, on one line.
+    pub(crate) said: String,
+}
+
+/// Runs a program in a fresh temporary folder, or in the folder `before` of an earlier run.
+///
+/// # Errors
+/// [`Error::Rig`] when it is not installed, fails, or takes longer than `limit`, in which case it is killed.
+pub(crate) fn run(
+    program: &str,
+    arguments: &[String],
+    before: Option<TempDir>,
+    limit: Duration,
+) -> Result<Ran> {
+    let failed = |why: std::io::Error| {
+        camera_fault(
+            format!("no temporary files can be made for {program}: {why}"),
+            "make room in the temporary folder, or set TMPDIR to another one",
+        )
+    };
+    let logs = tempfile::Builder::new().prefix("krylux-").tempdir().map_err(failed)?;
+    let folder = match before {
+        Some(folder) => folder,
+        None => tempfile::Builder::new().prefix("krylux-").tempdir().map_err(failed)?,
+    };
+    // Files instead of pipes: nothing has to read them while the program runs, and its own children cannot keep them open.
+    let [answer, said] = ["answer", "said"].map(|name| logs.path().join(name));
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(folder.path()).env("LC_ALL", "C").stdin(Stdio::null());
+    command.stdout(File::create(&answer).map_err(failed)?).stderr(File::create(&said).map_err(failed)?);
+    // In a separate process group, so that the terminal's interrupt does not reach it: a photo that has begun is finished.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    let mut child = command.spawn().map_err(|why| missing(program, &why))?;
+    let ended = wait(&mut child, limit);
+    let answer = std::fs::read(&answer).map_err(failed)?;
+    let complaint = std::fs::read(&said).map_err(failed)?;
+    let said = last(if complaint.trim_ascii().is_empty() { &answer } else { &complaint });
+    match ended {
+        Some(status) if status.success() => Ok(Ran { folder, answer, said }),
+        Some(_) if is_busy(&std::io::Error::other(said.clone())) => Err(in_use("that gphoto2 finds")),
+        Some(status) => Err(camera_fault(
+            format!("{program} failed ({status}): {said}"),
+            "check the camera's cable, power and mode dial (M), and that no other program uses it (a desktop may \
+             have mounted it: eject it there)",
+        )),
+        None => Err(camera_fault(
+            format!("{program} did not end within {:.1} s, and was ended: {said}", limit.as_secs_f64()),
+            "switch the camera off and on, or give a longer timeout in [camera]",
+        )),
+    }
+}
+
+/// Waits for a program to end. `None`: it did not end in time, and was killed.
+pub(crate) fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
+    let began = Instant::now();
+    while began.elapsed() < limit {
+        if let Ok(Some(status)) = child.try_wait() {
+            return Some(status);
+        }
+        std::thread::sleep(LOOK);
+    }
+    // Killing fails if the program has just ended, which does not matter.
+    let _ = child.kill();
+    let _ = child.wait();
+    None
+}
+
+/// The error where a program cannot be started.
+fn missing(program: &str, why: &std::io::Error) -> Error {
+    let name = Path::new(program).file_name().map_or(program.into(), |name| name.to_string_lossy());
+    let package = match &*name {
+        "unprocessed_raw" | "dcraw_emu" => "libraw-bin",
+        name => name,
+    };
+    if why.kind() == ErrorKind::NotFound {
+        return camera_fault(
+            format!("the program {program} is not installed"),
+            format!("install it (Debian: apt install {package})"),
+        );
+    }
+    camera_fault(format!("the program {program} cannot be run: {why}"), "check its file's permissions")
+}
+
+/// The end of a program's output, on one line.
+pub(crate) fn last(answer: &[u8]) -> String {
+    let text = String::from_utf8_lossy(answer);
+    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    let line = lines.join("; ").replace(|letter: char| letter.is_control(), "?");
+    let letters = line.chars().count();
+    match letters {
+        0 => "it said nothing".into(),
+        _ if letters > REPEATED => format!("… {}", line.chars().skip(letters - REPEATED).collect::<String>()),
+        _ => line,
+    }
 }

@@ -1,36 +1,252 @@
-//! A virtual rig: a simulated scene behind a simulated projector and camera, which have the imperfections of real devices and are
-//! driven through the same traits.
+//! A virtual rig: a simulated scene behind a simulated projector and camera, which have the imperfections of real devices and are driven
+//! through the same traits.
 //!
 //! | step | what it does | file |
 //! |---|---|---|
 //! | levels → light | limited range, response, black level, overscan, blur, vignetting | `screen` |
 //! | light → photo | the scene's light transport | [`crate::transport`] |
-//! | photo → sensor | misregistration, the camera's own pixels, its blur, the splitter's ghost and stray light | `optics`, `view` |
-//! | time | latency, iris, pulses, drift, ambient light, rolling shutter, faults | `world`, `emission`, `faults` |
-//! | light → counts | vignetting, shot noise, read noise, response, quantization | `sensor`, `poisson` |
+//! | photo → sensor | misregistration, the camera's own pixels, its blur, the splitter's ghost and stray light | `optics` |
+//! | time | latency, iris, pulses, drift, ambient light, rolling shutter, faults | `world` |
+//! | light → counts | vignetting, shot noise, read noise, response, quantization | `sensor` |
 //!
-//! Time is simulated: nothing sleeps. Every count is a function of the rig's description, the frame's number and the time.
-//! Therefore runs repeat to the last bit, and an interrupted run continues where it stopped.
+//! Time is simulated: nothing sleeps. Every count is a function of the rig's description, the frame's number and the time. Therefore runs
+//! repeat to the last bit, and an interrupted run continues where it stopped.
 
-mod conditions;
-mod devices;
-mod emission;
-mod faults;
-mod open;
 mod optics;
-mod poisson;
-mod response;
 mod screen;
 mod sensor;
-mod sheet;
-mod spec;
-mod splitter;
-mod view;
-mod world;
+pub(crate) mod spec;
+pub(crate) mod world;
 
-pub use conditions::{Ambient, Drift, Faults};
-pub use emission::{Iris, Pulse};
-pub use response::Response;
-pub use sheet::MatteSheet;
-pub use spec::{Misregistration, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene};
-pub use splitter::Splitter;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::{Camera, CameraInfo, Clock, Devices, Frame, Projector, ProjectorInfo, RawFrame, Shown, Stamp};
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+use crate::transport::{Channels, Transport};
+use optics::View;
+use screen::VirtualScreen;
+use sensor::VirtualSensor;
+use spec::VirtualRig;
+use world::World;
+
+impl VirtualRig {
+    /// The projector's properties.
+    pub fn projector_info(&self) -> ProjectorInfo {
+        let (resolution, spec) = (self.scene.size(), &self.projector);
+        ProjectorInfo {
+            name: "virtual projector".into(),
+            resolution,
+            channels: spec.channels,
+            bits: spec.bits,
+            frame_time: spec.frame_time,
+        }
+    }
+
+    /// The camera's properties.
+    pub fn camera_info(&self) -> CameraInfo {
+        let spec = &self.camera;
+        let size = spec.size.map(|[width, height]| Resolution::new(width, height));
+        CameraInfo {
+            name: "virtual camera".into(),
+            resolution: size.unwrap_or(self.scene.size()),
+            channels: spec.channels,
+            bits: spec.bits,
+            exposures: spec.exposures,
+        }
+    }
+
+    /// Opens the rig on `light`, the light transport of its [`scene`](Self::scene) with at least [`channels`](Self::channels)
+    /// channels. The screen shows level 0. With `after`, the last frame of an earlier session, the rig continues as if that session
+    /// had never ended (see [`Projector::restore`](crate::rig::Projector::restore)).
+    ///
+    /// The units of the light transport do not matter: the camera's sensitivity is relative to the white photo.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when the light transport has another size or too few channels, or the white photo is dark; an error of
+    /// `light` when it cannot be photographed.
+    pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
+        self.check_light(light.as_ref())?;
+        let (projector, camera) = (self.projector_info(), self.camera_info());
+        let mut view = View::new(light, camera.resolution, &self.camera, &self.splitter)?;
+        let screen = VirtualScreen::new(&self.projector, projector.resolution);
+        let frame = |level| Frame::filled(projector.resolution, projector.channels, level);
+        let brightest = screen.emit(&frame(projector.highest()));
+        let white = view.lit_by(&brightest)?;
+        view.set_stray(self.splitter.stray, &brightest, &white);
+        let white = white.concat();
+        let sensor =
+            VirtualSensor::new(&self.camera, camera.resolution, self.seed, &white).ok_or_else(|| {
+                Error::Rig {
+                device: camera.name.clone(),
+                fault: "it sees nothing even when the projector shows white".into(),
+                help: "correct the poses of camera and projector, or the camera's shift, scale or homography"
+                    .into(),
+            }
+            })?;
+        let own_light = view.unlit()?;
+        let mut world = World {
+            rig: self.clone(),
+            camera: camera.resolution,
+            view,
+            screen,
+            sensor,
+            own_light,
+            ambient_unit: white.iter().sum::<f64>() / white.len() as f64,
+            exposure: camera.exposures[0],
+            now: after.map_or(0.0, |stamp| stamp.time + self.camera.readout),
+            id: after.map_or(0, |stamp| stamp.id),
+            changes: VecDeque::new(),
+            handed_out: None,
+            restarted_at: None,
+        };
+        world.restore(&frame(0))?;
+        let world = Arc::new(Mutex::new(world));
+        Ok(Devices {
+            projector: Box::new(VirtualProjectorHandle { info: projector, world: Arc::clone(&world) }),
+            camera: Box::new(VirtualCameraHandle {
+                info: camera,
+                step: self.camera.exposure_step,
+                world: Arc::clone(&world),
+            }),
+            clock: Box::new(VirtualClock { world }),
+        })
+    }
+
+    fn check_light(&self, light: &dyn Transport) -> Result<()> {
+        let size = self.scene.size();
+        let sizes = [light.pattern_resolution(), light.photo_resolution()];
+        let channels = self.channels().count();
+        let fault = if sizes != [size; 2] {
+            let [pattern, photo] = sizes;
+            format!("it is {size}, but its scene takes patterns of {pattern} and makes photos of {photo}")
+        } else if light.channels().count() < channels {
+            format!("it has {channels} channels, but its scene is gray")
+        } else {
+            return Ok(());
+        };
+        Err(Error::Rig {
+            device: "virtual rig".into(),
+            fault,
+            help: "give a coaxial scene of the size and channels that the rig file says".into(),
+        })
+    }
+}
+
+/// The world that the three handles share. Each handle may be on another thread.
+pub(crate) type SharedWorld = Arc<Mutex<World>>;
+
+/// A thread that panicked while it held the world leaves a frame unfinished, but no inconsistent state.
+fn locked(world: &SharedWorld) -> MutexGuard<'_, World> {
+    world.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+pub(crate) struct VirtualProjectorHandle {
+    pub(crate) info: ProjectorInfo,
+    pub(crate) world: SharedWorld,
+}
+
+pub(crate) struct VirtualCameraHandle {
+    pub(crate) info: CameraInfo,
+    /// Exposures are whole multiples of this many seconds; 0: any.
+    pub(crate) step: f64,
+    pub(crate) world: SharedWorld,
+}
+
+pub(crate) struct VirtualClock {
+    pub(crate) world: SharedWorld,
+}
+
+impl Projector for VirtualProjectorHandle {
+    fn info(&self) -> &ProjectorInfo {
+        &self.info
+    }
+
+    fn show(&mut self, frame: &Frame) -> Result<Shown> {
+        self.info.check(frame)?;
+        Ok(Shown { at: locked(&self.world).show(frame)? })
+    }
+
+    fn restore(&mut self, frame: &Frame) -> Result<Shown> {
+        self.info.check(frame)?;
+        Ok(Shown { at: locked(&self.world).restore(frame)? })
+    }
+}
+
+impl Camera for VirtualCameraHandle {
+    fn info(&self) -> &CameraInfo {
+        &self.info
+    }
+
+    fn configure(&mut self, exposure: f64) -> Result<f64> {
+        self.info.check_exposure(exposure)?;
+        let [shortest, longest] = self.info.exposures;
+        let mut set = exposure;
+        if self.step > 0.0 {
+            // The nearest multiple that is in range.
+            let [fewest, most] = [(shortest / self.step).ceil(), (longest / self.step).floor()];
+            set = (exposure / self.step).round().clamp(fewest, most.max(fewest)) * self.step;
+        }
+        locked(&self.world).exposure = set;
+        Ok(set)
+    }
+
+    fn capture(&mut self) -> Result<Option<RawFrame>> {
+        Ok(locked(&self.world).capture())
+    }
+
+    fn restart(&mut self) -> Result<()> {
+        locked(&self.world).restart();
+        Ok(())
+    }
+}
+
+impl Clock for VirtualClock {
+    fn now(&self) -> f64 {
+        locked(&self.world).now
+    }
+
+    fn sleep(&mut self, seconds: f64) {
+        locked(&self.world).now += seconds.max(0.0);
+    }
+}
+
+/// The light transport of an evenly coloured matte sheet that stands square to projector and camera: the photo is the pattern.
+#[derive(Clone, Copy, Debug)]
+pub struct MatteSheet {
+    /// The pixels of patterns and of photos.
+    pub resolution: Resolution,
+    /// Gray or coloured.
+    pub channels: Channels,
+}
+
+impl Transport for MatteSheet {
+    fn pattern_resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    fn photo_resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    fn channels(&self) -> Channels {
+        self.channels
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        if pattern.resolution() != self.resolution {
+            return Err(Error::Dimension {
+                what: "pixels of the pattern on a sheet",
+                expected: self.resolution.to_string(),
+                found: pattern.resolution().to_string(),
+            });
+        }
+        let count = self.channels.count();
+        let pixel = |light: &[f32]| -> Vec<f32> {
+            (0..count).map(|channel| light[if light.len() == count { channel } else { 0 }]).collect()
+        };
+        let samples = pattern.samples().chunks_exact(pattern.channels()).flat_map(pixel).collect();
+        Image::new(self.resolution, count, samples)
+    }
+}

@@ -7,8 +7,10 @@
 
 use rayon::prelude::*;
 
-use super::Misregistration;
-use crate::image::{Image, Resolution};
+use super::spec::{Misregistration, Splitter, VirtualCamera};
+use crate::error::Result;
+use crate::image::{Blur, Image, Resolution};
+use crate::transport::{Transport, luminance};
 
 /// Sub-pixels along each side of a camera pixel.
 const SUB_PIXELS: usize = 4;
@@ -36,7 +38,7 @@ impl Misregistration {
 }
 
 /// The weights of photo pixels in each camera pixel, as compressed sparse rows.
-pub(super) struct Optics {
+pub(crate) struct Optics {
     starts: Vec<usize>,
     pixels: Vec<u32>,
     weights: Vec<f64>,
@@ -45,7 +47,7 @@ pub(super) struct Optics {
 impl Optics {
     /// The optics of a camera with `camera` pixels in front of a photo with `photo` pixels. `map` takes a point that should be seen to
     /// the one that is seen, both in pixels of the photo from its top left corner.
-    pub(super) fn new(
+    pub(crate) fn new(
         camera: Resolution,
         photo: Resolution,
         map: &(dyn Fn([f64; 2]) -> [f64; 2] + Sync),
@@ -64,13 +66,13 @@ impl Optics {
     }
 
     /// One channel of the photo as the camera sees it.
-    pub(super) fn see(&self, photo: &Image, channel: usize) -> Vec<f64> {
+    pub(crate) fn see(&self, photo: &Image, channel: usize) -> Vec<f64> {
         let samples = photo.samples();
         self.resample(|pixel| f64::from(samples[pixel * photo.channels() + channel]))
     }
 
     /// The camera's pixels, where `light` is that of a photo's pixel.
-    pub(super) fn resample(&self, light: impl Fn(usize) -> f64) -> Vec<f64> {
+    pub(crate) fn resample(&self, light: impl Fn(usize) -> f64) -> Vec<f64> {
         let row = |ends: &[usize]| {
             let range = ends[0]..ends[1];
             let terms = self.pixels[range.clone()].iter().zip(&self.weights[range]);
@@ -131,7 +133,7 @@ fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut 
 }
 
 /// The factor `1 − vignetting · r²` at each pixel, where `r` is the distance from the centre relative to the corner's.
-pub(super) fn vignette(resolution: Resolution, vignetting: f64) -> Vec<f64> {
+pub(crate) fn vignette(resolution: Resolution, vignetting: f64) -> Vec<f64> {
     let Resolution { width, height } = resolution;
     let offset = |index: usize, of: usize| index as f64 + 0.5 - of as f64 / 2.0;
     let corner = (width * width + height * height) as f64 / 4.0;
@@ -141,4 +143,125 @@ pub(super) fn vignette(resolution: Resolution, vignetting: f64) -> Vec<f64> {
             1.0 - vignetting * (x * x + y * y) / corner
         })
         .collect()
+}
+
+/// Light on the sensor in the photo's units: one plane for each of the camera's channels.
+pub(crate) type SeenLight = Vec<Vec<f64>>;
+
+/// A scene seen through a camera's optics.
+pub(crate) struct View {
+    transport: Box<dyn Transport + Send>,
+    optics: Optics,
+    /// The share of the splitter's second image, and how it is seen.
+    ghost: Option<(f64, Optics)>,
+    blur: Option<Blur>,
+    /// Stray light on each of the camera's channels for a pattern of the mean light 1.
+    stray: Vec<f64>,
+    channels: usize,
+    crosstalk: Option<[[f64; 3]; 3]>,
+    /// The photo without light from the projector.
+    unlit: Image,
+}
+
+impl View {
+    /// The view of this camera, with `pixels`, through this splitter, without stray light. The scene has at least as many channels as
+    /// the camera.
+    pub(crate) fn new(
+        mut transport: Box<dyn Transport + Send>,
+        pixels: Resolution,
+        camera: &VirtualCamera,
+        splitter: &Splitter,
+    ) -> Result<Self> {
+        let (photo, map) = (transport.photo_resolution(), camera.misregistration());
+        let optics = Optics::new(pixels, photo, &|point| map.apply(photo, point));
+        let ghost = (splitter.ghost > 0.0).then(|| {
+            let [right, down] = splitter.ghost_shift;
+            let seen = |point| {
+                let [x, y] = map.apply(photo, point);
+                [x - right, y - down]
+            };
+            (splitter.ghost, Optics::new(pixels, photo, &seen))
+        });
+        let blur = Blur::new(pixels, camera.blur);
+        let nothing = Image::filled(transport.pattern_resolution(), 1, 0.0);
+        let unlit = transport.photograph(&nothing)?;
+        let VirtualCamera { channels, crosstalk, .. } = *camera;
+        let stray = vec![0.0; channels];
+        Ok(Self { transport, optics, ghost, blur, stray, channels, crosstalk, unlit })
+    }
+
+    /// Adds stray light: this share of `white`, the light that `pattern` adds without it.
+    pub(crate) fn set_stray(&mut self, share: f64, pattern: &Image, white: &SeenLight) {
+        let means = self.means(pattern);
+        self.stray = means
+            .iter()
+            .zip(white)
+            .map(|(mean, plane)| share * plane.iter().sum::<f64>() / plane.len() as f64 / mean)
+            .collect();
+    }
+
+    /// The light that a pattern adds to the scene's own light.
+    pub(crate) fn lit_by(&mut self, pattern: &Image) -> Result<SeenLight> {
+        let mixed = match self.crosstalk {
+            Some(matrix) if pattern.channels() == 3 => Some(mixed(&matrix, pattern)?),
+            _ => None,
+        };
+        let pattern = mixed.as_ref().unwrap_or(pattern);
+        let mut photo = self.transport.photograph(pattern)?;
+        for (sample, unlit) in photo.samples_mut().iter_mut().zip(self.unlit.samples()) {
+            *sample -= unlit;
+        }
+        let mut light = self.on_sensor(&photo)?;
+        for ((plane, stray), mean) in light.iter_mut().zip(&self.stray).zip(self.means(pattern)) {
+            plane.iter_mut().for_each(|value| *value += stray * mean);
+        }
+        Ok(light)
+    }
+
+    /// The mean light of a pattern in each of the camera's channels.
+    fn means(&self, pattern: &Image) -> Vec<f64> {
+        let pixels = pattern.resolution().pixels() as f64;
+        let means: Vec<f64> =
+            pattern.planes().iter().map(|plane| plane.iter().sum::<f64>() / pixels).collect();
+        match (self.channels, means.as_slice()) {
+            (1, &[red, green, blue]) => vec![f64::from(luminance([red as f32, green as f32, blue as f32]))],
+            (channels, &[gray]) => vec![gray; channels],
+            _ => means,
+        }
+    }
+
+    /// The scene's own light.
+    pub(crate) fn unlit(&self) -> Result<SeenLight> {
+        self.on_sensor(&self.unlit)
+    }
+
+    fn on_sensor(&self, photo: &Image) -> Result<SeenLight> {
+        if self.channels == 1 && photo.channels() == 3 {
+            let gray = photo.samples().chunks_exact(3).map(|rgb| luminance([rgb[0], rgb[1], rgb[2]]));
+            let gray = Image::new(photo.resolution(), 1, gray.collect())?;
+            return Ok(vec![self.plane(&gray, 0)]);
+        }
+        Ok((0..self.channels).map(|channel| self.plane(photo, channel)).collect())
+    }
+
+    /// One channel of a photo on the sensor.
+    fn plane(&self, photo: &Image, channel: usize) -> Vec<f64> {
+        let mut plane = self.optics.see(photo, channel);
+        if let Some((share, ghost)) = &self.ghost {
+            let ghost = ghost.see(photo, channel);
+            plane.iter_mut().zip(ghost).for_each(|(value, ghost)| *value += share * ghost);
+        }
+        match &self.blur {
+            Some(blur) => blur.apply(&plane),
+            None => plane,
+        }
+    }
+}
+
+/// The pattern whose channel `c` is the light that camera channel `c` responds to: `matrix` times the pattern's channels.
+fn mixed(matrix: &[[f64; 3]; 3], pattern: &Image) -> Result<Image> {
+    let light = pattern.samples().chunks_exact(3).flat_map(|colors| {
+        matrix.map(|row| row.iter().zip(colors).map(|(m, &color)| m * f64::from(color)).sum::<f64>() as f32)
+    });
+    Image::new(pattern.resolution(), 3, light.collect())
 }

@@ -1,15 +1,15 @@
 //! The light that a virtual projector emits for a frame.
 
 use super::optics::{Optics, vignette};
-use super::{Response, VirtualProjector};
+use super::spec::{Response, VirtualProjector};
 use crate::image::{Image, Resolution};
 use crate::rig::Frame;
 
 /// Converts levels to light.
-pub(super) struct Screen {
+pub(crate) struct VirtualScreen {
     /// The light of each level, relative to white.
     light: Vec<f64>,
-    /// What the white segment adds to the light that a pixel's colours have in common.
+    /// The share that the white segment adds to the light that a pixel's colours have in common.
     white_segment: f64,
     /// The part of the frame that each pixel shows; none where it shows its own.
     overscan: Option<Optics>,
@@ -19,9 +19,9 @@ pub(super) struct Screen {
     resolution: Resolution,
 }
 
-impl Screen {
+impl VirtualScreen {
     /// The screen of this projector with `resolution` pixels.
-    pub(super) fn new(spec: &VirtualProjector, resolution: Resolution) -> Self {
+    pub(crate) fn new(spec: &VirtualProjector, resolution: Resolution) -> Self {
         let highest = (1_u32 << spec.bits) - 1;
         let response: Response = spec.response();
         let light = (0..=highest)
@@ -55,12 +55,12 @@ impl Screen {
     }
 
     /// The mean light of a frame, relative to white.
-    pub(super) fn mean(&self, frame: &Frame) -> f64 {
+    pub(crate) fn mean(&self, frame: &Frame) -> f64 {
         self.light(frame).iter().sum::<f64>() / frame.levels().len() as f64
     }
 
     /// The light of a frame, which must fit the screen, as a pattern.
-    pub(super) fn emit(&self, frame: &Frame) -> Image {
+    pub(crate) fn emit(&self, frame: &Frame) -> Image {
         let (channels, all) = (frame.channels(), self.light(frame));
         let mut pattern = Image::filled(self.resolution, channels, 0.0);
         for channel in 0..channels {
@@ -136,7 +136,7 @@ mod tests {
             VirtualProjector { bits: 2, gamma: Some(2.0), black_level: 0.1, ..VirtualProjector::default() };
         let resolution = Resolution::new(4, 1);
         let frame = Frame::new(resolution, 1, vec![0, 1, 2, 3]).expect("four levels");
-        let light = Screen::new(&spec, resolution).emit(&frame);
+        let light = VirtualScreen::new(&spec, resolution).emit(&frame);
         for (found, expected) in light.samples().iter().zip([0.1, 0.2, 0.5, 1.0]) {
             assert!((found - expected).abs() < 1e-7, "{found} for {expected}");
         }
@@ -148,7 +148,7 @@ mod tests {
         let spec = VirtualProjector { channels: 3, white_segment: 1.0, ..VirtualProjector::default() };
         let levels = vec![255, 255, 255, 255, 0, 0, 51, 51, 51, 255, 51, 0];
         let frame = Frame::new(resolution, 3, levels).expect("three levels for each pixel");
-        let light = Screen::new(&spec, resolution).emit(&frame);
+        let light = VirtualScreen::new(&spec, resolution).emit(&frame);
         // White is 1, grays are in proportion to it, and red alone is half of white's red.
         let expected = [1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.2, 0.2, 0.2, 0.5, 0.1, 0.0];
         for (found, expected) in light.samples().iter().zip(expected) {
@@ -163,7 +163,7 @@ mod tests {
         let mut levels = vec![0; 31 * 31];
         levels[15 * 31 + 15] = 255;
         let frame = Frame::new(resolution, 1, levels).expect("as many levels");
-        let light = Screen::new(&spec, resolution).emit(&frame).plane(0);
+        let light = VirtualScreen::new(&spec, resolution).emit(&frame).plane(0);
         let moment = |power: i32| -> f64 {
             light
                 .iter()
@@ -179,7 +179,7 @@ mod tests {
             levels[0] = 255;
             levels
         });
-        let light = Screen::new(&spec, resolution).emit(&corner.expect("as many levels")).plane(0);
+        let light = VirtualScreen::new(&spec, resolution).emit(&corner.expect("as many levels")).plane(0);
         assert!((light.iter().sum::<f64>() - 1.0).abs() < 1e-6, "no light is lost at the border");
     }
 
@@ -187,13 +187,13 @@ mod tests {
     fn limited_range_clips_both_ends_and_overscan_cuts_off_the_border() {
         let resolution = Resolution::new(32, 32);
         let spec = VirtualProjector { limited_range: true, ..VirtualProjector::default() };
-        let screen = Screen::new(&spec, resolution);
+        let screen = VirtualScreen::new(&spec, resolution);
         let light = |level| screen.emit(&Frame::filled(resolution, 1, level)).samples()[0];
         assert_eq!([0, 16, 235, 255].map(light), [0.0, 0.0, 1.0, 1.0]);
         assert!((light(126) - 110.0 / 219.0).abs() < 1e-6);
         // A quarter of 32 pixels is four at each end.
         let spec = VirtualProjector { overscan: 0.25, ..VirtualProjector::default() };
-        let screen = Screen::new(&spec, resolution);
+        let screen = VirtualScreen::new(&spec, resolution);
         let columns = |lit: fn(usize) -> bool| {
             let levels = (0..32 * 32).map(|pixel| if lit(pixel % 32) { 255 } else { 0 }).collect();
             screen.emit(&Frame::new(resolution, 1, levels).expect("as many levels")).plane(0)
@@ -208,7 +208,7 @@ mod tests {
     fn vignetting_darkens_the_corner_by_its_share() {
         let spec = VirtualProjector { vignetting: 0.2, ..VirtualProjector::default() };
         let resolution = Resolution::new(401, 301);
-        let light = Screen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
+        let light = VirtualScreen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
         // The corner pixel's centre lies half a pixel inside the corner: 1 in 200 of the way, 1 in 100 in the square.
         assert!((light[0] - 0.8).abs() < 0.2 * 0.012 && light[150 * 401 + 200] == 1.0);
     }

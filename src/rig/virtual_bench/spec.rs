@@ -4,10 +4,7 @@ use std::path::PathBuf;
 
 use serde::Deserialize;
 
-use super::Response;
-use super::conditions::{Ambient, Drift, Faults};
-use super::emission::{Iris, Pulse};
-use super::splitter::Splitter;
+use super::world::{Iris, Pulse};
 use crate::image::Resolution;
 use crate::transport::Channels;
 
@@ -94,7 +91,7 @@ pub struct VirtualProjector {
     pub latency: f64,
     /// Seconds from one refresh to the next, which is the time that showing a frame takes.
     pub frame_time: f64,
-    /// What the white segment of a colour wheel adds to gray: this share of the light that red, green and blue have in common in a pixel. White is
+    /// The share that the white segment of a colour wheel adds to gray, of the light that red, green and blue have in common in a pixel. White is
     /// then so much brighter than red, green and blue together; light is still relative to white.
     pub white_segment: f64,
     /// How the brightness follows the frame.
@@ -296,5 +293,110 @@ impl VirtualRig {
     /// The channels of light transport that the rig needs: `Rgb` if one of the devices has colour.
     pub fn channels(&self) -> Channels {
         if self.projector.channels.max(self.camera.channels) > 1 { Channels::Rgb } else { Channels::Luma }
+    }
+}
+
+/// A curve through (0, 0) and (1, 1).
+#[derive(Clone, Debug, PartialEq)]
+pub enum Response {
+    /// The power `y = x^gamma`; 1 is linear.
+    Gamma(f64),
+    /// At least two values at equally spaced `x`, the first at 0, the last at 1; linear between them.
+    Curve(Vec<f64>),
+}
+
+impl Response {
+    /// The value at `x`, which is clamped to \[0, 1\]. The values at both ends are exact.
+    pub fn at(&self, x: f64) -> f64 {
+        let x = x.clamp(0.0, 1.0);
+        match self {
+            Self::Gamma(1.0) => x,
+            Self::Gamma(gamma) => x.powf(*gamma),
+            Self::Curve(values) => {
+                let last = values.len() - 1;
+                let at = x * last as f64;
+                let below = (at as usize).min(last - 1);
+                let share = at - below as f64;
+                (1.0 - share) * values[below] + share * values[below + 1]
+            }
+        }
+    }
+}
+
+/// The faults of the beam splitter that the camera looks through. By default there are none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Splitter {
+    /// The share of a second image of the scene, which is reflected at the splitter's back.
+    pub ghost: f64,
+    /// The displacement of the second image to the right and down, in projector pixels.
+    pub ghost_shift: [f64; 2],
+    /// Light of the projector that reaches all camera pixels evenly without the scene, for instance from a light trap that reflects:
+    /// for a white frame this share of the mean of the white photo, and for another frame in proportion to its mean light.
+    pub stray: f64,
+}
+
+/// Light that does not come from the projector. It is the same at each camera pixel, except for the camera's vignetting.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ambient {
+    /// Its level relative to the mean of the white photo.
+    pub level: f64,
+    /// The relative amplitude of its variation, a sine of time. A photo has the mean over its exposure.
+    pub variation: f64,
+    /// The period of the sine in seconds.
+    pub period: f64,
+}
+
+/// The change of the projector's brightness with time `t`: `(1 + per_hour · t / 3600)(1 + swing · sin(2π t / period))`. A photo
+/// has the mean over its exposure.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Drift {
+    /// The relative change per hour.
+    pub per_hour: f64,
+    /// The relative amplitude of the sine.
+    pub swing: f64,
+    /// The period of the sine in seconds.
+    pub period: f64,
+}
+
+/// The frames that fail. Each fault is given by its probability (the seed and the frame's number select the frames), or by the
+/// numbers of the frames, which count from 1.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Faults {
+    /// The probability that a frame does not arrive.
+    pub dropped: f64,
+    /// The probability that the previous frame arrives again instead.
+    pub repeated: f64,
+    /// The probability that a frame arrives which was exposed before the last pattern was shown.
+    pub late: f64,
+    /// The probability that a frame's exposure began when the last pattern was confirmed, before the pattern settled.
+    pub early: f64,
+    /// The frames that do not arrive.
+    pub dropped_frames: Vec<u64>,
+    /// The frames that are replaced by the previous frame.
+    pub repeated_frames: Vec<u64>,
+    /// The frames that were exposed before the last pattern was shown.
+    pub late_frames: Vec<u64>,
+    /// The frames whose exposure did not wait for the pattern to settle.
+    pub early_frames: Vec<u64>,
+    /// The frames after which the camera hangs until it is restarted.
+    pub freeze_after: Vec<u64>,
+    /// Whether a restart does not help a camera that hangs.
+    pub freeze_for_good: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_curve_meets_its_values_and_is_linear_between() {
+        let curve = Response::Curve(vec![0.0, 0.1, 1.0]);
+        assert_eq!([0.0, 0.5, 1.0, 2.0, -1.0].map(|x| curve.at(x)), [0.0, 0.1, 1.0, 1.0, 0.0]);
+        assert!((curve.at(0.75) - 0.55).abs() < 1e-15);
+        assert_eq!([0.0, 0.5, 1.0].map(|x| Response::Gamma(2.0).at(x)), [0.0, 0.25, 1.0]);
     }
 }

@@ -6,11 +6,14 @@
 
 use std::collections::VecDeque;
 
-use super::VirtualRig;
-use super::faults::Fate;
-use super::screen::Screen;
-use super::sensor::Sensor;
-use super::view::{SeenLight, View};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::Deserialize;
+
+use super::optics::{SeenLight, View};
+use super::screen::VirtualScreen;
+use super::sensor::VirtualSensor;
+use super::spec::{Faults, VirtualRig};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::{Frame, RawFrame};
@@ -19,47 +22,47 @@ use crate::rig::{Frame, RawFrame};
 const HISTORY: usize = 8;
 
 /// A frame that was put on screen.
-pub(super) struct Change {
+pub(crate) struct Change {
     /// When it was asked for, in seconds.
-    pub(super) asked: f64,
+    pub(crate) asked: f64,
     /// When it was confirmed.
-    pub(super) confirmed: f64,
+    pub(crate) confirmed: f64,
     /// When its light appears.
-    pub(super) appears: f64,
+    pub(crate) appears: f64,
     /// Its light on the sensor: all of it, or that of red, green and blue where a wheel shows them one after the other.
-    pub(super) light: Vec<SeenLight>,
+    pub(crate) light: Vec<SeenLight>,
     /// The brightness that the iris has when the light appears, and the one that it tends to.
-    pub(super) iris: [f64; 2],
+    pub(crate) iris: [f64; 2],
 }
 
 /// An open virtual rig.
-pub(super) struct World {
-    pub(super) rig: VirtualRig,
-    pub(super) camera: Resolution,
-    pub(super) view: View,
-    pub(super) screen: Screen,
-    pub(super) sensor: Sensor,
+pub(crate) struct World {
+    pub(crate) rig: VirtualRig,
+    pub(crate) camera: Resolution,
+    pub(crate) view: View,
+    pub(crate) screen: VirtualScreen,
+    pub(crate) sensor: VirtualSensor,
     /// The scene's own light.
-    pub(super) own_light: SeenLight,
+    pub(crate) own_light: SeenLight,
     /// The light of an ambient level of 1.
-    pub(super) ambient_unit: f64,
+    pub(crate) ambient_unit: f64,
     /// The exposure in seconds.
-    pub(super) exposure: f64,
+    pub(crate) exposure: f64,
     /// The time in seconds on the rig's clock.
-    pub(super) now: f64,
+    pub(crate) now: f64,
     /// The number of the camera's last frame.
-    pub(super) id: u64,
+    pub(crate) id: u64,
     /// The history of the screen, the latest change last; never empty.
-    pub(super) changes: VecDeque<Change>,
+    pub(crate) changes: VecDeque<Change>,
     /// The frame that the camera returned last. `None` in a session that has none yet.
-    pub(super) handed_out: Option<RawFrame>,
+    pub(crate) handed_out: Option<RawFrame>,
     /// The number of the last frame before the camera was restarted.
-    pub(super) restarted_at: Option<u64>,
+    pub(crate) restarted_at: Option<u64>,
 }
 
 impl World {
     /// Shows a frame, which must fit the screen; returns the time of the confirmation.
-    pub(super) fn show(&mut self, frame: &Frame) -> Result<f64> {
+    pub(crate) fn show(&mut self, frame: &Frame) -> Result<f64> {
         let light = self.light_of(frame)?;
         let asked = self.now;
         self.now += self.rig.projector.frame_time;
@@ -76,7 +79,7 @@ impl World {
     }
 
     /// Puts a frame on screen as if it had been there from the beginning; returns the time of the confirmation.
-    pub(super) fn restore(&mut self, frame: &Frame) -> Result<f64> {
+    pub(crate) fn restore(&mut self, frame: &Frame) -> Result<f64> {
         let light = self.light_of(frame)?;
         let iris = [self.rig.projector.iris.target(self.screen.mean(frame)); 2];
         self.changes.clear();
@@ -107,7 +110,7 @@ impl World {
     }
 
     /// Takes a frame. `None`: it does not arrive.
-    pub(super) fn capture(&mut self) -> Option<RawFrame> {
+    pub(crate) fn capture(&mut self) -> Option<RawFrame> {
         let (exposure, camera) = (self.exposure, &self.rig.camera);
         let (readout, timeout) = (camera.readout, camera.timeout);
         if self.rig.faults.freezes_after(self.id) && self.restarted_at != Some(self.id) {
@@ -144,7 +147,7 @@ impl World {
     }
 
     /// Restarts the camera, which ends a hang unless it is for good.
-    pub(super) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.now += self.rig.camera.timeout;
         if !self.rig.faults.freeze_for_good {
             self.restarted_at = Some(self.id);
@@ -217,4 +220,189 @@ fn mean_sine(period: f64, middle: f64, exposure: f64) -> f64 {
     }
     let half = std::f64::consts::PI * exposure / period;
     (std::f64::consts::TAU * middle / period).sin() * half.sin() / half
+}
+
+/// An automatic iris, or a lamp that follows the picture. A frame whose mean light is `m`, relative to white, is shown with the
+/// brightness `1 − dimming · (1 − m)`, which is approached exponentially after the frame appears. The frame on screen when the rig is
+/// opened, or opened again, has been there for long.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Iris {
+    /// The share by which an almost black frame is dimmer than white; 0: no iris. Less than 0: dark frames are brighter, as of a
+    /// projector that limits the power of bright frames.
+    pub dimming: f64,
+    /// The time constant of the approach in seconds; 0: at once.
+    pub time: f64,
+}
+
+impl Iris {
+    /// The brightness that a frame of this mean light tends to.
+    pub(crate) fn target(&self, mean: f64) -> f64 {
+        1.0 - self.dimming * (1.0 - mean)
+    }
+
+    /// The brightness `seconds` after a frame with the brightness `target` appeared. It was `start` then.
+    pub(crate) fn after(&self, [start, target]: [f64; 2], seconds: f64) -> f64 {
+        if self.time == 0.0 { target } else { target + (start - target) * (-seconds / self.time).exp() }
+    }
+
+    /// The mean brightness from one time to a later one, both in seconds after the frame appeared.
+    pub(crate) fn mean(&self, [start, target]: [f64; 2], from: f64, until: f64) -> f64 {
+        if self.time == 0.0 || from.is_infinite() {
+            return target;
+        }
+        let fall = |seconds: f64| (-seconds.max(0.0) / self.time).exp();
+        target + (start - target) * self.time * (fall(from) - fall(until)) / (until - from)
+    }
+}
+
+/// Light that is emitted in pulses, of the same mean brightness as steady light. A frame's exposure sees another amount of light unless it
+/// is a whole multiple of the period.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Pulse {
+    /// The time from one pulse to the next in seconds, or of one turn of the colour wheel; 0: steady light.
+    pub period: f64,
+    /// The share of the time of its pulse in which light is emitted; 1: all of it.
+    pub duty: f64,
+    /// Whether a colour wheel shows red, green and blue one after the other, each in a third of the period.
+    pub wheel: bool,
+}
+
+impl Default for Pulse {
+    fn default() -> Self {
+        Self { period: 0.0, duty: 1.0, wheel: false }
+    }
+}
+
+impl Pulse {
+    /// The mean brightness of a colour from one time to a later one, in seconds on the rig's clock, relative to steady light. `colour`
+    /// is 0 without a wheel.
+    pub(crate) fn mean(&self, colour: usize, from: f64, until: f64) -> f64 {
+        if self.period == 0.0 {
+            return 1.0;
+        }
+        let colours = if self.wheel { 3.0 } else { 1.0 };
+        let begins = colour as f64 / colours;
+        // The light since time 0, in periods of steady light.
+        let emitted = |time: f64| {
+            let turns = time / self.period;
+            turns.floor() + ((turns - turns.floor() - begins) * colours / self.duty).clamp(0.0, 1.0)
+        };
+        (emitted(until) - emitted(from)) * self.period / (until - from)
+    }
+}
+
+/// The fate of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fate {
+    /// The frame arrives as it should.
+    Good,
+    /// It does not arrive.
+    Dropped,
+    /// The previous frame arrives again instead.
+    Repeated,
+    /// It was exposed before the last pattern was shown.
+    Late,
+    /// Its exposure began as soon as the last pattern was confirmed.
+    Early,
+}
+
+/// A generator for one purpose: equal keys give equal numbers.
+pub(crate) fn generator(seed: u64, frame: u64, purpose: u64) -> Pcg64 {
+    let mut key = [0; 32];
+    for (word, value) in key.chunks_exact_mut(8).zip([seed, frame, purpose, 0x6b72_796c_7578]) {
+        word.copy_from_slice(&value.to_le_bytes());
+    }
+    // The hash makes the seeds of neighbouring keys unrelated.
+    Pcg64::from_seed(*blake3::hash(&key).as_bytes())
+}
+
+impl Faults {
+    /// The fate of frame `id`.
+    pub(crate) fn fate(&self, seed: u64, id: u64) -> Fate {
+        let by_number = [
+            (&self.dropped_frames, Fate::Dropped),
+            (&self.repeated_frames, Fate::Repeated),
+            (&self.late_frames, Fate::Late),
+            (&self.early_frames, Fate::Early),
+        ];
+        if let Some((_, fate)) = by_number.into_iter().find(|(frames, _)| frames.contains(&id)) {
+            return fate;
+        }
+        let mut chance: f64 = generator(seed, id, u64::MAX).random();
+        let by_chance = [
+            (self.dropped, Fate::Dropped),
+            (self.repeated, Fate::Repeated),
+            (self.late, Fate::Late),
+            (self.early, Fate::Early),
+        ];
+        for (share, fate) in by_chance {
+            if chance < share {
+                return fate;
+            }
+            chance -= share;
+        }
+        Fate::Good
+    }
+
+    /// Whether the camera hangs after frame `id`.
+    pub(crate) fn freezes_after(&self, id: u64) -> bool {
+        self.freeze_after.contains(&id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pulses_have_the_mean_of_steady_light_over_whole_periods_only() {
+        let pulse = Pulse { period: 0.01, duty: 0.5, wheel: false };
+        for start in [0.0, 0.0033, 0.0071] {
+            assert!((pulse.mean(0, start, start + 0.02) - 1.0).abs() < 1e-9);
+        }
+        // One period and its lit half, or its dark half.
+        assert!((pulse.mean(0, 0.0, 0.015) - 2.0 / 1.5).abs() < 1e-9);
+        assert!((pulse.mean(0, 0.005, 0.020) - 1.0 / 1.5).abs() < 1e-9);
+        let wheel = Pulse { period: 0.03, duty: 1.0, wheel: true };
+        let third = |colour| wheel.mean(colour, 0.01, 0.02);
+        assert!([third(0), third(1) - 3.0, third(2)].iter().all(|off| off.abs() < 1e-9));
+    }
+
+    #[test]
+    fn an_iris_approaches_its_brightness_and_its_mean_is_the_integral() {
+        let iris = Iris { dimming: 0.4, time: 0.5 };
+        let ends = [1.0, iris.target(0.25)];
+        assert!((ends[1] - 0.7).abs() < 1e-12);
+        let steps = 10_000;
+        let sum: f64 = (0..steps)
+            .map(|step| iris.after(ends, 0.1 + 0.3 * (f64::from(step) + 0.5) / f64::from(steps)))
+            .sum();
+        assert!((iris.mean(ends, 0.1, 0.4) - sum / f64::from(steps)).abs() < 1e-8);
+        assert_eq!(Iris { time: 0.0, ..iris }.mean(ends, 0.0, 0.1), ends[1]);
+        assert_eq!(iris.mean(ends, f64::INFINITY, f64::INFINITY), ends[1], "a frame that was always there");
+    }
+
+    #[test]
+    fn faults_have_their_probabilities_and_repeat_with_the_seed() {
+        let faults = Faults { dropped: 0.1, repeated: 0.05, late: 0.2, ..Faults::default() };
+        let fates: Vec<Fate> = (1..=20_000).map(|id| faults.fate(7, id)).collect();
+        for (fate, share) in
+            [(Fate::Dropped, 0.1), (Fate::Repeated, 0.05), (Fate::Late, 0.2), (Fate::Early, 0.0)]
+        {
+            let found = fates.iter().filter(|&&found| found == fate).count() as f64 / 2e4;
+            // Five standard errors of a binomial share.
+            assert!((found - share).abs() <= 5.0 * (share * (1.0 - share) / 2e4).sqrt(), "{fate:?}: {found}");
+        }
+        assert!((1..=20_000).all(|id| faults.fate(7, id) == fates[id as usize - 1]));
+        assert!((1..=20_000).any(|id| faults.fate(8, id) != fates[id as usize - 1]));
+    }
+
+    #[test]
+    fn a_frame_given_by_its_number_always_fails() {
+        let faults = Faults { dropped_frames: vec![3], repeated_frames: vec![5], ..Faults::default() };
+        let fates: Vec<Fate> = (1..=5).map(|id| faults.fate(0, id)).collect();
+        assert_eq!(fates, [Fate::Good, Fate::Good, Fate::Dropped, Fate::Good, Fate::Repeated]);
+    }
 }

@@ -1,28 +1,28 @@
-//! What stands in for an X server where krylux was built without the feature `x11`: every request is an error that says so.
+//! The substitute for an X server where krylux was built without the feature `x11`: every request is an error that says so.
 
 use super::fault;
-use super::spec::{MonitorInfo, X11Spec};
-use super::wire::ShowTimes;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
+use crate::rig::x11::projector::ShowTimes;
+use crate::rig::x11::{MonitorInfo, X11Spec};
 
 /// The screen that cannot be opened; there is no value of this type.
-pub(super) enum Screen {}
+pub(crate) enum Screen {}
 
 impl Screen {
-    pub(super) fn open(_: &X11Spec) -> Result<Self> {
+    pub(crate) fn open(_: &X11Spec) -> Result<Self> {
         Err(not_built())
     }
 
-    pub(super) fn monitor(&self) -> &MonitorInfo {
+    pub(crate) fn monitor(&self) -> &MonitorInfo {
         match *self {}
     }
 
-    pub(super) fn show(&mut self, _: &Frame) -> Result<ShowTimes> {
+    pub(crate) fn show(&mut self, _: &Frame) -> Result<ShowTimes> {
         match *self {}
     }
 
-    pub(super) fn confirm(&mut self) -> Result<()> {
+    pub(crate) fn confirm(&mut self) -> Result<()> {
         match *self {}
     }
 }

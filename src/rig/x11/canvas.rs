@@ -1,12 +1,13 @@
-//! The conversion between levels and the pixel values of an X screen.
+//! The conversion between levels and the pixel values of an X screen, and the reading back of its framebuffer.
 
 use x11rb::connection::Connection;
+use x11rb::errors::{ConnectionError, ParseError, ReplyError};
 use x11rb::image::{Image, PixelLayout};
-use x11rb::protocol::xproto::{Screen, Setup, VisualClass};
+use x11rb::protocol::xproto::{ConnectionExt as _, ImageFormat, Screen, Setup, VisualClass, Window};
 use x11rb::rust_connection::RustConnection;
 
 use super::{fault, lost};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::Frame;
 
@@ -14,7 +15,7 @@ use crate::rig::Frame;
 const BAND: usize = 1 << 16;
 
 /// The pixel format of one screen.
-pub(super) struct Canvas {
+pub(crate) struct Canvas {
     layout: PixelLayout,
     depth: u8,
     setup: Setup,
@@ -24,7 +25,7 @@ pub(super) struct Canvas {
 
 impl Canvas {
     /// The format of `screen`, whose root visual must show 8 bits for each of red, green and blue.
-    pub(super) fn new(connection: &RustConnection, screen: &Screen, magnify: usize) -> Result<Self> {
+    pub(crate) fn new(connection: &RustConnection, screen: &Screen, magnify: usize) -> Result<Self> {
         let visuals = screen.allowed_depths.iter().flat_map(|depth| &depth.visuals);
         let visual = visuals.into_iter().find(|visual| visual.visual_id == screen.root_visual);
         let exact = visual
@@ -46,7 +47,7 @@ impl Canvas {
     }
 
     /// Draws a frame in the screen's pixel format.
-    pub(super) fn draw(&self, frame: &Frame) -> Result<Picture> {
+    pub(crate) fn draw(&self, frame: &Frame) -> Result<Picture> {
         let Resolution { width, height } = frame.resolution();
         let mut rows =
             Image::allocate_native((width * self.magnify) as u16, height as u16, self.depth, &self.setup)
@@ -60,7 +61,7 @@ impl Canvas {
     }
 
     /// Compares `seen`, which holds the screen's rows from `top` on, with the drawn picture. `None`: they are equal.
-    pub(super) fn difference(&self, drawn: &Picture, top: u16, seen: &Image<'_>) -> Option<Difference> {
+    pub(crate) fn difference(&self, drawn: &Picture, top: u16, seen: &Image<'_>) -> Option<Difference> {
         // The fast path: nearly always all bytes agree, even the unused ones.
         if drawn.is_same(top, seen) {
             return None;
@@ -96,24 +97,24 @@ impl Canvas {
 
 /// A frame in the server's pixel format. It holds each row of the pattern once, at the width at which it is shown. The server
 /// repeats the rows, so that less has to be sent.
-pub(super) struct Picture {
-    pub(super) rows: Image<'static>,
-    pub(super) magnify: usize,
+pub(crate) struct Picture {
+    pub(crate) rows: Image<'static>,
+    pub(crate) magnify: usize,
 }
 
 impl Picture {
-    pub(super) fn width(&self) -> u16 {
+    pub(crate) fn width(&self) -> u16 {
         self.rows.width()
     }
 
     /// The height at which the picture is shown, in screen pixels.
-    pub(super) fn height(&self) -> u16 {
+    pub(crate) fn height(&self) -> u16 {
         // The picture fits the monitor, whose sides have 16 bits.
         (usize::from(self.rows.height()) * self.magnify) as u16
     }
 
     /// The row of the pattern that is shown in screen row `y`.
-    pub(super) fn row(&self, y: u16) -> u16 {
+    pub(crate) fn row(&self, y: u16) -> u16 {
         (usize::from(y) / self.magnify) as u16
     }
 
@@ -123,7 +124,7 @@ impl Picture {
 
     /// The first row and the height of each band that is read back in one request. Bands are small enough that reading one needs
     /// no fresh memory from the system, which would take longer than the reading itself.
-    pub(super) fn bands(&self) -> impl Iterator<Item = [u16; 2]> + use<> {
+    pub(crate) fn bands(&self) -> impl Iterator<Item = [u16; 2]> + use<> {
         let (height, rows) = (self.height(), (BAND / self.stride()).max(1));
         // No more than the height, which has 16 bits.
         let rows = rows.min(height.into()) as u16;
@@ -144,11 +145,55 @@ impl Picture {
 }
 
 /// The first pixel that differs from what was drawn.
-pub(super) struct Difference {
-    pub(super) x: u16,
-    pub(super) y: u16,
-    pub(super) drawn: [u16; 3],
-    pub(super) seen: [u16; 3],
+pub(crate) struct Difference {
+    pub(crate) x: u16,
+    pub(crate) y: u16,
+    pub(crate) drawn: [u16; 3],
+    pub(crate) seen: [u16; 3],
     /// The number of pixels that differ.
-    pub(super) count: usize,
+    pub(crate) count: usize,
+}
+
+/// Reads the framebuffer at one position.
+pub(crate) struct Reader {
+    /// The root window, which holds all others: a window that covers the projector's is read, too.
+    pub(crate) root: Window,
+    /// The position of a pattern's top left pixel.
+    pub(crate) corner: [i16; 2],
+}
+
+impl Reader {
+    /// Compares the framebuffer with the drawn picture. `None`: they are equal.
+    pub(crate) fn difference(
+        &self,
+        connection: &RustConnection,
+        canvas: &Canvas,
+        drawn: &Picture,
+    ) -> Result<Option<Difference>> {
+        let ([left, corner], width) = (self.corner, drawn.width());
+        let ask = |[top, height]: [u16; 2]| -> std::result::Result<_, ConnectionError> {
+            let format = ImageFormat::Z_PIXMAP;
+            let asked =
+                connection.get_image(format, self.root, left, corner + top as i16, width, height, !0)?;
+            Ok((top, height, asked))
+        };
+        let mut found: Option<Difference> = None;
+        let mut coming = None;
+        // One band is compared while the next is on its way.
+        for band in drawn.bands().map(Some).chain([None]) {
+            let next = band.map(ask).transpose().map_err(|why| failed(&why))?;
+            let Some((top, height, asked)) = std::mem::replace(&mut coming, next) else { continue };
+            let reply = asked.reply().map_err(|why: ReplyError| failed(&why))?;
+            let seen = Image::get_from_reply(connection.setup(), width, height, reply)
+                .map_err(|why: ParseError| failed(&why))?;
+            let Some(here) = canvas.difference(drawn, top, &seen) else { continue };
+            let count = here.count + found.as_ref().map_or(0, |found| found.count);
+            found = Some(Difference { count, ..found.unwrap_or(here) });
+        }
+        Ok(found)
+    }
+}
+
+fn failed(why: &dyn std::fmt::Display) -> Error {
+    lost("let its screen be read back", why)
 }

@@ -5,12 +5,19 @@
 //! is not krylux never starts itself as its own helper: it names the `krylux` program, or [`Helper::find`] searches for it.
 
 use std::ffi::{OsStr, OsString};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Duration;
 
+#[cfg(not(feature = "x11"))]
+use super::absent::Screen;
 use super::fault;
-use crate::error::Result;
+use super::projector::{self, Reply, Request};
+#[cfg(feature = "x11")]
+use super::screen::Screen;
+use crate::error::{Error, Result};
+use crate::rig::Frame;
 
 /// The running program, if it is krylux.
 static DECLARED: OnceLock<PathBuf> = OnceLock::new();
@@ -42,7 +49,7 @@ impl Helper {
     /// 4. a file `krylux` in a folder of `PATH`.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when there is none, or when the variable names no file.
+    /// [`Error::Rig`] when there is none, or when the variable names no file.
     pub fn find() -> Result<Self> {
         let running = std::env::current_exe().ok();
         Places {
@@ -56,7 +63,7 @@ impl Helper {
     }
 
     /// Declares that the running program is krylux: started with the single argument `projector`, it calls
-    /// [`serve_projector`](super::serve_projector). Only such a program may call this, at the start of its `main`.
+    /// [`serve_projector`](crate::rig::x11::serve_projector). Only such a program may call this, at the start of its `main`.
     pub fn declare_this_program() {
         if let Ok(program) = std::env::current_exe() {
             // A second declaration says the same.
@@ -65,7 +72,7 @@ impl Helper {
     }
 }
 
-/// Where the helper program is looked for.
+/// The places where the helper program is looked for.
 struct Places<'a> {
     variable: Option<OsString>,
     declared: Option<&'a Path>,
@@ -97,7 +104,7 @@ impl Places<'_> {
         self.running.and_then(real).is_some_and(|running| real(program) == Some(running))
     }
 
-    fn none(&self, name: &str) -> crate::Error {
+    fn none(&self, name: &str) -> Error {
         let beside = self.running.and_then(Path::parent).map(|folder| format!("{} and ", folder.display()));
         fault(
             format!(
@@ -114,7 +121,7 @@ impl Places<'_> {
     }
 }
 
-fn names_no_file(named: &OsStr) -> crate::Error {
+fn names_no_file(named: &OsStr) -> Error {
     fault(
         format!(
             "the environment variable {} names the helper program \"{}\", which is not a file",
@@ -123,6 +130,42 @@ fn names_no_file(named: &OsStr) -> crate::Error {
         ),
         "set it to the path of the krylux program, or unset it",
     )
+}
+
+/// Answers requests from `from` on `to` until `from` ends; then the window closes. This is the whole work of the helper process.
+///
+/// # Errors
+/// An error of reading or writing the pipe. Errors of the projector are sent as replies.
+pub fn serve_projector(mut from: impl Read, mut to: impl Write) -> std::io::Result<()> {
+    let mut screen = None;
+    while let Some((request, payload)) = projector::receive(&mut from)? {
+        let reply = answer(&mut screen, request, &payload).unwrap_or_else(|error| match error {
+            Error::Rig { fault, help, .. } => Reply::Fault { fault, help },
+            other => Reply::Fault { fault: other.to_string(), help: "report this".into() },
+        });
+        projector::send(&mut to, &reply, &[])?;
+    }
+    Ok(())
+}
+
+fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Result<Reply> {
+    match (request, screen) {
+        (Request::Open(spec), screen) => {
+            // The old window is closed before there is a new one.
+            *screen = None;
+            let opened = screen.insert(Screen::open(&spec)?);
+            let monitor = opened.monitor();
+            Ok(Reply::Opened { monitor: monitor.name.clone(), resolution: monitor.resolution })
+        }
+        (Request::Show { resolution, channels }, Some(screen)) => {
+            let levels = payload.iter().map(|&level| u16::from(level)).collect();
+            Ok(Reply::Shown(screen.show(&Frame::new(resolution, channels, levels)?)?))
+        }
+        (Request::Confirm, Some(screen)) => screen.confirm().map(|()| Reply::Confirmed),
+        (Request::Show { .. } | Request::Confirm, None) => {
+            Err(fault("its window was never opened", "open it first"))
+        }
+    }
 }
 
 #[cfg(test)]

@@ -5,8 +5,7 @@ use x11rb::protocol::randr::{ConnectionExt as _, Crtc, GetScreenResourcesCurrent
 use x11rb::protocol::xproto::{ConnectionExt as _, Window};
 use x11rb::rust_connection::RustConnection;
 
-use super::spec::{MonitorInfo, X11Monitor, X11Spec};
-use super::{fault, lost};
+use super::{MonitorInfo, X11Monitor, X11Spec, fault, lost};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::nearest::nearest;
@@ -43,7 +42,7 @@ const WAYLAND: &str = "the compositor of a Wayland session may scale and recolou
                        when a frame is on screen";
 
 /// Connects to a server, which must drive its monitors itself: XWayland is refused.
-pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
+pub(crate) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
     let (connection, screen) = x11rb::connect(display).map_err(|why| {
         let name = display.map_or_else(|| std::env::var("DISPLAY").unwrap_or_default(), str::to_owned);
         no_server(&name, std::env::var_os("WAYLAND_DISPLAY").is_some(), &why.to_string())
@@ -72,7 +71,7 @@ fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
 }
 
 /// Lists the monitors through an open connection.
-pub(super) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<MonitorInfo>> {
+pub(crate) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<MonitorInfo>> {
     let asked = "list its monitors";
     let failed = |why: &dyn std::fmt::Display| lost(asked, why);
     let reply = |why: x11rb::errors::ReplyError| failed(&why);
@@ -123,7 +122,7 @@ fn frame_time(
 }
 
 /// Chooses the monitor that `spec` describes, and checks its properties.
-pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<MonitorInfo> {
+pub(crate) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<MonitorInfo> {
     let names: Vec<String> = monitors.iter().map(|monitor| monitor.name.clone()).collect();
     let listed = names.iter().enumerate().map(|(at, name)| format!("{at} ({name})"));
     let help = format!("monitors of this server: {}", listed.collect::<Vec<_>>().join(", "));
@@ -174,7 +173,7 @@ pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
 
 /// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform. Returns whether the server says a
 /// ramp for each of its display controllers.
-pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<bool> {
+pub(crate) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<bool> {
     let asked = "report a monitor's gamma ramp and transform";
     let sent = |why: x11rb::errors::ConnectionError| lost(asked, &why);
     let reply = |why: x11rb::errors::ReplyError| lost(asked, &why);
@@ -307,7 +306,7 @@ mod tests {
         assert!(!is_ramp([&off, &off, &off]) && !is_ramp([&[], &[], &[]]));
     }
 
-    /// What is left in memory: pointers, small numbers and zeros, in 64 bits each.
+    /// Leftovers in memory: pointers, small numbers and zeros, in 64 bits each.
     #[test]
     fn memory_that_nobody_has_written_is_no_ramp() {
         use rand::{RngExt, SeedableRng};

@@ -1,14 +1,19 @@
-//! The projector that a rig drives: it sends requests to the helper process, and starts another one when that fails.
+//! The projector that a rig drives. It sends requests to the helper process, and starts another one when that fails. Each message between the
+//! two is a JSON header and raw bytes, preceded by both lengths as little-endian 32-bit numbers.
 
+use std::io;
+use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use super::fault;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
 use super::helper::Helper;
-use super::spec::X11Spec;
-use super::wire::{self, Reply, Request, ShowTimes};
+use super::{X11Spec, fault};
 use crate::error::{Error, Result};
+use crate::image::Resolution;
 use crate::rig::{Frame, Projector, ProjectorInfo, Shown, Waited, WallClock};
 
 /// How long a helper may take to end by itself before it is killed.
@@ -175,7 +180,7 @@ impl Process {
         let (sender, replies) = channel();
         let reader = std::thread::Builder::new().spawn(move || {
             // The channel closes when the pipe ends or fails; `ask` notices that.
-            while let Ok(Some((reply, _))) = wire::receive(&mut answers) {
+            while let Ok(Some((reply, _))) = receive(&mut answers) {
                 if sender.send(reply).is_err() {
                     break;
                 }
@@ -192,7 +197,7 @@ impl Process {
 
     fn ask(&mut self, request: &Request, payload: &[u8]) -> std::result::Result<Reply, String> {
         let Some(requests) = &mut self.requests else { return Err("it was told to end".into()) };
-        let sent = wire::send(requests, request, payload);
+        let sent = send(requests, request, payload);
         match self.replies.recv_timeout(self.patience) {
             Ok(reply) => Ok(reply),
             Err(RecvTimeoutError::Timeout) => Err(format!("no answer for {:?}", self.patience)),
@@ -221,5 +226,99 @@ impl Drop for Process {
         if self.child.kill().is_ok() {
             let _ = self.child.wait();
         }
+    }
+}
+
+/// The longest header or payload that is accepted: a frame of 16384² pixels in colour.
+const LONGEST: usize = 3 << 28;
+
+/// A message to the helper.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) enum Request {
+    /// Open the window.
+    Open(X11Spec),
+    /// Show the levels that follow as payload, one byte each.
+    Show { resolution: Resolution, channels: usize },
+    /// Say whether the last frame has been on screen without interruption.
+    Confirm,
+}
+
+/// A message from the helper: one for each request.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) enum Reply {
+    Opened { monitor: String, resolution: Resolution },
+    Shown(ShowTimes),
+    Confirmed,
+    Fault { fault: String, help: String },
+}
+
+/// Seconds that each step of showing a frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ShowTimes {
+    /// Converting levels to pixels, and sending them to the server.
+    pub draw: f64,
+    /// Waiting for the server's confirmation.
+    pub present: f64,
+    /// Waiting for the refreshes after that, as far as it took longer than reading back.
+    pub settle: f64,
+    /// Reading the frame back, which happens while refreshes pass.
+    pub verify: f64,
+}
+
+/// Writes one message.
+pub(crate) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8]) -> io::Result<()> {
+    let header = serde_json::to_vec(header)?;
+    // In one piece, so that the reader is woken once.
+    let mut message = Vec::with_capacity(8 + header.len() + payload.len());
+    message.extend((header.len() as u32).to_le_bytes());
+    message.extend((payload.len() as u32).to_le_bytes());
+    message.extend(header);
+    message.extend(payload);
+    to.write_all(&message)?;
+    to.flush()
+}
+
+/// Reads one message. `None`: the pipe ended.
+pub(crate) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<Option<(T, Vec<u8>)>> {
+    let mut lengths = [0; 8];
+    match from.read_exact(&mut lengths) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(None),
+        read => read?,
+    }
+    let [header, payload] = [0, 4].map(|at| {
+        // Four bytes of an array of eight.
+        u32::from_le_bytes([lengths[at], lengths[at + 1], lengths[at + 2], lengths[at + 3]]) as usize
+    });
+    if header > LONGEST || payload > LONGEST {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "the message is too long"));
+    }
+    let mut read = |length: usize| {
+        let mut bytes = vec![0; length];
+        from.read_exact(&mut bytes).map(|()| bytes)
+    };
+    let header = serde_json::from_slice(&read(header)?)?;
+    Ok(Some((header, read(payload)?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_come_as_they_were_sent_and_a_torn_one_is_an_error() {
+        let mut bytes = Vec::new();
+        send(&mut bytes, &Request::Confirm, &[]).expect("memory takes all");
+        let header = Request::Show { resolution: Resolution::new(2, 1), channels: 1 };
+        send(&mut bytes, &header, &[7, 9]).expect("memory takes all");
+        let mut from = bytes.as_slice();
+        let first: Option<(Request, Vec<u8>)> = receive(&mut from).expect("it is whole");
+        assert!(matches!(first, Some((Request::Confirm, payload)) if payload.is_empty()));
+        let second: Option<(Request, Vec<u8>)> = receive(&mut from).expect("it is whole");
+        assert!(matches!(second, Some((Request::Show { channels: 1, .. }, payload)) if payload == [7, 9]));
+        assert!(receive::<Request>(&mut from).expect("the end is no error").is_none());
+        assert!(receive::<Request>(&mut &bytes[..bytes.len() - 1][..]).is_ok());
+        let torn = &mut &bytes[..12];
+        assert!(receive::<Request>(torn).is_err());
+        assert!(receive::<Request>(&mut &[255; 16][..]).is_err(), "no length is believed beyond reason");
     }
 }

@@ -1,21 +1,24 @@
-//! The window on its monitor. Each frame is presented, confirmed and read back.
+//! The window on its monitor, and the pixmaps that frames are drawn on. Each frame is presented, confirmed and read back.
 
 use std::time::Instant;
 
 use x11rb::connection::{Connection, RequestConnection as _};
 use x11rb::errors::{ConnectionError, ReplyOrIdError};
-use x11rb::protocol::present::{self, ConnectionExt as _};
-use x11rb::protocol::xproto::{ConnectionExt as _, Gcontext, Pixmap, Window};
+use x11rb::protocol::present::ConnectionExt as _;
+use x11rb::protocol::randr::{ConnectionExt as _, NotifyMask};
+use x11rb::protocol::screensaver::ConnectionExt as _;
+use x11rb::protocol::xproto::{
+    AtomEnum, ConnectionExt as _, CreateGCAux, CreateWindowAux, Cursor, EventMask, Gcontext, Pixmap,
+    PropMode, Rectangle, Screen as XScreen, Window, WindowClass,
+};
+use x11rb::protocol::{present, screensaver};
 use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
 
-use super::canvas::{Canvas, Difference, Picture};
-use super::monitor;
-use super::reader::Reader;
-use super::spec::{MonitorInfo, X11Spec};
+use super::canvas::{Canvas, Difference, Picture, Reader};
+use super::projector::ShowTimes;
 use super::watch::Watch;
-use super::window;
-use super::wire::ShowTimes;
-use super::{fault, lost};
+use super::{MonitorInfo, X11Spec, fault, lost, monitor};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::Frame;
@@ -24,7 +27,7 @@ use crate::rig::Frame;
 const LAG: u32 = 6;
 
 /// The open window of a projector.
-pub(super) struct Screen {
+pub(crate) struct Screen {
     connection: RustConnection,
     window: Window,
     gc: Gcontext,
@@ -47,7 +50,7 @@ pub(super) struct Screen {
 
 impl Screen {
     /// Opens the window, verifies with a test frame that it shows what it is told, and makes it black.
-    pub(super) fn open(spec: &X11Spec) -> Result<Self> {
+    pub(crate) fn open(spec: &X11Spec) -> Result<Self> {
         let (connection, number) = monitor::connect(spec.display.as_deref())?;
         let screen = connection.setup().roots[number].clone();
         let root = screen.root;
@@ -64,9 +67,9 @@ impl Screen {
         let monitor = monitor::choose(monitor::listed(&connection, root)?, spec)?;
         monitor::check_passes(&connection, &monitor)?;
         let canvas = Canvas::new(&connection, &screen, spec.magnify)?;
-        let window = window::window(&connection, &screen, &monitor).map_err(opening)?;
-        let (gc, pixmaps) = window::pixmaps(&connection, &screen, &monitor).map_err(opening)?;
-        let rows = window::rows(&connection, &screen, spec).map_err(opening)?;
+        let window = window(&connection, &screen, &monitor).map_err(opening)?;
+        let (gc, pixmaps) = pixmaps(&connection, &screen, &monitor).map_err(opening)?;
+        let rows = rows(&connection, &screen, spec).map_err(opening)?;
         let (size, [x, y]) = (monitor.resolution, monitor.place.map(i32::from));
         let mut watch = Watch::new(window, [x, y, size.width as i32, size.height as i32]);
         connection.map_window(window).map_err(opening)?.check().map_err(opening)?;
@@ -98,12 +101,12 @@ impl Screen {
         Ok(screen)
     }
 
-    pub(super) fn monitor(&self) -> &MonitorInfo {
+    pub(crate) fn monitor(&self) -> &MonitorInfo {
         &self.monitor
     }
 
     /// Shows a frame that fits. On return the server has confirmed it, the settle refreshes are over, and it was read back.
-    pub(super) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
+    pub(crate) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
         self.watch.look(&self.connection)?;
         let picture = self.canvas.draw(frame)?;
@@ -182,7 +185,7 @@ impl Screen {
     }
 
     /// Confirms that the last frame is still on screen, and that nothing covered it since.
-    pub(super) fn confirm(&mut self) -> Result<()> {
+    pub(crate) fn confirm(&mut self) -> Result<()> {
         self.watch.look(&self.connection)?;
         let Some(picture) = self.shown.take() else { return Ok(()) };
         self.read_back(&picture)?;
@@ -249,4 +252,82 @@ fn test_frame(resolution: Resolution, channels: usize) -> Result<Frame> {
         ((37 * x + 101 * y + 85 * channel) % 256) as u16
     };
     Frame::new(resolution, channels, (0..resolution.pixels() * channels).map(level).collect())
+}
+
+type Made<T> = std::result::Result<T, ReplyOrIdError>;
+
+/// Makes a black window over the whole of `monitor`. It bypasses the window manager, so that it gets no border and stays where it
+/// is put. It is not mapped yet.
+pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &MonitorInfo) -> Made<Window> {
+    let (root, [x, y], [width, height]) = (screen.root, monitor.place, sides(monitor));
+    let window = connection.generate_id()?;
+    let look = CreateWindowAux::new()
+        .override_redirect(1)
+        .background_pixel(screen.black_pixel)
+        .cursor(blank_cursor(connection, root)?)
+        .event_mask(EventMask::STRUCTURE_NOTIFY | EventMask::VISIBILITY_CHANGE);
+    let class = WindowClass::INPUT_OUTPUT;
+    connection.create_window(screen.root_depth, window, root, x, y, width, height, 0, class, 0, &look)?;
+    connection.change_property8(
+        PropMode::REPLACE,
+        window,
+        AtomEnum::WM_NAME,
+        AtomEnum::STRING,
+        b"krylux projector",
+    )?;
+    let id = connection.generate_id()?;
+    connection.present_select_input(id, window, present::EventMask::COMPLETE_NOTIFY)?;
+    connection.randr_select_input(root, NotifyMask::SCREEN_CHANGE | NotifyMask::CRTC_CHANGE)?;
+    if connection.extension_information(screensaver::X11_EXTENSION_NAME)?.is_some() {
+        // The server resumes the screen saver when this connection ends.
+        connection.screensaver_query_version(1, 1)?.reply()?;
+        connection.screensaver_suspend(1)?;
+    }
+    Ok(window)
+}
+
+/// Makes two black pixmaps of the monitor's size, and the graphics context that draws on them.
+pub(crate) fn pixmaps(
+    connection: &RustConnection,
+    screen: &XScreen,
+    monitor: &MonitorInfo,
+) -> Made<(Gcontext, [Pixmap; 2])> {
+    let [width, height] = sides(monitor);
+    let gc = connection.generate_id()?;
+    let black = CreateGCAux::new().foreground(screen.black_pixel).graphics_exposures(0);
+    connection.create_gc(gc, screen.root, &black)?;
+    let mut pixmaps = [0; 2];
+    for pixmap in &mut pixmaps {
+        *pixmap = connection.generate_id()?;
+        connection.create_pixmap(screen.root_depth, *pixmap, screen.root, width, height)?;
+        connection.poly_fill_rectangle(*pixmap, gc, &[Rectangle { x: 0, y: 0, width, height }])?;
+    }
+    Ok((gc, pixmaps))
+}
+
+/// Makes the pixmap that receives each row of a pattern once.
+pub(crate) fn rows(connection: &RustConnection, screen: &XScreen, spec: &X11Spec) -> Made<Pixmap> {
+    let pixmap = connection.generate_id()?;
+    // The pattern fits the monitor, whose sides have 16 bits.
+    let [width, height] = [spec.shown().width, spec.size[1]].map(|side| side as u16);
+    connection.create_pixmap(screen.root_depth, pixmap, screen.root, width, height)?;
+    Ok(pixmap)
+}
+
+/// The monitor's sides as the protocol's 16-bit numbers, which they were read from.
+fn sides(monitor: &MonitorInfo) -> [u16; 2] {
+    [monitor.resolution.width, monitor.resolution.height].map(|side| side as u16)
+}
+
+/// An invisible pointer.
+fn blank_cursor(connection: &RustConnection, root: Window) -> Made<Cursor> {
+    let [pixmap, cursor, gc] =
+        [connection.generate_id()?, connection.generate_id()?, connection.generate_id()?];
+    connection.create_pixmap(1, pixmap, root, 1, 1)?;
+    connection.create_gc(gc, pixmap, &CreateGCAux::new().foreground(0))?;
+    connection.poly_fill_rectangle(pixmap, gc, &[Rectangle { x: 0, y: 0, width: 1, height: 1 }])?;
+    connection.create_cursor(cursor, pixmap, pixmap, 0, 0, 0, 0, 0, 0, 0, 0)?;
+    connection.free_gc(gc)?;
+    connection.free_pixmap(pixmap)?;
+    Ok(cursor)
 }

@@ -18,14 +18,14 @@ const POLL: Duration = Duration::from_micros(200);
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Follows the events of one window.
-pub(super) struct Watch {
+pub(crate) struct Watch {
     window: Window,
     /// The window's position on the server's screen, and its size, in pixels.
     place: [i32; 4],
     mapped: bool,
     /// Whether the window is covered now.
     obscured: bool,
-    /// What went wrong since the last look. It is kept until it is reported.
+    /// The trouble since the last look. It is kept until it is reported.
     trouble: Option<Trouble>,
     completed: Option<Completed>,
 }
@@ -41,23 +41,23 @@ enum Trouble {
 
 /// A confirmation by the server.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Completed {
+pub(crate) struct Completed {
     serial: u32,
     /// Whether it confirms a frame; otherwise it reports a refresh.
     of_frame: bool,
     /// Whether the frame was skipped in favour of a later one.
-    pub(super) skipped: bool,
+    pub(crate) skipped: bool,
     /// The number of the refresh.
-    pub(super) refresh: u64,
+    pub(crate) refresh: u64,
 }
 
 impl Watch {
-    pub(super) fn new(window: Window, place: [i32; 4]) -> Self {
+    pub(crate) fn new(window: Window, place: [i32; 4]) -> Self {
         Self { window, place, mapped: false, obscured: false, trouble: None, completed: None }
     }
 
     /// Waits until the window is mapped.
-    pub(super) fn until_mapped(&mut self, connection: &RustConnection) -> Result<()> {
+    pub(crate) fn until_mapped(&mut self, connection: &RustConnection) -> Result<()> {
         let began = Instant::now();
         while !self.mapped {
             self.look(connection)?;
@@ -70,7 +70,7 @@ impl Watch {
     }
 
     /// Waits for the confirmation with this serial number, of a frame or of a refresh.
-    pub(super) fn completed(
+    pub(crate) fn completed(
         &mut self,
         connection: &RustConnection,
         serial: u32,
@@ -102,7 +102,7 @@ impl Watch {
     /// # Errors
     /// [`Error::Rig`] when the window was closed, hidden, moved or covered since the last look, or the server is
     /// gone.
-    pub(super) fn look(&mut self, connection: &RustConnection) -> Result<()> {
+    pub(crate) fn look(&mut self, connection: &RustConnection) -> Result<()> {
         self.drain(connection)?;
         if self.trouble == Some(Trouble::Hidden) {
             // A window that is closed is hidden first. Once the server has answered a request, both events have arrived.

@@ -78,7 +78,7 @@ fn structured_light_and_a_preview() {
     let rig = realistic();
     let mut live = frames(&rig, 0.03);
     let mut text = digits::text(&StructuredLight::white_exposure(&mut live).expect("white is seen"));
-    let (exposure, _) = Preview::white_exposure(&mut live).expect("white is seen");
+    let (exposure, _) = StructuredLight::white_exposure(&mut live).expect("white is seen");
     let range = CountRange::measure(None, &mut live).expect("a frame is taken");
     text += &digits::text(&range);
     let ramp = (0..SIZE.pixels()).map(|pixel| (pixel % 32) as f32 / 31.0).collect();

@@ -1,27 +1,28 @@
-//! The setup of a video device: format, exposure and gain as the rig file says, nothing automatic. A driver may set another value than
-//! it is asked for, without an error; therefore each value is read back.
+//! The setup of a video device, and the counts of its frames. Format, exposure and gain are as the rig file says, and nothing is automatic. A
+//! driver may set another value than it is asked for, without an error; therefore each value is read back. The device is reached through a
+//! trait, so that this is tested on a simulated device.
 
-use super::spec::V4lSpec;
+use super::camera_fault;
+use super::cameras::{V4lFormat, V4lSpec};
+use super::hardware::{in_use, is_busy};
 use crate::error::Result;
-use crate::rig::busy::{in_use, is_busy};
-use crate::rig::camera_fault;
 
 /// The error of a video device.
-pub(super) type Refusal = std::io::Error;
+pub(crate) type Refusal = std::io::Error;
 
 /// The layout of a device's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(crate) struct Layout {
     /// The four-character code of the pixel format.
-    pub(super) code: [u8; 4],
+    pub(crate) code: [u8; 4],
     /// Width and height in pixels.
-    pub(super) size: [usize; 2],
+    pub(crate) size: [usize; 2],
     /// Bytes from one row to the next.
-    pub(super) stride: usize,
+    pub(crate) stride: usize,
 }
 
 /// The requests to a video device.
-pub(super) trait VideoDevice {
+pub(crate) trait VideoDevice {
     /// The four-character codes of its pixel formats.
     fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal>;
 
@@ -36,18 +37,18 @@ pub(super) trait VideoDevice {
 }
 
 /// Controls by the numbers of the kernel's `v4l2-controls.h`.
-pub(super) mod id {
-    pub(in super::super) const AUTO_WHITE_BALANCE: u32 = 0x0098_090C;
-    pub(in super::super) const AUTO_GAIN: u32 = 0x0098_0912;
-    pub(in super::super) const GAIN: u32 = 0x0098_0913;
-    pub(in super::super) const HUE_AUTO: u32 = 0x0098_0919;
-    pub(in super::super) const BACKLIGHT: u32 = 0x0098_091C;
-    pub(in super::super) const AUTO_BRIGHTNESS: u32 = 0x0098_0920;
-    pub(in super::super) const EXPOSURE_AUTO: u32 = 0x009A_0901;
-    pub(in super::super) const EXPOSURE: u32 = 0x009A_0902;
-    pub(in super::super) const FOCUS_AUTO: u32 = 0x009A_090C;
-    pub(in super::super) const WIDE_DYNAMIC_RANGE: u32 = 0x009A_0915;
-    pub(in super::super) const STABILIZATION: u32 = 0x009A_0916;
+pub(crate) mod id {
+    pub(crate) const AUTO_WHITE_BALANCE: u32 = 0x0098_090C;
+    pub(crate) const AUTO_GAIN: u32 = 0x0098_0912;
+    pub(crate) const GAIN: u32 = 0x0098_0913;
+    pub(crate) const HUE_AUTO: u32 = 0x0098_0919;
+    pub(crate) const BACKLIGHT: u32 = 0x0098_091C;
+    pub(crate) const AUTO_BRIGHTNESS: u32 = 0x0098_0920;
+    pub(crate) const EXPOSURE_AUTO: u32 = 0x009A_0901;
+    pub(crate) const EXPOSURE: u32 = 0x009A_0902;
+    pub(crate) const FOCUS_AUTO: u32 = 0x009A_090C;
+    pub(crate) const WIDE_DYNAMIC_RANGE: u32 = 0x009A_0915;
+    pub(crate) const STABILIZATION: u32 = 0x009A_0916;
 }
 
 /// The automatic controls, with the value that switches each off (of `EXPOSURE_AUTO`, 1 means manual).
@@ -71,7 +72,7 @@ const PER_SECOND: f64 = 1e4;
 const NEAR: f64 = 0.1;
 
 /// Sets a device up; returns the layout of its frames.
-pub(super) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
+pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
     let layout = set_layout(device, spec)?;
     for (id, name, off) in AUTOMATIC {
         // A control that the device does not have is off.
@@ -121,7 +122,7 @@ fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
 }
 
 /// Sets the exposure in seconds; returns the exposure that was really set.
-pub(super) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposure: f64) -> Result<f64> {
+pub(crate) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposure: f64) -> Result<f64> {
     let units = (exposure * PER_SECOND).round().max(1.0) as i64;
     let failed = |why: Refusal| {
         camera_fault(
@@ -164,19 +165,47 @@ fn known(formats: &[[u8; 4]]) -> String {
     formats.iter().map(|&code| letters(code)).collect::<Vec<_>>().join(", ")
 }
 
+/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous one. `None`: there
+/// are too few bytes.
+///
+/// The layouts are those of the kernel's documentation (V4L2_PIX_FMT_GREY, _Y10, _Y12, _Y16, _YUYV). Counts of more than 8 bits take 16
+/// bits, low byte first; in YUYV every second byte is luma.
+pub(crate) fn counts(
+    format: V4lFormat,
+    [width, height]: [usize; 2],
+    stride: usize,
+    bytes: &[u8],
+) -> Option<Vec<u16>> {
+    let taken = width * if format == V4lFormat::Grey { 1 } else { 2 };
+    let mut counts = Vec::with_capacity(width * height);
+    for row in 0..height {
+        // The last row may lack its padding.
+        let row = bytes.get(row * stride..row * stride + taken)?;
+        match format {
+            V4lFormat::Grey => counts.extend(row.iter().map(|&byte| u16::from(byte))),
+            V4lFormat::Yuyv => counts.extend(row.as_chunks::<2>().0.iter().map(|[luma, _]| u16::from(*luma))),
+            V4lFormat::Y10 | V4lFormat::Y12 | V4lFormat::Y16 => {
+                // The driver may leave anything in the unused upper bits.
+                let mask = ((1_u32 << format.bits()) - 1) as u16;
+                counts.extend(row.as_chunks::<2>().0.iter().map(|&pair| u16::from_le_bytes(pair) & mask));
+            }
+        }
+    }
+    Some(counts)
+}
+
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-    use std::io::ErrorKind;
-
     use super::*;
     use crate::rig::{CameraKind, V4lFormat};
+    use std::collections::BTreeMap;
+    use std::io::ErrorKind;
 
     /// A simulated device that acts as drivers do: it clamps values to their limits, and sizes to the largest one.
     struct SimulatedDevice {
         formats: Vec<[u8; 4]>,
         most: [usize; 2],
-        /// By number: value, least and most.
+        /// Each number's value, least and most.
         controls: BTreeMap<u32, [i64; 3]>,
         /// Controls that stay as they are.
         stubborn: Vec<u32>,
@@ -291,5 +320,28 @@ mod tests {
         let mut plain = webcam();
         plain.controls.remove(&id::GAIN);
         assert!(refused(plain, &spec()).contains("did not set gain to 16"));
+    }
+
+    #[test]
+    fn bytes_are_decoded_as_the_kernel_documents() {
+        use V4lFormat as F;
+        for (format, bytes, expected) in [
+            (F::Grey, &[1, 255][..], &[1, 255][..]),
+            (F::Y10, &[0xFF, 0x03, 0x01, 0xFE], &[1023, 0x201]),
+            (F::Y12, &[0xBC, 0x0A, 0x23, 0xF1], &[0xABC, 0x123]),
+            (F::Y16, &[0x34, 0x12, 0xFF, 0xFF], &[0x1234, 65535]),
+            // Y₀ U Y₁ V.
+            (F::Yuyv, &[10, 128, 20, 130], &[10, 20]),
+        ] {
+            assert_eq!(counts(format, [2, 1], bytes.len(), bytes).as_deref(), Some(expected), "{format:?}");
+        }
+    }
+
+    #[test]
+    fn rows_may_be_padded_and_a_short_frame_is_refused() {
+        let bytes = [1, 2, 99, 3, 4];
+        assert_eq!(counts(V4lFormat::Grey, [2, 2], 3, &bytes), Some(vec![1, 2, 3, 4]));
+        assert_eq!(counts(V4lFormat::Grey, [2, 2], 3, &bytes[..4]), None);
+        assert_eq!(counts(V4lFormat::Y16, [2, 2], 4, &bytes), None);
     }
 }

@@ -1,26 +1,30 @@
-//! A machine vision camera that is triggered by software: each trigger gives one frame, which has a number and a time.
+//! Machine vision cameras that are triggered by software: what GigE Vision and USB3 Vision share. Both describe their features by GenICam, and
+//! the crate `viva-genicam` implements the protocols.
+//!
+//! Each trigger gives one frame, which has a number and a time. An [`Anchor`] relates the camera's clock to the rig's, and [`Numbers`] increase
+//! over all sessions with a camera. [`set_up`] checks the camera's limits, switches automatics off, and reads what the camera can do.
+
+pub(crate) mod set_up;
 
 use std::time::Duration;
 
 use viva_genicam::genapi::RegisterIo;
 use viva_genicam::{Camera as Described, Frame, GenicamError};
 
-use super::anchor::Anchor;
-use super::numbers::Numbers;
-use super::set_up::{said, set_exposure, set_up};
-use super::settings::Settings;
+use super::sensor::Settings;
+use super::{Camera, CameraInfo, Losses, RawFrame, WallClock, camera_fault};
 use crate::error::Result;
 use crate::machine;
-use crate::rig::{Camera, CameraInfo, Losses, RawFrame, WallClock, camera_fault};
+use set_up::{said, set_exposure, set_up};
 
 /// The transport layer of a camera: GigE Vision or USB3 Vision.
-pub(in crate::rig) trait Transport: Send {
+pub trait Transport: Send {
     /// The access to the camera's registers.
     type Registers: RegisterIo + Send;
     /// The stream of frames.
     type Stream: Send;
 
-    /// Where the camera is, e.g. `at 192.168.1.20`.
+    /// The camera's place, e.g. `at 192.168.1.20`.
     fn place(&self) -> String;
 
     /// Opens the camera.
@@ -76,7 +80,7 @@ impl<T: Transport> Drop for Link<T> {
 }
 
 /// A camera that is triggered by software.
-pub(in crate::rig) struct Triggered<T: Transport> {
+pub struct Triggered<T: Transport> {
     info: CameraInfo,
     transport: T,
     settings: Settings,
@@ -92,7 +96,7 @@ pub(in crate::rig) struct Triggered<T: Transport> {
 
 impl<T: Transport> Triggered<T> {
     /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
-    pub(in crate::rig) fn open(
+    pub(crate) fn start(
         transport: T,
         settings: Settings,
         info: CameraInfo,
@@ -253,5 +257,133 @@ impl<T: Transport> Camera for Triggered<T> {
 
     fn losses(&self) -> Losses {
         self.link.as_ref().map_or(self.losses, |link| self.losses + T::losses(&link.stream))
+    }
+}
+
+/// Half the range of a GigE Vision camera's frame numbers. A number that is further back than this belongs to the next round.
+const WRAP: u64 = 1 << 15;
+
+/// Converts a camera's frame numbers to those of the rig.
+pub(crate) struct Numbers {
+    /// The number that is added to the camera's.
+    base: u64,
+    /// The camera's last number.
+    last: u64,
+}
+
+impl Numbers {
+    /// Numbers from `after + 1` on.
+    pub(crate) fn past(after: u64) -> Self {
+        Self { base: after, last: 0 }
+    }
+
+    /// The rig's number of the frame with the camera's `number`, which counts from 1.
+    pub(crate) fn of(&mut self, number: u64) -> u64 {
+        if number + WRAP < self.last {
+            // The camera's number after 65535 is 1.
+            self.base += 2 * WRAP - 1;
+        }
+        self.last = number;
+        self.base + number
+    }
+
+    /// Notes that the camera starts again at 1.
+    pub(crate) fn begin(&mut self) {
+        self.base += self.last;
+        self.last = 0;
+    }
+}
+
+// The relation between the camera's clock and the rig's.
+//
+// A camera stamps its frames by its own clock. An anchor reads the camera's time between two readings of the rig's clock, which
+// relates both with an error of at most half the interval. Afterwards the error grows with the drift between the two quartzes.
+
+/// A bound on the relative drift between two quartzes.
+const DRIFT: f64 = 1e-4;
+
+/// The age in seconds after which an anchor is renewed.
+const AGE: f64 = 10.0;
+
+/// The features that latch and read the camera's time: the command, the value, and ticks per second where the standard fixes them.
+/// The first are of SFNC 2, the second of GigE Vision 1.
+const LATCHES: [(&str, &str, Option<f64>); 2] = [
+    ("TimestampLatch", "TimestampLatchValue", Some(1e9)),
+    ("GevTimestampControlLatch", "GevTimestampValue", None),
+];
+
+/// One simultaneous reading of both clocks.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Anchor {
+    /// The camera's time in ticks.
+    ticks: f64,
+    /// Ticks of the camera per second.
+    per_second: f64,
+    /// The rig's time in seconds.
+    time: f64,
+    /// The largest error of `time` in seconds.
+    error: f64,
+}
+
+impl Anchor {
+    /// Reads both clocks. `None`: the camera does not tell its time.
+    pub(crate) fn take<T: RegisterIo>(camera: &mut Described<T>, clock: WallClock) -> Option<Self> {
+        for (latch, value, unit) in LATCHES {
+            let before = clock.seconds();
+            if camera.execute_command(latch).is_err() {
+                continue;
+            }
+            let after = clock.seconds();
+            camera.invalidate(value);
+            let (Ok(ticks), Some(per_second)) =
+                (camera.get_integer(value), unit.or_else(|| frequency(camera)))
+            else {
+                continue;
+            };
+            let (time, error) = (0.5 * (before + after), 0.5 * (after - before));
+            return Some(Self { ticks: ticks as f64, per_second, time, error });
+        }
+        None
+    }
+
+    /// Whether the anchor is too old at the rig's time `now`.
+    pub(crate) fn is_old(&self, now: f64) -> bool {
+        now - self.time > AGE
+    }
+
+    /// The rig's time of a camera's time stamp, and its largest error, both in seconds.
+    pub(crate) fn time_of(&self, stamp: u64) -> [f64; 2] {
+        let since = (stamp as f64 - self.ticks) / self.per_second;
+        [self.time + since, self.error + DRIFT * since.abs()]
+    }
+}
+
+/// Ticks per second of a GigE Vision 1 camera.
+fn frequency<T: RegisterIo>(camera: &Described<T>) -> Option<f64> {
+    let ticks = camera.get_integer("GevTimestampTickFrequency").ok()?;
+    (ticks > 0).then_some(ticks as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_increase_when_the_camera_wraps_around_and_when_it_restarts() {
+        let mut numbers = Numbers::past(10);
+        assert_eq!(
+            [1, 2, 2, 65_535, 1, 2].map(|number| numbers.of(number)),
+            [11, 12, 12, 65_545, 65_546, 65_547]
+        );
+        numbers.begin();
+        assert_eq!([1, 2].map(|number| numbers.of(number)), [65_548, 65_549]);
+    }
+
+    #[test]
+    fn a_stamp_is_converted_to_the_rigs_time_with_the_error_of_drift() {
+        let anchor = Anchor { ticks: 5e9, per_second: 1e9, time: 100.0, error: 0.001 };
+        let [time, error] = anchor.time_of(3_000_000_000);
+        assert!((time - 98.0).abs() < 1e-9 && (error - 0.0012).abs() < 1e-12, "{time} ± {error}");
+        assert!(anchor.is_old(111.0) && !anchor.is_old(109.0));
     }
 }

@@ -2,6 +2,7 @@
 //! trigger.
 //!
 //! The layouts are those of GenCP (1.2, tables 4 to 12 and 15) and of `viva_u3v::registers`.
+
 #![allow(clippy::panic, reason = "a failed test panics")]
 
 use std::collections::VecDeque;
@@ -9,16 +10,15 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use viva_genicam::u3v::registers::{abrm, capability, sbrm, sirm, u3vcp_capability};
-use viva_genicam::u3v::{U3vDevice, U3vError, UsbTransfer};
+use viva_genicam::u3v::{U3vDevice, U3vDeviceInfo, U3vError, UsbTransfer};
 use viva_genicam::{Camera as Described, U3vRegisterIo, open_u3v_device};
 
-use super::Usb3Spec;
-use super::link::OnUsb;
-use super::port::Port;
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::rig::genicam::{Abilities, Triggered};
-use crate::rig::{Camera, Colour, PixelFormat, WallClock};
+use crate::rig::genicam::Triggered;
+use crate::rig::genicam::set_up::Abilities;
+use crate::rig::usb3::{OnUsb, Port, choose};
+use crate::rig::{Camera, Colour, PixelFormat, Usb3Spec, WallClock};
 
 const XML: &[u8] = include_bytes!("simulated.xml");
 
@@ -51,7 +51,7 @@ struct State {
     answers: VecDeque<Vec<u8>>,
     /// Leaders, payloads and trailers that are not yet read.
     stream: VecDeque<Vec<u8>>,
-    /// What is sent late; `None`: nothing is.
+    /// The packets that are sent late; `None`: none are.
     held: Option<Vec<Vec<u8>>>,
     frames: u64,
 }
@@ -247,7 +247,7 @@ fn open(
     spec: &Usb3Spec,
     clock: WallClock,
 ) -> Result<Triggered<OnUsb<Arc<SimulatedCamera>>>> {
-    Triggered::open(OnUsb(Arc::clone(simulated)), spec.settings(), spec.info(), clock, 41)
+    Triggered::start(OnUsb(Arc::clone(simulated)), spec.settings(), spec.info(), clock, 41)
 }
 
 #[test]
@@ -323,4 +323,30 @@ fn a_late_frame_is_not_taken_for_the_next_one_where_the_camera_does_not_tell_its
     let found = camera.capture().expect("it is there").expect("it comes");
     assert_eq!(found.id, 44, "43 is the frame of the trigger before");
     assert!(found.started >= before, "{} is before {before}", found.started);
+}
+
+fn device(serial: &str) -> U3vDeviceInfo {
+    U3vDeviceInfo {
+        bus: "1".into(),
+        address: 4,
+        vendor_id: 1,
+        product_id: 2,
+        serial: Some(serial.into()),
+        manufacturer: None,
+        model: None,
+        speed: None,
+    }
+}
+
+#[test]
+fn a_camera_is_chosen_by_its_serial_number_or_because_it_is_the_only_one() {
+    let both = || vec![device("A1"), device("B2")];
+    let of = |devices, serial| choose(devices, serial).map(|device| device.serial);
+    let refused = |devices, serial| of(devices, serial).expect_err("it is refused").to_string();
+    assert_eq!(of(both(), Some("B2")).expect("it is there"), Some("B2".into()));
+    assert_eq!(of(vec![device("A1")], None).expect("the only one"), Some("A1".into()));
+    assert!(refused(both(), None).contains("give serial in [camera]: A1, B2"));
+    assert!(refused(both(), Some("C3")).contains("no USB3 Vision camera has the serial number C3"));
+    assert!(refused(both(), Some("C3")).contains("there are A1, B2"));
+    assert!(refused(Vec::new(), None).contains("no USB3 Vision camera is plugged in"));
 }

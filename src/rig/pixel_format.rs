@@ -10,7 +10,7 @@
 
 use serde::de::{Deserialize, Deserializer, Error};
 
-use super::mosaic::Tiles;
+use super::sensor::Tiles;
 
 macro_rules! formats {
     ($($(#[$of:meta])? $name:ident $key:literal $bits:literal $tiles:expr;)*) => {
@@ -107,7 +107,7 @@ impl<'de> Deserialize<'de> for PixelFormat {
 impl PixelFormat {
     /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous one
     /// (`None`: without a gap). The result is `None` if there are too few bytes.
-    pub(in crate::rig) fn counts(
+    pub(crate) fn counts(
         self,
         [width, height]: [u32; 2],
         stride: Option<usize>,
@@ -118,11 +118,12 @@ impl PixelFormat {
     }
 }
 
-#[cfg(all(test, any(feature = "gige", feature = "usb3")))]
+#[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
+    #![cfg(any(feature = "gige", feature = "usb3"))]
 
     use super::*;
+    use proptest::prelude::*;
 
     fn counts(format: PixelFormat, width: u32, bytes: &[u8]) -> Vec<u16> {
         format.counts([width, 1], None, bytes).expect("there are enough bytes")
@@ -131,7 +132,7 @@ mod tests {
     #[test]
     fn bytes_are_unpacked_as_the_conventions_say() {
         use PixelFormat as F;
-        // By hand, from PFNC 2.4: 6.1.1 (whole bytes), figures 6-8 and 6-9 (`p`), and from the layout of GigE Vision 2.0 that makers
+        // Computed by hand from PFNC 2.4: 6.1.1 (whole bytes), figures 6-8 and 6-9 (`p`), and from the layout of GigE Vision 2.0 that makers
         // of cameras document for `Packed`.
         for (format, bytes, expected) in [
             (F::Mono8, &[0x00, 0xFF, 0x07][..], &[0, 255, 7][..]),

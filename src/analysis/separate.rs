@@ -1,0 +1,264 @@
+//! Separation of direct light, straight from the projector, from global light, which reached other surfaces first.
+//!
+//! | method | photos | accuracy |
+//! |---|---|---|
+//! | [`checkerboards`] | `shifts²` | exact if global light does not resolve the squares |
+//! | [`sinusoids`] | 3 or more per direction | exact if global light does not resolve the waves |
+//! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; the rest is in the standard errors |
+//! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
+//! | [`from_capture`] | the white one | approximate, from the photos of a Krylov capture |
+//!
+//! The first two are by Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using
+//! high frequency illumination* (2006), doi:10.1145/1141911.1141977; they fail where global light is sharp, as with a mirror. The
+//! others estimate the diagonal of `A`, the direct light of a coaxial rig, and so handle mirrors. A simulator stores each bounce
+//! and needs no separation: [`crate::transport::Part`], [`crate::transport::Layer`].
+
+pub use comparison::{ComparisonRow, NearFar, NearFarOptions, compare_separations, near_far};
+pub use high_frequency::{checkerboards, codes, sinusoids};
+mod comparison;
+mod high_frequency;
+
+use super::LowRank;
+use super::low_rank::{LowRankCapture, capture};
+use super::planes::Planes;
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::krylov::{Start, diagonal};
+use crate::operator::{Operator, Symmetry};
+use crate::transport::{Bounces, TransportMatrix};
+use high_frequency::{check_checkerboards, check_codes, check_sinusoids};
+
+/// Direct and global light under white, an all-ones pattern.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Separation {
+    /// The light of one bounce (`n`).
+    pub direct: Vec<f64>,
+    /// The light of two and more bounces (`n`).
+    pub global: Vec<f64>,
+    /// Standard errors of `direct` (`n`), if the method gives them.
+    pub standard_error: Option<Vec<f64>>,
+    /// Standard errors of `global` (`n`), if the method gives them.
+    pub global_error: Option<Vec<f64>>,
+    /// Photos taken, the white one included.
+    pub photos: usize,
+}
+
+// Separation by any of the methods, selected by a value.
+
+/// A method, with its photos, to separate direct from global light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SeparateBy {
+    /// [`checkerboards`] with squares of `square` pixels at `shifts²` places.
+    Checkerboards {
+        /// Side of a square in pixels.
+        square: usize,
+        /// Number of places in each direction.
+        shifts: usize,
+    },
+    /// [`sinusoids`] along rows and along columns.
+    Sinusoids {
+        /// Period in pixels.
+        period: f64,
+        /// Photos in each direction.
+        phases: usize,
+    },
+    /// [`codes`].
+    Codes {
+        /// Photos: a power of two.
+        photos: usize,
+    },
+    /// [`random_patterns`].
+    Random {
+        /// Photos besides the white one.
+        photos: usize,
+    },
+    /// [`from_capture`], of a capture that starts from random signs.
+    Capture {
+        /// Photos besides the white one.
+        photos: usize,
+    },
+}
+
+impl SeparateBy {
+    /// The method's name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Checkerboards { .. } => "checkerboards",
+            Self::Sinusoids { .. } => "sinusoids",
+            Self::Codes { .. } => "codes",
+            Self::Random { .. } => "random",
+            Self::Capture { .. } => "capture",
+        }
+    }
+
+    /// The method with its settings in words.
+    pub fn in_words(self) -> String {
+        match self {
+            Self::Checkerboards { square, shifts } => {
+                format!("checkerboards of {square} px at {shifts}×{shifts} places")
+            }
+            Self::Sinusoids { period, phases } => {
+                format!("sinusoids of {period} px at 2×{phases} phases")
+            }
+            Self::Codes { photos } => format!("{photos} patterns of codes"),
+            Self::Random { photos } => format!("{photos} random patterns"),
+            Self::Capture { photos } => format!("a capture of {photos} photos"),
+        }
+    }
+
+    /// The number of photos, the white one included.
+    pub fn photos(self) -> usize {
+        match self {
+            Self::Checkerboards { shifts, .. } => shifts * shifts,
+            Self::Sinusoids { phases, .. } => 2 * phases,
+            Self::Codes { photos } => photos,
+            Self::Random { photos } | Self::Capture { photos } => photos + 1,
+        }
+    }
+}
+
+impl SeparateBy {
+    /// Refuses settings that the method cannot use, before any photo is taken.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming the option.
+    pub fn check(self) -> Result<()> {
+        match self {
+            Self::Checkerboards { square, shifts } => check_checkerboards(square, shifts),
+            Self::Sinusoids { period, phases } => check_sinusoids(period, phases),
+            Self::Codes { photos } => check_codes(photos),
+            Self::Random { .. } | Self::Capture { .. } => Ok(()),
+        }
+    }
+}
+
+/// Separates with `operator`, all of the light of a coaxial rig (`n × n`).
+///
+/// # Errors
+/// [`Error::Option`] naming `--by` if the operator is not symmetric (another pixel then lights what a pixel sees); as the method.
+pub fn separate(
+    operator: &mut dyn Operator,
+    resolution: Resolution,
+    by: SeparateBy,
+    seed: u64,
+) -> Result<Separation> {
+    if operator.symmetry() != Symmetry::Symmetric {
+        return Err(Error::Option {
+            option: "--by".into(),
+            fault: format!(
+                "{} needs a coaxial rig, where the light that a pixel sees directly comes from that very pixel of the projector",
+                by.name()
+            ),
+            help: "use --by exact on a scene, or put the projector where the camera is".into(),
+        });
+    }
+    match by {
+        SeparateBy::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
+        SeparateBy::Sinusoids { period, phases } => sinusoids(operator, resolution, period, phases),
+        SeparateBy::Codes { photos } => codes(operator, resolution, photos),
+        SeparateBy::Random { photos } => random_patterns(operator, photos, seed),
+        SeparateBy::Capture { photos } => {
+            let options = LowRankCapture {
+                photos,
+                start: Some(Start::Rademacher { seed }),
+                ..LowRankCapture::default()
+            };
+            let model = capture(operator, &[], &options)?;
+            let mut white = vec![0.0; resolution.pixels()];
+            operator.apply(&vec![1.0; resolution.pixels()], &mut white)?;
+            from_capture(&model, &white)
+        }
+    }
+}
+
+// Separation by estimating the diagonal of `A`: for coaxial pinholes the direct light, plus the global light that returns to its
+// own pixel (4 % of it in a zigzag at 64×64, most of that along the folds; less with more pixels).
+
+/// Separates with `photos ≥ 2` patterns of random signs and the white one; a signed pattern is one product with `operator` (`n ×
+/// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
+pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) -> Result<Separation> {
+    let estimate = diagonal(operator, photos, seed)?;
+    let mut white = vec![0.0; operator.rows()];
+    operator.apply(&vec![1.0; operator.cols()], &mut white)?;
+    let global = white.iter().zip(&estimate.values).map(|(white, direct)| white - direct).collect();
+    Ok(Separation {
+        direct: estimate.values,
+        global,
+        // The white photo has the noise of one photo, the direct light that of all patterns as far as they do not explain it.
+        global_error: Some(estimate.standard_errors.clone()),
+        standard_error: Some(estimate.standard_errors),
+        photos: estimate.products + 1,
+    })
+}
+
+/// Separates with the photos `W = A Q` of a Krylov process on all of the light. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`;
+/// divided by that of `Q Qᵀ`, it estimates the diagonal of `A` with no photo but the white one. It works like [`random_patterns`]
+/// as far as the patterns are random between neighbouring pixels: use [`Start::Rademacher`](crate::krylov::Start). More photos
+/// hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat (in a room with a
+/// mirror ball, a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`].
+///
+/// # Errors
+/// [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
+pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
+    let n = model.cols();
+    if white.len() != n {
+        return Err(Error::Dimension {
+            what: "pixels of the white photo",
+            expected: n.to_string(),
+            found: white.len().to_string(),
+        });
+    }
+    let (mut products, mut squares) = (vec![0.0; n], vec![0.0; n]);
+    for (pattern, photo) in model.basis().iter().zip(model.photos()) {
+        for i in 0..n {
+            products[i] += pattern[i] * photo[i];
+            squares[i] += pattern[i] * pattern[i];
+        }
+    }
+    // A pixel that no pattern lit counts as without direct light.
+    let direct: Vec<f64> =
+        products.iter().zip(&squares).map(|(p, s)| if *s > 0.0 { p / s } else { 0.0 }).collect();
+    let global = white.iter().zip(&direct).map(|(white, direct)| white - direct).collect();
+    Ok(Separation { direct, global, standard_error: None, global_error: None, photos: model.rank() + 1 })
+}
+
+// The light of each bounce of a known matrix.
+
+/// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers.
+///
+/// # Errors
+/// None for a well-formed matrix in one process; those of [`TransportMatrix::layers`].
+pub fn second_and_rest(matrix: &TransportMatrix) -> Result<[Planes; 2]> {
+    let (rows, count) = (matrix.resolution().pixels(), matrix.channels().count());
+    let mut found = [Bounces::Two, Bounces::Rest].map(|_| vec![vec![0.0; rows]; count]);
+    for layer in &*matrix.layers()? {
+        let planes = match layer.bounces() {
+            Bounces::Two => &mut found[0],
+            Bounces::Rest => &mut found[1],
+            Bounces::One | Bounces::Global => continue,
+        };
+        for (channel, plane) in planes.iter_mut().enumerate() {
+            layer.to_csr(channel)?.entries().for_each(|(row, _, weight)| plane[row] += weight);
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_a_method_cannot_use_are_refused_by_name() {
+        for (by, name) in [
+            (SeparateBy::Checkerboards { square: 0, shifts: 4 }, "--square"),
+            (SeparateBy::Sinusoids { period: 1.0, phases: 3 }, "--period"),
+            (SeparateBy::Sinusoids { period: 4.0, phases: 2 }, "--phases"),
+            (SeparateBy::Codes { photos: 12 }, "--photos"),
+        ] {
+            assert!(matches!(by.check(), Err(Error::Option { option, .. }) if option == name), "{name}");
+        }
+        assert!(SeparateBy::Codes { photos: 16 }.check().is_ok());
+        assert!(SeparateBy::Checkerboards { square: 2, shifts: 4 }.check().is_ok());
+    }
+}

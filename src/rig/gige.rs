@@ -1,0 +1,173 @@
+//! A machine vision camera on the network: GigE Vision (feature `gige`). Lost packets are sent again. [`super::genicam`] does what is shared
+//! with USB3 Vision.
+
+use std::net::Ipv4Addr;
+use std::time::{Duration, Instant};
+
+use viva_genicam::gige::{DiscoveryOptions, GigeError};
+use viva_genicam::{
+    Access, Camera as Described, Frame, FrameStream, GenicamError, GigeRegisterIo, StreamOptions, blocking,
+};
+
+use super::genicam::set_up::{Abilities, said};
+use super::genicam::{Transport, Triggered};
+use super::hardware::{causes, in_use};
+use super::{GigeSpec, Losses, WallClock, camera_fault};
+use crate::error::Result;
+
+/// How long to wait for a camera that does not answer or is held. After a session that ended abruptly, the camera is free once its
+/// heartbeat of 3 s has run out.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The GigE Vision status of a camera that another program holds.
+const ACCESS_DENIED: u16 = 0x8006;
+
+/// How long to wait for the answer to one request.
+pub(crate) const ANSWER: Duration = Duration::from_millis(500);
+
+/// A GigE Vision camera.
+pub type GigeVision = Triggered<GigeSpec>;
+
+impl GigeVision {
+    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when no camera answers there, another program holds it, or it cannot do what `spec` says.
+    pub fn open(spec: &GigeSpec, clock: WallClock, after: u64) -> Result<Self> {
+        Self::start(spec.clone(), spec.settings(), spec.info(), clock, after)
+    }
+}
+
+impl Transport for GigeSpec {
+    type Registers = GigeRegisterIo;
+    type Stream = FrameStream;
+
+    fn place(&self) -> String {
+        format!("at {}", self.address)
+    }
+
+    fn connect(&self) -> Result<Described<GigeRegisterIo>> {
+        let began = Instant::now();
+        loop {
+            let found = blocking::discover_ip(self.address, ANSWER);
+            let why = match found.map_err(|why| said(&self.place(), "answer", &why))? {
+                None => camera_fault(
+                    format!("no GigE Vision camera answers at {}", self.address),
+                    "check its power, its cable and its address; the network must be the computer's own",
+                ),
+                Some(device) => match blocking::connect(&device) {
+                    Ok(camera) => return Ok(camera),
+                    Err(why) if is_denied(&why) => in_use(&self.place()),
+                    Err(why) => said(&self.place(), "be opened", &why),
+                },
+            };
+            if began.elapsed() >= PATIENCE {
+                return Err(why);
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    fn stream(
+        &self,
+        camera: &mut Described<GigeRegisterIo>,
+    ) -> std::result::Result<FrameStream, GenicamError> {
+        let options = StreamOptions::new();
+        camera.open_stream(match self.packet_size {
+            Some(size) => options.packet_size(size),
+            None => options,
+        })
+    }
+
+    fn next(
+        stream: &mut FrameStream,
+        patience: Duration,
+    ) -> std::result::Result<Option<Frame>, GenicamError> {
+        stream.next_frame_blocking(patience)
+    }
+
+    fn number(frame: &Frame) -> u64 {
+        frame.block_id
+    }
+
+    fn losses(stream: &FrameStream) -> Losses {
+        let stats = stream.stats();
+        Losses {
+            resent: stats.resend_recovered,
+            incomplete: stats.frames_incomplete,
+            missing: stats.packets_missing,
+        }
+    }
+}
+
+/// Whether the camera refuses because another program controls it. One that is held exclusively refuses to be read, too, as its description is.
+pub(crate) fn is_denied(why: &GenicamError) -> bool {
+    causes(why).any(|why| {
+        matches!(why.downcast_ref(), Some(GigeError::Status(status)) if status.to_raw() == ACCESS_DENIED)
+    })
+}
+
+/// How long cameras may take to answer.
+const FIND_ANSWER: Duration = Duration::from_millis(500);
+
+/// A GigE Vision camera that answered.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct FoundGigeCamera {
+    /// The camera's address.
+    pub address: Ipv4Addr,
+    /// The maker, if the camera says.
+    pub maker: Option<String>,
+    /// The model, if the camera says.
+    pub model: Option<String>,
+    /// The serial number, if the camera says.
+    pub serial: Option<String>,
+}
+
+/// Finds the GigE Vision cameras that answer on the computer's own networks, and those at `addresses`.
+///
+/// # Errors
+/// [`Error::Rig`](crate::Error::Rig) when no request can be sent.
+pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundGigeCamera>> {
+    let failed = |why: GenicamError| {
+        camera_fault(
+            format!("cameras cannot be searched for: {why}"),
+            "check that the computer has a network",
+        )
+    };
+    let mut found = blocking::discover_with(FIND_ANSWER, &DiscoveryOptions::new().include_loopback(true))
+        .map_err(failed)?;
+    for &address in addresses {
+        if found.iter().all(|device| device.ip != address) {
+            found.extend(blocking::discover_ip(address, FIND_ANSWER).map_err(failed)?);
+        }
+    }
+    let camera = |device: viva_genicam::gige::DeviceInfo| FoundGigeCamera {
+        address: device.ip,
+        maker: device.manufacturer,
+        model: device.model,
+        serial: device.serial,
+    };
+    Ok(found.into_iter().map(camera).collect())
+}
+
+/// Reads what the camera at an address can do. A program that holds the camera keeps it.
+///
+/// # Errors
+/// [`Error::Rig`](crate::Error::Rig) when it does not answer, or cannot be read while another program holds it.
+pub fn gige_camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
+    let failed = |why: GenicamError| match is_denied(&why) {
+        true => in_use(&format!("at {address}")),
+        false => camera_fault(
+            format!("the camera at {address} does not say what it can do: {why}"),
+            "check its cable and address, and end any other program that uses it",
+        ),
+    };
+    let Some(device) = blocking::discover_ip(address, FIND_ANSWER).map_err(failed)? else {
+        return Err(camera_fault(
+            format!("no GigE Vision camera answers at {address}"),
+            "check its power, its cable and its address; the network must be the computer's own",
+        ));
+    };
+    let (camera, _) = blocking::connect_as(&device, Access::Monitor).map_err(failed)?;
+    Ok(Abilities::of(&camera))
+}

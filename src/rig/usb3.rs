@@ -1,0 +1,176 @@
+//! A machine vision camera on USB 3: USB3 Vision (feature `usb3`), which has not been tried on hardware. [`super::genicam`] does what is
+//! shared with GigE Vision, and is tested there.
+
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, U3vStreamOptions, UsbTransfer, discover};
+use viva_genicam::{Camera as Described, Frame, GenicamError, U3vFrameStream, U3vRegisterIo, connect_u3v};
+
+use super::genicam::set_up::Abilities;
+use super::genicam::{Transport, Triggered};
+use super::hardware::{in_use, is_busy};
+use super::{Losses, Usb3Spec, WallClock, camera_fault};
+use crate::error::{Error, Result};
+
+/// A USB3 Vision camera.
+pub type Usb3Vision = Triggered<OnUsb<Usb3Spec>>;
+
+impl Usb3Vision {
+    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when it is not plugged in, another program holds it, or it cannot do what `spec` says.
+    pub fn open(spec: &Usb3Spec, clock: WallClock, after: u64) -> Result<Self> {
+        Self::start(OnUsb(spec.clone()), spec.settings(), spec.info(), clock, after)
+    }
+}
+
+/// The USB3 Vision protocol over a port, which is real or simulated.
+pub struct OnUsb<P>(pub(crate) P);
+
+impl<P: Port> Transport for OnUsb<P> {
+    type Registers = U3vRegisterIo<P::Wire>;
+    type Stream = U3vFrameStream;
+
+    fn place(&self) -> String {
+        self.0.place()
+    }
+
+    fn connect(&self) -> Result<Described<Self::Registers>> {
+        self.0.open()
+    }
+
+    fn stream(
+        &self,
+        camera: &mut Described<Self::Registers>,
+    ) -> std::result::Result<U3vFrameStream, GenicamError> {
+        camera.open_stream(U3vStreamOptions::default())
+    }
+
+    fn next(
+        stream: &mut U3vFrameStream,
+        patience: Duration,
+    ) -> std::result::Result<Option<Frame>, GenicamError> {
+        stream.next_frame_blocking(patience)
+    }
+
+    fn number(frame: &Frame) -> u64 {
+        // The camera's first frame has the number 0.
+        frame.block_id + 1
+    }
+
+    fn losses(stream: &U3vFrameStream) -> Losses {
+        let stats = stream.stats();
+        Losses { resent: 0, incomplete: stats.frames_incomplete, missing: stats.packets_missing }
+    }
+}
+
+/// A USB3 Vision camera that is plugged in.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct FoundUsbCamera {
+    /// The serial number, if the camera says.
+    pub serial: Option<String>,
+    /// The maker, if the camera says.
+    pub maker: Option<String>,
+    /// The model, if the camera says.
+    pub model: Option<String>,
+    /// The speed of the connection, if known.
+    pub speed: Option<String>,
+}
+
+/// Finds the USB3 Vision cameras that are plugged in, without opening them.
+///
+/// # Errors
+/// [`Error::Rig`] when the system does not list its USB devices.
+pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
+    let camera = |device: U3vDeviceInfo| FoundUsbCamera {
+        serial: device.serial,
+        maker: device.manufacturer,
+        model: device.model,
+        speed: device.speed.map(|speed| speed.to_string()),
+    };
+    Ok(devices()?.into_iter().map(camera).collect())
+}
+
+/// Opens the camera with this serial number (`None`: the only camera), reads what it can do, and closes it.
+///
+/// # Errors
+/// [`Error::Rig`] when it is not plugged in, or another program holds it.
+pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
+    let spec = Usb3Spec { serial: serial.map(str::to_owned), ..Usb3Spec::new(1, 1) };
+    Ok(Abilities::of(&spec.open()?))
+}
+
+/// A way to open a camera.
+pub trait Port: Send {
+    /// The transfer of bytes to the camera and back.
+    type Wire: UsbTransfer + 'static;
+
+    /// The camera's place, for errors, e.g. `on USB`.
+    fn place(&self) -> String;
+
+    /// Opens the camera.
+    fn open(&self) -> Result<Described<U3vRegisterIo<Self::Wire>>>;
+}
+
+impl Port for Usb3Spec {
+    type Wire = NusbTransfer;
+
+    fn place(&self) -> String {
+        self.serial.as_ref().map_or_else(|| "on USB".into(), |serial| format!("with serial number {serial}"))
+    }
+
+    fn open(&self) -> Result<Described<U3vRegisterIo<NusbTransfer>>> {
+        let device = choose(devices()?, self.serial.as_deref())?;
+        connect_u3v(&device).map_err(|why| match is_busy(&why) {
+            true => in_use(&self.place()),
+            false => camera_fault(
+                format!("the camera {} cannot be opened: {why}", self.place()),
+                "the user needs the right to write to the device under /dev/bus/usb (a udev rule, mostly the maker's), and no other program may \
+                 have it open",
+            ),
+        })
+    }
+}
+
+/// Lists the cameras that are plugged in.
+pub(crate) fn devices() -> Result<Vec<U3vDeviceInfo>> {
+    discover().map_err(|why| {
+        camera_fault(
+            format!("USB cameras cannot be searched for: {why}"),
+            "check that the computer has USB, and that /sys is mounted",
+        )
+    })
+}
+
+/// Chooses the camera with this serial number, or the only one.
+fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDeviceInfo> {
+    let known: Vec<String> =
+        devices.iter().map(|device| device.serial.clone().unwrap_or_else(|| "?".into())).collect();
+    if let Some(serial) = serial {
+        devices.retain(|device| device.serial.as_deref() == Some(serial));
+    }
+    let refused = |fault: String, help: String| -> Error { camera_fault(fault, help) };
+    match (devices.len(), serial) {
+        (1, _) => Ok(devices.remove(0)),
+        (0, None) => Err(refused(
+            "no USB3 Vision camera is plugged in".into(),
+            "check its cable and power; `krylux rig list` names the cameras that are plugged in".into(),
+        )),
+        (0, Some(serial)) => Err(refused(
+            format!("no USB3 Vision camera has the serial number {serial}"),
+            if known.is_empty() {
+                "none is plugged in: check its cable and power".into()
+            } else {
+                format!("there are {}: correct serial in [camera]", known.join(", "))
+            },
+        )),
+        (count, _) => Err(refused(
+            format!("{count} USB3 Vision cameras are plugged in"),
+            format!("give serial in [camera]: {}", known.join(", ")),
+        )),
+    }
+}
