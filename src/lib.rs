@@ -1,8 +1,8 @@
 //! krylux (Krylov + lux): a light transport laboratory.
 //!
 //! A projector lights a scene, a camera takes the photo, the photo is projected back, and so on. These photos span
-//! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so its eigenvectors and
-//! what follows from them come from a few dozen photos, without ever measuring `A` itself. The method is
+//! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so a few dozen photos
+//! yield its eigenvectors and the answers that follow from them, without ever measuring `A` itself. The method is
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, the precursor of *Optical computing for fast light
 //! transport analysis*, 2010, doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
 //!
@@ -33,7 +33,7 @@
 //! # }
 //! ```
 //!
-//! [`Lab::builder`](lab::Lab::builder) sets what differs from the defaults. With a folder, every photo is in its journal before it is used, and
+//! [`Lab::builder`](lab::Lab::builder) changes the defaults. With a folder, every photo is in its journal before it is used, and
 //! the folder is a source for further questions. The same lines run on a rig and on a run:
 //!
 //! ```
@@ -62,7 +62,7 @@
 //! |---|---|
 //! | `first_groups` | the README's five lines |
 //! | `segment` | groups of pixels that exchange light, with the report |
-//! | `compensate` | what to project so that a scene looks like a target |
+//! | `compensate` | a pattern under which a scene looks like a target |
 //! | `own_matrix` | eigenpairs of a matrix or a function of your own ([`krylov`], [`operator::Closure`]) |
 //! | `own_camera` | a projector and a camera of your own behind the traits of [`rig`] |
 //! | `relight_run` | a scene relit from the folder of a finished run |
@@ -82,7 +82,7 @@
 //! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
 //! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
 //! | patterns painted by hand, their photo seen at once | [`paint`] |
-//! | more than one machine can hold | [`team`]: processes that each trace and keep a part |
+//! | matrices that are too large for one machine | [`team`]: each process traces and keeps a part |
 //! | the figures | [`paper`] makes them again, and holds them to bounds |
 //!
 //! Units, conventions and the symmetric estimator are described in [`render`] and [`transport`].

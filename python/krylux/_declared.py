@@ -8,7 +8,7 @@ import textwrap
 from . import _checks, _krylux, answers
 
 #: The class of each verb's answer.
-_ANSWERS = {"segment": answers.Segmentation, "separate": answers.Separation}
+_ANSWERS = {"eigs": answers.Eigenpairs, "segment": answers.Segmentation, "separate": answers.Separation}
 
 
 def add_verbs(cls):
@@ -26,7 +26,9 @@ def _method(cls, verb, about, parameters):
     def method(*arguments, **options):
         lab, *given = signature.bind(*arguments, **options).arguments.items()
         arrays, facts, native = lab[1]._native.ask(verb, asked(dict(given)))
-        return _ANSWERS[verb](arrays, facts, native, lab[1])
+        is_singular = dict(given).get("singular", False)
+        answer = answers.SingularTriplets if is_singular else _ANSWERS[verb]
+        return answer(arrays, facts, native, lab[1])
 
     method.__name__, method.__qualname__, method.__module__ = verb, f"{cls.__qualname__}.{verb}", cls.__module__
     method.__signature__ = signature

@@ -8,7 +8,7 @@ import numpy as np
 from . import _checks, answers
 from ._asking import Asking
 from ._declared import asked as as_json
-from ._questions import compensate_question, eigs_question
+from ._questions import compensate_question
 
 
 class OnRigs(Asking):
@@ -53,21 +53,16 @@ class OnRigs(Asking):
             raise _checks.refuse("verb", f"there is no plan of {verb!r}", 'give "segment", "compensate" or "eigs"')
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
-        if verb == "segment":
-            return answers.Plan(self._native.plan_segment(as_json(bound.arguments), trials))
+        planned = {"segment": self._native.plan_segment, "eigs": self._native.plan_eigs}
+        if verb in planned:
+            return answers.Plan(planned[verb](as_json(bound.arguments), trials))
         bound.apply_defaults()
         asked = bound.arguments
         _refuse_beside(verb, asked)
-        if verb == "compensate":
-            target, question = compensate_question(self, asked)
-            if target.ndim == 3:
-                raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
-            found = self._native.plan_compensate(target, question, trials)
-        else:
-            part = asked.pop("part")
-            asked["photos"] = self._budget(asked["photos"], 50)
-            _checks.vectors(asked["block"], "block", self._pixels)
-            found = self._native.plan_eigs(part, eigs_question(**asked, seed=self.seed), trials)
+        target, question = compensate_question(self, asked)
+        if target.ndim == 3:
+            raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
+        found = self._native.plan_compensate(target, question, trials)
         return answers.Plan(found)
 
     def through_rig(self, rig, *, folder=None, resume=False, overwrite=False):
@@ -154,7 +149,6 @@ class OnRigs(Asking):
 #: Arguments of a verb that a plan has no use for.
 _BESIDE = {
     "compensate": ("peak", "crosstalk", "unmix", "compare_methods", "model"),
-    "eigs": (),
 }
 
 

@@ -4,12 +4,11 @@ use std::sync::{Mutex, PoisonError};
 
 use krylux::analysis::audit::Audit;
 use krylux::finding::Finding;
-use krylux::krylov::{Eigs, Method, Singular, Solution};
+use krylux::krylov::{Method, Solution};
 use krylux::lab::{
-    CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Saved, SingularTriplets,
-    Solved, Verified, VerifiedCompensation, VerifiedEigenpairs,
+    CompensateAnswer, CompensateRequest, Compensated, Lab, ProbedLight, Saved, Solved, Verified,
+    VerifiedCompensation,
 };
-use krylux::transport::Part;
 use pyo3::prelude::*;
 
 /// An answer as krylux has it.
@@ -20,10 +19,8 @@ pub(crate) struct Answer(Mutex<Kept>);
 pub(crate) enum Kept {
     Audit(Audit),
     Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
-    Eigs { found: Box<Eigs>, wanted: usize, part: Part },
     Probe(ProbedLight),
     Asked(Box<dyn krylux::lab::Answer + Send>),
-    Singular { found: Box<Singular>, wanted: usize },
     Solve { found: Box<Solution>, method: Method },
 }
 
@@ -36,10 +33,8 @@ impl Kept {
                 let shown = Compensated::new(&answer.found, &request.options);
                 work(&Compensated { methods: &answer.methods, ..shown })
             }
-            Self::Eigs { found, wanted, .. } => work(&Eigenpairs::new(found, *wanted)),
             Self::Probe(found) => work(found),
             Self::Asked(found) => work(&**found),
-            Self::Singular { found, wanted } => work(&SingularTriplets { found, wanted: *wanted }),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
         }
     }
@@ -63,17 +58,12 @@ impl Answer {
 
     /// Compares the photos that the answer predicts with independent ones: `None` where there are none, or where the answer predicts no photos.
     pub(crate) fn check(&self, lab: &mut Lab) -> krylux::Result<Option<Verified>> {
-        let of_pairs = |VerifiedEigenpairs { verification, estimates, .. }| Verified {
-            estimates,
-            ..verification.into()
-        };
         let of_compensation = |found: VerifiedCompensation| Verified {
             residual: Some(found.residual),
             photo: Some([found.photo, found.standard_error]),
             ..found.verification.into()
         };
         Ok(match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kept::Eigs { found, part, .. } => lab.verify_eigenpairs(*part, found)?.map(of_pairs),
             Kept::Asked(found) => found.verify(lab)?,
             // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
             Kept::Compensate(request, answer) if request.colors.is_none() => {
@@ -88,7 +78,6 @@ impl Answer {
         match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Audit(_) => "audit",
             Kept::Compensate(..) => "compensate",
-            Kept::Eigs { .. } | Kept::Singular { .. } => "eigs",
             Kept::Probe(_) => "probe",
             Kept::Asked(found) => found.verb(),
             Kept::Solve { .. } => "solve",

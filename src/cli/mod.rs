@@ -11,7 +11,6 @@ mod compensate;
 mod completions;
 mod console;
 mod drawing;
-mod eigs;
 mod embedded_page;
 mod index;
 mod info;
@@ -33,7 +32,6 @@ mod reproduce;
 mod rig;
 mod rig_info;
 mod runs;
-mod singular;
 mod solve;
 mod team;
 mod tev;
@@ -47,7 +45,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Relight, Segment, Separate, pattern};
+use crate::verbs::{Eigs, Relight, Segment, Separate, pattern};
 use console::Console;
 use options::GlobalArgs;
 
@@ -72,7 +70,7 @@ enum Verb {
     Relight(asked::Asked<Relight>),
     Paint(paint::Args),
     Probe(probe::Args),
-    Eigs(eigs::Args),
+    Eigs(asked::Asked<Eigs>),
     Audit(audit::Args),
     Plan(plan::Args),
     Rig(rig::Args),
@@ -137,7 +135,7 @@ pub fn main() -> ExitCode {
         Verb::Relight(args) => args.run(&console),
         Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),
-        Verb::Eigs(args) => eigs::run(args, &console),
+        Verb::Eigs(args) => args.run(&console),
         Verb::Audit(args) => audit::run(args, &console),
         Verb::Rig(args) => rig::run(args, &console),
         Verb::Plan(args) => plan::run(args, &console),

@@ -1,11 +1,7 @@
 //! Figure 13: a sinusoid from a one-bit projector, thresholded and in bit planes, and the noise that bit planes cost.
 
-use super::bench::Bench;
-use super::check::Check;
-use super::devices::one_bit;
-use super::figure::{Content, Figure, Panel, Plot, Reproduced};
-use super::rig::Rig;
-use super::stage::{Set, Stage};
+use super::bench::{Bench, Set, Stage, one_bit};
+use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::norm;

@@ -5,7 +5,7 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the arrays, pictures and page of one command | [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
@@ -21,7 +21,6 @@ pub mod colormap;
 pub mod compensation;
 pub mod contact_sheet;
 pub mod content;
-pub mod eigenpairs;
 pub(crate) mod figure;
 pub mod html;
 pub mod index;
@@ -35,7 +34,6 @@ pub mod probing;
 mod residuals;
 pub mod run;
 pub mod scatter;
-pub mod singular;
 pub mod solution;
 pub(crate) mod spectrum;
 mod svg;

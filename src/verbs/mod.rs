@@ -4,6 +4,7 @@
 //! Python and the record in `run.json` come from them. An [answer](crate::lab::Answer) is named arrays and named facts: files, summary,
 //! attributes in Python and lines on the terminal come from them.
 
+pub mod eigs;
 pub mod options;
 pub mod pattern;
 pub mod relight;
@@ -11,10 +12,13 @@ pub mod segment;
 pub mod separate;
 #[cfg(test)]
 mod tests_of_runs;
+#[cfg(test)]
+mod tests_of_verification;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+pub use eigs::{Eigs, Spectrum};
 pub use options::{from_json, signature};
 pub use relight::{Relight, Relighting};
 pub use segment::{Segment, Segmented};

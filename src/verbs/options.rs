@@ -2,9 +2,11 @@
 
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::error::{Error, Result};
+use crate::transport::Part;
 
 /// The default of a request: what its declaration says of each option.
 #[allow(
@@ -44,6 +46,26 @@ pub(crate) fn count<T: TryFrom<u64>>(text: &str) -> std::result::Result<T, Strin
     let count = text.trim().parse().ok().filter(|&count: &u64| count <= MAX_COUNT);
     let count = count.and_then(|count| T::try_from(count).ok());
     count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
+}
+
+/// A part of the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs, reason = "texts would stand in the help of each value, and Part explains them")]
+pub enum LightPart {
+    Full,
+    Direct,
+    Global,
+}
+
+impl From<LightPart> for Part {
+    fn from(part: LightPart) -> Self {
+        match part {
+            LightPart::Full => Self::Full,
+            LightPart::Direct => Self::Direct,
+            LightPart::Global => Self::Global,
+        }
+    }
 }
 
 /// Checks that so many vectors fit into memory.

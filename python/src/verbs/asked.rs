@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use krylux::Error;
 use krylux::lab::{Answer as Answering, Verb};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Request, Segment, Separate, from_json, signature};
+use krylux::verbs::{Eigs, Request, Segment, Separate, from_json, signature};
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
@@ -22,7 +22,7 @@ type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 /// The verbs that [`Lab::ask`] knows.
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
-    vec![described::<Segment>(), described::<Separate>()]
+    vec![described::<Eigs>(), described::<Segment>(), described::<Separate>()]
 }
 
 fn described<V: Request>() -> Signature {
@@ -32,7 +32,7 @@ fn described<V: Request>() -> Signature {
 }
 
 /// The request of keyword arguments whose values are JSON.
-pub(super) fn request<V: Request>(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<V> {
+pub(crate) fn request<V: Request>(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<V> {
     let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
     let fields = parsed.collect::<Result<_, serde_json::Error>>();
     let fields = fields.map_err(|why| Error::Numerical(why.to_string()));
@@ -49,6 +49,7 @@ impl Lab {
         asked: BTreeMap<String, String>,
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)> {
         match verb {
+            Eigs::NAME => self.answered::<Eigs>(py, asked),
             Segment::NAME => self.answered::<Segment>(py, asked),
             Separate::NAME => self.answered::<Separate>(py, asked),
             other => Err(errors::option(py, "verb", &format!("there is no {other}"), "see krylux.Lab")),

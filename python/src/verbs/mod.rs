@@ -2,18 +2,17 @@
 
 mod asked;
 mod compensate;
-mod eigs;
 mod light;
 mod plan;
 mod relight;
+mod solve;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::answers::Answer;
 
-pub(crate) use asked::verbs;
-pub(crate) use eigs::{EigsQuestion, eigs_fields};
+pub(crate) use asked::{attributes, request, verbs};
 
 /// The attributes of an answer, and the answer itself, to be saved.
 pub(crate) type Answered<'py> = (Bound<'py, PyDict>, Answer);

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::finding::decimal;
 use crate::io::atomic;
 use crate::io::name::Name;
-use crate::io::png::Raster;
+use crate::io::raster::Raster;
 use crate::measure::FrameSource;
 use crate::measure::calibrate::{MeasuredValue, StructuredLight};
 use crate::report::alignment;
@@ -201,7 +201,7 @@ fn show(viewer: &Viewer, name: &str, picture: &Raster) {
             size: picture.resolution(),
             channels: &["R", "G", "B"],
             channel,
-            values: bytes.map(|&byte| crate::io::tone::decode_srgb(f32::from(byte) / 255.0)).collect(),
+            values: bytes.map(|&byte| crate::io::raster::decode_srgb(f32::from(byte) / 255.0)).collect(),
         });
     }
 }

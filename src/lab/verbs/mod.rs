@@ -3,7 +3,6 @@
 mod audit;
 mod calibrate;
 mod compensate;
-mod eigs;
 mod flat_field;
 mod join;
 mod matrix;

@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::finding::decimal;
 use crate::finding::{Finding, Grade};
 use crate::image::Image;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 use crate::krylov::Method;
 
 /// A compensation with the options that it was found by.

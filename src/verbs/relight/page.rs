@@ -6,7 +6,7 @@ use super::Relighting;
 use crate::analysis::low_rank::{RankRow, Relit};
 use crate::error::Result;
 use crate::image::Image;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 use crate::lab::Answer;
 use crate::report::colormap::robust_range;
 use crate::report::figure;

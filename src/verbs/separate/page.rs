@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::finding::Ratio;
 use crate::image::Image;
 use crate::io::picture;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 use crate::lab::Answer;
 use crate::report::colormap::robust_range;
 use crate::report::figure;
