@@ -6,8 +6,8 @@ use krylux::analysis::audit::Audit;
 use krylux::finding::Finding;
 use krylux::krylov::{Eigs, Method, Singular, Solution};
 use krylux::lab::{
-    CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Relighting, Saved,
-    Separated, SingularTriplets, Solved, Verified, VerifiedCompensation, VerifiedEigenpairs,
+    Eigenpairs, Lab, ProbedLight, Relighting, Saved, Separated, SingularTriplets, Solved, Verified,
+    VerifiedEigenpairs,
 };
 use krylux::transport::Part;
 use pyo3::prelude::*;
@@ -19,7 +19,6 @@ pub(crate) struct Answer(Mutex<Kept>);
 /// Each kind of answer, with what its report shows beside it.
 pub(crate) enum Kept {
     Audit(Audit),
-    Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
     Eigs { found: Box<Eigs>, wanted: usize, part: Part },
     Probe(ProbedLight),
     Relight(Box<Relighting>),
@@ -34,10 +33,6 @@ impl Kept {
     fn shown<T>(&self, work: impl FnOnce(&dyn krylux::lab::Answer) -> T) -> T {
         match self {
             Self::Audit(found) => work(found),
-            Self::Compensate(request, answer) => {
-                let shown = Compensated::new(&answer.found, &request.options);
-                work(&Compensated { methods: &answer.methods, ..shown })
-            }
             Self::Eigs { found, wanted, .. } => work(&Eigenpairs::new(found, *wanted)),
             Self::Probe(found) => work(found),
             Self::Relight(found) => work(&**found),
@@ -77,18 +72,9 @@ impl Answer {
             estimates,
             ..verification.into()
         };
-        let of_compensation = |found: VerifiedCompensation| Verified {
-            residual: Some(found.residual),
-            photo: Some([found.photo, found.standard_error]),
-            ..found.verification.into()
-        };
         Ok(match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Eigs { found, part, .. } => lab.verify_eigenpairs(*part, found)?.map(of_pairs),
             Kept::Asked(found) => found.verify(lab)?,
-            // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
-            Kept::Compensate(request, answer) if request.colors.is_none() => {
-                lab.verify_compensation(&answer.found)?.map(of_compensation)
-            }
             Kept::Relight(found) => lab.verify_relighting(found)?.map(Verified::from),
             Kept::Separate(found) => lab.verify_separation(found)?.map(Verified::from),
             _ => None,
@@ -99,7 +85,6 @@ impl Answer {
     pub(crate) fn verb(&self) -> &'static str {
         match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Audit(_) => "audit",
-            Kept::Compensate(..) => "compensate",
             Kept::Eigs { .. } | Kept::Singular { .. } => "eigs",
             Kept::Probe(_) => "probe",
             Kept::Relight(_) => "relight",

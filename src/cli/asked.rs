@@ -65,7 +65,9 @@ impl<V: Verb> Asked<V> {
         let Self { request, common } = self;
         // Wrong options should show before anything is written or traced.
         request.check()?;
-        let opening = Opening::new(&common.source, &common.trace).operator(&common.operator);
+        let channels = request.channels(&common.source.source)?;
+        let opening =
+            Opening::new(&common.source, &common.trace).operator(&common.operator).channels(channels);
         let mut lab = opening.open_shown(&common.live, console)?;
         request.check_on(&lab)?;
         in_run(&mut lab, &common.run, V::NAME, |lab| self.answer(lab, console))

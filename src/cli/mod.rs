@@ -7,7 +7,6 @@ mod audit;
 mod bar;
 mod cache;
 mod compare;
-mod compensate;
 mod completions;
 mod console;
 mod drawing;
@@ -50,7 +49,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::Segment;
+use crate::verbs::{Compensate, Segment};
 use console::Console;
 use options::GlobalArgs;
 
@@ -70,7 +69,7 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 enum Verb {
     Photo(photo::Args),
     Segment(asked::Asked<Segment>),
-    Compensate(compensate::Args),
+    Compensate(asked::Asked<Compensate>),
     Separate(separate::Args),
     Relight(relight::Args),
     Paint(paint::Args),
@@ -135,7 +134,7 @@ pub fn main() -> ExitCode {
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console),
         Verb::Segment(args) => args.run(&console),
-        Verb::Compensate(args) => compensate::run(args, &console),
+        Verb::Compensate(args) => args.run(&console),
         Verb::Separate(args) => separate::run(args, &console),
         Verb::Relight(args) => relight::run(args, &console),
         Verb::Paint(args) => paint::run(args, &console),

@@ -2,12 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
-use crate::krylov::{METHODS, Method};
-use crate::lab::ChannelChoice;
-use crate::transport::Channels;
-pub(super) use crate::verbs::options::{count, number, time};
+pub(super) use crate::transport::Channels as ChannelsArg;
+pub(super) use crate::verbs::options::{count, method, number, time};
 
 /// Which source of photos.
 #[derive(Args, Clone)]
@@ -142,36 +140,4 @@ pub(super) fn free_file(name: &str, extension: &str) -> PathBuf {
     // Of one stem more than there are files one is free.
     let stem = stems.into_iter().find(is_free).unwrap_or_else(|| name.to_owned());
     PathBuf::from(stem + &ending)
-}
-
-/// `--channels`.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum ChannelsArg {
-    /// One gray pattern, one photo weighted by luminance
-    Luma,
-    /// Red, green and blue, each a separate system
-    Rgb,
-}
-
-impl From<ChannelsArg> for Channels {
-    fn from(argument: ChannelsArg) -> Self {
-        match argument {
-            ChannelsArg::Luma => Self::Luma,
-            ChannelsArg::Rgb => Self::Rgb,
-        }
-    }
-}
-
-impl From<ChannelsArg> for ChannelChoice {
-    fn from(argument: ChannelsArg) -> Self {
-        Channels::from(argument).into()
-    }
-}
-
-/// `--method`: any that solves `A x = b`.
-pub(super) fn method(name: &str) -> Result<Method, String> {
-    Method::from_name(name).map_err(|_| {
-        let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
-        format!("expected one of {}", names.join(", "))
-    })
 }

@@ -8,7 +8,8 @@ use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator};
 
 /// A method for `A x = b`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Method {
     /// [`Minres`].
     Minres,
@@ -31,6 +32,7 @@ pub enum Method {
     /// [`Fista`].
     Fista,
     /// [`KrylovBox`].
+    #[serde(rename = "krylov-box")]
     KrylovBox,
     /// [`Mrnsd`].
     Mrnsd,

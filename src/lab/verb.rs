@@ -1,10 +1,10 @@
 //! Questions to a laboratory and their answers.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Lab, RunFolder};
+use super::{ChannelChoice, Lab, RunFolder};
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::Finding;
@@ -36,6 +36,14 @@ pub trait Verb: Serialize {
     /// As [`Verb::check`].
     fn check_on(&self, _lab: &Lab) -> Result<()> {
         Ok(())
+    }
+
+    /// Gray or coloured photos of a source that is opened for the request.
+    ///
+    /// # Errors
+    /// Those of reading a model, where it decides.
+    fn channels(&self, _source: &Path) -> Result<ChannelChoice> {
+        Ok(ChannelChoice::Luma)
     }
 
     /// Takes the photos and answers; the request was checked.

@@ -7,6 +7,8 @@ use std::fmt::Display;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use crate::image::{Image, Resolution};
+
 /// The content of an answer.
 #[derive(Clone, Debug, Default)]
 pub struct Content<'a> {
@@ -41,6 +43,7 @@ pub enum Values<'a> {
     F64(Cow<'a, [f64]>),
     U8(Cow<'a, [u8]>),
     Bool(Cow<'a, [bool]>),
+    Image(&'a Image),
 }
 
 macro_rules! values {
@@ -85,6 +88,13 @@ impl<'a> Content<'a> {
     /// Adds one of several arrays of a name, which is written to `NAME-KEY.npy`.
     pub fn keyed(&mut self, name: &'static str, key: usize, shape: &[usize], values: impl Into<Values<'a>>) {
         self.push(name, Some(key), shape, values.into(), true);
+    }
+
+    /// Adds an image that is written to `NAME.npy` and `NAME.exr`.
+    pub fn image(&mut self, name: &'static str, image: &'a Image) {
+        let Resolution { width, height } = image.resolution();
+        let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
+        self.push(name, None, shape, Values::Image(image), true);
     }
 
     /// Adds an array that programs can use and that no file holds.

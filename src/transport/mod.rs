@@ -111,13 +111,15 @@ pub struct RigShape {
 }
 
 /// The colour channels in which light transport is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Channels {
-    /// One channel: a gray pattern, and a photo weighted by luminance (Rec. 709).
+    /// One gray pattern, one photo weighted by luminance
+    #[default]
     Luma,
-    /// Red, green and blue: three independent systems, since no surface here changes the colour of light
-    /// (fluorescence).
+    /// Red, green and blue, each a separate system
     Rgb,
 }
 

@@ -2,12 +2,10 @@
 
 mod audit;
 mod calibrate;
-mod compensate;
 mod eigs;
 mod flat_field;
 mod join;
 mod matrix;
-mod model;
 mod photo;
 mod plan;
 mod probe;
@@ -18,7 +16,6 @@ mod shard;
 mod solve;
 
 pub use calibrate::Calibrated;
-pub use compensate::{ColorMixing, CompensateAnswer, CompensateRequest};
 pub use join::{JoinedShards, join_shards};
 pub use matrix::MatrixRequest;
 pub use photo::SinglePhoto;

@@ -7,8 +7,6 @@
 
 mod compensation;
 
-pub use compensation::VerifiedCompensation;
-
 use super::source::Source;
 use super::{Lab, Relighting, Separated};
 use crate::analysis::Segmentation;
