@@ -1,12 +1,16 @@
 //! Speed of the graphics adapter: tracing in rays per second with the longest dispatch, and GPU matrix products against copies in
 //! GPU memory. `cargo bench --bench device`; `-- --force` also measures products on software Vulkan; see `guide/src/right/gpu.md`.
 
+#[path = "arguments/spread.rs"]
+mod spread;
+
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
 use krylux::render::{AdapterSummary, TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Assembled, Channels, GpuMatrix, Part, TransportMatrix, assemble};
+use spread::spread;
 
 /// Repetitions of each measurement; products and copies alternate.
 const TURNS: usize = 9;
@@ -164,12 +168,4 @@ fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
 fn enough(mut work: impl FnMut(u32) -> krylux::Result<Duration>) -> krylux::Result<u32> {
     work(1)?;
     Ok((ENOUGH / work(1)?.as_secs_f64().max(1e-7)).ceil().clamp(1.0, 1000.0) as u32)
-}
-
-/// Median and range, with three digits.
-fn spread(mut values: Vec<f64>) -> String {
-    values.sort_by(f64::total_cmp);
-    let middle = values[values.len() / 2];
-    let digits = (2.0 - middle.max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{middle:.digits$} ({:.digits$} to {:.digits$})", values[0], values[values.len() - 1])
 }

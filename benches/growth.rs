@@ -1,5 +1,8 @@
 //! Time and memory of computing a matrix, against pixels (64² to 1024²), samples (16 to 1024) and triangles (10² to 10⁶). `cargo
-//! bench --bench growth`; `-- --svg DIR` writes the plots; see `benches/README.md`.
+//! bench --bench growth`; `-- --record --svg DIR` writes tables and plots; see `benches/README.md`.
+
+#[path = "arguments/record.rs"]
+mod record;
 
 use std::path::Path;
 use std::time::Instant;
@@ -10,6 +13,7 @@ use krylux::render::{TraceSettings, Tracer};
 use krylux::report::plot::{LinePlot, Series};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Channels, assemble};
+use record::Record;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -77,19 +81,25 @@ fn main() -> Outcome<()> {
         let triangles = Some(triangles.parse()?).filter(|&count| count > 0);
         return measure(Case { side: side.parse()?, samples: samples.parse()?, triangles });
     }
-    let pixels = sweep("zigzag, 64 samples: side", &[64, 128, 192, 256, 384, 512, 768, 1024], |side| Case {
-        side,
-        ..BASE
-    })?;
-    let samples = sweep("zigzag, 128x128: samples", &[16, 64, 256, 1024], |samples| Case {
-        samples: samples as u32,
-        ..BASE
-    })?;
-    let triangles = sweep(
-        "box, 128x128, 64 samples: triangles",
-        &[100, 1000, 10_000, 100_000, 1_000_000],
-        |triangles| Case { triangles: Some(triangles), ..BASE },
-    )?;
+    let mut record = Record::new("growth", "six bounces");
+    let columns = [PATHS, SECONDS, PER_PATH, PEAK, BYTES, MATRIX];
+    let sides = [64, 128, 192, 256, 384, 512, 768, 1024];
+    let pixels =
+        sweep(&mut record, "zigzag, 64 samples: side", &columns, &sides, |side| Case { side, ..BASE })?;
+    let columns = [PATHS, SECONDS, PER_PATH, PEAK, MATRIX];
+    let samples =
+        sweep(&mut record, "zigzag, 128×128: samples", &columns, &[16, 64, 256, 1024], |samples| Case {
+            samples: samples as u32,
+            ..BASE
+        })?;
+    let columns = [OPENING, SECONDS, PER_PATH, PEAK];
+    let counts = [100, 1000, 10_000, 100_000, 1_000_000];
+    let triangles =
+        sweep(&mut record, "box, 128×128, 64 samples: triangles", &columns, &counts, |triangles| Case {
+            triangles: Some(triangles),
+            ..BASE
+        })?;
+    record.finish()?;
     let Some(folder) = after("--svg", 1) else { return Ok(()) };
     let by_paths = |y: fn(&Figures) -> f64| {
         [("more pixels, at 64 samples", &pixels), ("more samples, at 128×128", &samples)]
@@ -112,19 +122,34 @@ fn main() -> Outcome<()> {
 
 type Sweep = Vec<(Case, Figures)>;
 
-fn sweep(name: &str, values: &[usize], case: impl Fn(usize) -> Case) -> Outcome<Sweep> {
-    println!("{name:>36}   paths, M   opening, s   s        µs/path   peak, MiB   bytes/path   matrix, MiB");
+/// A column of a table: its heading, and what it says of a case.
+type Column = (&'static str, fn(Case, &Figures) -> String);
+
+const PATHS: Column = ("light paths, millions", |case, _| format!("{:.2}", case.paths()));
+const OPENING: Column = ("opening, s", |_, figures| format!("{:.2}", figures.opening));
+const SECONDS: Column = ("s", |_, figures| format!("{:.2}", figures.seconds));
+const PER_PATH: Column = ("µs/path", |case, figures| format!("{:.2}", figures.seconds / case.paths()));
+const PEAK: Column = ("peak memory, MiB", |_, figures| format!("{:.0}", figures.peak));
+const BYTES: Column = ("bytes/path beyond the start", |case, figures| {
+    format!("{:.0}", (figures.peak - figures.start) * f64::from(1 << 20) / (case.paths() * 1e6))
+});
+const MATRIX: Column = ("matrix, MiB", |_, figures| format!("{:.1}", figures.matrix));
+
+fn sweep(
+    record: &mut Record,
+    name: &str,
+    columns: &[Column],
+    values: &[usize],
+    case: impl Fn(usize) -> Case,
+) -> Outcome<Sweep> {
+    record.columns(&[vec![name], columns.iter().map(|column| column.0).collect()].concat());
     let mut measured = Vec::new();
     for &value in values {
         let case = case(value);
-        let Figures { opening, seconds, start, peak, matrix } = case.figures()?;
-        let paths = case.paths();
-        println!(
-            "{value:>36}   {paths:>8.2}   {opening:>10.2}   {seconds:>6.2}   {:>7.2}   {peak:>9.0}   {:>10.1}   {matrix:>11.1}",
-            seconds / paths,
-            (peak - start) * f64::from(1 << 20) / (paths * 1e6)
-        );
-        measured.push((case, Figures { opening, seconds, start, peak, matrix }));
+        let figures = case.figures()?;
+        let cells = columns.iter().map(|(_, text)| text(case, &figures));
+        record.row(&std::iter::once(value.to_string()).chain(cells).collect::<Vec<_>>());
+        measured.push((case, figures));
     }
     Ok(measured)
 }

@@ -6,11 +6,14 @@
 #[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../tests/paint/browser/devtools.rs"]
 mod devtools;
+#[path = "arguments/record.rs"]
+mod record;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
 use devtools::{Browser, Tab};
+use record::Record;
 use serde_json::json;
 
 const SCENE: &str = "assets/scenes/cornell/scene.glb";
@@ -33,9 +36,10 @@ fn main() {
     let folder = tempfile::TempDir::new().expect("a temporary folder can be made");
     let file = folder.path().join("paint.html");
     write(&file, &[]);
-    println!("latency in ms from pointer to photo, {STROKES} strokes of {STEPS} steps");
-    println!("{:10} {:>8} {:>8} {:>8} {:>8}", "page", "median", "95 %", "largest", "photos");
-    report("file", &mut opened(&browser, &format!("file://{}", file.display())));
+    let first = format!("latency in ms from pointer to photo, {STROKES} strokes of {STEPS} steps");
+    let mut record = Record::new("paint", &first);
+    record.columns(&["page", "median", "95 % are below", "largest"]);
+    record.row(&row("file", &mut opened(&browser, &format!("file://{}", file.display()))));
 
     let mut server = Command::new(env!("CARGO_BIN_EXE_krylux"))
         .args(["paint", SCENE, "--no-browser"])
@@ -45,7 +49,8 @@ fn main() {
         .expect("the program is built with the benchmarks");
     let lines = BufReader::new(server.stdout.take().expect("it is piped")).lines().map_while(Result::ok);
     let url = lines.filter_map(|line| line.find("http://").map(|at| line[at..].trim().to_owned())).next();
-    report("served", &mut opened(&browser, &url.expect("the server says its address")));
+    record.row(&row("served", &mut opened(&browser, &url.expect("the server says its address"))));
+    record.finish().expect("the guide can be written");
     server.kill().expect("it is ours");
     server.wait().expect("it is ours");
 }
@@ -99,8 +104,8 @@ fn opened(browser: &Browser, address: &str) -> Tab {
     tab
 }
 
-/// Paints, and prints the latencies.
-fn report(name: &str, tab: &mut Tab) {
+/// Paints; the page's name and its latencies.
+fn row(name: &str, tab: &mut Tab) -> [String; 4] {
     for stroke in 0..STROKES {
         for step in 0..STEPS {
             // Places that follow no grid: multiples of the golden ratio.
@@ -121,6 +126,6 @@ fn report(name: &str, tab: &mut Tab) {
         found.as_array().expect("an array").iter().filter_map(|of| of.as_f64()).collect();
     latencies.sort_by(f64::total_cmp);
     let quantile = |share: f64| latencies[((latencies.len() - 1) as f64 * share) as usize];
-    let count = latencies.len();
-    println!("{name:10} {:8.1} {:8.1} {:8.1} {count:8}", quantile(0.5), quantile(0.95), quantile(1.0));
+    let [median, most, largest] = [0.5, 0.95, 1.0].map(|share| format!("{:.1}", quantile(share)));
+    [name.to_owned(), median, most, largest]
 }

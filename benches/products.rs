@@ -2,6 +2,11 @@
 //! arrays larger than all caches, and one over the product's number of bytes, which may be cached in part. `cargo bench --bench
 //! products`; see `benches/README.md`.
 
+#[path = "arguments/record.rs"]
+mod record;
+#[path = "arguments/spread.rs"]
+mod spread;
+
 use std::time::Instant;
 
 use krylux::image::Resolution;
@@ -9,6 +14,8 @@ use krylux::render::{TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Channels, Part, TransportMatrix, assemble};
 use rayon::prelude::*;
+use record::Record;
+use spread::spread;
 
 /// Repetitions of each measurement.
 const TURNS: usize = 21;
@@ -24,32 +31,39 @@ fn main() -> Outcome {
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
-    println!(
-        "krylux {}, {} threads, 64 samples, six bounces; {TURNS} turns, median (least to most)\n",
-        env!("CARGO_PKG_VERSION"),
-        rayon::current_num_threads()
-    );
-    println!(
-        "{:>28}   entries, M      MiB   {:^29} share of a triad over as many bytes, and of memory's; four at once, of one by one",
-        "", "product, GB/s"
-    );
     let mut memory = Triad::of_bytes(BEYOND_CACHES);
+    let rates = (0..TURNS).map(|_| rate(memory.bytes(), || memory.run()));
+    let triad = format!("triad over {} MiB: {} GB/s", BEYOND_CACHES >> 20, spread(rates));
+    let threads = rayon::current_num_threads();
+    let first =
+        format!("{threads} threads, 64 samples, six bounces; {TURNS} turns, median (least to most); {triad}");
+    let mut record = Record::new("products", &first);
+    record.columns(&[
+        "",
+        "entries, million",
+        "MiB",
+        "product, GB/s",
+        "share of a triad over as many bytes",
+        "of a triad over memory",
+        "four at once, time over one by one",
+    ]);
     for side in [128, 512] {
-        measure(&format!("corner, {side}x{side}"), &builtin::corner().to_scene(), side, &mut memory)?;
-        measure(
-            &format!("box of 100,000, {side}x{side}"),
-            &builtin::tessellated_box(100_000),
-            side,
-            &mut memory,
-        )?;
+        let scenes =
+            [("corner", builtin::corner().to_scene()), ("box of 100,000", builtin::tessellated_box(100_000))];
+        for (name, scene) in scenes {
+            let row = measure(&scene, side, &mut memory)?;
+            record.row(&[vec![format!("{name}, {side}×{side}")], row].concat());
+        }
     }
-    let rates = (0..TURNS).map(|_| rate(memory.bytes(), || memory.run())).collect();
-    println!("\ntriad over {} MiB: {} GB/s", BEYOND_CACHES >> 20, spread(rates));
-    Ok(())
+    Ok(record.finish()?)
 }
 
 /// Measures one scene's product, a triad over the same number of bytes, and the main-memory triad.
-fn measure(name: &str, scene: &Scene, side: usize, memory: &mut Triad) -> Outcome {
+fn measure(
+    scene: &Scene,
+    side: usize,
+    memory: &mut Triad,
+) -> Result<Vec<String>, Box<dyn std::error::Error>> {
     let mut tracer = Tracer::new(scene, None)?;
     let settings = TraceSettings::new(Resolution::new(side, side), 64);
     let matrix = assemble(&mut tracer, &settings, Channels::Luma)?.matrix;
@@ -71,16 +85,14 @@ fn measure(name: &str, scene: &Scene, side: usize, memory: &mut Triad) -> Outcom
         of_triad.push(product / rate(triad.bytes(), || triad.run()));
         of_memory.push(product / rate(memory.bytes(), || memory.run()));
     }
-    println!(
-        "{name:>28}   {:>10.1}   {:>6.1}   {}   {}   {}   {}",
-        matrix.nonzeros() as f64 / 1e6,
-        bytes as f64 / f64::from(1 << 20),
+    Ok(vec![
+        format!("{:.1}", matrix.nonzeros() as f64 / 1e6),
+        format!("{:.1}", bytes as f64 / f64::from(1 << 20)),
         spread(products),
         spread(of_triad),
         spread(of_memory),
-        spread(of_four)
-    );
-    Ok(())
+        spread(of_four),
+    ])
 }
 
 fn multiply(matrix: &TransportMatrix, x: &[f64], y: &mut [f64]) {
@@ -123,10 +135,4 @@ fn rate(bytes: usize, mut work: impl FnMut()) -> f64 {
     };
     let least = (0..3).map(|_| once(&mut work)).fold(f64::INFINITY, f64::min);
     bytes as f64 / least / 1e9
-}
-
-/// Median and range.
-fn spread(mut values: Vec<f64>) -> String {
-    values.sort_by(f64::total_cmp);
-    format!("{:6.2} ({:6.2} to {:6.2})", values[values.len() / 2], values[0], values[values.len() - 1])
 }

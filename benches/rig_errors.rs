@@ -1,10 +1,12 @@
 //! Errors of a realistic rig's answers against the true light transport, for variants of the rig, scenes and seeds.
-//! `cargo bench --bench rig_errors -- [SCENE or VARIANT]... [--seeds N] [--samples N]`; see `benches/README.md`.
+//! `cargo bench --bench rig_errors -- [SCENE or VARIANT]... [--seeds N] [--samples N] [--record [TABLE]...]`; see `benches/README.md`.
 
 #[path = "arguments/flags.rs"]
 mod flags;
 #[path = "arguments/names.rs"]
 mod names;
+#[path = "arguments/record.rs"]
+mod record;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -14,10 +16,11 @@ use krylux::krylov::{Method, SolveOptions, norm, solve};
 use krylux::lab::Lab;
 use krylux::measure::RigFile;
 use krylux::observer::{Estimate, OnStep, Step};
-use krylux::operator::{Metered, Observed, Operator};
+use krylux::operator::{Observed, Operator, Recorded};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::Part;
 use krylux::verbs::Segment;
+use record::Record;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -36,6 +39,9 @@ const VARIANTS: [(&str, Option<[&str; 2]>); 7] = [
     ("blur 0.6", Some(["blur = 0.2", "blur = 0.6"])),
     ("gamma 2.8", Some(["gamma = 2.2", "gamma = 2.8"])),
 ];
+
+/// The tables of the guide: all are recorded where none is named.
+const TABLES: [&str; 3] = ["segmentation", "compensation", "global"];
 
 /// The pattern's compensation is compared with the optimum among this many products of the true matrix.
 const OPTIMUM: usize = 300;
@@ -58,6 +64,7 @@ fn main() -> Outcome<()> {
         "| scene | variant | seed | white | direct light | global light | global product | the same two from other pixels | Rand index, regions | frames | residual 12 photos, optimum | MINRES, GMRES, 8 photos | at the frames of the 12 photos: MINRES, GMRES |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    let mut rows = Vec::new();
     for (scene, built) in scenes {
         if !names::asked(&arguments, &scene_names, scene) {
             continue;
@@ -77,10 +84,52 @@ fn main() -> Outcome<()> {
                 }
                 let row = Row::measure(&mut exact, &text)?;
                 println!("| {scene} | {variant} | {seed} | {row} |");
+                rows.push((scene, variant, row));
             }
         }
     }
+    println!();
+    let [groups, patterns, light] =
+        tables(&rows, &format!("{SIDE}×{SIDE} pixels, {samples} light paths, seeds 1 to {seeds}"));
+    for (name, table) in TABLES.into_iter().zip([groups, patterns, light]) {
+        if names::asked(&arguments, &TABLES, name) {
+            table.finish()?;
+        }
+    }
     Ok(())
+}
+
+/// The tables of the guide: segmentation by all seeds of a scene and a rig, compensation and global light row by row.
+fn tables(rows: &[(&str, &str, Row)], first: &str) -> [Record; 3] {
+    let mut groups = Record::new("rig_errors_segmentation", first);
+    groups.columns(&["scene", "rig", "least adjusted Rand index", "regions"]);
+    for seeds in rows.chunk_by(|one, other| one.0 == other.0 && one.1 == other.1) {
+        let least = seeds.iter().map(|row| row.2.rand_index).fold(f64::INFINITY, f64::min);
+        let regions: Vec<String> = seeds.iter().map(|row| row.2.regions.to_string()).collect();
+        groups.row(&[seeds[0].0, seeds[0].1, &format!("{least:.3}"), &regions.join(", ")]);
+    }
+    let mut patterns = Record::new("rig_errors_compensation", first);
+    patterns.columns(&[
+        "scene",
+        "rig",
+        "12 photos inside the box, optimum",
+        "frames",
+        "MINRES, GMRES, 8 photos before clamping",
+        "clamped, at these frames",
+    ]);
+    for (scene, rig, row) in rows {
+        let pair = |[one, other]: [f64; 2]| format!("{one:.4}, {other:.4}");
+        let (frames, shown) = row.at_frames;
+        patterns.row(&[*scene, rig, &pair(row.boxed), &frames.to_string(), &pair(row.solvers), &pair(shown)]);
+    }
+    let mut light = Record::new("rig_errors_global", first);
+    light.columns(&["scene", "rig", "white", "wave"]);
+    for (scene, rig, row) in rows {
+        let [white, wave] = [(row.others[0], row.products[2][1]), (row.others[1], row.products[3][1])]
+            .map(|(error, stated)| format!("{error:.3} ({stated:.3})"));
+        light.row(&[*scene, rig, &white, &wave]);
+    }
+    [groups, patterns, light]
 }
 
 /// A calibrated rig, and the truth behind it.
@@ -179,7 +228,7 @@ fn segmented(pair: &mut Pair<'_>) -> Outcome<(f64, usize, u64)> {
     Ok((rand_index, found.regions.count, taken(&mut pair.rig)? - before))
 }
 
-/// The residuals of a compensation: those of 12 photos inside the box and of the optimum, those of MINRES and GMRES by 8 photos, and the frames of the
+/// The residuals of a compensation: of 12 photos inside the box and the optimum, of MINRES and GMRES by 8 photos; and the frames of the
 /// first with what the others show after as many.
 type Compensated = ([f64; 2], [f64; 2], (u64, [f64; 2]));
 
@@ -214,7 +263,7 @@ struct Solved {
 }
 
 impl Solved {
-    /// The last answer whose photos took no more than so many frames.
+    /// The last answer whose photos took at most `budget` frames.
     fn within(&self, budget: u64) -> Option<&[f64]> {
         let count = self.frames.iter().take_while(|&&frames| frames <= budget).count();
         self.answers.get(count.min(self.answers.len()).checked_sub(1)?).map(Vec::as_slice)
@@ -230,7 +279,7 @@ fn solved(
 ) -> Outcome<Solved> {
     let options = SolveOptions { products, rtol: 0.0, diagonal, ..SolveOptions::default() };
     let mut operator = lab.reference_operators(Part::Full)?.swap_remove(0);
-    let mut metered = Metered::new(&mut operator);
+    let mut recorded = Recorded::of_frames(&mut operator);
     let mut answers = Vec::new();
     let observer = OnStep::new(|step: &Step<'_>| {
         if let Estimate::Solution { iterate, .. } = &step.estimate {
@@ -240,8 +289,8 @@ fn solved(
         }
         ControlFlow::Continue(())
     });
-    let last = solve(method, &mut Observed::new(&mut metered, &observer), b, &options)?.x;
-    let frames = metered.frames;
+    let last = solve(method, &mut Observed::new(&mut recorded, &observer), b, &options)?.x;
+    let frames = recorded.frames;
     Ok(Solved { answers, frames, last })
 }
 

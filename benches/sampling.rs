@@ -1,10 +1,14 @@
 //! Benefit of scrambled Sobol points: variances of photo and matrix compared with independent random numbers, at equal time.
 //! `cargo bench --bench sampling`; see `benches/README.md`.
 
+#[path = "arguments/record.rs"]
+mod record;
+
 use krylux::image::Resolution;
 use krylux::render::{Sampler, TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Channels, Part, assemble};
+use record::Record;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
@@ -17,10 +21,12 @@ fn main() -> Outcome {
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
-    println!(
-        "{SIDE}x{SIDE}, 6 bounces, {SEEDS} runs; variance of Sobol points / of independent numbers, at equal time"
+    let first = format!(
+        "{SIDE}×{SIDE}, six bounces, {SEEDS} runs; variance of Sobol points / of independent numbers, at equal time"
     );
-    println!("  scene     samples   white photo   matrix   without direct light   time");
+    let mut record = Record::new("sampling", &first);
+    record.columns(&["scene", "samples", "white photo", "whole matrix"]);
+    let mut others = Vec::new();
     for (name, scene) in [
         ("corner", builtin::corner().to_scene()),
         ("zigzag", builtin::zigzag().to_scene()),
@@ -28,10 +34,15 @@ fn main() -> Outcome {
         ("cornell", builtin::cornell().to_scene()),
     ] {
         for samples in [16, 64, 256] {
-            compare(name, &scene, samples)?;
+            let [white, full, global, time] = compare(&scene, samples)?;
+            let cells = [name.to_owned(), samples.to_string(), format!("{white:.2}"), format!("{full:.2}")];
+            record.row(&cells);
+            others
+                .push(format!("{name}, {samples} samples: without direct light {global:.2}, time {time:.2}"));
         }
     }
-    Ok(())
+    println!("\n{}", others.join("\n"));
+    Ok(record.finish()?)
 }
 
 /// Sums over independent runs that yield the variance.
@@ -65,7 +76,8 @@ struct Measured {
     seconds: f64,
 }
 
-fn compare(name: &str, scene: &Scene, samples: u32) -> Outcome {
+/// The ratios of white photo, whole matrix and global matrix, and of the time alone.
+fn compare(scene: &Scene, samples: u32) -> Result<[f64; 4], Box<dyn std::error::Error>> {
     let mut tracer = Tracer::new(scene, None)?;
     let mut measured = [Measured::default(), Measured::default()];
     for seed in 0..SEEDS {
@@ -78,13 +90,12 @@ fn compare(name: &str, scene: &Scene, samples: u32) -> Outcome {
     let [sobol, independent] = measured;
     let time = sobol.seconds / independent.seconds;
     let ratio = |of: fn(&Measured) -> &Spread| time * of(&sobol).variance() / of(&independent).variance();
-    println!(
-        "  {name:<8}  {samples:>7}   {:>11.3}   {:>6.3}   {:>20.3}   {time:>4.2}",
+    Ok([
         ratio(|measured| &measured.white),
         ratio(|measured| &measured.full),
-        ratio(|measured| &measured.global)
-    );
-    Ok(())
+        ratio(|measured| &measured.global),
+        time,
+    ])
 }
 
 impl Measured {

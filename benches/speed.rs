@@ -1,6 +1,11 @@
 //! Speed of tracing, products and a whole run, as ratios measured in one process. `cargo bench --bench speed -- [SCENE]...`; see
 //! `benches/README.md`.
 
+#[path = "arguments/record.rs"]
+mod record;
+#[path = "arguments/spread.rs"]
+mod spread;
+
 use std::time::{Duration, Instant};
 
 use krylux::analysis::{Capture, SegmentOptions};
@@ -8,6 +13,8 @@ use krylux::image::{Image, Resolution};
 use krylux::render::{TraceSettings, TraceSummary, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Retraced, Transport, assemble};
+use record::Record;
+use spread::spread;
 
 /// Repetitions of each measurement; median and range are printed.
 const TURNS: usize = 5;
@@ -23,17 +30,29 @@ fn main() -> Outcome {
     if std::env::args().any(|argument| argument == "--peak-memory") {
         return print_peak_memory();
     }
-    let only: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    let is_name = |argument: &String| !["--bench", "--record"].contains(&argument.as_str());
+    let only: Vec<String> = std::env::args().skip(1).filter(is_name).collect();
     let cores = std::thread::available_parallelism()?.get();
-    println!("krylux {}, {cores} cores, {TURNS} turns, median (least to most)\n", env!("CARGO_PKG_VERSION"));
     if only.is_empty() {
         tracing()?;
     }
+    let mut record = Record::new("speed", &format!("{cores} cores, {TURNS} turns, median (least to most)"));
+    record.columns(&[
+        "64 samples, six bounces",
+        "tracing pass, s",
+        "matrix / tracing pass",
+        "one product, ms",
+        "50-photo run in all / tracing pass",
+        "cores in use, %",
+    ]);
+    let mut retraced = Vec::new();
     for (name, side, scene) in runs() {
         if only.is_empty() || only.iter().any(|wanted| wanted == name) {
-            whole_run(name, &scene, side, cores)?;
+            retraced.push(format!("    {name:<11} {}", whole_run(name, &scene, side, cores, &mut record)?));
         }
     }
+    println!("\none retraced photo / one product\n{}\n", retraced.join("\n"));
+    record.finish()?;
     if only.is_empty() { memory() } else { Ok(()) }
 }
 
@@ -87,9 +106,14 @@ fn tracing() -> Outcome {
     Ok(())
 }
 
-/// Times of a product, a traced photo and a run of 50 photos, each relative to the tracing pass.
-fn whole_run(name: &str, scene: &Scene, side: usize, cores: usize) -> Outcome {
-    println!("{name}, {} triangles, {side}x{side}, 64 samples, 6 bounces", scene.triangles.len());
+/// Records the times of a product and of a run of 50 photos, each relative to the tracing pass; returns how many products a retraced photo takes.
+fn whole_run(
+    name: &str,
+    scene: &Scene,
+    side: usize,
+    cores: usize,
+    record: &mut Record,
+) -> Result<String, Box<dyn std::error::Error>> {
     let settings = settings(side, 64);
     let mut tracer = Tracer::new(scene, None)?;
     let white = Image::filled(settings.resolution, 1, 1.0);
@@ -119,13 +143,10 @@ fn whole_run(name: &str, scene: &Scene, side: usize, cores: usize) -> Outcome {
         run.push((to_matrix + to_photos) / tracing);
         busy.push(100.0 * processor / (cores as f64 * (to_matrix + to_photos)));
     }
-    println!("    tracing pass, s                    {}", spread(pass));
-    println!("    matrix / tracing pass              {}", spread(matrix));
-    println!("    one product, ms                    {}", spread(product));
-    println!("    one retraced photo / one product   {}", spread(photo));
-    println!("    50-photo run in all / tracing pass {}", spread(run));
-    println!("    of the cores' time in use, %       {}\n", spread(busy));
-    Ok(())
+    let name = name.trim_end_matches("-512");
+    let name = format!("{name}, {} triangles, {side}×{side}", scene.triangles.len());
+    record.row(&[name, spread(pass), spread(matrix), spread(product), spread(run), spread(busy)]);
+    Ok(spread(photo))
 }
 
 /// The time that all cores worked for this process so far, in seconds. The system counts it in hundredths of a second.
@@ -175,11 +196,4 @@ fn print_peak_memory() -> Outcome {
         traced.matrix.bytes() as f64 / f64::from(1 << 30)
     );
     Ok(())
-}
-
-/// Median and range.
-fn spread(values: impl IntoIterator<Item = f64>) -> String {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    values.sort_by(f64::total_cmp);
-    format!("{:8.3} ({:.3} to {:.3})", values[values.len() / 2], values[0], values[values.len() - 1])
 }

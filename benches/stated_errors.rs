@@ -3,6 +3,8 @@
 
 #[path = "arguments/flags.rs"]
 mod flags;
+#[path = "arguments/record.rs"]
+mod record;
 
 use krylux::analysis::verification::eigenpair_estimates;
 use krylux::image::{Image, Resolution};
@@ -13,6 +15,7 @@ use krylux::scene::{Scene, builtin};
 use krylux::transport::{
     Assembled, Channels, MatrixOperator, Part, Question, Retraced, assemble, pooled, with_other_seed,
 };
+use record::Record;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -36,20 +39,24 @@ fn main() -> Outcome<()> {
         ("two-sheets", builtin::two_sheets().to_scene()),
         ("carton", builtin::carton().to_scene()),
     ];
-    println!(
-        "{SIDE}x{SIDE} pixels, {} paths each, {seeds} seeds: deviations in stated standard errors\n",
+    let first = format!(
+        "{SIDE}×{SIDE} pixels, {} paths each, {seeds} seeds: deviations in stated standard errors",
         SAMPLES[0]
     );
-    println!(
-        "| scene | light | pixels of photos, beyond two | eigenvalues | eigenvalues of the matrix alone |"
-    );
-    println!("|---|---|---|---|---|");
+    let mut record = Record::new("stated_errors", &first);
+    record.columns(&[
+        "scene",
+        "light",
+        "pixels of photos, beyond two",
+        "eigenvalues",
+        "eigenvalues of the matrix alone",
+    ]);
     for (name, scene) in scenes {
         if arguments.is_empty() || arguments.iter().any(|text| text == name) {
-            judge(name, &scene, seeds)?;
+            judge(name, &scene, seeds, &mut record)?;
         }
     }
-    Ok(())
+    Ok(record.finish()?)
 }
 
 fn settings(samples: u32, seed: u32) -> TraceSettings {
@@ -60,7 +67,7 @@ fn retraced(tracer: &mut Tracer, settings: TraceSettings) -> Retraced<'_> {
     Retraced { tracer, settings, channels: Channels::Luma }
 }
 
-fn judge(name: &str, scene: &Scene, seeds: u32) -> Outcome<()> {
+fn judge(name: &str, scene: &Scene, seeds: u32, record: &mut Record) -> Outcome<()> {
     let mut tracer = Tracer::new(scene, None)?;
     let truth = assemble(&mut tracer, &settings(SAMPLES[1], 1000), Channels::Luma)?;
     let [photos, beyond] = photos(&mut tracer, &truth, seeds)?;
@@ -70,7 +77,7 @@ fn judge(name: &str, scene: &Scene, seeds: u32) -> Outcome<()> {
             Part::Full => format!("{photos:.3}, {:.1} %", 100.0 * beyond),
             _ => String::new(),
         };
-        println!("| {name} | {part:?} | {photos} | {} | {} |", text(&estimates), text(&plain));
+        record.row(&[name.to_owned(), format!("{part:?}"), photos, text(&estimates), text(&plain)]);
     }
     Ok(())
 }
@@ -85,7 +92,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// Deviations of the estimated eigenvalues, and of those of the matrix alone, by the same standard errors: one list for each eigenvalue.
+/// Deviations of the estimated eigenvalues, and of the matrix's own, by the same standard errors: one list for each eigenvalue.
 fn eigenvalues(
     tracer: &mut Tracer,
     truth: &Assembled,

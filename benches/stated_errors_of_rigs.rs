@@ -5,6 +5,8 @@
 mod flags;
 #[path = "arguments/names.rs"]
 mod names;
+#[path = "arguments/record.rs"]
+mod record;
 
 use std::path::Path;
 
@@ -17,12 +19,13 @@ use krylux::measure::RigFile;
 use krylux::operator::{Closure, Operator, Symmetry};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::Part;
+use record::Record;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 const REALISTIC: &str = include_str!("../assets/rigs/realistic.toml");
 
-/// Pixels of the projector along each side, and those of the camera for each.
+/// Pixels of the projector along each side, and camera pixels for each of them.
 const SIDE: usize = 24;
 const FINER: f64 = 2.5;
 
@@ -56,13 +59,19 @@ fn main() -> Outcome<()> {
         ("corner", builtin::corner().to_scene()),
         ("two-sheets", builtin::two_sheets().to_scene()),
     ];
-    println!(
-        "{SIDE}x{SIDE} pixels through realistic.toml, {repeats} repeats: deviations in stated standard errors\n"
+    let first = format!(
+        "{SIDE}×{SIDE} pixels through realistic.toml, {repeats} repeats: deviations in stated standard errors"
     );
-    println!(
-        "| scene | rig | answer | of the noise alone, one calibration | of the truth, one calibration | of the truth, calibrated anew | mean of the repeats off the truth |"
-    );
-    println!("|---|---|---|---|---|---|---|");
+    let mut record = Record::new("stated_errors_of_rigs", &first);
+    record.columns(&[
+        "scene",
+        "rig",
+        "answer",
+        "of the noise alone, one calibration",
+        "of the truth, one calibration",
+        "of the truth, calibrated anew",
+        "mean of the repeats off the truth",
+    ]);
     for (name, scene) in scenes {
         if !names::asked(&arguments, &["zigzag", "corner", "two-sheets"], name) {
             continue;
@@ -70,11 +79,11 @@ fn main() -> Outcome<()> {
         let mut exact = Lab::builder_of_scene(scene).size(SIDE, SIDE).samples(256).seed(7).open()?;
         for variant in VARIANTS {
             if names::asked(&arguments, &VARIANTS.map(|variant| variant.0), variant.0) {
-                judge(name, &mut exact, variant, repeats)?;
+                judge(name, &mut exact, variant, repeats, &mut record)?;
             }
         }
     }
-    Ok(())
+    Ok(record.finish()?)
 }
 
 /// One answer: its values in the units of the truth, and their stated standard errors.
@@ -85,7 +94,7 @@ struct Stated {
     errors: Vec<f64>,
 }
 
-fn judge(scene: &str, exact: &mut Lab, variant: Variant, repeats: u64) -> Outcome<()> {
+fn judge(scene: &str, exact: &mut Lab, variant: Variant, repeats: u64, record: &mut Record) -> Outcome<()> {
     let truth = truths(exact)?;
     let known =
         calibrated(exact, 0, variant)?.rig().map(|rig| rig.calibration.clone()).ok_or("it is a rig")?;
@@ -105,16 +114,13 @@ fn judge(scene: &str, exact: &mut Lab, variant: Variant, repeats: u64) -> Outcom
         let mean: Vec<f64> =
             (0..of.values.len()).map(|i| same.iter().map(|run| run.values[i]).sum::<f64>() / count).collect();
         let noise = rms(&same, &mean) / (1.0 - 1.0 / count).sqrt();
-        // What repeats do not average out.
+        // The bias, which repeats do not average out.
         let off: f64 = mean.iter().zip(&of.values).map(|(mean, truth)| (mean - truth).powi(2)).sum();
         let bias = 100.0 * (off / of.values.iter().map(|truth| truth * truth).sum::<f64>()).sqrt();
-        println!(
-            "| {scene} | {} | {} | {noise:.2} | {:.2} | {:.2} | {bias:.2} % |",
-            variant.0,
-            of.name,
-            rms(&same, &of.values),
-            rms(&anew, &of.values)
-        );
+        let off = [rms(&same, &of.values), rms(&anew, &of.values)].map(|rms| format!("{rms:.2}"));
+        let [same, anew] = off;
+        let cells = [scene.to_owned(), variant.0.to_owned(), of.name.to_owned()];
+        record.row(&[&cells[..], &[format!("{noise:.2}"), same, anew, format!("{bias:.2} %")]].concat());
     }
     Ok(())
 }
@@ -186,14 +192,14 @@ fn truths(exact: &mut Lab) -> Outcome<Vec<Stated>> {
         named("the same without the two outermost pixels", inside(&checked)),
         named("the largest eigenvalues of all light", of_all.values),
         named("the largest eigenvalues of global light", of_global.values),
-        named("the same, to other pixels", of_others),
+        named("the same, of light to other pixels", of_others),
         named("relit checkerboard, all pixels as one", checked),
-        named("direct light, pixels", direct),
-        named("global light, pixels", global),
-        named("direct light, and what returns to its pixel", own.clone()),
-        named("global light from other pixels", other.clone()),
-        named("direct light by codes, and what returns", own),
-        named("global light by codes, from other pixels", other),
+        named("direct light by squares", direct),
+        named("global light by squares", global),
+        named("direct light and what returns to its pixel, by squares", own.clone()),
+        named("global light from other pixels, by squares", other.clone()),
+        named("direct light and what returns to its pixel, by codes", own),
+        named("global light from other pixels, by codes", other),
     ])
 }
 

@@ -1,6 +1,11 @@
 //! Time of the Krylov methods' own vector operations compared with the products that they request, at 512×512. `cargo bench`; see
 //! `benches/README.md`.
 
+#[path = "arguments/record.rs"]
+mod record;
+#[path = "arguments/spread.rs"]
+mod spread;
+
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
@@ -9,6 +14,8 @@ use krylux::operator::{Operator, Symmetry};
 use krylux::render::{TraceSettings, Tracer};
 use krylux::scene::builtin;
 use krylux::transport::{Channels, MatrixOperator, Part, assemble};
+use record::Record;
+use spread::spread;
 
 const SIDE: usize = 512;
 /// Number of basis vectors at which a step is measured.
@@ -21,10 +28,16 @@ fn main() -> Outcome {
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
-    println!(
-        "krylux {}, vector work, {SIDE}x{SIDE}, 64 samples, median (least to most)\n",
-        env!("CARGO_PKG_VERSION")
-    );
+    let mut record = Record::new("vectors", &format!("{SIDE}×{SIDE}, 64 samples; medians (least to most)"));
+    record.columns(&[
+        "",
+        "entries, million",
+        "one product, ms",
+        "Lanczos step at 50 vectors / product",
+        "MINRES / product",
+        "GMRES / product",
+        "krylov-box / product",
+    ]);
     for (name, scene) in [
         ("corner, 4 triangles", builtin::corner().to_scene()),
         ("box, 100,000 triangles", builtin::tessellated_box(100_000)),
@@ -32,12 +45,13 @@ fn main() -> Outcome {
         let mut tracer = Tracer::new(&scene, None)?;
         let settings = TraceSettings::new(Resolution::new(SIDE, SIDE), 64);
         let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
-        println!("{name}: {:.1} million entries", traced.matrix.nonzeros() as f64 / 1e6);
+        let entries = format!("{:.1}", traced.matrix.nonzeros() as f64 / 1e6);
         let matrix = MatrixOperator::new(&traced.matrix, Part::Full, 0);
-        orthogonalization(matrix)?;
-        solvers(matrix)?;
+        let [product, step] = orthogonalization(matrix)?;
+        let [minres, gmres, boxed] = solvers(matrix)?;
+        record.row(&[name.to_owned(), entries, product, step, minres, gmres, boxed]);
     }
-    Ok(())
+    Ok(record.finish()?)
 }
 
 /// An operator that accumulates the time of its products.
@@ -64,12 +78,12 @@ impl Operator for Timed<'_> {
     }
 }
 
-/// A Lanczos step with full reorthogonalization against about 50 vectors.
-fn orthogonalization(matrix: MatrixOperator<'_>) -> Outcome {
+/// The milliseconds of a product, and a Lanczos step's own work with full reorthogonalization against about 50 vectors over them.
+fn orthogonalization(matrix: MatrixOperator<'_>) -> Result<[String; 2], Box<dyn std::error::Error>> {
     let mut timed = Timed { matrix, inside: Duration::ZERO };
     let mut lanczos = Lanczos::new(&Start::default().vector(SIDE * SIDE), &[])?;
     lanczos.expansion_mut().reserve(VECTORS + 5);
-    let [mut products, mut vectors, mut ratios] = [const { Vec::new() }; 3];
+    let [mut products, mut ratios] = [const { Vec::new() }; 2];
     while lanczos.steps() < VECTORS + 5 {
         timed.inside = Duration::ZERO;
         let start = Instant::now();
@@ -78,18 +92,14 @@ fn orthogonalization(matrix: MatrixOperator<'_>) -> Outcome {
         let product = timed.inside.as_secs_f64();
         if lanczos.steps() + 5 > VECTORS {
             products.push(1e3 * product);
-            vectors.push(1e3 * (whole - product));
             ratios.push((whole - product) / product);
         }
     }
-    println!("    one product, ms                             {}", spread(products));
-    println!("    one step's vector work at 50 vectors, ms    {}", spread(vectors));
-    println!("    vector work / product                       {}", spread(ratios));
-    Ok(())
+    Ok([spread(products), spread(ratios)])
 }
 
-/// Whole solver runs: the solver's own time compared with the time of the products.
-fn solvers(matrix: MatrixOperator<'_>) -> Outcome {
+/// The own time of MINRES, GMRES and krylov-box over twelve photos, relative to the time of the products.
+fn solvers(matrix: MatrixOperator<'_>) -> Result<[String; 3], Box<dyn std::error::Error>> {
     let n = SIDE * SIDE;
     let mut white = vec![0.0; n];
     let mut timed = Timed { matrix, inside: Duration::ZERO };
@@ -100,9 +110,8 @@ fn solvers(matrix: MatrixOperator<'_>) -> Outcome {
         .enumerate()
         .map(|(pixel, white)| white * if (pixel % SIDE / 32).is_multiple_of(2) { 0.9 } else { 0.1 })
         .collect();
-    for (name, method) in
-        [("MINRES", Method::Minres), ("GMRES", Method::Gmres), ("krylov-box", Method::KrylovBox)]
-    {
+    let mut ratios = [const { String::new() }; 3];
+    for (method, ratio) in [Method::Minres, Method::Gmres, Method::KrylovBox].into_iter().zip(&mut ratios) {
         let boxed = method == Method::KrylovBox;
         let options = SolveOptions {
             products: 12,
@@ -113,21 +122,9 @@ fn solvers(matrix: MatrixOperator<'_>) -> Outcome {
         let mut solver = method.solver(n, &wish, &options)?;
         timed.inside = Duration::ZERO;
         let start = Instant::now();
-        let found = solve_from(solver.as_mut(), &mut ForwardOnly(&mut timed), &options)?;
-        let own = start.elapsed().saturating_sub(timed.inside).as_secs_f64() / found.stats.products as f64;
-        let product = timed.inside.as_secs_f64() / found.stats.products as f64;
-        println!(
-            "    {name:<11} 12 photos: own work a photo, ms    {:8.3}, {:.2} products",
-            1e3 * own,
-            own / product
-        );
+        solve_from(solver.as_mut(), &mut ForwardOnly(&mut timed), &options)?;
+        let own = start.elapsed().saturating_sub(timed.inside).as_secs_f64();
+        *ratio = format!("{:.2}", own / timed.inside.as_secs_f64());
     }
-    println!();
-    Ok(())
-}
-
-/// Median and range.
-fn spread(mut values: Vec<f64>) -> String {
-    values.sort_by(f64::total_cmp);
-    format!("{:8.3} ({:.3} to {:.3})", values[values.len() / 2], values[0], values[values.len() - 1])
+    Ok(ratios)
 }

@@ -1,4 +1,4 @@
-// One pass of a radix sort, least significant digit first: entries move to the place of their digit, and those of equal digits stay in order.
+// One pass of a radix sort, least significant digit first: entries move to the place of their digit, and entries of equal digits stay in order.
 #import merging
 
 var<workgroup> digits: array<u32, LANES>;
@@ -9,7 +9,7 @@ fn digit(entry: vec4u) -> u32 {
     return (entry[merging.word] >> merging.shift) & (DIGITS - 1u);
 }
 
-// How often each digit is in each block: all blocks of digit 0, then those of digit 1, and so on.
+// How often each digit is in each block: all blocks of digit 0, then all blocks of digit 1, and so on.
 @compute @workgroup_size(256)
 fn count_digits(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     atomicStore(&found[lane], 0u);

@@ -24,7 +24,7 @@ fn sum_terms(@builtin(global_invocation_id) id: vec3u) {
     let to = scanned(id.x) * (2u + 2u * merging.channels);
     terms[to] = first.y;
     terms[to + 1u] = first.x;
-    // By half of the samples: all contributions, and those of the last few.
+    // Sums for each half of the samples: of all contributions, and of the last few.
     var whole = array<vec3f, 2>();
     var recent = array<vec3f, 2>();
     var index = id.x;

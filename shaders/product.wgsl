@@ -23,7 +23,7 @@ const LANES = 32u;
 const ROWS_OF_GROUP = 2u;
 
 @group(0) @binding(0) var<uniform> band: Band;
-// Where each row's entries begin, and their number at the end.
+// The place where each row's entries begin, and the number of all entries at the end.
 @group(0) @binding(1) var<storage, read> starts: array<u32>;
 @group(0) @binding(2) var<storage, read> columns: array<u32>;
 @group(0) @binding(3) var<storage, read> weights: array<f32>;

@@ -27,7 +27,7 @@ fn trace_paths(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
         return;
     }
     var current = pixel_sample(next);
-    // Where an invocation traces several paths by the light buffer, it traces the first rays of all its paths
+    // If an invocation traces several paths by the light buffer, it traces the first rays of all its paths
     // beforehand: a step in the loop below that may do so for one lane would cost as much as if all lanes
     // did. The triangles are stored in the heads of the paths' records, without a mark.
     if (SEVERAL_PATHS && LIGHT_BUFFER_SIDE > 0u) {

@@ -1,4 +1,4 @@
-//! The library's error type. A message names the file or the option, says what was expected and what to do.
+//! The library's error type. A message names the file or the option, the expected value and the remedy.
 
 use std::path::PathBuf;
 
@@ -14,9 +14,9 @@ pub enum Error {
     Scene {
         /// The file at fault: the scene, or a buffer or picture that it refers to.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A data file (pattern, image, matrix) is malformed or has the wrong shape.
@@ -24,9 +24,9 @@ pub enum Error {
     Data {
         /// The file at fault.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// An option's value cannot be used.
@@ -34,9 +34,9 @@ pub enum Error {
     Option {
         /// The option's name, such as `--size`.
         option: String,
-        /// What is wrong with its value.
+        /// The fault of the value.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A file cannot be read.
@@ -58,17 +58,17 @@ pub enum Error {
     /// There is no Vulkan adapter: neither the driver of a GPU nor a software driver is installed.
     #[error("no Vulkan adapter found{detail}\n  help: {help}")]
     NoAdapter {
-        /// Which adapter was requested; may be empty.
+        /// The requested adapter; may be empty.
         detail: String,
-        /// What to install, or which adapters exist.
+        /// The packages to install, or the adapters that exist.
         help: String,
     },
     /// The GPU device refused a request, ran out of memory or was lost.
     #[error("graphics device: {fault}\n  help: {help}")]
     Device {
-        /// What happened.
+        /// The fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A projector or camera refused a request, returned no usable data, or was disconnected.
@@ -76,9 +76,9 @@ pub enum Error {
     Rig {
         /// The device as the rig file names it, such as `camera` or `projector`.
         device: String,
-        /// What happened.
+        /// The fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A camera is saturated: some pixel has the highest count at every available exposure.
@@ -86,9 +86,9 @@ pub enum Error {
     Saturated {
         /// The camera as the rig file names it.
         device: String,
-        /// Which pixels, at which exposure.
+        /// The pixels and the exposure.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are
@@ -97,19 +97,19 @@ pub enum Error {
     Journal {
         /// The file at fault.
         path: PathBuf,
-        /// What happened.
+        /// The fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
-    /// A photo that only the devices or the scene could take is not among those of a finished run.
+    /// A finished run lacks a photo that only the devices or the scene could take.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     NotTaken {
         /// The journal of the run.
         path: PathBuf,
-        /// Which photo is missing.
+        /// The missing photo.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
@@ -122,15 +122,15 @@ pub enum Error {
         unfinished: u64,
         /// Number of paths traced.
         total: u64,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// Processes that work together cannot go on: one lacks what it needs, or differs from the others.
     #[error("{fault}\n  help: {help}")]
     Team {
-        /// Which process, and what happened.
+        /// The process and its fault.
         fault: String,
-        /// What to do about it.
+        /// The remedy.
         help: String,
     },
     /// The user or an observer stopped the computation.
@@ -139,7 +139,7 @@ pub enum Error {
     /// A size differs from the required one.
     #[error("{what}: {expected} expected, but there are {found}")]
     Dimension {
-        /// What was counted or measured.
+        /// The quantity that was counted or measured.
         what: &'static str,
         /// The required size.
         expected: String,

@@ -1,8 +1,8 @@
 //! krylux (Krylov + lux): a light transport laboratory.
 //!
 //! A projector lights a scene, a camera takes the photo, the photo is projected back, and so on. These photos span
-//! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so its eigenvectors and
-//! what follows from them come from a few dozen photos, without ever measuring `A` itself. The method is
+//! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so a few dozen photos
+//! yield its eigenvectors and the answers that follow from them, without ever measuring `A` itself. The method is
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, the precursor of *Optical computing for fast light
 //! transport analysis*, 2010, doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
 //!
@@ -33,7 +33,7 @@
 //! # }
 //! ```
 //!
-//! [`Lab::builder`](lab::Lab::builder) sets what differs from the defaults. With a folder, every photo is in its journal before it is used, and
+//! [`Lab::builder`](lab::Lab::builder) changes the defaults. With a folder, every photo is in its journal before it is used, and
 //! the folder is a source for further questions. The same lines run on a rig and on a run:
 //!
 //! ```
@@ -62,7 +62,7 @@
 //! |---|---|
 //! | `first_groups` | the README's five lines |
 //! | `segment` | groups of pixels that exchange light, with the report |
-//! | `compensate` | what to project so that a scene looks like a target |
+//! | `compensate` | a pattern under which a scene looks like a target |
 //! | `own_matrix` | eigenpairs of a matrix or a function of your own ([`krylov`], [`operator::Closure`]) |
 //! | `own_camera` | a projector and a camera of your own behind the traits of [`rig`] |
 //! | `relight_run` | a scene relit from the folder of a finished run |
@@ -82,7 +82,7 @@
 //! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
 //! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
 //! | patterns painted by hand, their photo seen at once | [`paint`] |
-//! | more than one machine can hold | [`team`]: processes that each trace and keep a part |
+//! | matrices that are too large for one machine | [`team`]: each process traces and keeps a part |
 //! | the figures | [`paper`] makes them again, and holds them to bounds |
 //!
 //! Units, conventions and the symmetric estimator are described in [`render`] and [`transport`].
@@ -93,13 +93,15 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, paint, verbs, lab, report, analysis, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
+//! cli       → paper, paint, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
 //! paint     → verbs, lab, report, analysis, transport, krylov, io, sparse, operator, image, error
-//! paper     → verbs, lab, report, analysis, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
+//! paper     → verbs, lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
 //! verbs     → lab, report, analysis, transport, krylov, io, operator, finding, image, error
-//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
-//! report    → analysis, measure, rig, krylov, io, finding, image, file, error
+//! lab       → report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
+//! report    → bench, analysis, calibrate, measure, rig, krylov, io, finding, image, file, error
+//! bench     → analysis, calibrate, measure, rig, io, operator, finding, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
+//! calibrate → measure, rig, transport, finding, image, error
 //! cache     → transport, render, scene, gpu, io, image, file, error
 //! measure   → rig, transport, render, io, operator, journal, finding, image, file, error
 //! rig       → transport, image, machine, error
@@ -123,7 +125,9 @@
 //! <!-- rooms: end -->
 
 pub mod analysis;
+pub mod bench;
 pub mod cache;
+pub mod calibrate;
 pub mod cli;
 pub mod error;
 mod file;

@@ -1,27 +1,15 @@
 //! Linear operators as the Krylov methods see them: signed real vectors, and a product that may fail.
 
-mod closure;
-mod each;
-mod exchanged;
-mod forward;
-mod gram;
-mod metered;
-mod observed;
-mod recorded;
+mod both_ways;
+mod watched;
 
-pub use closure::Closure;
-pub use each::each_product;
-pub use exchanged::Exchanged;
-pub(crate) use forward::delegate;
-pub use gram::Gram;
-pub use metered::Metered;
-pub use observed::{Observed, Relayed};
-pub use recorded::{Product, Recorded};
+pub use both_ways::{Exchanged, Gram};
+pub use watched::{Observed, Product, Recorded, Relayed};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::observer::Observer;
 
-/// What is known about an operator's symmetry.
+/// The symmetry of an operator, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Symmetry {
     /// `A = Aᵀ`, to rounding or by construction.
@@ -37,7 +25,7 @@ pub trait Operator {
     fn rows(&self) -> usize;
     /// The length of `x` in `y = A x`.
     fn cols(&self) -> usize;
-    /// What is known about symmetry.
+    /// The symmetry, as far as it is known.
     fn symmetry(&self) -> Symmetry;
     /// `y ← A x`; every entry of `y` is overwritten.
     ///
@@ -92,8 +80,7 @@ pub trait Operator {
     }
 
     /// Says whether products cost nothing, as those with a matrix in memory. Where they do, the products that follow while `on` only
-    /// confirm an answer: they are no photos, and are neither counted nor shown. By default false: a product is a photo, whatever it is
-    /// for.
+    /// confirm an answer: they are not counted and not shown as photos. By default false: every product is a photo.
     fn confirming(&mut self, on: bool) -> bool {
         let _ = on;
         false
@@ -131,4 +118,239 @@ pub(crate) fn block(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
 /// The vectors as a block that [`Operator::apply_block`] writes to.
 pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
+}
+
+/// References and boxes of operators are operators.
+macro_rules! forward {
+    ($($pointer:ty),*) => { $(
+        impl<O: Operator + ?Sized> Operator for $pointer {
+            fn rows(&self) -> usize {
+                (**self).rows()
+            }
+
+            fn cols(&self) -> usize {
+                (**self).cols()
+            }
+
+            fn symmetry(&self) -> Symmetry {
+                (**self).symmetry()
+            }
+
+            fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+                (**self).apply(x, y)
+            }
+
+            fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+                (**self).apply_block(xs, ys)
+            }
+
+            fn block_size(&self) -> usize {
+                (**self).block_size()
+            }
+
+            fn observer(&self) -> &dyn Observer {
+                (**self).observer()
+            }
+
+            fn standard_errors(&self) -> Vec<f64> {
+                (**self).standard_errors()
+            }
+
+            fn frames(&self) -> Option<u64> {
+                (**self).frames()
+            }
+
+            fn common_error(&mut self, x: &[f64]) -> Result<f64> {
+                (**self).common_error(x)
+            }
+
+            fn confirming(&mut self, on: bool) -> bool {
+                (**self).confirming(on)
+            }
+        }
+
+        impl<O: Adjoint + ?Sized> Adjoint for $pointer {
+            fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+                (**self).apply_adjoint(y, x)
+            }
+
+            fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+                (**self).apply_adjoint_block(ys, xs)
+            }
+        }
+    )* };
+}
+
+forward!(&mut O, Box<O>);
+
+/// Methods of [`Operator`] that an operator around another one forwards to it: in the `impl`, the field that holds the other
+/// operator, and the names of the methods. `apply` is both products of [`Operator`], `adjoint` both of [`Adjoint`].
+macro_rules! delegate {
+    ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
+    (@rows $field:tt) => {
+        fn rows(&self) -> usize {
+            self.$field.rows()
+        }
+    };
+    (@cols $field:tt) => {
+        fn cols(&self) -> usize {
+            self.$field.cols()
+        }
+    };
+    (@symmetry $field:tt) => {
+        fn symmetry(&self) -> $crate::operator::Symmetry {
+            self.$field.symmetry()
+        }
+    };
+    (@apply $field:tt) => {
+        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> $crate::error::Result<()> {
+            self.$field.apply(x, y)
+        }
+        fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
+            self.$field.apply_block(xs, ys)
+        }
+    };
+    (@block_size $field:tt) => {
+        fn block_size(&self) -> usize {
+            self.$field.block_size()
+        }
+    };
+    (@observer $field:tt) => {
+        fn observer(&self) -> &dyn $crate::observer::Observer {
+            self.$field.observer()
+        }
+    };
+    (@frames $field:tt) => {
+        fn frames(&self) -> Option<u64> {
+            self.$field.frames()
+        }
+    };
+    (@common_error $field:tt) => {
+        fn common_error(&mut self, x: &[f64]) -> $crate::error::Result<f64> {
+            self.$field.common_error(x)
+        }
+    };
+    (@confirming $field:tt) => {
+        fn confirming(&mut self, on: bool) -> bool {
+            self.$field.confirming(on)
+        }
+    };
+    (@adjoint $field:tt) => {
+        fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> $crate::error::Result<()> {
+            self.$field.apply_adjoint(y, x)
+        }
+        fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> $crate::error::Result<()> {
+            self.$field.apply_adjoint_block(ys, xs)
+        }
+    };
+    (@standard_errors $field:tt) => {
+        fn standard_errors(&self) -> Vec<f64> {
+            self.$field.standard_errors()
+        }
+    };
+}
+
+pub(crate) use delegate;
+
+/// The largest block that is asked for at once, so that few vectors are in memory at the same time.
+const LARGEST_BLOCK: usize = 8;
+
+/// Multiplies with each of `xs` (`cols` entries each), in blocks of [`Operator::block_size`], and hands
+/// `with` each vector and its product, in order.
+///
+/// # Errors
+/// The error of the first product, or call of `with`, that fails; no further block is taken then.
+pub fn each_product(
+    operator: &mut dyn Operator,
+    xs: impl IntoIterator<Item = Vec<f64>>,
+    mut with: impl FnMut(&[f64], Vec<f64>) -> Result<()>,
+) -> Result<()> {
+    let (rows, size) = (operator.rows(), operator.block_size().clamp(1, LARGEST_BLOCK));
+    let mut xs = xs.into_iter();
+    loop {
+        let next: Vec<Vec<f64>> = xs.by_ref().take(size).collect();
+        if next.is_empty() {
+            return Ok(());
+        }
+        let mut products = vec![vec![0.0; rows]; next.len()];
+        operator.apply_block(&block(&next), &mut block_mut(&mut products))?;
+        next.iter().zip(products).try_for_each(|(x, y)| with(x, y))?;
+    }
+}
+
+/// An operator whose product is a closure: a matrix or a function of your own.
+///
+/// ```
+/// use krylux::krylov::{EigsOptions, eigs};
+/// use krylux::operator::{Closure, Symmetry};
+///
+/// // −1, 2, −1 on 50 nodes, whose eigenvalues are 2 − 2 cos(k π / 51).
+/// # fn main() -> krylux::Result<()> {
+/// let mut laplacian = Closure::new(50, 50, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
+///     for i in 0..50 {
+///         let left = if i > 0 { x[i - 1] } else { 0.0 };
+///         y[i] = 2.0 * x[i] - left - x.get(i + 1).unwrap_or(&0.0);
+///     }
+///     Ok(())
+/// });
+/// let largest = eigs(&mut laplacian, &EigsOptions { count: 1, ..EigsOptions::default() })?.values[0];
+/// assert!((largest - (2.0 - 2.0 * (50.0 * std::f64::consts::PI / 51.0).cos())).abs() < 1e-12);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Closure<F> {
+    rows: usize,
+    cols: usize,
+    symmetry: Symmetry,
+    product: F,
+}
+
+impl<F: FnMut(&[f64], &mut [f64]) -> Result<()>> Closure<F> {
+    /// `product(x, y)` writes `A x` (`rows` entries) to every entry of `y`, for `x` of `cols` entries.
+    /// `symmetry` is taken on trust.
+    pub fn new(rows: usize, cols: usize, symmetry: Symmetry, product: F) -> Self {
+        Self { rows, cols, symmetry, product }
+    }
+}
+
+impl<F: FnMut(&[f64], &mut [f64]) -> Result<()>> Operator for Closure<F> {
+    fn rows(&self) -> usize {
+        self.rows
+    }
+
+    fn cols(&self) -> usize {
+        self.cols
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.symmetry
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        Error::check_size("entries of the vector to multiply", self.cols, x.len())?;
+        Error::check_size("entries of the product", self.rows, y.len())?;
+        (self.product)(x, y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_product_is_the_closure_s_and_wrong_lengths_are_refused() {
+        let mut calls = 0;
+        let mut sum = Closure::new(1, 3, Symmetry::General, |x: &[f64], y: &mut [f64]| {
+            calls += 1;
+            y[0] = x.iter().sum();
+            Ok(())
+        });
+        let (mut first, mut second) = ([f64::NAN], [f64::NAN]);
+        let (xs, mut ys): ([&[f64]; 2], [&mut [f64]; 2]) =
+            ([&[1.0, 2.0, 3.0], &[-1.0, 0.0, 0.5]], [&mut first, &mut second]);
+        assert!(sum.apply_block(&xs, &mut ys).is_ok());
+        assert!(sum.apply(&[1.0; 2], &mut [0.0]).is_err() && sum.apply(&[1.0; 3], &mut [0.0; 2]).is_err());
+        assert_eq!((first, second, calls), ([6.0], [-0.5], 2));
+    }
 }

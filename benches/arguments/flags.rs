@@ -4,7 +4,8 @@ use std::str::FromStr;
 
 /// The arguments that are given to the benchmark; `None` for `cargo test --benches`, which passes `--test` and has nothing to test here.
 pub fn given() -> Option<Vec<String>> {
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|text| text != "--bench").collect();
+    let arguments: Vec<String> =
+        std::env::args().skip(1).filter(|text| !["--bench", "--record"].contains(&text.as_str())).collect();
     (!arguments.iter().any(|text| text == "--test")).then_some(arguments)
 }
 

@@ -114,7 +114,7 @@ pub fn frozen_and_fresh(path: &Path) -> Result<()> {
     write(path, &plot)
 }
 
-/// The relative residual of an evenly lit target after so many photos, by one more photo.
+/// The relative residual of an evenly lit target by the number of photos, from one more photo.
 fn residual(operator: &mut dyn Operator, photos: usize) -> Result<f64> {
     let target = vec![0.05; operator.rows()];
     // The solver may not stop because of the noise that the matrix states.

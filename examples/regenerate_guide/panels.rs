@@ -1,8 +1,8 @@
 //! Pictures side by side.
 
 use krylux::image::{Image, Resolution};
+use krylux::io::raster;
 use krylux::io::raster::Raster;
-use krylux::io::tone;
 
 /// Pixels between two pictures.
 const GAP: usize = 8;
@@ -25,10 +25,10 @@ pub fn row(pictures: &[Raster], factor: usize) -> Raster {
 
 /// A photo at the exposure that suits it.
 pub fn photo(image: &Image) -> Raster {
-    tone::develop(image, tone::exposure(image))
+    raster::develop(image, raster::exposure(image))
 }
 
 /// A photo at the exposure of another one, with room for light that the other one does not have.
 pub fn photo_like(image: &Image, other: &Image) -> Raster {
-    tone::develop(image, 0.7 * tone::exposure(other))
+    raster::develop(image, 0.7 * raster::exposure(other))
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use clap::builder::StyledStr;
 use clap::{Arg, ArgAction, Command};
 
-/// Where the page is, relative to the repository.
+/// The path of the page in the repository.
 pub const PAGE: &str = "guide/src/reference/command-line.md";
 
 const HEAD: &str = "# The command line
@@ -89,7 +89,7 @@ fn name(argument: &Arg) -> String {
     }
 }
 
-/// What an option means, with its values and its default.
+/// The meaning of an option, with its values and its default.
 fn meaning(argument: &Arg) -> String {
     let mut text = plain(&argument.get_help().map(ToString::to_string).unwrap_or_default());
     if !text.is_empty() && !text.ends_with(['.', ']']) {

@@ -2,70 +2,13 @@
 
 from . import _checks, _declared, answers
 from ._lighting import Lighting
-from ._questions import columns, confirm_share, eigs_question
 
 
 class Asking(Lighting):
     """The questions that a laboratory answers; the base of :class:`krylux.Lab`."""
 
-    def eigs(self, count=6, *, part="full", which="la", photos=None, tolerance=None, method="lanczos", block=2,
-             max_basis=None, confirm=None):
-        """Computes eigenvalues and eigenvectors of one part of the light transport matrix.
-
-        Parameters
-        ----------
-        count : int
-            How many eigenpairs.
-        part : str
-            ``"full"``, ``"direct"`` or ``"global"`` light.
-        which : str
-            ``"la"``, ``"sa"``, ``"lm"``, ``"sm"``, ``"be"`` or ``"li"``, as in ARPACK.
-        photos : int
-            Photos to take at most. Default 50, or as many as the run that is the source might take.
-        tolerance : float
-            Done when each residual norm is at most this share of the matrix norm. Default 1e-8, or the photos' noise.
-        method : str
-            ``"lanczos"``, ``"block-lanczos"``, ``"arnoldi"`` or ``"power"``.
-        block : int
-            Vectors in the block of ``"block-lanczos"``.
-        max_basis : int
-            The most basis vectors to keep, by restarts.
-        confirm : float
-            Confirm that no eigenvalue was missed that lies beyond the last one by more than this share of the spectrum's spread.
-            On a rig this takes further photos; matrices and traced scenes are confirmed in any case, at 0.01.
-
-        Returns
-        -------
-        krylux.answers.Eigenpairs
-
-        References
-        ----------
-        O'Toole and Kutulakos, section 3.
-        """
-        block = _checks.vectors(block, "block", self._pixels)
-        question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance,
-                                 method=method, block=block, max_basis=max_basis, confirm=confirm, seed=self.seed)
-        fields, native = self._native.eigs(part, question)
-        return answers.Eigenpairs({**columns(fields), "shape": self.projector_shape}, native, self)
-
     def singular(self, count=6, *, part="full", photos=None, tolerance=None, confirm=None):
-        """Computes singular values of one part of the light transport matrix, with the patterns and their photos.
-
-        They exist where camera and projector are apart, too. Every second photo is one of the transpose, with camera and
-        projector exchanged.
-
-        Parameters
-        ----------
-        count : int
-            How many singular values, the largest first.
-        part : str
-            ``"full"``, ``"direct"`` or ``"global"`` light.
-        photos : int
-            Photos to take at most, both ways. Default 50, or as many as the run that is the source might take.
-        tolerance : float
-            Done when each residual is at most this share of the largest singular value. Default 1e-8, or the photos' noise.
-        confirm : float
-            As for :meth:`eigs`: none above ``√(σ_k² + confirm · σ_1²)`` is missed.
+        """Computes singular values of one part of the light transport matrix: :meth:`eigs` with ``singular=True``.
 
         Returns
         -------
@@ -75,9 +18,7 @@ class Asking(Lighting):
         ----------
         Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix*, 1965.
         """
-        tolerance = _checks.maybe(_checks.finite, tolerance, "tolerance", 0.0)
-        question = (_checks.count(count, "count"), self._budget(photos, 50), tolerance, self.seed, confirm_share(confirm))
-        return answers.SingularTriplets(*self._native.singular(part, question), self)
+        return self.eigs(count, part=part, photos=photos, tolerance=tolerance, confirm=confirm, singular=True)
 
     def solve(self, b, *, method="minres", photos=50, rtol=1e-6, lower=0.0, upper=1.0):
         """Solves ``A x = b`` with the matrix of the first channel.

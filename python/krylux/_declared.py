@@ -8,7 +8,9 @@ import textwrap
 from . import _checks, _krylux, answers
 
 #: The class of each verb's answer.
-_ANSWERS = {"segment": answers.Segmentation, "compensate": answers.Compensation}
+_ANSWERS = {
+    "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "segment": answers.Segmentation,
+}
 
 
 def add_verbs(cls):
@@ -29,7 +31,8 @@ def _method(cls, verb, about, parameters):
         (_, lab), *given = signature.bind(*arguments, **options).arguments.items()
         given, pictures = pictures_apart(lab, dict(given), named)
         arrays, facts, native = lab._native.ask(verb, asked(given), pictures)
-        return _ANSWERS[verb](arrays, facts, native, lab)
+        answer = answers.SingularTriplets if given.get("singular", False) else _ANSWERS[verb]
+        return answer(arrays, facts, native, lab)
 
     method.__name__, method.__qualname__, method.__module__ = verb, f"{cls.__qualname__}.{verb}", cls.__module__
     method.__signature__ = signature

@@ -6,7 +6,6 @@ import os
 from . import _checks, answers
 from ._asking import Asking
 from ._declared import asked as as_json, pictures_apart
-from ._questions import eigs_question
 
 
 class OnRigs(Asking):
@@ -51,20 +50,13 @@ class OnRigs(Asking):
             raise _checks.refuse("verb", f"there is no plan of {verb!r}", 'give "segment", "compensate" or "eigs"')
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
-        if verb == "segment":
-            return answers.Plan(self._native.plan_segment(as_json(bound.arguments), trials))
-        if verb == "compensate":
-            given, pictures = pictures_apart(self, bound.arguments, ("target",))
-            if any(picture.ndim == 3 for picture in pictures.values()):
-                raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
-            found = self._native.plan_compensate(as_json(given), pictures, trials)
-        else:
-            bound.apply_defaults()
-            asked = bound.arguments
-            part = asked.pop("part")
-            asked["photos"] = self._budget(asked["photos"], 50)
-            _checks.vectors(asked["block"], "block", self._pixels)
-            found = self._native.plan_eigs(part, eigs_question(**asked, seed=self.seed), trials)
+        planned = {"segment": self._native.plan_segment, "eigs": self._native.plan_eigs}
+        if verb in planned:
+            return answers.Plan(planned[verb](as_json(bound.arguments), trials))
+        given, pictures = pictures_apart(self, bound.arguments, ("target",))
+        if any(picture.ndim == 3 for picture in pictures.values()):
+            raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
+        found = self._native.plan_compensate(as_json(given), pictures, trials)
         return answers.Plan(found)
 
     def through_rig(self, rig, *, folder=None, resume=False, overwrite=False):

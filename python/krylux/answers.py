@@ -105,7 +105,15 @@ class Eigenpairs(Answer):
         ``(H, W)`` of an eigenvector as a picture, where it is one.
     """
 
-    shape = None
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        columns = {name: arrays[name].reshape(len(arrays["eigenvalues"]), -1).T for name in arrays if "vectors" in name}
+        self.values, self.vectors = arrays["eigenvalues"], columns["eigenvectors"]
+        self.imaginary = arrays.get("eigenvalues-imaginary", np.zeros_like(self.values))
+        self.imaginary_vectors = columns.get("eigenvectors-imaginary", np.zeros_like(self.vectors))
+        self.completeness = facts["completeness_in_words"]
+        self.history = [tuple(row) for row in facts["history"]]
+        self.shape = None if lab is None else lab.projector_shape
 
     def picture(self, index):
         """Eigenvector ``index`` as a picture, ``float64[H, W]``."""
@@ -148,6 +156,13 @@ class SingularTriplets(Answer):
         ``(photos, values, residuals)`` after each pair of photos.
     """
 
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        self.values, self.standard_errors = arrays["singular-values"], arrays["standard-errors"]
+        self.patterns, self.photographs = arrays["right-vectors"], arrays["left-vectors"]
+        self.completeness = facts["completeness_in_words"]
+        self.history = [tuple(row) for row in facts["history"]]
+
     def _repr_html_(self):
         pictures = []
         for name, stack in (("pattern", self.patterns), ("photo", self.photographs)):
@@ -161,7 +176,7 @@ class SingularTriplets(Answer):
 
 
 class Compensation(Answer):
-    """What to project, so that the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
+    """The pattern under which the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
 
     Attributes
     ----------
@@ -349,7 +364,7 @@ class Solution(Answer):
 
 
 class Plan:
-    """What a verb will cost on a rig, and how good its answer will be: the answer of :meth:`krylux.Lab.plan`.
+    """The predicted cost and error of a verb on a rig: the answer of :meth:`krylux.Lab.plan`.
 
     Every array has one entry for each trial, whose noise is its own; their spread is that of the prediction.
 

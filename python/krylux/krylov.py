@@ -7,8 +7,8 @@ The methods stop where noise would be fitted, keep bounds where they are told to
 import numpy as np
 
 from . import _checks, _krylux, answers
+from ._declared import asked
 from ._operators import describe, preconditioner
-from ._questions import columns, eigs_question
 
 __all__ = [
     "bicgstab", "cg", "cgs", "eigs", "fgmres", "fista", "gmres", "jacobi", "krylov_box", "lsmr", "lsqr", "minres",
@@ -168,10 +168,11 @@ def eigs(A, count=6, *, which="la", products=50, tolerance=None, method=None, bl
         method = "lanczos" if described["symmetric"] else "arnoldi"
     known = [] if deflate is None else [_checks.vector(one, "deflate", n) for one in np.asarray(deflate).T]
     start = None if start is None else _checks.vector(start, "start", n)
-    question = eigs_question(count=count, which=which, photos=_checks.count(products, "products"),
-                             tolerance=tolerance, method=method, block=_checks.vectors(block, "block", n),
-                             max_basis=max_basis, seed=seed, noise=noise, start=start, deflate=known, confirm=confirm)
-    return answers.Eigenpairs(columns(_krylux.eigs(described, question)))
+    _checks.vectors(block, "block", n)
+    question = {"count": _checks.count(count, "count"), "which": which, "photos": _checks.count(products, "products"),
+                "tolerance": tolerance, "method": method, "block": block, "max_basis": max_basis, "confirm": confirm}
+    beside = (_checks.count(seed, "seed", 0, 2**64 - 1), _checks.finite(noise, "noise", 0.0), start, known)
+    return answers.Eigenpairs(*_krylux.eigs(described, asked(question), beside))
 
 
 def trace(A, *, products=50, seed=0, method="hutch++", symmetric=None):

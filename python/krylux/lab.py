@@ -107,12 +107,12 @@ class Lab(OnRigs):
 
     @property
     def is_simulated(self):
-        """Whether photos cost nothing but computing: those of everything but a rig."""
+        """Whether photos cost only computing, as for every source but a rig."""
         return self._native.kind_of_light()[1]
 
     @property
     def costs(self):
-        """What a rig has cost so far, as a dictionary; ``None`` for other sources."""
+        """The costs of a rig so far, as a dictionary; ``None`` for other sources."""
         return self._native.costs()["costs"]
 
     def product_noise(self, part="full"):

@@ -1,4 +1,4 @@
-"""The devices of a rig: those of a rig file, and cameras and projectors written in Python.
+"""The devices of a rig file, and cameras and projectors written in Python.
 
 A camera of Python has these members; so that a maker's own library is ten lines away::
 
@@ -41,7 +41,7 @@ from ._program import ProgramRig
 
 
 class Report(types.SimpleNamespace):
-    """What was found of a rig: attributes by name, as each function says.
+    """Findings about a rig: attributes by name, as each function says.
 
     Calibration: ``folder``, ``report``, ``effort``, ``lines``. Check: ``findings``, ``passed``, ``complete``, ``status``.
     A round of alignment: ``found``, and then ``aligned``, ``disparity`` (median, 95 %, error, in projector pixels),

@@ -2,14 +2,10 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use krylux::analysis::audit::Audit;
+use krylux::bench::audit::Audit;
 use krylux::finding::Finding;
-use krylux::krylov::{Eigs, Method, Singular, Solution};
-use krylux::lab::{
-    Eigenpairs, Lab, ProbedLight, Relighting, Saved, Separated, SingularTriplets, Solved, Verified,
-    VerifiedEigenpairs,
-};
-use krylux::transport::Part;
+use krylux::krylov::{Method, Solution};
+use krylux::lab::{Lab, ProbedLight, Relighting, Saved, Separated, Solved, Verified};
 use pyo3::prelude::*;
 
 /// An answer as krylux has it.
@@ -19,12 +15,10 @@ pub(crate) struct Answer(Mutex<Kept>);
 /// Each kind of answer, with what its report shows beside it.
 pub(crate) enum Kept {
     Audit(Audit),
-    Eigs { found: Box<Eigs>, wanted: usize, part: Part },
     Probe(ProbedLight),
     Relight(Box<Relighting>),
     Asked(Box<dyn krylux::lab::Answer + Send>),
     Separate(Box<Separated>),
-    Singular { found: Box<Singular>, wanted: usize },
     Solve { found: Box<Solution>, method: Method },
 }
 
@@ -33,12 +27,10 @@ impl Kept {
     fn shown<T>(&self, work: impl FnOnce(&dyn krylux::lab::Answer) -> T) -> T {
         match self {
             Self::Audit(found) => work(found),
-            Self::Eigs { found, wanted, .. } => work(&Eigenpairs::new(found, *wanted)),
             Self::Probe(found) => work(found),
             Self::Relight(found) => work(&**found),
             Self::Asked(found) => work(&**found),
             Self::Separate(found) => work(&**found),
-            Self::Singular { found, wanted } => work(&SingularTriplets { found, wanted: *wanted }),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
         }
     }
@@ -68,12 +60,7 @@ impl Answer {
 
     /// Compares the photos that the answer predicts with independent ones: `None` where there are none, or where the answer predicts no photos.
     pub(crate) fn check(&self, lab: &mut Lab) -> krylux::Result<Option<Verified>> {
-        let of_pairs = |VerifiedEigenpairs { verification, estimates, .. }| Verified {
-            estimates,
-            ..verification.into()
-        };
         Ok(match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kept::Eigs { found, part, .. } => lab.verify_eigenpairs(*part, found)?.map(of_pairs),
             Kept::Asked(found) => found.verify(lab)?,
             Kept::Relight(found) => lab.verify_relighting(found)?.map(Verified::from),
             Kept::Separate(found) => lab.verify_separation(found)?.map(Verified::from),
@@ -85,7 +72,6 @@ impl Answer {
     pub(crate) fn verb(&self) -> &'static str {
         match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Audit(_) => "audit",
-            Kept::Eigs { .. } | Kept::Singular { .. } => "eigs",
             Kept::Probe(_) => "probe",
             Kept::Relight(_) => "relight",
             Kept::Asked(found) => found.verb(),

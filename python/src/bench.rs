@@ -4,10 +4,10 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use krylux::Error;
-use krylux::analysis::align::{AlignOptions, Alignment, Round, Sight, align};
+use krylux::bench::align::{AlignOptions, Alignment, Round, Sight, align};
+use krylux::bench::rig_check::{self, RigToCheck};
+use krylux::calibrate::{CalibrateOptions, CalibrationReport, MapBy, StructuredLight};
 use krylux::lab::{RigSource, RunOptions};
-use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, StructuredLight};
-use krylux::measure::rig_check::{self, RigToCheck};
 use krylux::rig::Helper;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

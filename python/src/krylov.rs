@@ -1,11 +1,15 @@
 //! krylux's own solvers on operators of Python.
 
+use std::collections::BTreeMap;
+
 use krylux::krylov::{
-    Diagonal, Eigs, LowRankOptions, Method, Preconditioner, Side, Solution, SolveOptions, UserPreconditioner,
-    eigs, hutch_plus_plus, hutchinson, randomized_svd, solve_adjoint,
+    Diagonal, EigsOptions, LowRankOptions, Method, Preconditioner, Side, Solution, SolveOptions, Start,
+    UserPreconditioner, eigs, hutch_plus_plus, hutchinson, randomized_svd, solve_adjoint,
 };
 use krylux::observer::{Observer, Step};
 use krylux::operator::{Adjoint, Operator, Symmetry};
+use krylux::verbs::Eigs;
+use krylux::verbs::eigs::Eigenpairs;
 use krylux::{Error, Result};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -13,7 +17,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{Fields, rows};
 use crate::settings::one_of;
-use crate::verbs::{EigsQuestion, eigs_fields};
+use crate::verbs;
 use crate::watch::Watcher;
 use crate::{errors, work};
 
@@ -210,16 +214,26 @@ pub(crate) fn solve<'py>(
     solution_fields(py, &found)
 }
 
-/// Eigenpairs of a square operator.
+/// The arguments of [`eigenpairs`] that a laboratory answers by itself: seed, noise, first vector, known vectors.
+type Beside = (u64, f64, Option<Vec<f64>>, Vec<Vec<f64>>);
+
+/// Eigenpairs of a square operator: the arrays and the facts of the answer.
 #[pyfunction(name = "eigs")]
 pub(crate) fn eigenpairs<'py>(
     py: Python<'py>,
     operator: Described,
-    question: EigsQuestion,
-) -> PyResult<Bound<'py, PyDict>> {
-    let (options, mut operator) = (question.options(py)?, Called::from(operator));
-    let found: Eigs = work::detached(py, || eigs(&mut operator, &options))?;
-    eigs_fields(py, &found, operator.cols())
+    asked: BTreeMap<String, String>,
+    beside: Beside,
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
+    let request: Eigs = verbs::request(py, asked)?;
+    let (seed, noise, start, deflate) = beside;
+    let mut options = EigsOptions { noise, deflate, ..request.options(seed, None) };
+    if let Some(start) = start {
+        options.start = Start::Given(start);
+    }
+    let mut operator = Called::from(operator);
+    let found = work::detached(py, || eigs(&mut operator, &options))?;
+    verbs::attributes(py, &Eigenpairs::new(found, &request, None))
 }
 
 /// The trace of a square operator, with its standard error and the products that it took.

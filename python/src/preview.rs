@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use krylux::bench::preview::{CountRange, Preview as Running, level_frame};
 use krylux::image::{Image, Resolution};
-use krylux::measure::preview::{CountRange, Preview as Running, level_frame};
 use krylux::measure::{FrameSource, RigFile, RigKind};
 use krylux::report::preview::overlay;
 use krylux::rig::{AttachedDevices, RawFrame};

@@ -16,7 +16,7 @@ struct Merging {
     // 1 for luminance, 3 for colours.
     channels: u32,
     paths: u32,
-    // Paths that start from each pixel, and those of the first half of the samples. A dispatch has all paths of its pixels.
+    // Numbers of paths that start from each pixel: all, and the first half of the samples. A dispatch has all paths of its pixels.
     samples: u32,
     first_half: u32,
     max_bounces: u32,
@@ -33,7 +33,7 @@ struct Merging {
     // The digit of a pass: the word of the entry, 0 or 1, and its lowest bit.
     word: u32,
     shift: u32,
-    // Where a scan leaves its sum in `totals`; `NOTHING` for nowhere.
+    // The place in `totals` where a scan leaves its sum, or `NOTHING`.
     total: u32,
     // Weights of a sample in the mean, and of a sample of each half in the error.
     mean: f32,

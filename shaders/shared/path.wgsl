@@ -89,7 +89,7 @@ struct Vertex {
     // Probability with which the surface interacts with light along wo, instead of letting it pass straight
     // through.
     interaction: f32,
-    // Where the path is specular so far: density, per surface area, with which paths arrive here by the same
+    // If the path is specular so far: density, per surface area, with which paths arrive here by the same
     // chain. It is the image-plane density D of the point times the chain's probability.
     first_density: f32,
     // The surface scatters into more than single directions, so that it can be connected.

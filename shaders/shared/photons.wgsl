@@ -139,7 +139,7 @@ fn photons_gather(surface: Surface, frame: Frame, wo: vec3f, most_surfaces: u32,
             let photon = base + firstTrailingBit(near);
             near &= near - 1u;
             let details = parameters.photons + 3u * photon;
-            // As vectors of four: arrival and ground begin with the coordinates on the image plane.
+            // In vectors of four: arrival and ground begin with the coordinates on the image plane.
             let light = bitcast<vec4f>(photon_texel(details));
             let arrival = bitcast<vec4f>(photon_texel(details + 1u));
             let ground = bitcast<vec4f>(photon_texel(details + 2u));

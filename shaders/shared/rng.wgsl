@@ -1,4 +1,4 @@
-// Random numbers by hashing. There is no state, so that any path can be traced again on its own.
+// Random numbers by hashing. No state is kept, so that any path can be traced again on its own.
 
 // Four hashes of four words: PCG4D, Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 fn pcg4d(key: vec4u) -> vec4u {

@@ -5,7 +5,7 @@
 // One use of a texture by a material. `render::textures::GpuTexture` has the same layout; a test compares the
 // two.
 struct Texture {
-    // Rows of the affine map from the surface's texture coordinates to those of the picture. `v` = 0 is the
+    // Rows of the affine map from the surface's texture coordinates to the picture's. `v` = 0 is the
     // picture's top.
     u: vec3f,
     first_texel: u32,

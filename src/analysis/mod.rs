@@ -10,15 +10,11 @@
 //! | how does the scene look under another pattern? | [`mod@low_rank`] |
 //! | from how far away does light come? | [`mod@probe`] |
 //! | which groups do points form? | [`mod@kmeans`] |
-//! | is the source a linear, symmetric operator? | [`mod@audit`] |
-//! | do camera and projector share one centre of projection? | [`mod@align`] |
 //! | how well do two segmentations agree? | [`adjusted_rand_index`] |
 //! | what does a measurement on a rig cost, and how accurate is it? | [`mod@plan`] |
 //! | how similar are two images? | [`mod@similarity`] |
 //! | how good is an answer, by light that it was not computed from? | [`mod@verification`] |
 
-pub mod align;
-pub mod audit;
 pub mod brute_force;
 pub mod compensate;
 pub mod direct;

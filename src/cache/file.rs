@@ -18,7 +18,7 @@ use super::Key;
 use super::check::require_matrix;
 use super::record::{Arrays, Checksum, InPieces, Record, member};
 use crate::image::Image;
-use crate::io::first_error::FirstError;
+use crate::io::sparse::FirstError;
 use crate::io::{atomic, npy, sparse};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, CompressedRows, Entries, Layer, Noise, RigShape, TransportMatrix};

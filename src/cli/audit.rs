@@ -8,7 +8,7 @@ use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
 use super::options::{RunArgs, SourceArgs, count, number};
 use super::trace::TraceArgs;
-use crate::analysis::audit::AuditOptions;
+use crate::bench::audit::AuditOptions;
 use crate::error::{Error, Result};
 use crate::lab::Lab;
 use crate::paint::page::Kept;

@@ -15,7 +15,7 @@ use crate::image::Resolution;
 use crate::io::atomic;
 use crate::io::name::Name;
 use crate::io::raster::Raster;
-use crate::io::srgb::encode_srgb;
+use crate::io::raster::encode_srgb;
 use crate::lab::{self, SourceKind};
 use crate::measure::RigFile;
 use crate::render;

@@ -10,7 +10,6 @@ mod compare;
 mod completions;
 mod console;
 mod drawing;
-mod eigs;
 mod embedded_page;
 mod index;
 mod info;
@@ -35,7 +34,6 @@ mod rig;
 mod rig_info;
 mod runs;
 mod separate;
-mod singular;
 mod solve;
 mod team;
 mod tev;
@@ -49,7 +47,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Compensate, Segment};
+use crate::verbs::{Compensate, Eigs, Segment};
 use console::Console;
 use options::GlobalArgs;
 
@@ -74,7 +72,7 @@ enum Verb {
     Relight(relight::Args),
     Paint(paint::Args),
     Probe(probe::Args),
-    Eigs(eigs::Args),
+    Eigs(asked::Asked<Eigs>),
     Audit(audit::Args),
     Plan(plan::Args),
     Rig(rig::Args),
@@ -139,7 +137,7 @@ pub fn main() -> ExitCode {
         Verb::Relight(args) => relight::run(args, &console),
         Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),
-        Verb::Eigs(args) => eigs::run(args, &console),
+        Verb::Eigs(args) => args.run(&console),
         Verb::Audit(args) => audit::run(args, &console),
         Verb::Rig(args) => rig::run(args, &console),
         Verb::Plan(args) => plan::run(args, &console),

@@ -32,7 +32,7 @@ pub(super) fn join() -> Result<Role> {
 
 #[cfg(feature = "mpi")]
 fn joined() -> Result<Role> {
-    use crate::team::{Comm, World, keep_cores, require_same_program, serve, share_cores};
+    use crate::team::{Comm, World, keep_cores, require_same_program, share_cores};
     use crate::transport::SceneWorker;
 
     if is_only_one() {
@@ -54,8 +54,7 @@ fn joined() -> Result<Role> {
         return Ok(Role::Ended(ExitCode::from(2)));
     }
     crate::machine::start_threads();
-    let mut worker = SceneWorker::new(Arc::clone(&world), placement.host, placement.local_rank);
-    serve(&*world, &mut worker);
+    SceneWorker::new(Arc::clone(&world), placement.host, placement.local_rank).serve();
     world.close();
     Ok(Role::Ended(ExitCode::SUCCESS))
 }

@@ -3,26 +3,22 @@
 //! A device, a pipe or a file of the system's is refused, since reading it might never end. Below the top of a run's folder, or of the cache, no link is
 //! followed ([`follow_no_links_below`]).
 
-#[cfg(any(not(unix), test))]
-mod any_system;
 pub mod atomic;
-mod owner;
 mod spot;
+mod system;
 #[cfg(all(test, unix))]
 mod tests;
-#[cfg(unix)]
-mod unix;
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-use crate::error::{Error, Result};
-use crate::machine;
 use spot::{Access, Spot};
 
-pub(crate) use owner::stranger;
-pub(crate) use spot::{Kind, follow_no_links_below};
+use crate::error::{Error, Result};
+use crate::machine;
+
+pub(crate) use spot::{FileKind, follow_no_links_below};
 
 /// Opens a regular file for reading.
 ///
@@ -49,7 +45,7 @@ pub(crate) fn open_or_make(path: &Path) -> io::Result<File> {
 ///
 /// # Errors
 /// [`Error::Read`] naming the path.
-pub(crate) fn kind(path: &Path) -> Result<Option<Kind>> {
+pub(crate) fn kind(path: &Path) -> Result<Option<FileKind>> {
     let found = match Spot::of(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         spot => spot.and_then(|spot| spot.kind()),
@@ -122,10 +118,35 @@ fn opened(path: &Path) -> io::Result<File> {
 }
 
 /// The refusal of a part of a path that is no folder.
-fn no_folder(name: &Path, kind: Kind) -> io::Error {
+fn no_folder(name: &Path, kind: FileKind) -> io::Error {
     let what = match kind {
-        Kind::Link => spot::LINK,
+        FileKind::Link => spot::LINK,
         _ => "not a folder",
     };
     io::Error::new(ErrorKind::InvalidInput, format!("{} is {what}", name.display()))
+}
+
+/// The reason why users other than this process' user and root may change a file or folder, such as `can be written by everybody`; `None` if they may not.
+pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        stranger_of(rustix::process::geteuid().as_raw(), (about.uid(), about.mode()))
+    }
+    // Elsewhere a user's own folders are written by nobody else.
+    #[cfg(not(unix))]
+    {
+        let _ = about;
+        None
+    }
+}
+
+/// As [`stranger`], for a user, and an owner with a mode. The sticky bit of a folder is no help, since it lets others add files.
+#[cfg(unix)]
+fn stranger_of(user: u32, (owner, mode): (u32, u32)) -> Option<String> {
+    if owner != user && owner != 0 {
+        return Some(format!("belongs to user {owner}, and krylux runs as user {user}"));
+    }
+    let others = if mode & 0o002 != 0 { "everybody" } else { "its group" };
+    (mode & 0o022 != 0).then(|| format!("can be written by {others} (`chmod go-w` ends that)"))
 }

@@ -9,9 +9,9 @@ use std::path::{Component, Path, PathBuf, absolute};
 use std::sync::{Mutex, PoisonError};
 
 #[cfg(not(unix))]
-use super::any_system as system;
+use super::system::any_system as system;
 #[cfg(unix)]
-use super::unix as system;
+use super::system::unix as system;
 
 /// The folders below whose top no link is followed, as absolute paths.
 static TOPS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -39,7 +39,7 @@ pub(super) enum Access {
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum FileKind {
     File,
     Folder,
     Link,
@@ -47,7 +47,7 @@ pub(crate) enum Kind {
     Other,
 }
 
-impl Kind {
+impl FileKind {
     pub(super) fn of(kind: fs::FileType) -> Self {
         match kind {
             kind if kind.is_symlink() => Self::Link,
@@ -94,7 +94,7 @@ impl Spot {
     }
 
     /// The kind of file; `None` if there is none. A link that the user named counts as the file that it leads to.
-    pub(super) fn kind(&self) -> io::Result<Option<Kind>> {
+    pub(super) fn kind(&self) -> io::Result<Option<FileKind>> {
         match self.folder.kind(&self.name, !self.is_ours) {
             Ok(kind) => Ok(Some(kind)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
@@ -111,7 +111,7 @@ impl Spot {
         }
         let file = self.folder.open_file(&self.name, access, !self.is_ours)?;
         // It may be another one than a moment ago.
-        Kind::of(file.metadata()?.file_type()).require_file()?;
+        FileKind::of(file.metadata()?.file_type()).require_file()?;
         Ok(file)
     }
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use proptest::prelude::*;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
+use super::system::{any_system, unix};
 use super::*;
 use crate::Error;
 
@@ -137,7 +138,7 @@ proptest! {
                     .and_then(|folder| {
                         let kind = folder.kind(name, false);
                         // Spots open no pipe.
-                        let is_open = !matches!(kind, Ok(Kind::Other)) && folder.open_file(name, $access, false).is_ok();
+                        let is_open = !matches!(kind, Ok(FileKind::Other)) && folder.open_file(name, $access, false).is_ok();
                         Ok((kind.map_err(|error| error.kind()), is_open))
                     })
                     .map_err(|error| error.kind())
@@ -147,7 +148,7 @@ proptest! {
             let trees = [Tree::new(&things)?, Tree::new(&things)?];
             let found = [decide!(unix, trees[0], access), decide!(any_system, trees[1], access)];
             // Only a link in the last place differs: it is opened, and refused by what it is.
-            if !matches!(found[0], Ok((Ok(Kind::Link), _))) {
+            if !matches!(found[0], Ok((Ok(FileKind::Link), _))) {
                 prop_assert_eq!(&found[0], &found[1], "{:?}", trees[0].place(place));
             }
         }
@@ -162,4 +163,24 @@ fn a_path_with_dots_is_the_users() {
     assert_eq!(read_text(&tree.at("run").join("a/../b")).ok().as_deref(), Some(SECRET));
     let refused = read_text(&tree.at("run").join("b")).expect_err("it is a link").to_string();
     assert!(refused.contains("no link is followed") && refused.contains("run/b"), "{refused}");
+}
+
+#[test]
+fn only_the_user_and_root_are_no_strangers() {
+    use rand::{RngExt, SeedableRng};
+    let mut random = rand_pcg::Pcg64::seed_from_u64(1);
+    let mut counts = [0; 2];
+    for _ in 0..20_000 {
+        let users = [0, 1000, 1001, 65534];
+        let [user, owner] = [0; 2].map(|_| users[random.random_range(0..users.len())]);
+        let mode = random.random_range(0..0o10000);
+        // Who can change it: its owner (who can change its mode), and its group and all others, by their bits.
+        let may_write = |who: u32| who == owner || mode & 0o020 != 0 || mode & 0o002 != 0;
+        let is_safe = users.into_iter().filter(|who| ![0, user].contains(who)).all(|who| !may_write(who));
+        assert_eq!(stranger_of(user, (owner, mode)).is_none(), is_safe, "{user} {owner} {mode:o}");
+        counts[usize::from(is_safe)] += 1;
+    }
+    assert!(counts[0] > 1000 && counts[1] > 1000, "{counts:?}");
+    let sudo = stranger_of(0, (1000, 0o644)).expect("under sudo the file is not root's");
+    assert!(sudo.contains("user 1000") && sudo.contains("runs as user 0"), "{sudo}");
 }

@@ -2,12 +2,10 @@
 //! Only [`crate::render`] and the GPU matrix of [`crate::transport`] use these types.
 
 pub(crate) mod buffers;
-mod compiled;
 pub(crate) mod device;
 mod fold;
 #[cfg(test)]
 pub(crate) mod layout;
-pub(crate) mod readback;
 pub mod shader;
 
 pub use device::AdapterSummary;

@@ -12,18 +12,13 @@
 //! [`picture`] reads and writes images in the format that the file's extension selects. All files are written
 //! by [`atomic`]: a file appears completely or not at all. The same content gives the same bytes.
 
-pub mod clock;
 pub mod exr;
-pub(crate) mod first_error;
 pub mod manifest;
 pub mod model;
 pub mod name;
 pub mod npy;
 pub mod picture;
-pub mod png;
 pub mod raster;
 pub mod sparse;
-pub mod srgb;
-pub mod tone;
 
 pub use crate::file::atomic;

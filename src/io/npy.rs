@@ -51,11 +51,7 @@ pub fn write_image(path: &Path, image: &Image) -> Result<()> {
 }
 
 /// Writes the bytes of an `.npy` file to `writer`. The number of `values` must be the product of `shape`.
-pub(super) fn write_array<T: npyz::AutoSerialize>(
-    writer: impl Write,
-    shape: &[usize],
-    values: &[T],
-) -> io::Result<()> {
+fn write_array<T: npyz::AutoSerialize>(writer: impl Write, shape: &[usize], values: &[T]) -> io::Result<()> {
     let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
     let mut array = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape).writer(writer).begin_nd()?;
     for value in values {

@@ -3,9 +3,12 @@
 
 use std::path::Path;
 
-use super::{atomic, exr, npy, png, tone};
+use super::raster::decode_srgb;
+use super::{atomic, exr, npy, raster};
 use crate::error::{Error, Result};
+use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
+use crate::{file, machine};
 
 /// The file formats of images.
 enum Kind {
@@ -25,7 +28,7 @@ pub fn read(path: &Path) -> Result<Image> {
     let image = match kind(path) {
         Some(Kind::Npy) => npy::read_image(path)?,
         Some(Kind::Exr) => exr::read_exr(path, None)?,
-        Some(Kind::Png | Kind::Jpeg) => png::read_png(path)?,
+        Some(Kind::Png | Kind::Jpeg) => read_png(path)?,
         None => return Err(unknown(path)),
     };
     require_finite(path, &image)?;
@@ -62,7 +65,7 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
 /// As [`read`].
 pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     match kind(path) {
-        Some(Kind::Png | Kind::Jpeg) => Ok(vec![png::size(path)?]),
+        Some(Kind::Png | Kind::Jpeg) => Ok(vec![size(path)?]),
         Some(Kind::Exr) => exr::sizes(path),
         Some(Kind::Npy) => Ok(Vec::new()),
         None => Err(unknown(path)),
@@ -70,7 +73,7 @@ pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
 }
 
 /// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing
-/// ([`tone::exposure`], [`tone::develop`]).
+/// ([`raster::exposure`], [`raster::develop`]).
 ///
 /// # Errors
 /// [`Error::Data`] when the file has another extension; [`Error::Write`].
@@ -78,7 +81,7 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
     match kind(path) {
         Some(Kind::Npy) => npy::write_image(path, image),
         Some(Kind::Exr) => exr::write_exr(path, &[("", image)]),
-        Some(Kind::Png) => tone::develop(image, tone::exposure(image)).write_png(path),
+        Some(Kind::Png) => raster::develop(image, raster::exposure(image)).write_png(path),
         Some(Kind::Jpeg) | None => Err(unknown(path)),
     }
 }
@@ -128,4 +131,66 @@ fn unknown(path: &Path) -> Error {
         fault: "its extension is not that of an image format that can be used here".into(),
         help: "name it .npy, .exr or .png (.jpg can be read, but not written)".into(),
     }
+}
+
+/// The largest size of decoded pixels in bytes. It allows a 16-bit RGB picture of 8192² pixels, and keeps a
+/// hostile header from allocating more memory.
+const MAX_BYTES: usize = 512 << 20;
+
+/// Bytes of memory for each decoded byte: an 8-bit sample becomes one of 16 bits, and then one of 32 bits.
+const MEMORY_PER_BYTE: u64 = 8;
+
+/// The size that a PNG or JPEG file states.
+///
+/// # Errors
+/// As [`read_png`].
+pub(super) fn size(path: &Path) -> Result<Resolution> {
+    let bytes = file::read(path)?;
+    let (width, height) = format(path, &bytes)?.size(&bytes).map_err(|fault| no_picture(path, fault))?;
+    Ok(Resolution::new(width as usize, height as usize))
+}
+
+/// The largest size of decoded pixels in bytes on this machine.
+fn max_bytes() -> usize {
+    let most = machine::memory() / 2 / MEMORY_PER_BYTE;
+    MAX_BYTES.min(usize::try_from(most).unwrap_or(MAX_BYTES))
+}
+
+fn format(path: &Path, bytes: &[u8]) -> Result<Format> {
+    let found = Format::of(bytes).filter(|format| !matches!(format, Format::Other(_)));
+    found.ok_or_else(|| no_picture(path, "the file is neither PNG nor JPEG".into()))
+}
+
+fn no_picture(path: &Path, fault: String) -> Error {
+    unusable_picture(path, fault, "give a PNG (8 or 16 bits) or JPEG file")
+}
+
+fn unusable_picture(path: &Path, fault: String, help: &str) -> Error {
+    Error::Data { path: path.to_path_buf(), fault, help: help.into() }
+}
+
+/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The
+/// pattern has one channel if the file is gray, and three otherwise.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a
+/// transparent pixel.
+pub fn read_png(path: &Path) -> Result<Image> {
+    let bytes = file::read(path)?;
+    let picture =
+        format(path, &bytes)?.decode(&bytes, max_bytes()).map_err(|fault| no_picture(path, fault))?;
+    let resolution = Resolution::new(picture.width as usize, picture.height as usize);
+    let (color, alpha, channels) = (picture.has_color(), picture.has_alpha(), picture.channels);
+    let samples = picture.into_sixteen_bits();
+    if alpha && samples.chunks_exact(channels).any(|pixel| pixel[channels - 1] != u16::MAX) {
+        return Err(unusable_picture(
+            path,
+            "some pixels are transparent, which has no meaning in a pattern".into(),
+            "remove the alpha channel",
+        ));
+    }
+    let colors = if color { 3 } else { 1 };
+    let linear = |&sample: &u16| decode_srgb(f32::from(sample) / f32::from(u16::MAX));
+    let samples = samples.chunks_exact(channels).flat_map(|pixel| pixel[..colors].iter().map(linear));
+    Image::new(resolution, colors, samples.collect())
 }

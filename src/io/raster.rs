@@ -1,12 +1,13 @@
 //! Rasters: 8-bit sRGB pictures for viewing, and their PNG files.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use png::{BitDepth, ColorType, Compression, Encoder, Filter};
 
 use super::atomic;
 use crate::error::{Error, Result};
-use crate::image::Resolution;
+use crate::image::{Image, Resolution};
 
 /// The colour of pixels that are NaN: a magenta that no colour map contains.
 pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];
@@ -107,5 +108,130 @@ impl Raster {
     /// As [`Raster::encode_png`], and [`Error::Write`].
     pub fn write_png(&self, path: &Path) -> Result<()> {
         atomic::write_bytes(path, &self.encode_png()?)
+    }
+}
+
+/// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight
+/// does not darken the rest.
+const WHITE_PERCENTILE: f64 = 0.995;
+
+/// The factor that maps the 99.5th percentile of the positive, finite samples to white.
+///
+/// Dark samples are not counted, so that the photo of a single projected pixel has a useful exposure, too.
+/// The factor is 1 for an image without a positive, finite sample.
+pub fn exposure(image: &Image) -> f32 {
+    let lit: Vec<f64> =
+        image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
+    let white = percentile(lit, WHITE_PERCENTILE).unwrap_or(1.0);
+    let scale = (1.0 / white) as f32;
+    if scale.is_finite() && scale > 0.0 { scale } else { 1.0 }
+}
+
+/// Multiplies by `scale`, clips to \[0,1\] and encodes as sRGB. NaN is shown in magenta ([`NOT_A_NUMBER`]).
+pub fn develop(image: &Image, scale: f32) -> Raster {
+    let rgb = image.samples().chunks_exact(image.channels()).map(|pixel| {
+        if pixel.iter().any(|sample| sample.is_nan()) {
+            return NOT_A_NUMBER;
+        }
+        let level = |channel: usize| encode_srgb(pixel[channel.min(pixel.len() - 1)] * scale);
+        [level(0), level(1), level(2)]
+    });
+    Raster::from_pixels(image.resolution(), rgb)
+}
+
+/// The quantile `rank` (in \[0,1\]) of `values` by the nearest-rank method; `None` if there are no values. No
+/// value may be NaN.
+pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
+    let index = ((values.len() as f64 * rank).ceil() as usize).saturating_sub(1);
+    if index >= values.len() {
+        return None;
+    }
+    Some(*values.select_nth_unstable_by(index, f64::total_cmp).1)
+}
+
+/// The number of intervals of the table of first guesses. The encoded value changes by less than one byte per
+/// interval, even where the curve is steepest.
+const GUESSES: usize = 4096;
+
+/// Tables of the encoded bytes. A report shows millions of pixels, and a power function for each channel
+/// would be slow.
+struct Bytes {
+    /// For each byte the least linear value that is encoded as the next byte.
+    next: [f32; 256],
+    /// The byte at the start of each interval.
+    guess: [u8; GUESSES + 1],
+}
+
+static BYTES: LazyLock<Bytes> = LazyLock::new(|| {
+    let mut next = [f32::INFINITY; 256];
+    for (byte, next) in next.iter_mut().take(255).enumerate() {
+        // The search bisects the bit patterns, since positive floats are ordered like their bits.
+        let (mut below, mut above) = (0.0_f32.to_bits(), 1.0_f32.to_bits());
+        while below + 1 < above {
+            let middle = below.midpoint(above);
+            if usize::from(byte_of(f32::from_bits(middle))) > byte { above = middle } else { below = middle }
+        }
+        *next = f32::from_bits(above);
+    }
+    Bytes { next, guess: std::array::from_fn(|step| byte_of(step as f32 / GUESSES as f32)) }
+});
+
+/// The sRGB byte nearest to a linear value, which is clipped to \[0,1\]. NaN gives 0.
+pub fn encode_srgb(linear: f32) -> u8 {
+    let linear = linear.clamp(0.0, 1.0);
+    let byte = BYTES.guess[(linear * GUESSES as f32) as usize];
+    byte + u8::from(linear >= BYTES.next[usize::from(byte)])
+}
+
+/// The same as [`encode_srgb`] without tables, for a value in \[0,1\].
+fn byte_of(linear: f32) -> u8 {
+    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0).round() as u8
+}
+
+/// The linear value of an sRGB-encoded one, both in \[0,1\] (IEC 61966-2-1).
+pub fn decode_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    #[test]
+    fn highlights_do_not_set_the_exposure() {
+        let mut image = Image::filled(Resolution::new(100, 100), 1, 0.25);
+        image.samples_mut()[..20].fill(1000.0);
+        assert_eq!(exposure(&image), 4.0);
+        image.samples_mut()[0] = f32::NAN;
+        assert_eq!(develop(&image, 4.0).pixel(0, 0), NOT_A_NUMBER);
+        assert_eq!(develop(&image, 4.0).pixel(50, 50), [255; 3]);
+    }
+
+    #[test]
+    fn a_single_lit_pixel_is_white_and_a_dark_image_has_exposure_one() {
+        let mut image = Image::filled(Resolution::new(64, 64), 3, 0.0);
+        assert_eq!(exposure(&image), 1.0);
+        image.samples_mut()[5] = 1e-4;
+        approx::assert_relative_eq!(exposure(&image), 1e4);
+    }
+
+    #[test]
+    fn the_tables_give_the_bytes_of_the_curve() {
+        let of_bits = (0..=1.0_f32.to_bits()).step_by(1009).map(f32::from_bits);
+        let steps = (0..=4 * GUESSES).map(|step| step as f32 / (4 * GUESSES) as f32);
+        let least = BYTES.next.into_iter().take(255).flat_map(|next| [next, next.next_down()]);
+        for linear in of_bits.chain(steps).chain(least) {
+            assert_eq!(encode_srgb(linear), byte_of(linear), "{linear}");
+        }
+        assert_eq!([-1.0, 2.0, f32::INFINITY, f32::NAN].map(encode_srgb), [0, 255, 255, 0]);
+    }
+
+    #[test]
+    fn encoding_inverts_decoding_for_every_byte() {
+        for byte in 0..=255_u8 {
+            assert_eq!(encode_srgb(decode_srgb(f32::from(byte) / 255.0)), byte);
+        }
     }
 }

@@ -1,13 +1,14 @@
 //! Creating, resuming and opening journals.
 
 use std::collections::HashMap;
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::file::{Journal, Synced};
 use super::scan::{Damage, scan};
-use super::{Identity, header, lock};
+use super::{Identity, record};
 use crate::error::{Error, Result};
 use crate::file;
 
@@ -89,20 +90,20 @@ impl Journal {
 fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
     file::make_folder(folder)?;
     file::follow_no_links_below(folder);
-    let lock = lock::take(&folder.join(LOCK))?;
+    let lock = take_lock(&folder.join(LOCK))?;
     Ok((folder.join(FILE), lock))
 }
 
 /// Creates a journal file with a header. The file appears under its name only when the header is on disk.
 fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
-    if !header::fits(identity) {
+    if !record::fits_header(identity) {
         return Err(Error::Journal {
             path,
             fault: "its identity is longer than 64 KiB".into(),
             help: "store hashes instead of long values".into(),
         });
     }
-    let header = header::encode(identity);
+    let header = record::encode_header(identity);
     let write = || {
         file::atomic::write_bytes(&path, &header)?;
         let file = file::open_to_change(&path)?;
@@ -139,16 +140,16 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
 fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let length = file.metadata().map_err(Error::reading(&path))?.len();
     let mut start = Vec::new();
-    let read = (&file).take(header::MAX_BYTES as u64).read_to_end(&mut start);
+    let read = (&file).take(record::MAX_HEADER_BYTES as u64).read_to_end(&mut start);
     read.map_err(Error::reading(&path))?;
     let refusal = |fault: String, help: &str| Error::Journal { path: path.clone(), fault, help: help.into() };
-    let (identity, records_at, whole) = match header::read(&start) {
-        header::Header::Known { identity, records_at, whole } => (identity, records_at, whole),
-        header::Header::Later(version) => {
+    let (identity, records_at, whole) = match record::read_header(&start) {
+        record::Header::Known { identity, records_at, whole } => (identity, records_at, whole),
+        record::Header::Later(version) => {
             let fault = format!("its format is {version}, which this version does not support");
             return Err(refusal(fault, "open it with a later version of krylux"));
         }
-        header::Header::Unknown => {
+        record::Header::Unknown => {
             return Err(refusal(
                 "both copies of its header are damaged, or it is not a journal".into(),
                 "name another folder, or restore the file from a backup",
@@ -158,7 +159,7 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     if !whole && lock.is_some() {
         let repair = file
             .seek(SeekFrom::Start(0))
-            .and_then(|_| file.write_all(&header::encode(&identity)))
+            .and_then(|_| file.write_all(&record::encode_header(&identity)))
             .and_then(|()| file.sync_data());
         repair.map_err(Error::writing(&path))?;
     }
@@ -187,4 +188,49 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
         broken: false,
         synced,
     })
+}
+
+/// Takes the journal's lock for this process. The lock is released when the returned file is closed, however
+/// the process ends.
+///
+/// # Errors
+/// [`Error::Journal`] naming the file and the process that holds the lock.
+fn take_lock(path: &Path) -> Result<File> {
+    let unusable = |source: std::io::Error| Error::Journal {
+        path: path.into(),
+        fault: format!("a journal cannot be written here: {source}"),
+        help: "name a folder that can be written, on a file system with locks".into(),
+    };
+    let mut file = file::open_or_make(path).map_err(unusable)?;
+    match lock_with_retries(&file) {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => {
+            let mut holder = String::new();
+            // The process id is needed for the message only, so an error here is ignored.
+            let _ = file.read_to_string(&mut holder);
+            let holder = holder.trim();
+            let who = if holder.is_empty() { "another process".into() } else { format!("process {holder}") };
+            return Err(Error::Journal {
+                path: path.into(),
+                fault: format!("the journal is being written by {who}"),
+                help: "wait until that run has ended, or name another folder".into(),
+            });
+        }
+        Err(TryLockError::Error(source)) => return Err(unusable(source)),
+    }
+    // The process id is for messages only. If the disk is full, writing the journal itself reports that.
+    let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
+    Ok(file)
+}
+
+/// Tries for half a second to take the lock. A lock may outlive its holder for a moment: until the system has
+/// cleaned up after a killed process, or until a forked child process has started its own program.
+fn lock_with_retries(file: &File) -> std::result::Result<(), TryLockError> {
+    for _ in 0..50 {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            taken_or_broken => return taken_or_broken,
+        }
+    }
+    file.try_lock()
 }

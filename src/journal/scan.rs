@@ -175,7 +175,6 @@ pub(super) fn read_at(mut file: &File, at: u64, bytes: &mut [u8]) -> io::Result<
 }
 
 #[cfg(test)]
-#[allow(clippy::panic, reason = "in a test a panic is the report")]
 mod tests {
     use std::io::Write;
 

@@ -1,4 +1,4 @@
-//! What is known of the eigenvalues that a search may have missed.
+//! How a search ends, and which eigenvalues it may have missed.
 //!
 //! A converged eigenvalue says that the matrix has one there. It does not say that there is no other: a Krylov process finds one copy
 //! of a repeated eigenvalue, and nothing that is orthogonal to its start. Three claims are therefore kept apart: the *residual* of each
@@ -9,6 +9,97 @@ use std::fmt;
 use super::powers::scaled;
 use crate::error::{Error, Result};
 use crate::operator::Operator;
+
+/// The cost of a run, and why it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stats {
+    /// The number of products with the operator.
+    pub products: usize,
+    /// Why it ended.
+    pub status: Status,
+}
+
+/// Why a method ended. Displays as a sentence without its full stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// Everything asked for is within the tolerance.
+    ReachedTolerance,
+    /// The budget of products is spent; the result is the best so far.
+    BudgetSpent,
+    /// The subspace is the whole space: every eigenpair is known to rounding, and no product could improve
+    /// it.
+    SpaceExhausted,
+    /// The observer stopped the method; the result is the best so far.
+    Stopped,
+    /// The residual is down to the noise of the products, which is above the tolerance: further steps would
+    /// fit noise.
+    NoiseFloor,
+    /// No vector has a smaller residual: the system has no solution, and this is a least-squares one.
+    LeastSquares,
+    /// No vector inside the box has a smaller residual, as far as the products can tell.
+    ConstrainedOptimum,
+    /// The iterate no longer moves.
+    Stalled,
+    /// The products are not those of a symmetric operator, and the method needs one; the result is the best
+    /// before the asymmetry was found.
+    NotSymmetric,
+    /// The method cannot continue, for this reason; the result is the best so far.
+    Breakdown(&'static str),
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::ReachedTolerance => "reached the tolerance",
+            Self::BudgetSpent => "budget spent before everything reached the tolerance",
+            Self::SpaceExhausted => "the whole space is explored; the answer is exact to rounding",
+            Self::Stopped => "stopped by the caller",
+            Self::NoiseFloor => "residual at the noise floor",
+            Self::LeastSquares => "no smaller residual exists: a least-squares solution",
+            Self::ConstrainedOptimum => "no smaller residual exists inside the box",
+            Self::Stalled => "the iterate no longer moves",
+            Self::NotSymmetric => "operator is not symmetric",
+            Self::Breakdown(reason) => return write!(f, "breakdown: {reason}"),
+        })
+    }
+}
+
+/// Lets a search end within noise only after further steps have found nothing more.
+///
+/// The noise of the first products may hide an eigenvector, along which a random start has a component of about `1/√n` only. All residuals are then
+/// within the noise although one of the largest eigenvalues is missing. Further steps in effect start from the noise, which is a random direction.
+/// Let the missing eigenvalue exceed the last wanted one by the share `ε`. Each step multiplies the component along its eigenvector by about
+/// `exp(2√ε)`, relative to the others (the growth of Chebyshev polynomials: Kuczyński and Woźniakowski, doi:10.1137/0613066). `½ ln n` steps raise
+/// `1/√n` to 1 for `ε = ¼`. An eigenvalue that is nearer to the last wanted one may still be missed.
+#[derive(Debug)]
+pub(super) struct FurtherSteps {
+    /// The number of further steps.
+    steps: usize,
+    /// How many times in a row the end has been put off.
+    put_off: usize,
+}
+
+impl FurtherSteps {
+    /// For vectors of `n` entries.
+    pub(super) fn new(n: usize) -> Self {
+        let steps = (0.5 * (n.max(1) as f64).ln()).ceil();
+        // Exact: at most 23, for the largest integer.
+        Self { steps: steps as usize, put_off: 0 }
+    }
+
+    /// The status with which the search ends after this step, given the status that the residuals have reached: an end within noise is put off.
+    pub(super) fn end(&mut self, reached: Option<Status>) -> Option<Status> {
+        if reached != Some(Status::NoiseFloor) {
+            self.put_off = 0;
+            return reached;
+        }
+        if self.put_off == self.steps {
+            return reached;
+        }
+        self.put_off += 1;
+        None
+    }
+}
 
 /// How a search is confirmed: a Gaussian vector, orthogonal to all eigenvectors that were found, starts another Lanczos process. If
 /// an eigenvalue beyond the last one found was missed, that process finds one, too, except with a small chance.
@@ -178,6 +269,26 @@ impl fmt::Display for Completeness {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_end_within_noise_waits_for_half_the_logarithm_of_the_size() {
+        let mut confirmation = FurtherSteps::new(576);
+        // ½ ln 576 is 3.2.
+        for _ in 0..4 {
+            assert_eq!(confirmation.end(Some(Status::NoiseFloor)), None);
+        }
+        assert_eq!(confirmation.end(Some(Status::NoiseFloor)), Some(Status::NoiseFloor));
+    }
+
+    #[test]
+    fn a_residual_above_the_noise_starts_it_anew_and_a_tolerance_needs_none() {
+        let mut confirmation = FurtherSteps::new(9);
+        assert_eq!(confirmation.end(Some(Status::NoiseFloor)), None);
+        assert_eq!(confirmation.end(Some(Status::NoiseFloor)), None);
+        assert_eq!(confirmation.end(None), None);
+        assert_eq!(confirmation.end(Some(Status::NoiseFloor)), None);
+        assert_eq!(confirmation.end(Some(Status::ReachedTolerance)), Some(Status::ReachedTolerance));
+    }
 
     #[test]
     fn the_number_of_products_is_that_of_the_bound() {

@@ -6,6 +6,7 @@
 //! Each kernel is compiled twice, once for registers of four numbers (AVX2), and the processor decides. Products and
 //! sums are rounded separately in both, so that the bits are the same. Whatever is done with a column while it is in
 //! the cache takes half the time so, and hides behind the memory.
+
 #![allow(
     unsafe_code,
     reason = "instructions that not every processor has are called where this one has them"

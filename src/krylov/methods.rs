@@ -1,6 +1,7 @@
 //! All methods for `A x = b` as a table, and one call for any of them.
 
 use super::boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi};
+use super::linear::system::square;
 use super::linear::{
     BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Solution, SolveOptions, Solver, solve_from,
 };
@@ -144,7 +145,7 @@ impl Method {
     /// is for square systems.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
-            super::linear::system::square(b.len(), cols)?;
+            square(b.len(), cols)?;
         }
         Ok(match self {
             Self::Minres => Box::new(Minres::new(b, options)?),

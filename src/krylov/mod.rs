@@ -29,38 +29,32 @@
 mod basis;
 mod boxed;
 mod completeness;
-mod confirmation;
 mod eigen;
 mod estimators;
 mod factor;
-mod inexact;
 mod kernels;
 mod linear;
 mod methods;
-mod orthogonalize;
 mod powers;
 mod precondition;
 mod singular;
 mod start;
-mod stats;
 mod sweeps;
-mod vectors;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
-pub use completeness::{Completeness, Confirm, Confirmed, confirming};
+pub use completeness::{Completeness, Confirm, Confirmed, Stats, Status, confirming};
 pub use eigen::{
     Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,
 };
 pub use estimators::{
-    DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
-    diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
+    DiagonalEstimate, Estimate, LowRankOptions, RandomizedSvd, diagonal, hutch_plus_plus, hutchinson,
+    randomized_svd,
 };
 pub use factor::{
     Arnoldi, BlockLanczos, Expansion, Factorization, Filter, Lanczos, PairStatus, RitzPair, Step, Which,
     temple_kato,
 };
-pub use inexact::{Relaxation, relaxed_noise};
 pub use linear::{
     Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveOptions,
     SolveRow, Solver, Tally, solve_from,
@@ -69,4 +63,3 @@ pub use methods::{Constraint, METHODS, Method, MethodFacts, solve, solve_adjoint
 pub use precondition::{Diagonal, Multiscale, Preconditioner, UserPreconditioner};
 pub use singular::{Singular, SingularOptions, confirm_singular, singular};
 pub use start::Start;
-pub use stats::{Stats, Status};

@@ -156,8 +156,8 @@ fn with_norm(mut sums: Vec<f64>, w: &[f64]) -> (Vec<f64>, f64) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::basis::norm;
     use super::*;
+    use crate::krylov::basis::norm;
 
     fn ramp(length: usize, step: f64) -> Vec<f64> {
         (0..length).map(|i| ((i as f64) * step).sin()).collect()

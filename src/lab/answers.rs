@@ -1,17 +1,14 @@
 //! What can be saved: the answers of the Krylov methods and of the analyses, as a run's folder holds them.
 
-use super::{Answer, Lab, RunFolder, SourceKind};
-use crate::analysis::audit::Audit;
+use super::{Answer, Lab, RunFolder};
+use crate::bench::audit::Audit;
 use crate::error::Result;
 use crate::finding::Finding;
-use crate::krylov::{Eigs, Singular};
 use crate::report;
-use crate::report::eigenpairs::Eigenpairs;
 use crate::report::probing::ProbedLight;
 use crate::report::relighting::Relighting;
 use crate::report::run::Run;
 use crate::report::separation::Separated;
-use crate::report::singular::SingularTriplets;
 use crate::report::solution::Solved;
 
 impl Answer for Audit {
@@ -38,98 +35,6 @@ impl Answer for Audit {
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         report::audit::write(self, &lab.page("audit", run, seconds))
-    }
-}
-
-impl Answer for Eigenpairs<'_> {
-    fn verb(&self) -> &'static str {
-        "eigs"
-    }
-
-    fn photos(&self) -> usize {
-        self.found.stats.products
-    }
-
-    fn sentence(&self) -> String {
-        format!("{} photos: {}", self.found.stats.products, self.found.stats.status)
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        Self::findings(self)
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let run = lab.page("eigenpairs", run, seconds);
-        let has_pictures = lab.kind() != SourceKind::Matrix;
-        Self::write(self, &Run { strip: run.strip.filter(|_| has_pictures), ..run })
-    }
-}
-
-impl Answer for Eigs {
-    fn verb(&self) -> &'static str {
-        "eigs"
-    }
-
-    fn photos(&self) -> usize {
-        self.stats.products
-    }
-
-    fn sentence(&self) -> String {
-        Eigenpairs::new(self, self.values.len()).sentence()
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        Eigenpairs::new(self, self.values.len()).findings()
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        Answer::write(&Eigenpairs::new(self, self.values.len()), lab, run, seconds)
-    }
-}
-
-impl Answer for SingularTriplets<'_> {
-    fn verb(&self) -> &'static str {
-        "eigs"
-    }
-
-    fn photos(&self) -> usize {
-        self.found.stats.products
-    }
-
-    fn sentence(&self) -> String {
-        format!("{} photos there and back: {}", self.found.stats.products, self.found.stats.status)
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        Self::findings(self)
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let sizes = [lab.resolution(), lab.projector_resolution()];
-        let has_pictures = lab.kind() != SourceKind::Matrix;
-        Self::write(self, &lab.page("singular values", run, seconds), has_pictures.then_some(sizes))
-    }
-}
-
-impl Answer for Singular {
-    fn verb(&self) -> &'static str {
-        "eigs"
-    }
-
-    fn photos(&self) -> usize {
-        self.stats.products
-    }
-
-    fn sentence(&self) -> String {
-        SingularTriplets { found: self, wanted: self.values.len() }.sentence()
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        SingularTriplets { found: self, wanted: self.values.len() }.findings()
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        Answer::write(&SingularTriplets { found: self, wanted: self.values.len() }, lab, run, seconds)
     }
 }
 

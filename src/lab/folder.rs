@@ -9,7 +9,7 @@ use super::layout::{ANSWER, CALIBRATION, JOURNAL, RECORD, REPORT, journal_folder
 use super::replaced::{MOVING, Replaced, is_file_name, is_name, move_all};
 use super::{Log, SharedObserver};
 use crate::error::{Error, Result};
-use crate::file::{self, Kind};
+use crate::file::{self, FileKind};
 use crate::io::manifest::Status;
 use crate::io::model;
 use crate::journal::Journal;
@@ -295,15 +295,15 @@ fn require_plain_files(folder: &Path) -> Result<()> {
         let is_ours = [JOURNAL, CALIBRATION, ANSWER, model::FOLDER].contains(&&*name)
             || is_name(name.strip_suffix(MOVING).unwrap_or(&name));
         let what = match kind {
-            Kind::File => continue,
-            Kind::Folder if is_ours => {
+            FileKind::File => continue,
+            FileKind::Folder if is_ours => {
                 require_plain_files(&path)?;
                 continue;
             }
-            Kind::Folder => continue,
-            Kind::Link if path.is_dir() && !is_ours => continue,
-            Kind::Link => "a link",
-            Kind::Other => "a device or a pipe",
+            FileKind::Folder => continue,
+            FileKind::Link if path.is_dir() && !is_ours => continue,
+            FileKind::Link => "a link",
+            FileKind::Other => "a device or a pipe",
         };
         return Err(Error::Option {
             option: "-o".into(),

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::io::srgb::decode_srgb;
+use crate::io::raster::decode_srgb;
 use crate::scene::{AlphaMode, Scene, SurfacePoint, Texture, TextureRef, Wrap, first_hits};
 
 /// Rays for each pixel along each axis.

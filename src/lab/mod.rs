@@ -47,8 +47,6 @@ mod settings;
 mod source;
 #[cfg(test)]
 mod tests_of_rigs;
-#[cfg(test)]
-mod tests_of_verification;
 mod through_rig;
 mod traced;
 mod transport;
@@ -84,11 +82,9 @@ use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::report::contact_sheet::ContactSheet;
-pub use crate::report::eigenpairs::Eigenpairs;
 pub use crate::report::probing::ProbedLight;
 pub use crate::report::relighting::Relighting;
 pub use crate::report::separation::Separated;
-pub use crate::report::singular::SingularTriplets;
 pub use crate::report::solution::Solved;
 pub use crate::report::text;
 use crate::scene::Scene;
@@ -281,6 +277,16 @@ impl Lab {
     /// The standard deviation in pixels of the blur that patterns and photos of a rig need, whose camera has too few pixels; 0 for none.
     pub(crate) fn blur(&self) -> f64 {
         self.source.blur()
+    }
+
+    /// Whether photos are answered by a model of an earlier run's photos.
+    pub(crate) fn is_model(&mut self) -> Result<bool> {
+        Ok(lock::lock(self.transport()?).is_model())
+    }
+
+    /// Adds what an answer's photos say of the rig.
+    pub(crate) fn add_findings(&mut self, more: impl IntoIterator<Item = Finding>) {
+        crate::finding::merge(&mut self.findings, more);
     }
 
     fn scene_source(&self) -> Result<&SceneSource> {

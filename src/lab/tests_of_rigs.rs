@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use crate::analysis::audit::AuditOptions;
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, adjusted_rand_index};
+use crate::bench::audit::AuditOptions;
 use crate::error::Result;
 use crate::finding::Grade;
 use crate::image::Image;

@@ -16,7 +16,7 @@ impl Lab {
     /// ```
     /// use krylux::lab::Lab;
     /// use krylux::measure::RigFile;
-    /// use krylux::measure::calibrate::CalibrateOptions;
+    /// use krylux::calibrate::CalibrateOptions;
     ///
     /// # fn main() -> krylux::Result<()> {
     /// let mut exact = Lab::builder("assets/scenes/corner/scene.glb").size(32, 32).open()?;

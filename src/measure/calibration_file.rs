@@ -16,7 +16,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::flat_field::FlatField;
+use super::calibration::FlatField;
 use super::lens_map::LensMap;
 use super::{Calibration, CameraResponse, Registration, Stability};
 use crate::error::{Error, Result};

@@ -18,15 +18,12 @@
 
 use std::sync::Arc;
 
-use super::ambient::BlackPhotos;
-use super::blur_doubt::{BlurDoubt, wider};
 use super::calibration::Registration;
-use super::direct_fit::{DirectFit, without_mean};
-use super::hdr::RateFrame;
-use super::photo::Plane;
+use super::direct_fit::{BlurDoubt, DirectFit, wider, without_mean};
+use super::hdr::{BlackPhotos, RateFrame};
+use super::photos::Plane;
 use super::registration::combine;
-use super::rows::{Entry, merged};
-use super::spread::Spread;
+use super::spread::{Entry, Spread, merged};
 use crate::image::Blur;
 
 /// The widest blur that is considered, in pixels, as a standard deviation. It must be narrower than the squares.
@@ -50,7 +47,7 @@ const STEPS: [usize; 2] = [4, 12];
 
 /// Direct light: `y = S (d ∘ K x)` for each of the camera's channels.
 #[derive(Clone, Debug)]
-pub(super) struct DirectLight {
+pub(crate) struct DirectLight {
     /// `d` and its variance for each of the camera's channels.
     planes: Vec<Plane>,
     /// What is not known of the blur.
@@ -63,7 +60,7 @@ pub(super) struct DirectLight {
 
 impl DirectLight {
     /// The direct light of one channel under a pattern, with its variance.
-    pub(super) fn under(&self, channel: usize, pattern: &[f64]) -> Plane {
+    pub(crate) fn under(&self, channel: usize, pattern: &[f64]) -> Plane {
         let Plane { values, variance } = &self.planes[channel];
         let blurred = self.blur.as_ref().map(|blur| blur.apply(pattern));
         let light = blurred.as_deref().unwrap_or(pattern);
@@ -80,7 +77,7 @@ impl DirectLight {
     }
 
     /// The standard error of `zᵀ S (d ∘ K x)` for one channel.
-    pub(super) fn error_of_form(&self, channel: usize, z: &[f64], x: &[f64]) -> f64 {
+    pub(crate) fn error_of_form(&self, channel: usize, z: &[f64], x: &[f64]) -> f64 {
         let blurred = |x: &[f64]| self.blur.as_ref().map_or_else(|| x.to_vec(), |blur| blur.apply(x));
         let back = self.spread.as_ref().map_or_else(|| z.to_vec(), |spread| spread.apply_transposed(z));
         let light = blurred(x);
@@ -98,7 +95,7 @@ impl DirectLight {
 
     /// Row `pixel` of the matrix of one channel: columns in ascending order, and their weights. Weights below [`SMALLEST`] of the largest are
     /// left out.
-    pub(super) fn row(&self, channel: usize, pixel: usize) -> Vec<Entry> {
+    pub(crate) fn row(&self, channel: usize, pixel: usize) -> Vec<Entry> {
         let direct = &self.planes[channel].values;
         let own = [(pixel as u32, 1.0)];
         let seen = self.spread.as_ref().map_or(&own[..], |spread| spread.row(pixel));
@@ -120,20 +117,20 @@ impl DirectLight {
 }
 
 /// The photos of the patterns for direct light.
-pub(super) struct DirectPhotos<'a> {
+pub(crate) struct DirectPhotos<'a> {
     /// Which camera pixels see which projector pixel.
-    pub(super) registration: &'a Registration,
+    pub(crate) registration: &'a Registration,
     /// The photos, one for each pattern.
-    pub(super) rate_frames: &'a [&'a RateFrame],
+    pub(crate) rate_frames: &'a [&'a RateFrame],
     /// The patterns that were shown, for each of the camera's channels.
-    pub(super) shown: &'a [Vec<Vec<f64>>],
+    pub(crate) shown: &'a [Vec<Vec<f64>>],
     /// The black photo.
-    pub(super) blacks: &'a BlackPhotos,
+    pub(crate) blacks: &'a BlackPhotos,
 }
 
 impl DirectPhotos<'_> {
     /// Fits the direct light of all channels.
-    pub(super) fn fit(&self) -> DirectLight {
+    pub(crate) fn fit(&self) -> DirectLight {
         let spread =
             self.registration.lens.as_ref().map(|lens| Arc::new(Spread::new(self.registration, lens)));
         let channels = self.shown.len();

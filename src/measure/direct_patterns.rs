@@ -1,12 +1,11 @@
 //! The patterns from whose photos direct light is fitted.
 //!
 //! A blur keeps the shape of a checkerboard of two pixels: it is an eigenvector of every blur, away from the raster's border, and its lower contrast looks the
-//! same as less direct light. [Codes](super::codes) hold all frequencies, so that their photos tell the blur, and tell light of near pixels
+//! same as less direct light. [Codes](code_patterns) hold all frequencies, so that their photos tell the blur, and tell light of near pixels
 //! from the pixel's own. Their patterns change from pixel to pixel, which the camera must resolve. Where it does not, or where the spread of its pixels is not
 //! known, squares of four pixels serve, whose edges show the blur.
 
 use super::calibration::Registration;
-use super::codes;
 use crate::image::Resolution;
 
 /// With so many camera pixels for each of the projector's, the camera resolves single pixels.
@@ -17,7 +16,7 @@ const CODES: usize = 8;
 
 /// A set of patterns for direct light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum DirectPatterns {
+pub(crate) enum DirectPatterns {
     /// Near pixels are lit by different codes.
     Codes,
     /// A checkerboard of squares with this side, shifted step by step.
@@ -26,15 +25,15 @@ pub(super) enum DirectPatterns {
 
 impl DirectPatterns {
     /// What suits a pixel map. Runs by calibrations that know no map of the lens were taken with squares of four pixels, and can still be asked.
-    pub(super) fn of(registration: &Registration) -> Self {
+    pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
     }
 
     /// The patterns. Each pixel is lit in about half of them. Pixels that are not `lit` stay dark.
-    pub(super) fn shown(self, resolution: Resolution, lit: &[bool]) -> Vec<Vec<f64>> {
+    pub(crate) fn shown(self, resolution: Resolution, lit: &[bool]) -> Vec<Vec<f64>> {
         let mut shown = match self {
-            Self::Codes => codes::patterns(resolution, CODES).collect(),
+            Self::Codes => code_patterns(resolution, CODES).collect(),
             Self::Squares(side) => squares(resolution, side),
         };
         for pattern in &mut shown {
@@ -62,6 +61,41 @@ fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
         .flat_map(|down| shifts(2 * side).map(move |right| (right, down)))
         .map(|(x, y)| pattern(x, y))
         .collect()
+}
+
+// Codes: patterns in which each pixel is lit in half of the photos, near pixels by different codes.
+//
+// The photos in which a pixel is lit are its code, a row of a Hadamard matrix. Two different codes are orthogonal, so that light from a pixel with
+// another code cancels exactly in the correlation of the photos with the pixel's own code. Pixels with the same code are about `√photos` pixels apart. In
+// every second row of the picture the codes are inverted, so that even global light from pixels with the same code cancels, too.
+
+/// The patterns of so many `photos`, a power of two from 4 on: 1 where a pixel is lit, 0 elsewhere; each of `n` values.
+pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Item = Vec<f64>> {
+    let step = step(photos - 1);
+    (0..photos).map(move |photo| {
+        let lit = |pixel: usize| {
+            let (x, y) = (pixel % resolution.width, pixel / resolution.width);
+            let code = (x + step * y) % (photos - 1) + 1;
+            // The entry of Sylvester's Hadamard matrix is −1 where an odd number of bits is set in both indices.
+            let signs = (code & photo).count_ones() + y as u32 % 2;
+            f64::from(u8::from(signs.is_multiple_of(2)))
+        };
+        (0..resolution.pixels()).map(lit).collect()
+    })
+}
+
+/// The difference between the codes of a pixel and of the pixel below it, for which pixels with the same code are farthest from each other. There are
+/// so many `codes`, which are numbered along each row of the picture.
+fn step(codes: usize) -> usize {
+    let nearest = |step: usize| {
+        let below = |y: usize| {
+            let x = step * y % codes;
+            (x.min(codes - x)).pow(2) + y * y
+        };
+        (1..=codes.isqrt() + 1).map(below).min().unwrap_or(0).min(codes * codes)
+    };
+    // Of equally good ones, the smallest.
+    (1..codes).rev().max_by_key(|&step| nearest(step)).unwrap_or(1)
 }
 
 #[cfg(test)]
@@ -106,5 +140,40 @@ mod tests {
         // The neighbours of a pixel on both sides of a square of two differ, and cancel.
         assert!(reshaped(DirectPatterns::Squares(2)) < 1e-20, "rounding");
         assert!(reshaped(DirectPatterns::Codes) > 0.1);
+    }
+
+    #[test]
+    fn pixels_of_the_same_code_are_about_the_root_of_their_number_apart() {
+        for codes in [7, 15, 31] {
+            let step = step(codes);
+            let offsets = (0..codes)
+                .flat_map(|y| (0..2 * codes - 1).map(move |x| [x as i64 - codes as i64 + 1, y as i64]));
+            let same = offsets
+                .filter(|&[x, y]| [x, y] != [0, 0] && (x + step as i64 * y).rem_euclid(codes as i64) == 0);
+            let nearest = same.map(|[x, y]| x * x + y * y).min().unwrap_or(0);
+            // A square lattice with one point in so many pixels has its nearest points at the root of that number.
+            assert!(nearest as f64 >= 0.7 * codes as f64, "{codes}: {nearest}");
+        }
+    }
+
+    #[test]
+    fn each_pixel_is_lit_in_half_of_the_photos_and_by_no_code_of_a_neighbour() {
+        let resolution = Resolution::new(9, 7);
+        for photos in [8_usize, 16] {
+            let shown: Vec<Vec<f64>> = code_patterns(resolution, photos).collect();
+            let along = |a: usize, b: usize| -> f64 {
+                shown.iter().map(|pattern| (pattern[a] - 0.5) * (pattern[b] - 0.5)).sum()
+            };
+            for pixel in 0..63 {
+                assert_eq!(shown.iter().map(|pattern| pattern[pixel]).sum::<f64>(), photos as f64 / 2.0);
+                assert_eq!(along(pixel, pixel), photos as f64 / 4.0);
+                if pixel % 9 < 8 {
+                    assert_eq!(along(pixel, pixel + 1), 0.0, "the pixel to the right");
+                }
+                if pixel / 9 < 6 {
+                    assert_eq!(along(pixel, pixel + 9), 0.0, "the pixel below");
+                }
+            }
+        }
     }
 }

@@ -31,7 +31,7 @@ use crate::transport::Part;
 
 /// The conversion of patterns to a projector's frames.
 #[derive(Clone, Debug)]
-pub(super) struct Display {
+pub(crate) struct Display {
     resolution: Resolution,
     /// The response of each channel.
     curves: Vec<ProjectorCurve>,
@@ -42,16 +42,16 @@ pub(super) struct Display {
 
 /// A frame, and the pattern of light that it shows.
 #[derive(Clone, Debug)]
-pub(super) struct Displayed {
-    pub(super) frame: Arc<Frame>,
+pub(crate) struct Displayed {
+    pub(crate) frame: Arc<Frame>,
     /// The pattern that is shown, from 0 to 1: one plane per channel of the projector.
-    pub(super) light: Vec<Vec<f64>>,
+    pub(crate) light: Vec<Vec<f64>>,
 }
 
 impl Display {
     /// The display of a projector with these response curves. `undo` corrects the response; `seed` is that of
     /// random dither.
-    pub(super) fn new(
+    pub(crate) fn new(
         projector: &ProjectorInfo,
         curves: &[Vec<f64>],
         undo: bool,
@@ -71,13 +71,13 @@ impl Display {
     }
 
     /// The widest step between two successive levels in any channel.
-    pub(super) fn widest_step(&self) -> f64 {
+    pub(crate) fn widest_step(&self) -> f64 {
         self.curves.iter().map(|curve| curve.widest).fold(0.0, f64::max)
     }
 
     /// The frame that shows `target` as well as the levels allow, for a product with `part`. `target` has one
     /// plane for all channels, or one plane per channel.
-    pub(super) fn show(&self, target: &[Vec<f64>], part: Part) -> Result<Displayed> {
+    pub(crate) fn show(&self, target: &[Vec<f64>], part: Part) -> Result<Displayed> {
         let dither = match (self.dither, part) {
             (DitherBy::Auto, Part::Global) => DitherBy::Diffusion,
             (DitherBy::Auto, Part::Full | Part::Direct) => DitherBy::None,
@@ -91,12 +91,12 @@ impl Display {
     }
 
     /// The frame that shows at each pixel the brightest level that is not brighter than `target`.
-    pub(super) fn show_below(&self, target: &[Vec<f64>]) -> Result<Displayed> {
+    pub(crate) fn show_below(&self, target: &[Vec<f64>]) -> Result<Displayed> {
         self.quantize(target, |curve, plane| plane.iter().map(|&light| curve.below(light)).collect())
     }
 
     /// A frame, and the light that it shows.
-    pub(super) fn of_frame(&self, frame: &Arc<Frame>) -> Displayed {
+    pub(crate) fn of_frame(&self, frame: &Arc<Frame>) -> Displayed {
         let channels = self.curves.len();
         let plane = |(channel, curve): (usize, &ProjectorCurve)| {
             frame.levels().iter().skip(channel).step_by(channels).map(|&level| curve.light(level)).collect()
@@ -168,7 +168,7 @@ impl Display {
 impl Displayed {
     /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the
     /// mean of the projector's channels where the numbers of channels differ.
-    pub(super) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
+    pub(crate) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
         if self.light.len() == channels || self.light.len() == 1 {
             return self.light[channel.min(self.light.len() - 1)].clone();
         }
@@ -177,6 +177,84 @@ impl Displayed {
             .map(|pixel| self.light.iter().map(|plane| plane[pixel]).sum::<f64>() * share)
             .collect()
     }
+}
+
+// The bit-plane stage: a pattern of more levels than the projector has, as a weighted sum of several frames
+// (O'Toole and Kutulakos, section 7.2).
+//
+// Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between
+// levels. The first of `K` frames has weight `w = 1/(1+δ)` and shows the level below `x / w`. The remainder
+// is at most `w δ` at every pixel, and is a pattern of that range for the next frame. The last frame shows
+// the nearest level. For a projector of one bit these are the binary digits, with weights ½, ¼, …. The error
+// falls by `δ/(1+δ)` with each frame.
+//
+// The noise is that of `Σ w_k photo_k`. Each photo has the full read noise of the camera, whatever its
+// weight. With `K` exposures of `t/K` seconds instead of one of `t`, the standard deviation due to read
+// noise grows by the factor `K √Σ w_k²` ([`bit_plane_amplification`]). In little light, more frames can therefore be
+// worse than fewer.
+
+/// A frame and its weight in the sum.
+#[derive(Clone, Debug)]
+pub(crate) struct BitPlane {
+    pub(crate) weight: f64,
+    pub(crate) displayed: Displayed,
+}
+
+/// The bit_plane_weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to
+/// 1).
+pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
+    let mut range = 1.0;
+    let mut bit_plane_weights: Vec<f64> = (1..count)
+        .map(|_| {
+            let weight = range / (1.0 + step);
+            range = weight * step;
+            weight
+        })
+        .collect();
+    bit_plane_weights.push(range);
+    bit_plane_weights
+}
+
+/// The factor by which the standard deviation grows when one photo is divided into frames of these bit_plane_weights,
+/// at equal total exposure and with read noise alone.
+pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
+    bit_plane_weights.len() as f64
+        * bit_plane_weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
+}
+
+/// Decomposes the pattern `target` into `count` frames. It has one plane for all channels, or one plane per
+/// channel. Frames without light are left out.
+pub(crate) fn decompose(
+    display: &Display,
+    target: &[Vec<f64>],
+    part: Part,
+    count: u32,
+) -> Result<Vec<BitPlane>> {
+    let mut left = target.to_vec();
+    let bit_plane_weights = bit_plane_weights(count, display.widest_step());
+    let mut planes = Vec::with_capacity(bit_plane_weights.len());
+    for (index, &weight) in bit_plane_weights.iter().enumerate() {
+        let scaled: Vec<Vec<f64>> =
+            left.iter().map(|plane| plane.iter().map(|light| light / weight).collect()).collect();
+        let last = index + 1 == bit_plane_weights.len();
+        let displayed = if last { display.show(&scaled, part)? } else { display.show_below(&scaled)? };
+        if !last {
+            // Channels with different response curves leave different remainders.
+            left = displayed
+                .light
+                .iter()
+                .enumerate()
+                .map(|(channel, shown)| {
+                    let target = &left[channel.min(left.len() - 1)];
+                    target.iter().zip(shown).map(|(target, shown)| target - weight * shown).collect()
+                })
+                .collect();
+        }
+        if displayed.frame.levels().iter().any(|&level| level > 0) {
+            planes.push(BitPlane { weight, displayed });
+        }
+    }
+    Ok(planes)
 }
 
 #[cfg(test)]

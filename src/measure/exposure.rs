@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
-use super::averaging::{AveragedExposure, average};
 use super::frame_source::FrameSource;
+use super::hdr::{AveragedExposure, average};
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
@@ -37,7 +37,7 @@ const TEST_PHOTOS: usize = 24;
 
 /// Chooses up to `brackets` exposures in seconds, the shortest first. Only the camera pixels that are `used`
 /// count.
-pub(super) fn choose(
+pub(crate) fn choose(
     frames: &mut dyn FrameSource,
     curve: &CameraCurve,
     white: &Arc<Frame>,

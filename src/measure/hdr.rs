@@ -1,26 +1,148 @@
-//! The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and
-//! Kutulakos, section 7.2).
-//!
-//! Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, where `L_e` is the light of the
-//! photo and `B_e` that of the black photo. The merged rate is
-//!
-//! ```text
-//! R = Σ w_e R_e,   w_e ∝ t_e² / var L_e,   Σ w_e = 1
-//! ```
-//!
-//! The variance is that of the *expected* count `B_e + R t_e`, which follows from the merged rate, and not
-//! that of the measured sample. With the measured sample, a sample that is low by chance would have a lower
-//! variance and so a greater weight, and the result would be low by about one DN. Weights by the merged rate
-//! have no bias to first order: `w_e var R_e` is the same for all exposures, so the merged rate is equally
-//! correlated with all of them, and the changes of the weights add up to 0.
-//!
-//! Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter
-//! either, because only the low ones lie below saturation. The shorter exposures decide what is expected.
+//! The averaging stage: the mean of repeated takes of one frame, in linear light.
 
-use super::averaging::AveragedExposure;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::frame_source::{CaptureRequest, FrameSource};
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::rig::Frame;
+
+/// The mean of several takes at one exposure. Values are samples of the camera, interleaved as in
+/// [`crate::rig::RawFrame`].
+#[derive(Clone, Debug)]
+pub(crate) struct AveragedExposure {
+    /// The exposure of one take, in seconds.
+    pub(crate) exposure: f64,
+    /// When the first take began, in seconds on the rig's clock.
+    pub(crate) started: f64,
+    /// The number of takes.
+    pub(crate) takes: u32,
+    /// The mean, in linear DN.
+    pub(crate) mean: Vec<f64>,
+    /// The variance that rounding to counts adds to one take, in linear DN².
+    pub(crate) rounding: Vec<f64>,
+    /// The variance of one take, from the differences between the takes, in linear DN². 0 where there is one take.
+    pub(crate) scatter: Vec<f64>,
+    /// Which samples were saturated in at least one take. Their mean has no meaning.
+    pub(crate) saturated: Vec<bool>,
+}
+
+/// Captures `frame` at `exposure` seconds once for each number in `takes`, and averages.
+pub(crate) fn average(
+    frames: &mut dyn FrameSource,
+    curve: &CameraCurve,
+    frame: &Arc<Frame>,
+    exposure: f64,
+    takes: Range<u32>,
+) -> Result<AveragedExposure> {
+    let samples = frames.camera().resolution.pixels() * frames.camera().channels;
+    let count = takes.end - takes.start;
+    let mut sum = AveragedExposure {
+        exposure,
+        started: 0.0,
+        takes: count,
+        mean: vec![0.0; samples],
+        rounding: vec![0.0; samples],
+        scatter: vec![0.0; samples],
+        saturated: vec![false; samples],
+    };
+    for take in takes.clone() {
+        let raw = frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })?;
+        raw.check()?;
+        if raw.counts.len() != samples {
+            return Err(Error::Dimension {
+                what: "counts of a camera's frame",
+                expected: samples.to_string(),
+                found: raw.counts.len().to_string(),
+            });
+        }
+        if take == takes.start {
+            (sum.started, sum.exposure) = (raw.started, raw.exposure);
+        }
+        // The sums of squared differences to the mean so far (Welford 1962).
+        let before = f64::from(take - takes.start);
+        for (sample, &count) in raw.counts.iter().enumerate() {
+            let light = curve.linear(count);
+            if before > 0.0 {
+                let off = light - sum.mean[sample] / before;
+                sum.scatter[sample] += off * off * before / (before + 1.0);
+            }
+            sum.mean[sample] += light;
+            sum.rounding[sample] += curve.rounding(count);
+            sum.saturated[sample] |= curve.is_saturated(count);
+        }
+    }
+    let share = 1.0 / f64::from(count);
+    for value in sum.mean.iter_mut().chain(&mut sum.rounding) {
+        *value *= share;
+    }
+    sum.scatter.iter_mut().for_each(|squares| *squares /= f64::from(count.max(2) - 1));
+    Ok(sum)
+}
+
+impl AveragedExposure {
+    /// The variance of the mean, in linear DN², where the expected value is `expected`.
+    pub(crate) fn variance(&self, curve: &CameraCurve, sample: usize, expected: f64) -> f64 {
+        curve.variance(expected, self.rounding[sample]) / f64::from(self.takes)
+    }
+}
+
+// The ambient stage: the black photo is subtracted from every photo (O'Toole and Kutulakos, section 8.2).
+//
+// The black photo shows the light of the room, the projector's black level, and the camera's dark current.
+// It is taken at each exposure, because all three grow with it. The differences are not clipped: where there
+// is no light, half of them are negative.
+
+/// The black photo at each exposure, and the variance of its rate.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct BlackPhotos {
+    /// The photos, the shortest exposure first. There are none when ambient light is not subtracted.
+    pub(crate) exposed: Vec<AveragedExposure>,
+    /// The variance of the rate, in (linear DN per second)², for each exposure and sample.
+    pub(crate) variance: Vec<Vec<f64>>,
+}
+
+impl BlackPhotos {
+    /// Takes the frame `black` `takes` times at each exposure.
+    pub(crate) fn take(
+        frames: &mut dyn FrameSource,
+        curve: &CameraCurve,
+        black: &Arc<Frame>,
+        exposures: &[f64],
+        takes: u32,
+    ) -> Result<Self> {
+        let mut blacks = Self::default();
+        for &exposure in exposures {
+            let exposed = average(frames, curve, black, exposure, 0..takes)?;
+            let square = exposed.exposure * exposed.exposure;
+            let variance = |(sample, &mean): (usize, &f64)| exposed.variance(curve, sample, mean) / square;
+            blacks.variance.push(exposed.mean.iter().enumerate().map(variance).collect());
+            blacks.exposed.push(exposed);
+        }
+        Ok(blacks)
+    }
+}
+
+// The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and
+// Kutulakos, section 7.2).
+//
+// Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, where `L_e` is the light of the
+// photo and `B_e` that of the black photo. The merged rate is
+//
+// ```text
+// R = Σ w_e R_e,   w_e ∝ t_e² / var L_e,   Σ w_e = 1
+// ```
+//
+// The variance is that of the *expected* count `B_e + R t_e`, which follows from the merged rate, and not
+// that of the measured sample. With the measured sample, a sample that is low by chance would have a lower
+// variance and so a greater weight, and the result would be low by about one DN. Weights by the merged rate
+// have no bias to first order: `w_e var R_e` is the same for all exposures, so the merged rate is equally
+// correlated with all of them, and the changes of the weights add up to 0.
+//
+// Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter
+// either, because only the low ones lie below saturation. The shorter exposures decide what is expected.
 
 /// The expected count must lie this many standard deviations below saturation.
 const HEADROOM: f64 = 4.0;
@@ -32,24 +154,24 @@ const PASSES: usize = 2;
 /// The merged photo of a frame on the camera's pixels: linear DN per second after the black photo is
 /// subtracted, as interleaved samples.
 #[derive(Clone, Debug)]
-pub(super) struct RateFrame {
+pub(crate) struct RateFrame {
     /// When the first exposure began, in seconds on the rig's clock.
-    pub(super) started: f64,
+    pub(crate) started: f64,
     /// The rates.
-    pub(super) values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
     /// The variances of the rates, without the contribution of the black photo, which all photos have in
     /// common.
-    pub(super) variance: Vec<f64>,
+    pub(crate) variance: Vec<f64>,
     /// The share of each exposure's black rate that was subtracted: one plane per exposure. `None` when there
     /// is only one exposure, whose share is 1.
-    pub(super) shares: Option<Vec<Vec<f64>>>,
+    pub(crate) shares: Option<Vec<Vec<f64>>>,
     /// The factor of the drift correction. The shares must be multiplied by it.
-    pub(super) scale: f64,
+    pub(crate) scale: f64,
 }
 
 impl RateFrame {
     /// Multiplies the photo by `factor`, as if the lamp had been brighter by it.
-    pub(super) fn scale(&mut self, factor: f64) {
+    pub(crate) fn scale(&mut self, factor: f64) {
         self.values.iter_mut().for_each(|value| *value *= factor);
         self.variance.iter_mut().for_each(|variance| *variance *= factor * factor);
         self.scale *= factor;
@@ -58,7 +180,7 @@ impl RateFrame {
 
 /// Merges exposures, the shortest first. `blacks` are the black photos in the same order, or empty. Pixels
 /// that are not `used` may be saturated; their value is 0 with infinite variance.
-pub(super) fn merge(
+pub(crate) fn merge(
     exposed: &[AveragedExposure],
     blacks: &[AveragedExposure],
     curve: &CameraCurve,
@@ -99,7 +221,7 @@ pub(super) fn merge(
 
 /// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the
 /// shortest exposure in seconds.
-pub(super) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
+pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
     Error::Saturated {
         device: "camera".into(),
         fault: format!(

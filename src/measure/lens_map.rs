@@ -9,7 +9,7 @@
 use crate::image::Resolution;
 
 /// The number of parameters: eight of the homography, and two of the distortion.
-pub(in crate::measure) const PARAMETERS: usize = 10;
+pub(crate) const PARAMETERS: usize = 10;
 
 /// A correspondence: a camera point, and the projector point that it sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ pub struct LensMap {
 
 impl LensMap {
     /// The map of two rasters that cover the same field.
-    pub(in crate::measure) fn of_same_field(camera: Resolution, projector: Resolution) -> Self {
+    pub(crate) fn of_same_field(camera: Resolution, projector: Resolution) -> Self {
         let unit = half_diagonal(camera) / half_diagonal(projector);
         let [across, down] = [
             unit * projector.width as f64 / camera.width as f64,
@@ -75,7 +75,7 @@ impl LensMap {
     }
 
     /// The homography and the distortion, as [`evaluate`] takes them.
-    pub(in crate::measure) fn parameters(&self) -> [f64; PARAMETERS] {
+    pub(crate) fn parameters(&self) -> [f64; PARAMETERS] {
         let mut parameters = [0.0; PARAMETERS];
         parameters[..8].copy_from_slice(&self.homography);
         parameters[8..].copy_from_slice(&self.distortion);
@@ -83,7 +83,7 @@ impl LensMap {
     }
 
     /// The map whose parameters are larger by `step`.
-    pub(in crate::measure) fn moved(&self, step: &[f64]) -> Self {
+    pub(crate) fn moved(&self, step: &[f64]) -> Self {
         let mut moved = self.clone();
         let parameters = moved.homography.iter_mut().chain(&mut moved.distortion);
         parameters.zip(step).for_each(|(parameter, step)| *parameter += step);
@@ -92,17 +92,17 @@ impl LensMap {
 }
 
 /// The centre of a camera pixel.
-pub(in crate::measure) fn centre(pixel: usize, camera: Resolution) -> [f64; 2] {
+pub(crate) fn centre(pixel: usize, camera: Resolution) -> [f64; 2] {
     [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5]
 }
 
 /// Half of the diagonal of a raster, in pixels: the unit of normalized coordinates.
-pub(in crate::measure) fn half_diagonal(raster: Resolution) -> f64 {
+pub(crate) fn half_diagonal(raster: Resolution) -> f64 {
     0.5 * (raster.width as f64).hypot(raster.height as f64)
 }
 
 /// Normalized coordinates, which are 0 at the centre, of a point in pixels.
-pub(in crate::measure) fn normalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
+pub(crate) fn normalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     let unit = half_diagonal(raster);
     [(x - 0.5 * raster.width as f64) / unit, (y - 0.5 * raster.height as f64) / unit]
 }
@@ -115,10 +115,7 @@ fn denormalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
 
 /// The map of a normalized camera point, and its derivatives with respect to the parameters: one row per
 /// coordinate.
-pub(in crate::measure) fn evaluate(
-    p: &[f64; PARAMETERS],
-    [x, y]: [f64; 2],
-) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
+pub(crate) fn evaluate(p: &[f64; PARAMETERS], [x, y]: [f64; 2]) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
     let square = x * x + y * y;
     let factor = 1.0 + square * (p[8] + square * p[9]);
     let [u, v] = [x * factor, y * factor];

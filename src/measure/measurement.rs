@@ -3,21 +3,20 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use super::calibration::{Calibration, Registration};
+use super::calibration::{Calibration, FlatField, Registration};
 use super::direct::DirectLight;
 use super::display::Display;
-use super::drift::DriftReport;
-use super::flat_field::FlatField;
 use super::frame_source::{Effort, FrameSource};
 use super::options::MeasureOptions;
-use super::photo::{Photo, Plane};
-use super::photo_pipeline::{HdrCamera, PhotoPipeline};
+use super::photo_pipeline::{DriftReport, HdrCamera, PhotoPipeline};
+use super::photos::{Photo, Plane};
 use super::registration::choose;
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::image::{Blur, LUMINANCE, Resolution};
-use crate::operator::Symmetry;
+use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::rig::Frame;
+use crate::transport::Part;
 
 /// A measured rig: it takes raw frames, and makes photos and products of them.
 ///
@@ -28,22 +27,22 @@ use crate::rig::Frame;
 /// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that
 /// no camera pixel sees are masked: they are never lit, and their values are 0.
 pub struct Measurement {
-    pub(super) pipeline: PhotoPipeline,
-    pub(super) display: Display,
-    pub(super) registration: Registration,
-    pub(super) importance: Vec<f64>,
-    pub(super) seen: Vec<bool>,
-    pub(super) flat: Option<FlatField>,
-    pub(super) blur: Option<Blur>,
-    pub(super) options: MeasureOptions,
+    pub(crate) pipeline: PhotoPipeline,
+    pub(crate) display: Display,
+    pub(crate) registration: Registration,
+    pub(crate) importance: Vec<f64>,
+    pub(crate) seen: Vec<bool>,
+    pub(crate) flat: Option<FlatField>,
+    pub(crate) blur: Option<Blur>,
+    pub(crate) options: MeasureOptions,
     luma: bool,
     symmetry: Symmetry,
     /// The photo of the brightest frame, for each of the camera's channels.
-    pub(super) full_white: Option<Arc<Vec<Plane>>>,
+    pub(crate) full_white: Option<Arc<Vec<Plane>>>,
     /// The photo under even white.
-    pub(super) white: Option<Photo>,
-    pub(super) direct: Option<Arc<DirectLight>>,
-    pub(super) last: Option<Plane>,
+    pub(crate) white: Option<Photo>,
+    pub(crate) direct: Option<Arc<DirectLight>>,
+    pub(crate) last: Option<Plane>,
 }
 
 impl Measurement {
@@ -198,13 +197,13 @@ impl Measurement {
     }
 
     /// The photo of planes of the camera's channels.
-    pub(super) fn photo(&self, planes: &[Plane]) -> Photo {
+    pub(crate) fn photo(&self, planes: &[Plane]) -> Photo {
         let of = |channel| self.light(self.folded(planes, channel));
         Photo { resolution: self.resolution(), planes: (0..self.channels()).map(of).collect() }
     }
 
     /// One channel of the measurement, from planes of the camera's channels.
-    pub(super) fn folded(&self, planes: &[Plane], channel: usize) -> Plane {
+    pub(crate) fn folded(&self, planes: &[Plane], channel: usize) -> Plane {
         let mut folded = Plane::zero(self.registration.projector.pixels());
         for (camera_channel, weight) in self.channel_weights(channel) {
             folded.add(weight, &planes[camera_channel]);
@@ -213,7 +212,7 @@ impl Measurement {
     }
 
     /// The pattern to show for `x`: with 0 at the masked pixels, and divided by the projector's uneven brightness.
-    pub(super) fn even_pattern(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn even_pattern(&self, x: &[f64]) -> Vec<f64> {
         let masked = self.masked(x);
         match &self.flat {
             Some(flat) => flat.pattern(&masked),
@@ -222,7 +221,7 @@ impl Measurement {
     }
 
     /// The light of a photo: divided by the camera's uneven brightness.
-    pub(super) fn light(&self, plane: Plane) -> Plane {
+    pub(crate) fn light(&self, plane: Plane) -> Plane {
         match &self.flat {
             Some(flat) => flat.light(plane),
             None => plane,
@@ -230,7 +229,7 @@ impl Measurement {
     }
 
     /// The camera's channels that make up one channel of the measurement, and their weights.
-    pub(super) fn channel_weights(&self, channel: usize) -> Vec<(usize, f64)> {
+    pub(crate) fn channel_weights(&self, channel: usize) -> Vec<(usize, f64)> {
         if self.luma && self.camera_channels() == 3 {
             LUMINANCE.into_iter().enumerate().collect()
         } else {
@@ -238,21 +237,119 @@ impl Measurement {
         }
     }
 
-    pub(super) fn camera_channels(&self) -> usize {
+    pub(crate) fn camera_channels(&self) -> usize {
         self.pipeline.camera.frames.camera().channels
     }
 
     /// `x` with 0 at the masked pixels.
-    pub(super) fn masked(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn masked(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.seen).map(|(&x, &seen)| if seen { x } else { 0.0 }).collect()
     }
 
-    pub(super) fn check_length(&self, what: &'static str, found: usize) -> Result<()> {
+    pub(crate) fn check_length(&self, what: &'static str, found: usize) -> Result<()> {
         let expected = self.resolution().pixels();
         if found == expected {
             return Ok(());
         }
         Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+    }
+}
+
+// A measured rig as a linear operator for the Krylov methods.
+
+/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it
+/// needs; a constant `x` needs none.
+///
+/// The operator is symmetric if [`Measurement::symmetry`] says so, and `krylux audit` tests that. A product
+/// with the transpose of a matrix that is not symmetric cannot be photographed: camera and projector would
+/// have to change places.
+pub struct MeasuredOperator<'a> {
+    pub(crate) measurement: &'a mut Measurement,
+    pub(crate) part: Part,
+    pub(crate) channel: usize,
+    /// The standard errors of the products of the last call.
+    errors: Vec<f64>,
+}
+
+impl Measurement {
+    /// The operator of one part and one channel of the rig's matrix.
+    pub fn operator(&mut self, part: Part, channel: usize) -> MeasuredOperator<'_> {
+        debug_assert!(channel < self.channels());
+        MeasuredOperator { measurement: self, part, channel, errors: Vec::new() }
+    }
+}
+
+impl MeasuredOperator<'_> {
+    /// The last product, with the variance of each entry.
+    pub fn last_product(&self) -> Option<&Plane> {
+        self.measurement.last_product()
+    }
+
+    /// The measured rig.
+    pub fn measurement(&self) -> &Measurement {
+        self.measurement
+    }
+}
+
+impl Operator for MeasuredOperator<'_> {
+    fn rows(&self) -> usize {
+        self.measurement.resolution().pixels()
+    }
+
+    fn cols(&self) -> usize {
+        self.rows()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.measurement.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.apply_block(&[x], &mut [y])
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.errors.clear();
+        for (x, y) in xs.iter().zip(ys) {
+            if y.len() != self.rows() {
+                return Err(Error::Dimension {
+                    what: "entries of the product",
+                    expected: self.rows().to_string(),
+                    found: y.len().to_string(),
+                });
+            }
+            let product = self.measurement.product(self.part, self.channel, x)?;
+            y.copy_from_slice(&product.values);
+            self.errors.push(product.standard_error());
+        }
+        Ok(())
+    }
+
+    fn standard_errors(&self) -> Vec<f64> {
+        self.errors.clone()
+    }
+
+    fn common_error(&mut self, x: &[f64]) -> Result<f64> {
+        match self.part {
+            Part::Full => Ok(0.0),
+            Part::Direct | Part::Global => self.measurement.direct_error(self.channel, x),
+        }
+    }
+
+    fn frames(&self) -> Option<u64> {
+        Some(self.measurement.effort().frames())
+    }
+}
+
+impl Adjoint for MeasuredOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        match self.symmetry() {
+            Symmetry::Symmetric => self.apply(y, x),
+            Symmetry::General => Err(Error::Numerical(
+                "a rig that is not coaxial cannot take photos of its transpose\n  help: use a method without the transpose, such as gmres or krylov-box, or exchange the devices: krylux::operator::Exchanged takes both rigs"
+                    .into(),
+            )),
+        }
     }
 }
 

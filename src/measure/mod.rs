@@ -2,10 +2,9 @@
 //! vectors `x`.
 //!
 //! Raw frames come from a [`FrameSource`]: live devices ([`LiveFrames`]) or a journal in front of them
-//! ([`JournaledFrames`]). A [`Calibration`] holds the devices' responses, noise and pixel map; [`calibrate`]
+//! ([`JournaledFrames`]). A [`Calibration`] holds the devices' responses, noise and pixel map; the room `calibrate`
 //! measures it. A [`Measurement`] puts all stages together, and its [`MeasuredOperator`] is the linear
-//! operator for the Krylov methods. A [`RigFile`] describes a rig; [`rig_check`] and [`preview`] help to set
-//! one up.
+//! operator for the Krylov methods. A [`RigFile`] describes a rig.
 //!
 //! Each correction is a stage in its own file, and [`MeasureOptions`] can switch it off. Sections are
 //! those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
@@ -31,65 +30,45 @@
 //! brightest level less that of its black level. Every value has a variance, propagated from
 //! `linear DN / gain + read_noise² + 1/12`.
 
-mod ambient;
-mod averaging;
-pub mod bit_planes;
-mod blur_doubt;
-pub mod calibrate;
 mod calibration;
 mod calibration_file;
-pub mod codes;
 mod direct;
 mod direct_fit;
 mod direct_patterns;
-mod display;
-mod drift;
+pub(crate) mod display;
 mod exposure;
-mod flat_field;
-mod focus;
-mod footprint;
+pub(crate) mod footprint;
 mod frame_source;
 mod hdr;
+mod journal_records;
 mod journaled;
-mod lens_map;
+pub(crate) mod lens_map;
 mod live;
 mod measurement;
-mod noise;
-mod noise_ratio;
-mod operator;
 mod options;
-mod photo;
 mod photo_pipeline;
 mod photos;
-mod pixel_ratio;
-pub mod preview;
 mod product;
-mod record;
 mod registration;
 mod response;
-pub mod rig_check;
 mod rig_file;
-mod rows;
-mod sharp_weights;
-mod sight;
+pub(crate) mod sight;
 mod signed;
 #[cfg(test)]
-mod simulated;
-mod spread;
-mod times;
+pub(crate) mod simulated;
+pub(crate) mod spread;
 
-pub use calibration::{Calibration, CameraResponse, Registration, Stability};
-pub use drift::DriftReport;
-pub use flat_field::FlatField;
-pub use focus::focus;
-pub use frame_source::{CaptureRequest, Effort, FrameSource};
-pub use journaled::{JournaledFrames, JournaledPhoto, Opener};
+pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
+pub use direct_patterns::code_patterns;
+pub use display::{bit_plane_amplification, bit_plane_weights};
+pub use frame_source::{CaptureRequest, Effort, FrameSource, Times};
+pub use journal_records::JournaledPhoto;
+pub use journaled::{JournaledFrames, Opener};
+pub use lens_map::{LensMap, Match};
 pub use live::LiveFrames;
-pub use measurement::Measurement;
-pub use noise_ratio::{NoiseRatio, noise_ratio};
-pub use operator::MeasuredOperator;
-pub use options::{DirectBy, DitherBy, MeasureOptions, SignedBy};
-pub use photo::{Photo, Plane};
-pub use record::{RigRecord, RunManifest};
+pub use measurement::{MeasuredOperator, Measurement};
+pub use options::{DirectBy, DitherBy, MeasureOptions, RigRecord, RunManifest, SignedBy};
+pub use photo_pipeline::DriftReport;
+pub use photos::{Photo, Plane};
+pub use response::{NoiseRatio, noise_ratio};
 pub use rig_file::{RigFile, RigKind, own_folder};
-pub use times::Times;

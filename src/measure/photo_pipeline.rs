@@ -5,12 +5,9 @@ use std::collections::HashSet;
 use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
 use std::sync::Arc;
 
-use super::ambient::BlackPhotos;
-use super::averaging::{AveragedExposure, average};
-use super::drift::Drift;
 use super::exposure;
 use super::frame_source::FrameSource;
-use super::hdr::{RateFrame, merge};
+use super::hdr::{AveragedExposure, BlackPhotos, RateFrame, average, merge};
 use super::options::{MOST_TAKES, MeasureOptions};
 use super::response::CameraCurve;
 use crate::error::Result;
@@ -19,8 +16,8 @@ use crate::rig::Frame;
 
 /// Takes photos with drift correction. Which frames it captures depends only on the options, on the frames
 /// that it is asked for, and on what earlier frames showed, so that a journal can replay it.
-pub(super) struct PhotoPipeline {
-    pub(super) camera: HdrCamera,
+pub(crate) struct PhotoPipeline {
+    pub(crate) camera: HdrCamera,
     references: Option<ReferencePhotos>,
     /// Patterns since the last photo of white.
     since_white: u32,
@@ -28,17 +25,17 @@ pub(super) struct PhotoPipeline {
 
 /// The exposures and the photos of black and white, which all other photos need. They are taken before the
 /// first photo.
-pub(super) struct ReferencePhotos {
+pub(crate) struct ReferencePhotos {
     /// The exposures in seconds, the shortest first.
-    pub(super) exposures: Vec<f64>,
+    pub(crate) exposures: Vec<f64>,
     /// The black photo at each exposure.
-    pub(super) blacks: BlackPhotos,
+    pub(crate) blacks: BlackPhotos,
     /// The white photo.
-    pub(super) white: Arc<RateFrame>,
+    pub(crate) white: Arc<RateFrame>,
     /// The share of the used samples that are saturated in at least one exposure of white.
-    pub(super) saturated: f64,
+    pub(crate) saturated: f64,
     /// The drift of the lamp since the white photo.
-    pub(super) drift: Drift,
+    pub(crate) drift: Drift,
     /// White at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
     /// The sentinels within the run's patterns, without those at an end.
@@ -48,32 +45,32 @@ pub(super) struct ReferencePhotos {
 }
 
 /// Captures frames at several exposures, and merges them.
-pub(super) struct HdrCamera {
-    pub(super) frames: Box<dyn FrameSource>,
-    pub(super) curve: CameraCurve,
+pub(crate) struct HdrCamera {
+    pub(crate) frames: Box<dyn FrameSource>,
+    pub(crate) curve: CameraCurve,
     /// Which camera pixels some projector pixel uses.
-    pub(super) used: Vec<bool>,
+    pub(crate) used: Vec<bool>,
     /// The frame that lights every pixel that is not masked.
-    pub(super) white: Arc<Frame>,
+    pub(crate) white: Arc<Frame>,
     /// The frame of level 0.
-    pub(super) black: Arc<Frame>,
-    pub(super) options: MeasureOptions,
+    pub(crate) black: Arc<Frame>,
+    pub(crate) options: MeasureOptions,
     /// The hashes of the frames shown so far.
-    pub(super) shown: HashSet<u64>,
+    pub(crate) shown: HashSet<u64>,
 }
 
 impl PhotoPipeline {
-    pub(super) fn new(camera: HdrCamera) -> Self {
+    pub(crate) fn new(camera: HdrCamera) -> Self {
         Self { camera, references: None, since_white: 0 }
     }
 
     /// The reference photos, which are taken now unless they have been taken before.
-    pub(super) fn references(&mut self) -> Result<&mut ReferencePhotos> {
+    pub(crate) fn references(&mut self) -> Result<&mut ReferencePhotos> {
         Ok(self.parts()?.0)
     }
 
     /// The reference photos, and the camera.
-    pub(super) fn parts(&mut self) -> Result<(&mut ReferencePhotos, &mut HdrCamera)> {
+    pub(crate) fn parts(&mut self) -> Result<(&mut ReferencePhotos, &mut HdrCamera)> {
         let references = match &mut self.references {
             Some(references) => references,
             missing => missing.insert(self.camera.references()?),
@@ -82,7 +79,7 @@ impl PhotoPipeline {
     }
 
     /// The photo of `frame`, corrected for drift. The photo of white is the reference.
-    pub(super) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
+    pub(crate) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
         let due = self.camera.options.sentinel_every;
         let sentinel_is_due = due > 0 && self.since_white >= due;
         let (references, camera) = self.parts()?;
@@ -101,7 +98,7 @@ impl PhotoPipeline {
 
     /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that goes on with more patterns takes
     /// its sentinels as if this one had not been.
-    pub(super) fn look_again(&mut self) -> Result<()> {
+    pub(crate) fn look_again(&mut self) -> Result<()> {
         if self.since_white == 0 {
             return Ok(());
         }
@@ -197,5 +194,96 @@ impl HdrCamera {
     /// Counts a frame among those shown.
     fn note(&mut self, frame: &Arc<Frame>) {
         self.shown.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one(frame));
+    }
+}
+
+// The drift stage: photos are divided by the brightness of the lamp, which sentinels measure.
+//
+// A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the
+// lamp is its light relative to the first white photo. A photo is corrected as soon as it is taken, so the
+// brightness at its time is extrapolated from the last two sentinels. For a replayed photo between two
+// sentinels it is interpolated. Times are those of the frames, so that a replay makes the same corrections.
+
+/// The brightness of the lamp over time, as far as it is known.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Drift {
+    /// Times in seconds on the rig's clock, and brightnesses relative to the first white photo.
+    sentinels: Vec<[f64; 2]>,
+    /// The largest standard error of a brightness.
+    error: f64,
+}
+
+/// The drift that was measured.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct DriftReport {
+    /// The time of each sentinel in seconds on the rig's clock, and the brightness of the lamp relative to
+    /// the first white photo.
+    pub sentinels: Vec<[f64; 2]>,
+    /// The largest relative change since the first white photo.
+    pub largest: f64,
+    /// The largest relative change from one photo of white to the next, and its standard error.
+    pub step: [f64; 2],
+}
+
+impl Drift {
+    /// The drift after the first white photo, which was taken at this time.
+    pub(crate) fn new(started: f64) -> Self {
+        Self { sentinels: vec![[started, 1.0]], error: 0.0 }
+    }
+
+    /// Adds a sentinel: its time, and the brightness of the lamp relative to the first white photo with its standard error.
+    pub(crate) fn add(&mut self, started: f64, [light, error]: [f64; 2]) {
+        self.error = self.error.max(error);
+        let at = self.sentinels.partition_point(|&[time, _]| time <= started);
+        self.sentinels.insert(at, [started, light]);
+    }
+
+    /// The brightness of the lamp at this time, relative to the first white photo.
+    pub(crate) fn light(&self, time: f64) -> f64 {
+        let after = self.sentinels.partition_point(|&[at, _]| at <= time);
+        let pair = match (self.sentinels.len(), after) {
+            (0, _) => return 1.0,
+            (1, _) => return self.sentinels[0][1],
+            (_, 0) => return self.sentinels[0][1],
+            (count, after) => after.min(count - 1),
+        };
+        let ([from, first], [to, second]) = (self.sentinels[pair - 1], self.sentinels[pair]);
+        if to <= from {
+            return second;
+        }
+        // The line is extrapolated by at most one interval.
+        let share = ((time - from) / (to - from)).min(2.0);
+        first + (second - first) * share
+    }
+
+    /// The drift so far.
+    pub(crate) fn report(&self) -> DriftReport {
+        let largest = self.sentinels.iter().map(|[_, light]| (light - 1.0).abs()).fold(0.0, f64::max);
+        let changes = self.sentinels.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs());
+        let step = [changes.fold(0.0, f64::max), std::f64::consts::SQRT_2 * self.error];
+        DriftReport { sentinels: self.sentinels.clone(), largest, step }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn brightness_is_interpolated_between_sentinels_and_extrapolated_after_them() {
+        let mut drift = Drift::new(10.0);
+        assert_eq!(drift.light(99.0), 1.0);
+        drift.add(20.0, [1.1, 0.01]);
+        let close = |time: f64, light: f64| assert!((drift.light(time) - light).abs() < 1e-12, "{time}");
+        close(5.0, 1.0);
+        close(15.0, 1.05);
+        close(25.0, 1.15);
+        // One interval beyond the last sentinel, and not more.
+        close(30.0, 1.2);
+        close(80.0, 1.2);
+        assert_eq!(drift.report().sentinels, [[10.0, 1.0], [20.0, 1.1]]);
+        drift.add(30.0, [0.9, 0.02]);
+        let [step, error] = drift.report().step;
+        assert!((step - 0.2).abs() < 1e-12 && (error - 0.02 * 2.0_f64.sqrt()).abs() < 1e-12);
     }
 }

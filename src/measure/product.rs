@@ -12,23 +12,21 @@
 
 use std::sync::Arc;
 
-use super::bit_planes::decompose;
 use super::direct::{DirectLight, DirectPhotos};
 use super::direct_patterns::DirectPatterns;
-use super::display::Displayed;
+use super::display::{Displayed, decompose};
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
-use super::noise::NoisePrediction;
 use super::options::DirectBy;
-use super::photo::{Photo, Plane};
+use super::photos::{Photo, Plane};
 use super::registration::combine;
-use super::signed::Signed;
+use super::signed::{NoisePrediction, Signed};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 use crate::transport::Part;
 
 /// One photo in the sum that makes a product.
-pub(super) struct Term {
+pub(crate) struct Term {
     coefficient: f64,
     rate_frame: Arc<RateFrame>,
     displayed: Displayed,
@@ -36,7 +34,7 @@ pub(super) struct Term {
 
 impl Measurement {
     /// The product `A x` with its variance, for one part and channel.
-    pub(super) fn product(&mut self, part: Part, channel: usize, x: &[f64]) -> Result<&Plane> {
+    pub(crate) fn product(&mut self, part: Part, channel: usize, x: &[f64]) -> Result<&Plane> {
         self.check_length("entries of the vector to multiply", x.len())?;
         if x.iter().any(|value| !value.is_finite()) {
             return Err(Error::Numerical(
@@ -158,7 +156,7 @@ impl Measurement {
     }
 
     /// Shows a pattern in bit planes, and adds the photos to `terms`.
-    pub(super) fn capture(
+    pub(crate) fn capture(
         &mut self,
         coefficient: f64,
         target: &[Vec<f64>],
@@ -177,7 +175,7 @@ impl Measurement {
     }
 
     /// `Σ coefficient · photo + white · A 1` for one channel of the camera.
-    pub(super) fn sum(&mut self, terms: &[Term], white: f64, channel: usize) -> Result<Plane> {
+    pub(crate) fn sum(&mut self, terms: &[Term], white: f64, channel: usize) -> Result<Plane> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
         let mut rate_frames: Vec<&RateFrame> = vec![&references.white];
@@ -196,7 +194,7 @@ impl Measurement {
     }
 
     /// The pattern that was shown, which differs from the target by rounding to levels.
-    pub(super) fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
+    pub(crate) fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
         let mut shown: Vec<f64> = self.seen.iter().map(|&seen| if seen { white } else { 0.0 }).collect();
         for term in terms {
             let light = term.displayed.seen_by(channel, self.camera_channels());
@@ -211,7 +209,7 @@ impl Measurement {
     }
 
     /// The standard error of `xᵀ D x` for the direct light `D` of one channel.
-    pub(super) fn direct_error(&mut self, channel: usize, x: &[f64]) -> Result<f64> {
+    pub(crate) fn direct_error(&mut self, channel: usize, x: &[f64]) -> Result<f64> {
         self.check_length("entries of the vector to multiply", x.len())?;
         let blurred = match &self.blur {
             Some(blur) => self.masked(&blur.apply(&self.masked(x))),
@@ -227,7 +225,7 @@ impl Measurement {
     }
 
     /// The direct light. It is measured once.
-    pub(super) fn direct_light(&mut self) -> Result<Arc<DirectLight>> {
+    pub(crate) fn direct_light(&mut self) -> Result<Arc<DirectLight>> {
         if let Some(direct) = &self.direct {
             return Ok(Arc::clone(direct));
         }

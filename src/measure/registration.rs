@@ -4,16 +4,15 @@
 //! Linear combinations of photos are formed at the same time, because only then the noise that they share is
 //! known exactly.
 
-use super::ambient::BlackPhotos;
 use super::calibration::Registration;
-use super::hdr::RateFrame;
-use super::photo::Plane;
+use super::hdr::{BlackPhotos, RateFrame};
+use super::photos::Plane;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
 
 /// The pixel map of a measurement: the calibration's, or that by area when the stage is switched off.
-pub(super) fn choose(
+pub(crate) fn choose(
     calibrated: &Registration,
     projector: &ProjectorInfo,
     camera: &CameraInfo,
@@ -78,7 +77,7 @@ impl Registration {
 
     /// The weight of each camera pixel's variance in the total variance of all projector pixels: `Σ weight²`
     /// over the rows. It is 0 for a camera pixel that is not used.
-    pub(super) fn importance(&self, camera: Resolution) -> Vec<f64> {
+    pub(crate) fn importance(&self, camera: Resolution) -> Vec<f64> {
         let mut importance = vec![0.0; camera.pixels()];
         for (&pixel, weight) in self.pixels.iter().zip(&self.weights) {
             importance[pixel as usize] += weight * weight;
@@ -99,7 +98,7 @@ impl Registration {
 /// The sums run over camera pixels `j` with weights `r_ij`, photos `m` and exposures `e`. In the difference
 /// of two photos, for example, the black photo cancels. `coefficient(i, m)` is `c_m(i)`; the last argument is
 /// the channel's index and the number of channels.
-pub(super) fn combine(
+pub(crate) fn combine(
     registration: &Registration,
     rate_frames: &[&RateFrame],
     coefficient: &dyn Fn(usize, usize) -> f64,

@@ -1,8 +1,11 @@
 //! The response stage: the camera's counts are converted to linear light with its noise, and light to the
 //! projector's levels (O'Toole and Kutulakos, section 8.1).
 
+use serde::Serialize;
+
 use super::calibration::CameraResponse;
 use crate::error::{Error, Result};
+use crate::rig::RawFrame;
 
 /// The smallest variance that is ever predicted, as a share of the variance without light. Without this
 /// bound, a dark pixel whose expected value is negative by chance would have too large a weight.
@@ -19,13 +22,13 @@ const LEAST_VARIANCE: f64 = 0.25;
 /// The three terms are shot noise, read noise, and the rounding to integers, which acts through the slope of
 /// the curve.
 #[derive(Clone, Debug)]
-pub(super) struct CameraCurve {
+pub(crate) struct CameraCurve {
     /// The linear DN of each count.
     linear: Vec<f64>,
     /// The variance of rounding at each count, in linear DN².
     rounding: Vec<f64>,
     /// The linear DN without light. It is 0 when the response is corrected, and the black level otherwise.
-    pub(super) zero: f64,
+    pub(crate) zero: f64,
     /// The first saturated count.
     saturation: f64,
     gain: f64,
@@ -39,7 +42,7 @@ impl CameraCurve {
     /// # Errors
     /// [`Error::Dimension`] when the curve does not have one value per count; [`Error::Numerical`] when the
     /// gain or the read noise is invalid.
-    pub(super) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
+    pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
             return Err(Error::Dimension {
@@ -75,22 +78,22 @@ impl CameraCurve {
     }
 
     /// The linear DN of a count.
-    pub(super) fn linear(&self, count: u16) -> f64 {
+    pub(crate) fn linear(&self, count: u16) -> f64 {
         self.linear[usize::from(count).min(self.linear.len() - 1)]
     }
 
     /// The variance of rounding at a count, in linear DN².
-    pub(super) fn rounding(&self, count: u16) -> f64 {
+    pub(crate) fn rounding(&self, count: u16) -> f64 {
         self.rounding[usize::from(count).min(self.rounding.len() - 1)]
     }
 
     /// Whether a count is saturated: the light may be more than the count says.
-    pub(super) fn is_saturated(&self, count: u16) -> bool {
+    pub(crate) fn is_saturated(&self, count: u16) -> bool {
         f64::from(count) >= self.saturation
     }
 
     /// The linear DN from which on counts are saturated.
-    pub(super) fn brightest(&self) -> f64 {
+    pub(crate) fn brightest(&self) -> f64 {
         let count = (self.saturation.ceil().max(0.0) as usize).min(self.linear.len() - 1);
         self.linear[count]
     }
@@ -98,7 +101,7 @@ impl CameraCurve {
     /// The variance of a sample whose *expected* value is this many linear DN, in linear DN². `rounding` is
     /// that of its count. The measured value must not be used as the expected one: samples that are low by
     /// chance would then seem to be more certain.
-    pub(super) fn variance(&self, expected: f64, rounding: f64) -> f64 {
+    pub(crate) fn variance(&self, expected: f64, rounding: f64) -> f64 {
         let dark = self.read_variance + rounding;
         ((expected - self.zero) / self.gain + dark).max(LEAST_VARIANCE * dark)
     }
@@ -106,7 +109,7 @@ impl CameraCurve {
 
 impl CameraCurve {
     /// The variance of a sample that has not been measured yet: its rounding is that of the expected count.
-    pub(super) fn variance_of(&self, expected: f64) -> f64 {
+    pub(crate) fn variance_of(&self, expected: f64) -> f64 {
         let count = self.linear.partition_point(|&linear| linear < expected).min(self.linear.len() - 1);
         self.variance(expected, self.rounding[count])
     }
@@ -114,11 +117,11 @@ impl CameraCurve {
 
 /// The conversion of a projector's levels to light, and of light to levels.
 #[derive(Clone, Debug)]
-pub(super) struct ProjectorCurve {
+pub(crate) struct ProjectorCurve {
     /// The light of each level, from 0 to 1.
     light: Vec<f64>,
     /// The widest step between two successive levels.
-    pub(super) widest: f64,
+    pub(crate) widest: f64,
 }
 
 impl ProjectorCurve {
@@ -128,7 +131,7 @@ impl ProjectorCurve {
     /// # Errors
     /// [`Error::Dimension`] when the curve does not have one value per level; [`Error::Numerical`] when it
     /// does not ascend from 0 to 1.
-    pub(super) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
+    pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
             return Err(Error::Dimension {
@@ -155,31 +158,96 @@ impl ProjectorCurve {
     }
 
     /// The light of a level, from 0 to 1.
-    pub(super) fn light(&self, level: u16) -> f64 {
+    pub(crate) fn light(&self, level: u16) -> f64 {
         self.light[usize::from(level)]
     }
 
     /// The brightest level.
-    pub(super) fn top(&self) -> u16 {
+    pub(crate) fn top(&self) -> u16 {
         (self.light.len() - 1) as u16
     }
 
     /// The brightest level that is no brighter than `light`.
-    pub(super) fn below(&self, light: f64) -> u16 {
+    pub(crate) fn below(&self, light: f64) -> u16 {
         self.light.partition_point(|&of| of <= light).saturating_sub(1) as u16
     }
 
     /// The level whose light is nearest.
-    pub(super) fn nearest(&self, light: f64) -> u16 {
+    pub(crate) fn nearest(&self, light: f64) -> u16 {
         let below = self.below(light);
         let above = below.saturating_add(1).min(self.top());
         if self.light(above) - light < light - self.light(below) { above } else { below }
     }
 }
 
+// The noise of a photo, measured over predicted: two frames of one capture request should differ by what the
+// noise model says, and by nothing else.
+
+/// How much two frames of one capture request differ, relative to the predicted noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct NoiseRatio {
+    /// Root mean square of the differences, each divided by its predicted standard deviation. 1: as
+    /// predicted.
+    pub ratio: f64,
+    /// Its standard error, which follows from the number of samples.
+    pub error: f64,
+    /// Samples compared: those that are not saturated.
+    pub samples: usize,
+}
+
+/// Compares two frames of one capture request with the noise that `response` predicts for a camera of this
+/// many bits. A common change of brightness is divided out. `None` when all samples are saturated.
+///
+/// # Errors
+/// [`Error::Dimension`] when the frames have different sizes; [`Error::Dimension`] or [`Error::Numerical`]
+/// when the response does not belong to this camera.
+pub fn noise_ratio(
+    first: &RawFrame,
+    second: &RawFrame,
+    response: &CameraResponse,
+    bits: u32,
+) -> Result<Option<NoiseRatio>> {
+    if first.counts.len() != second.counts.len() {
+        return Err(Error::Dimension {
+            what: "counts of the second of two equal captures",
+            expected: first.counts.len().to_string(),
+            found: second.counts.len().to_string(),
+        });
+    }
+    let curve = CameraCurve::new(response, bits, true)?;
+    let pairs: Vec<[u16; 2]> = first
+        .counts
+        .iter()
+        .zip(&second.counts)
+        .map(|(&a, &b)| [a, b])
+        .filter(|pair| pair.iter().all(|&count| !curve.is_saturated(count)))
+        .collect();
+    if pairs.is_empty() {
+        return Ok(None);
+    }
+    let light = |of: usize| pairs.iter().map(|pair| curve.linear(pair[of])).sum::<f64>();
+    let brightness = light(0) / light(1);
+    let brightness = if brightness.is_finite() && brightness > 0.0 { brightness } else { 1.0 };
+    let squares: f64 = pairs
+        .iter()
+        .map(|&[a, b]| {
+            let [first, second] = [curve.linear(a), brightness * curve.linear(b)];
+            // The expected value of both is their mean.
+            let variance = curve.variance(0.5 * (first + second), curve.rounding(a));
+            (first - second).powi(2) / (variance * (1.0 + brightness * brightness))
+        })
+        .sum();
+    let samples = pairs.len();
+    let ratio = (squares / samples as f64).sqrt();
+    Ok(Some(NoiseRatio { ratio, error: ratio / (2.0 * samples as f64).sqrt(), samples }))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Resolution;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
 
     fn camera(curve: Option<Vec<f64>>) -> CameraResponse {
         CameraResponse { black: 2.0, saturation: 14.0, gain: 4.0, read_noise: 3.0, curve }
@@ -216,5 +284,49 @@ mod tests {
             assert!(levels.light(levels.below(light)) <= light);
         }
         assert_eq!((levels.nearest(-3.0), levels.nearest(9.0)), (0, 15));
+    }
+
+    /// A frame of light from 0 to 3000 DN whose noise is `times` what the response predicts. The sum of
+    /// twelve uniform numbers is nearly normal.
+    fn frame(seed: u64, times: f64, brightness: f64) -> RawFrame {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let counts = (0..64 * 64)
+            .map(|pixel| {
+                let light = brightness * 3000.0 * f64::from(pixel) / 4096.0;
+                let normal = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+                (100.0 + light + times * normal * (light / 2.0 + 25.0).sqrt()).round() as u16
+            })
+            .collect();
+        RawFrame {
+            resolution: Resolution::new(64, 64),
+            channels: 1,
+            counts,
+            exposure: 0.1,
+            id: 0,
+            started: 0.0,
+        }
+    }
+
+    #[test]
+    fn the_ratio_is_1_for_predicted_noise_and_does_not_depend_on_the_lamp() {
+        let response =
+            CameraResponse { black: 100.0, saturation: 4000.0, gain: 2.0, read_noise: 5.0, curve: None };
+        let ratio = |times: f64, brightness: f64| {
+            let found = noise_ratio(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
+            found.expect("frames of one size").expect("samples that are not saturated").ratio
+        };
+        // 4096 samples give the root mean square to 1.1 %; the tolerance is four of those. Rounding adds 1/12
+        // to a variance of 25 and more.
+        assert!((ratio(1.0, 1.0) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.0));
+        assert!((ratio(2.0, 1.0) - 2.0).abs() < 0.09, "{}", ratio(2.0, 1.0));
+        assert!((ratio(1.0, 1.05) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.05));
+    }
+
+    #[test]
+    fn saturated_frames_have_no_ratio() {
+        let response =
+            CameraResponse { black: 100.0, saturation: 90.0, gain: 2.0, read_noise: 5.0, curve: None };
+        let found = noise_ratio(&frame(1, 0.0, 1.0), &frame(2, 0.0, 1.0), &response, 12);
+        assert_eq!(found.expect("frames of one size"), None);
     }
 }

@@ -8,14 +8,13 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::ambient::BlackPhotos;
-use super::averaging::AveragedExposure;
 use super::calibration::Registration;
-use super::hdr::RateFrame;
+use super::hdr::{AveragedExposure, BlackPhotos, RateFrame};
 use super::measurement::Measurement;
 use super::photo_pipeline::HdrCamera;
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, SIGMAS};
+use crate::image::Resolution;
 
 /// A pixel sees the projector where white is brighter than black by this many standard errors of a pixel that sees none of its light.
 const SEEN: f64 = 10.0;
@@ -99,7 +98,7 @@ impl Measurement {
 
 /// Whether enough pixels of a map see the projector. `light` has, for each sample of a camera of so many channels, white less black, and the variance
 /// that this would have without any light of the projector.
-pub(super) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) -> Finding {
+pub(crate) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) -> Finding {
     let is_lit = |pixel: usize| {
         (0..channels).any(|channel| {
             let [mut value, mut variance] = [0.0; 2];
@@ -135,15 +134,47 @@ impl HdrCamera {
     }
 }
 
+// Whether a camera has enough pixels for the patterns of a projector.
+
+/// Camera pixels for each of the projector's, along an axis, below which neighbouring projector pixels are mixed in the photo.
+const ENOUGH_PIXELS: f64 = 1.0;
+
+/// As [`ENOUGH_PIXELS`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
+pub(crate) const LEAST_PIXELS: f64 = 0.75;
+
+/// The finding about a camera with too few pixels; `None` if it has enough. A camera that sees more than the projector lights has fewer pixels for the
+/// patterns than this counts.
+pub(crate) fn too_few(camera: Resolution, projector: Resolution) -> Option<Finding> {
+    let ratios = [(camera.width, projector.width), (camera.height, projector.height)]
+        .map(|(camera, projector)| camera as f64 / projector as f64);
+    let least = ratios[0].min(ratios[1]);
+    if least >= ENOUGH_PIXELS {
+        return None;
+    }
+    let most = Resolution::new(camera.width.min(projector.width), camera.height.min(projector.height));
+    Some(Finding::graded(
+        "pixels",
+        if least < LEAST_PIXELS { Grade::Fails } else { Grade::Warning },
+        format!(
+            "the camera has {:.2} x {:.2} pixels for each pixel of the patterns ({camera} for {projector}), too few to tell them apart",
+            ratios[0], ratios[1]
+        ),
+        "at least one; two and more give sharper photos",
+        format!(
+            "give patterns of at most {most} pixels: a smaller size in the rig file, on a monitor with a larger magnify; or a camera mode with more pixels. \
+             Focusing does not help"
+        ),
+    ))
+}
+
 #[cfg(test)]
 mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_pcg::Pcg64;
-
     use super::*;
     use crate::image::Resolution;
     use crate::measure::simulated::Simulated;
     use crate::measure::{Calibration, CaptureRequest, FrameSource, MeasureOptions};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
 
     /// The finding of a bench of eight by eight pixels, with so many counts of noise, of room light and of white; room light changes from photo to
     /// photo by this share.
@@ -186,6 +217,29 @@ mod tests {
             assert!(blind.require().is_err_and(|error| error.to_string().contains("lens cap")));
             let seen = found(seed, [noise, room, 40.0 * noise + 5.0, 0.0], options);
             assert_eq!(seen.grade, Grade::Ok, "{seed}: {seen}");
+        }
+    }
+
+    #[test]
+    fn the_axis_with_fewer_pixels_decides() {
+        let grade = |camera: [usize; 2], projector: [usize; 2]| {
+            let [camera, projector] =
+                [camera, projector].map(|[width, height]| Resolution::new(width, height));
+            too_few(camera, projector).map(|found| found.grade)
+        };
+        for (camera, expected) in [
+            ([48, 48], None),
+            ([480, 48], None),
+            ([480, 47], Some(Grade::Warning)),
+            ([36, 99], Some(Grade::Warning)),
+            ([35, 99], Some(Grade::Fails)),
+            ([99, 35], Some(Grade::Fails)),
+        ] {
+            assert_eq!(grade(camera, [48, 48]), expected, "{camera:?}");
+        }
+        let found = too_few(Resolution::new(24, 99), Resolution::new(48, 64)).expect("they are too few");
+        for part in ["0.50 x 1.55 pixels", "24x99 for 48x64", "at most 24x64", "Focusing does not help"] {
+            assert!(found.to_string().contains(part), "{found}");
         }
     }
 }

@@ -9,19 +9,21 @@
 //! `A 1` is the white photo, which is taken only once. The affine form costs one photo. The split form costs
 //! two, or one when `x` has only one sign. A constant `x = a` costs none.
 
-use super::options::SignedBy;
+use super::options::{MeasureOptions, SignedBy};
+use super::photo_pipeline::ReferencePhotos;
+use super::response::CameraCurve;
 
 /// `x` as a linear combination of the white pattern and patterns in `[0, 1]`.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Signed {
+pub(crate) struct Signed {
     /// The white pattern's coefficient.
-    pub(super) white: f64,
+    pub(crate) white: f64,
     /// The other coefficients and their patterns.
-    pub(super) parts: Vec<(f64, Vec<f64>)>,
+    pub(crate) parts: Vec<(f64, Vec<f64>)>,
 }
 
 /// Predicts the total variance of photos over all pixels.
-pub(super) trait PredictNoise {
+pub(crate) trait PredictNoise {
     /// The variance of the photo of this pattern, without the contribution of the black photo.
     fn of_pattern(&self, pattern: &[f64]) -> f64;
     /// The variance of the white photo, which has been taken already.
@@ -33,7 +35,7 @@ pub(super) trait PredictNoise {
 impl Signed {
     /// The affine form `(x − a)/(b − a)`, where `a` is the least and `b` the largest value of `x` over the
     /// pixels that are not masked. It is 0 at the masked pixels, like the white pattern.
-    pub(super) fn affine(x: &[f64], seen: &[bool]) -> Self {
+    pub(crate) fn affine(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
             return Self { white: a, parts: Vec::new() };
@@ -43,7 +45,7 @@ impl Signed {
     }
 
     /// The split form: the positive and the negative part.
-    pub(super) fn split(x: &[f64], seen: &[bool]) -> Self {
+    pub(crate) fn split(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
             return Self { white: a, parts: Vec::new() };
@@ -58,7 +60,7 @@ impl Signed {
     }
 
     /// The form that `by` asks for: with [`SignedBy::Auto`], the one whose predicted variance is smaller.
-    pub(super) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
+    pub(crate) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
         match by {
             SignedBy::Affine => Self::affine(x, seen),
             SignedBy::Split => Self::split(x, seen),
@@ -70,7 +72,7 @@ impl Signed {
     }
 
     /// The predicted total variance of `A x` over all pixels.
-    pub(super) fn variance(&self, noise: &dyn PredictNoise) -> f64 {
+    pub(crate) fn variance(&self, noise: &dyn PredictNoise) -> f64 {
         let patterns: f64 =
             self.parts.iter().map(|(factor, pattern)| factor * factor * noise.of_pattern(pattern)).sum();
         let black = self.white + self.parts.iter().map(|(factor, _)| factor).sum::<f64>();
@@ -83,6 +85,84 @@ fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
     let each = || x.iter().zip(seen).filter(|&(_, &seen)| seen).map(|(&x, _)| x);
     let (least, largest) = (each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max));
     if least <= largest { [least, largest] } else { [0.0, 0.0] }
+}
+
+// The predicted noise of a photo that has not been taken yet.
+
+/// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's
+/// noise model.
+///
+/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. It follows from
+/// the white photo `A 1` for every pattern. The distribution of the light over the pixels matters only where
+/// exposures are merged; it is assumed to be that of white.
+pub(crate) struct NoisePrediction<'a> {
+    pub(crate) curve: &'a CameraCurve,
+    pub(crate) options: &'a MeasureOptions,
+    pub(crate) references: &'a ReferencePhotos,
+    /// The weight of each camera pixel's variance in the total.
+    pub(crate) importance: &'a [f64],
+    /// The camera's channels that make up the measured channel, and their weights.
+    pub(crate) channel_weights: &'a [(usize, f64)],
+    /// The number of the camera's channels.
+    pub(crate) channels: usize,
+    /// The white photo on the projector's pixels.
+    pub(crate) white: &'a [f64],
+}
+
+impl NoisePrediction<'_> {
+    /// `Σ importance · weight² · of(sample)` over all samples.
+    fn total(&self, of: impl Fn(usize) -> f64) -> f64 {
+        let mut total = 0.0;
+        for (pixel, &importance) in
+            self.importance.iter().enumerate().filter(|&(_, &importance)| importance > 0.0)
+        {
+            for &(channel, weight) in self.channel_weights {
+                total += importance * weight * weight * of(pixel * self.channels + channel);
+            }
+        }
+        total
+    }
+
+    /// The variance of the rate of one sample that receives this `share` of white's light.
+    fn of_sample(&self, sample: usize, share: f64) -> f64 {
+        let rate = share * self.references.white.values[sample].max(0.0);
+        let mut precision = 0.0;
+        let mut least = f64::INFINITY;
+        for (exposure, seconds) in self.references.exposures.iter().enumerate() {
+            let black = self
+                .references
+                .blacks
+                .exposed
+                .get(exposure)
+                .map_or(self.curve.zero, |black| black.mean[sample]);
+            let expected = black + rate * seconds;
+            let variance =
+                self.curve.variance_of(expected) / (seconds * seconds * f64::from(self.options.takes));
+            least = if exposure == 0 { variance } else { least };
+            if expected < self.curve.brightest() {
+                precision += 1.0 / variance.max(f64::MIN_POSITIVE);
+            }
+        }
+        if precision > 0.0 { 1.0 / precision } else { least }
+    }
+}
+
+impl PredictNoise for NoisePrediction<'_> {
+    fn of_pattern(&self, pattern: &[f64]) -> f64 {
+        let sum: f64 = self.white.iter().sum();
+        let light: f64 = self.white.iter().zip(pattern).map(|(white, pattern)| white * pattern).sum();
+        let share = if sum > 0.0 { (light / sum).clamp(0.0, 1.0) } else { 0.0 };
+        self.total(|sample| self.of_sample(sample, share))
+    }
+
+    fn of_white(&self) -> f64 {
+        self.total(|sample| self.references.white.variance[sample])
+    }
+
+    fn of_black(&self) -> f64 {
+        // Dim pixels have nearly all of their weight at the longest exposure.
+        self.references.blacks.variance.last().map_or(0.0, |black| self.total(|sample| black[sample]))
+    }
 }
 
 #[cfg(test)]

@@ -6,21 +6,21 @@ use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
 
 /// Frames whose counts are `photo` of the request and of the wait in seconds. The clock counts photos.
-pub(in crate::measure) struct Simulated<F> {
+pub(crate) struct Simulated<F> {
     /// A gray projector of 8 bits, without a refresh unless it is set.
-    pub(in crate::measure) projector: ProjectorInfo,
+    pub(crate) projector: ProjectorInfo,
     /// A gray camera, from 1 ms to 100 s unless they are set.
-    pub(in crate::measure) camera: CameraInfo,
+    pub(crate) camera: CameraInfo,
     /// The counts of a photo.
-    pub(in crate::measure) photo: F,
+    pub(crate) photo: F,
     /// Seconds between the confirmation of a frame and its exposure.
-    pub(in crate::measure) settle: f64,
+    pub(crate) settle: f64,
     /// What was asked for.
-    pub(in crate::measure) asked: Vec<CaptureRequest>,
+    pub(crate) asked: Vec<CaptureRequest>,
 }
 
 impl<F> Simulated<F> {
-    pub(in crate::measure) fn new(projector: Resolution, camera: Resolution, bits: u32, photo: F) -> Self {
+    pub(crate) fn new(projector: Resolution, camera: Resolution, bits: u32, photo: F) -> Self {
         Self {
             projector: ProjectorInfo {
                 name: "projector".into(),

@@ -3,6 +3,9 @@
 //! Each binary message begins with eight bytes: its kind, its flags, the index of its light among [`Canvas::lights`](super::Canvas::lights), and
 //! a number. What is rare and small (greetings, questions, errors) travels as JSON text instead.
 
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
 use serde::Deserialize;
 
 use super::question::Question;
@@ -13,7 +16,7 @@ pub const HEADER: usize = 8;
 
 /// What a page asks for.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Request {
+pub enum PageRequest {
     /// New values of single pixels of the pattern, one for each channel.
     Change(Vec<(u32, Vec<f32>)>),
     /// A whole new pattern.
@@ -42,7 +45,7 @@ pub struct Asked {
 
 /// What is in a message of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MessageKind {
     /// A photo; the number is that of the author's last request in it. The flag says that it is exact.
     Photo = 1,
     /// The pattern of that photo, for those who did not paint it.
@@ -59,19 +62,19 @@ pub enum Kind {
 ///
 /// # Errors
 /// What is wrong with the message, in a few words.
-pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, Request), String> {
+pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, PageRequest), String> {
     let (Some(header), Some(content)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("a message of {} bytes, shorter than its header", bytes.len()));
     };
     let light = usize::from(u16::from_le_bytes([header[2], header[3]]));
     let number = u32::from_le_bytes([header[4], header[5], header[6], header[7]]);
     let request = match header[0] {
-        1 => Request::Change(changes(content, channels, pixels)?),
-        2 => Request::Replace(planes(content, channels, pixels)?),
-        3 => Request::Finish,
-        4 => Request::Light(light),
-        5 => Request::Column(number),
-        6 => Request::Row(number),
+        1 => PageRequest::Change(changes(content, channels, pixels)?),
+        2 => PageRequest::Replace(planes(content, channels, pixels)?),
+        3 => PageRequest::Finish,
+        4 => PageRequest::Light(light),
+        5 => PageRequest::Column(number),
+        6 => PageRequest::Row(number),
         kind => return Err(format!("a message of unknown kind {kind}")),
     };
     Ok((number, request))
@@ -107,7 +110,7 @@ fn planes(content: &[u8], channels: usize, pixels: usize) -> Result<Planes, Stri
 }
 
 /// A message of planes.
-pub fn write(kind: Kind, is_exact: bool, light: usize, number: u32, planes: &Planes) -> Vec<u8> {
+pub fn write(kind: MessageKind, is_exact: bool, light: usize, number: u32, planes: &Planes) -> Vec<u8> {
     let mut bytes = header(kind, is_exact, light, number);
     put(&mut bytes, planes);
     bytes
@@ -115,7 +118,7 @@ pub fn write(kind: Kind, is_exact: bool, light: usize, number: u32, planes: &Pla
 
 /// An answer: a JSON text with planes.
 pub fn write_answer(number: u32, text: &str, planes: &Planes) -> Vec<u8> {
-    let mut bytes = header(Kind::Answer, true, 0, number);
+    let mut bytes = header(MessageKind::Answer, true, 0, number);
     // Floats begin at multiples of four.
     let padded = text.len().next_multiple_of(4);
     bytes.extend((padded as u32).to_le_bytes());
@@ -125,7 +128,7 @@ pub fn write_answer(number: u32, text: &str, planes: &Planes) -> Vec<u8> {
     bytes
 }
 
-fn header(kind: Kind, is_exact: bool, light: usize, number: u32) -> Vec<u8> {
+fn header(kind: MessageKind, is_exact: bool, light: usize, number: u32) -> Vec<u8> {
     let mut bytes = vec![kind as u8, u8::from(is_exact)];
     bytes.extend((light as u16).to_le_bytes());
     bytes.extend(number.to_le_bytes());
@@ -134,6 +137,128 @@ fn header(kind: Kind, is_exact: bool, light: usize, number: u32) -> Vec<u8> {
 
 fn put(bytes: &mut Vec<u8>, planes: &Planes) {
     bytes.extend(planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()));
+}
+
+/// Questions of one page that may wait. A page asks one after the other.
+const MOST_QUESTIONS: usize = 4;
+
+/// The number of a connection.
+pub type Client = u64;
+
+/// What waits.
+#[derive(Debug, Default)]
+pub struct Pending {
+    /// Who changed the pattern last, with its number.
+    pub author: Option<(Client, u32)>,
+    /// A whole new pattern; the changes come after it.
+    pub replace: Option<Planes>,
+    /// The newest values of single pixels.
+    pub changes: BTreeMap<u32, Vec<f32>>,
+    /// Whether a stroke has ended.
+    pub is_finished: bool,
+    /// Another light.
+    pub light: Option<usize>,
+    /// The newest pixel that each page looks at, of the camera (`true`) or of the projector.
+    pub looks: BTreeMap<(Client, bool), u32>,
+    /// Questions in order.
+    pub questions: VecDeque<(Client, Asked)>,
+    /// Pages that have come and want to see what is there.
+    pub newcomers: Vec<Client>,
+    /// Whether to end.
+    pub is_over: bool,
+}
+
+impl Pending {
+    fn is_empty(&self) -> bool {
+        self.author.is_none()
+            && self.light.is_none()
+            && self.looks.is_empty()
+            && self.questions.is_empty()
+            && self.newcomers.is_empty()
+            && !self.is_over
+    }
+}
+
+/// The requests that wait, and those who wait for them.
+#[derive(Debug, Default)]
+pub struct Mailbox {
+    pending: Mutex<Pending>,
+    arrived: Condvar,
+}
+
+impl Mailbox {
+    /// Leaves a request.
+    ///
+    /// # Errors
+    /// A page that has too many open questions is told so.
+    pub fn put(&self, client: Client, number: u32, request: PageRequest) -> Result<(), String> {
+        let mut pending = self.lock();
+        match request {
+            PageRequest::Change(changes) => {
+                pending.changes.extend(changes);
+                pending.author = Some((client, number));
+            }
+            PageRequest::Replace(planes) => {
+                pending.changes.clear();
+                pending.replace = Some(planes);
+                pending.author = Some((client, number));
+            }
+            PageRequest::Finish => {
+                pending.is_finished = true;
+                pending.author = Some((client, number));
+            }
+            PageRequest::Light(light) => pending.light = Some(light),
+            PageRequest::Column(pixel) => _ = pending.looks.insert((client, false), pixel),
+            PageRequest::Row(pixel) => _ = pending.looks.insert((client, true), pixel),
+            PageRequest::Ask(asked) => {
+                let open = pending.questions.iter().filter(|(of, _)| *of == client).count();
+                if open >= MOST_QUESTIONS {
+                    return Err(format!("{open} questions are open already"));
+                }
+                pending.questions.push_back((client, asked));
+            }
+        }
+        self.arrived.notify_one();
+        Ok(())
+    }
+
+    /// Welcomes a page.
+    pub fn welcome(&self, client: Client) {
+        self.lock().newcomers.push(client);
+        self.arrived.notify_one();
+    }
+
+    /// Forgets the requests that a page that has gone made for itself.
+    pub fn forget(&self, client: Client) {
+        let mut pending = self.lock();
+        pending.looks.retain(|(of, _), _| *of != client);
+        pending.questions.retain(|(of, _)| *of != client);
+        pending.newcomers.retain(|of| *of != client);
+    }
+
+    /// Lets the session end.
+    pub fn end(&self) {
+        self.lock().is_over = true;
+        self.arrived.notify_one();
+    }
+
+    /// Waits for requests and takes them. One question is taken at a time, so that strokes come in between.
+    pub fn take(&self) -> Pending {
+        let mut pending = self.lock();
+        while pending.is_empty() {
+            pending = self.arrived.wait(pending).unwrap_or_else(PoisonError::into_inner);
+        }
+        let first = pending.questions.len().min(1);
+        let waiting = pending.questions.split_off(first);
+        let taken = std::mem::take(&mut *pending);
+        pending.questions = waiting;
+        taken
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Pending> {
+        // Every change is whole: what a thread that panicked left is valid.
+        self.pending.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 #[cfg(test)]
@@ -145,7 +270,7 @@ mod tests {
         let mut bytes = vec![1, 0, 0, 0, 7, 0, 0, 0];
         bytes.extend(3_u32.to_le_bytes());
         bytes.extend(0.5_f32.to_le_bytes());
-        assert_eq!(read(&bytes, 1, 4), Ok((7, Request::Change(vec![(3, vec![0.5])]))));
+        assert_eq!(read(&bytes, 1, 4), Ok((7, PageRequest::Change(vec![(3, vec![0.5])]))));
         let fault = |bytes: &[u8], pixels| read(bytes, 1, pixels).err().unwrap_or_default();
         assert!(fault(&bytes, 3).contains("pixel 3"));
         assert!(fault(&bytes[..12], 4).contains("multiple of 8"));

@@ -5,8 +5,8 @@
 //! [server](serve()) carries them between the two. [`page`] makes the page: one that asks the server, or one file that holds the matrix.
 
 mod canvas;
-mod columns;
-mod mailbox;
+mod connection;
+mod embedded;
 mod message;
 pub mod page;
 mod question;

@@ -1,8 +1,7 @@
 //! What is on the projector, and the photo of it: the state that all pages of a server share.
 
 use super::canvas::{Canvas, Light};
-use super::mailbox::{Client, Pending};
-use super::message::{Asked, Kind, write, write_answer};
+use super::message::{Asked, Client, MessageKind, Pending, write, write_answer};
 use super::question::Question;
 use crate::analysis::planes::Planes;
 use crate::error::Result;
@@ -27,7 +26,7 @@ pub enum Event {
     /// The pattern of the photo, for all pages but that of its author.
     Pattern(Option<Client>, Vec<u8>),
     /// The light of a pixel, or what lights a pixel, for one page.
-    Look(Client, Kind, Vec<u8>),
+    Look(Client, MessageKind, Vec<u8>),
     /// An answer, for one page.
     Answer(Client, Vec<u8>),
     /// A text, for one page.
@@ -133,9 +132,12 @@ impl<'a> Session<'a> {
         }
         let writer = author.map(|(client, _)| client);
         if is_new || !pending.newcomers.is_empty() {
-            send(Event::Pattern(writer, write(Kind::Pattern, self.is_exact, self.light, 0, &self.pattern)));
+            send(Event::Pattern(
+                writer,
+                write(MessageKind::Pattern, self.is_exact, self.light, 0, &self.pattern),
+            ));
             let number = author.map_or(0, |(_, number)| number);
-            send(Event::Photo(write(Kind::Photo, self.is_exact, self.light, number, &self.photo)));
+            send(Event::Photo(write(MessageKind::Photo, self.is_exact, self.light, number, &self.photo)));
         }
         if let (Some(error), Some(client)) = (failed, writer) {
             send(Event::Text(client, error_text(None, &error.to_string())));
@@ -143,7 +145,11 @@ impl<'a> Session<'a> {
         for ((client, is_row), pixel) in pending.looks {
             match self.look(is_row, pixel) {
                 Ok(Some(bytes)) => {
-                    send(Event::Look(client, if is_row { Kind::Row } else { Kind::Column }, bytes));
+                    send(Event::Look(
+                        client,
+                        if is_row { MessageKind::Row } else { MessageKind::Column },
+                        bytes,
+                    ));
                 }
                 Ok(None) => {}
                 Err(error) => send(Event::Text(client, error_text(None, &error.to_string()))),
@@ -181,7 +187,7 @@ impl<'a> Session<'a> {
             true => self.canvas.row(light, pixel as usize)?,
             false => Some(self.canvas.column(light, pixel as usize)?),
         };
-        let kind = if is_row { Kind::Row } else { Kind::Column };
+        let kind = if is_row { MessageKind::Row } else { MessageKind::Column };
         Ok(found.map(|planes| write(kind, true, self.light, pixel, &planes)))
     }
 

@@ -11,13 +11,10 @@
 //! The virtual rig cannot exchange its devices by itself: a second one stands in front of the scene as traced with camera and projector
 //! exchanged, by light paths of its own. How far the two traced scenes are from transposes of each other is stated.
 
-use super::bench::Bench;
-use super::check::Check;
+use super::bench::{APART, Bench, Set, Stage};
 use super::dense::{SingularTriplets, singular_triplets};
-use super::figure::{Content, Figure, Panel, Plot, Reproduced};
-use super::purity::purity;
-use super::rig::Rig;
-use super::stage::{APART, Set, Stage};
+use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
+use super::groups::purity;
 use crate::analysis::segment::segment;
 use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::error::Result;

@@ -1,19 +1,20 @@
-//! Sources of the figures' photos: scenes are built in memory, traced once, and measured by an ideal rig or by virtual devices.
+//! The figures' scenes, built in memory and traced once, and the ideal rig or the virtual devices that take their photos.
 
+use std::path::Path;
 use std::sync::Arc;
 
-use super::devices::realistic;
-use super::rig::Rig;
-use super::stage::{Set, Stage};
+use super::figure::{Content, Panel, Rig};
+use crate::calibrate::CalibrateOptions;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
-use crate::measure::Calibration;
-use crate::measure::calibrate::CalibrateOptions;
+use crate::measure::{Calibration, RigFile, RigKind};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
+use crate::rig::VirtualRig;
+use crate::scene::{Lens, Scene, builtin};
 use crate::team::Team;
-use crate::transport::{Backend, Part};
+use crate::transport::{Assembled, Backend, Part};
 
 /// Options for reproducing figures.
 #[derive(Clone, Debug)]
@@ -172,4 +173,174 @@ impl OpenScene {
 /// The calibration of the devices of a rig.
 fn calibration_of(rig: &Lab) -> Option<Calibration> {
     rig.rig().map(|rig| rig.calibration.clone())
+}
+
+/// A scene of the figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Set {
+    Zigzag,
+    Corner,
+    /// The corner with a projector whose lens is wide open and focused behind the scene.
+    Defocused,
+    /// The same with an equal camera lens, which makes the matrix symmetric again.
+    BothDefocused,
+    TwoSheets,
+    /// The two sheets behind a post.
+    Post,
+    FoldedSheet,
+    Carton,
+    CartonEggs,
+    /// The zigzag with the projector [`APART`] to the right of the camera.
+    Apart,
+    /// The same with projector and camera exchanged.
+    Exchanged,
+    /// The corner with the projector so many tenths of a millimetre to the right of the camera, and turned towards the point of the corner
+    /// that the camera looks at.
+    Beside(u32),
+}
+
+/// How far the projector of [`Set::Apart`] stands from the camera, in metres.
+pub(super) const APART: f32 = 0.1;
+
+/// The distance of the corner's edge from the camera, in metres: where the projector of [`Set::Beside`] looks.
+pub(super) const EDGE: f32 = 1.2;
+
+/// Walls at 0.6 to 1.2 m are blurred at 128 pixels per side by discs of radius 2.6 to 7.7 pixels.
+const DEFOCUSED: Lens = Lens { radius: 0.035, focus: 2.4 };
+
+impl Set {
+    pub(super) fn is_out_of_focus(self) -> bool {
+        matches!(self, Self::Defocused | Self::BothDefocused)
+    }
+
+    /// Whether projector and camera have the same pose and lens, so that the light transport is symmetric.
+    fn is_coaxial(self) -> bool {
+        !matches!(self, Self::Defocused | Self::Apart | Self::Exchanged | Self::Beside(1..))
+    }
+
+    /// Light paths per pixel. With an open lens, direct light is sampled as well. At 256 paths the optimal pattern exploits the
+    /// noise in the fixed matrix, a gain of five per cent that methods with few products cannot reach. Devices that are exchanged are traced a second
+    /// time, with other paths, and both are to be the same scene.
+    fn samples(self) -> u32 {
+        match self {
+            Self::Defocused | Self::BothDefocused | Self::Apart | Self::Exchanged => 1024,
+            _ => 256,
+        }
+    }
+
+    pub(super) fn scene(self) -> Scene {
+        match self {
+            Self::Zigzag => builtin::zigzag().to_scene(),
+            Self::Corner => builtin::corner().to_scene(),
+            Self::Defocused => {
+                let mut scene = builtin::corner().to_scene();
+                let mut projector = scene.camera.clone();
+                projector.lens = DEFOCUSED;
+                scene.projector = Some(projector);
+                scene
+            }
+            Self::BothDefocused => {
+                let mut scene = builtin::corner().to_scene();
+                scene.camera.lens = DEFOCUSED;
+                scene
+            }
+            Self::TwoSheets => builtin::two_sheets().to_scene(),
+            Self::Post => builtin::two_sheets_post().to_scene(),
+            Self::FoldedSheet => builtin::folded_sheet().to_scene(),
+            Self::Carton => builtin::nine_cells(false).to_scene(),
+            Self::CartonEggs => builtin::nine_cells(true).to_scene(),
+            Self::Apart | Self::Exchanged => {
+                let mut scene = builtin::zigzag().to_scene();
+                let mut projector = scene.camera.clone();
+                projector.position += APART * projector.right;
+                if self == Self::Exchanged {
+                    std::mem::swap(&mut projector, &mut scene.camera);
+                }
+                scene.projector = Some(projector);
+                scene
+            }
+            Self::Beside(0) => builtin::corner().to_scene(),
+            Self::Beside(tenths) => {
+                let mut scene = builtin::corner().to_scene();
+                let beside = 1e-4 * tenths as f32;
+                let mut projector = scene.camera.clone();
+                let looks_at = projector.position + EDGE * projector.forward;
+                projector.position += beside * projector.right;
+                projector.forward = (looks_at - projector.position).normalize();
+                projector.right = projector.forward.cross(projector.up).normalize();
+                scene.projector = Some(projector);
+                scene
+            }
+        }
+    }
+}
+
+/// A traced scene.
+pub(super) struct Stage {
+    pub(super) set: Set,
+    pub(super) resolution: Resolution,
+    /// True region of each pixel.
+    pub(super) truth: Vec<u8>,
+    pub(super) traced: Arc<Assembled>,
+}
+
+impl Stage {
+    pub(super) fn pixels(&self) -> usize {
+        self.resolution.pixels()
+    }
+
+    /// The photo of `pattern` with direct and global light, in W/(m² sr).
+    pub(super) fn photo(&self, pattern: &[f64]) -> Vec<f64> {
+        let mut photo = vec![0.0; self.pixels()];
+        self.traced.matrix.apply(Part::Full, 0, pattern, &mut photo);
+        photo
+    }
+
+    /// The photo under white.
+    pub(super) fn white(&self) -> Vec<f64> {
+        self.photo(&vec![1.0; self.pixels()])
+    }
+
+    /// A picture of the scene's size.
+    pub(super) fn panel(
+        &self,
+        name: impl Into<String>,
+        caption: impl Into<String>,
+        content: Content,
+    ) -> Panel {
+        Panel { name: name.into(), caption: caption.into(), resolution: self.resolution, content }
+    }
+}
+
+const REALISTIC: &[u8] = include_bytes!("../../assets/rigs/realistic.toml");
+const ONE_BIT: &[u8] = include_bytes!("../../assets/rigs/one-bit.toml");
+
+/// Captures averaged per pattern; the virtual rig runs unattended.
+const TAKES: u32 = 2;
+
+/// An 8-bit projector of so many pixels with gamma 2.2 and a 14-bit camera, both with realistic errors.
+pub(super) fn realistic(resolution: Resolution) -> Result<RigFile> {
+    let (mut file, rig) = shipped("realistic.toml", REALISTIC, resolution, 2.5)?;
+    file.measurement.takes = TAKES;
+    Ok(RigFile { kind: RigKind::Virtual(rig), ..file })
+}
+
+/// A projector of one bit and so many pixels, and a camera of as many: the rig file, and the devices to be put into it.
+pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
+    shipped("one-bit.toml", ONE_BIT, resolution, 1.0)
+}
+
+/// A shipped rig file, and its devices with `finer` times as many pixels per side of the camera as the projector has.
+fn shipped(name: &str, bytes: &[u8], resolution: Resolution, finer: f64) -> Result<(RigFile, VirtualRig)> {
+    let file = RigFile::from_bytes(Path::new(name), bytes)?;
+    let RigKind::Virtual(mut rig) = file.kind.clone() else {
+        return Err(Error::Data {
+            path: name.into(),
+            fault: "its devices are real".into(),
+            help: "the figures are made by virtual devices".into(),
+        });
+    };
+    let side = |pixels: usize| (finer * pixels as f64).round() as usize;
+    rig.camera.size = Some([side(resolution.width), side(resolution.height)]);
+    Ok((file, rig))
 }

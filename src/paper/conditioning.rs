@@ -4,12 +4,10 @@
 //! and what an answer takes from their differences, it takes with the photos' errors times that number. Patterns of the Lanczos process span the
 //! same space, and have the condition number 1.
 
-use super::bench::Bench;
-use super::check::Check;
+use super::bench::{Bench, Set};
 use super::dense::{conditions, spectrum_of_rows};
-use super::figure::{Content, Figure, Plot, Reproduced};
-use super::sketch::{graph, make_orthonormal};
-use super::stage::Set;
+use super::figure::{Check, Content, Figure, Plot, Reproduced};
+use super::random::{graph, make_orthonormal};
 use crate::analysis::segment::NormalizedAdjacency;
 use crate::error::Result;
 use crate::krylov::{EigsOptions, Factorization, Lanczos, Start, dot, eigs, norm};

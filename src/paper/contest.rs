@@ -1,18 +1,17 @@
-//! Comparison of compensation methods at equal photo counts: the paper's method with clamping, box-constrained methods, and the
-//! optimum.
+//! Compensation methods at equal photo counts: the paper's method with clamping, box-constrained methods, and the optimum; their target and their
+//! pictures.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::bench::Bench;
-use super::check::Check;
-use super::stage::Stage;
+use super::bench::{Bench, Stage};
+use super::figure::{Check, Content, Panel, Plot};
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
-use crate::operator::{Adjoint, Metered, Observed, Operator, Product, Recorded, Symmetry};
-use crate::report::plot::Series;
+use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 /// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
@@ -112,8 +111,7 @@ pub(super) fn enter(
         options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
     }
     let mut entry = Entry::default();
-    let mut metered = Metered::new(operator);
-    let mut recorded = Recorded::new(&mut metered);
+    let mut recorded = Recorded::new(operator);
     let observer = OnStep::new(|step: &Step<'_>| {
         let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
         let answer = iterate();
@@ -128,7 +126,7 @@ pub(super) fn enter(
     let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
     entry.pattern = found.x;
     entry.shots = recorded.products;
-    entry.frames = metered.frames;
+    entry.frames = recorded.frames;
     Ok(entry)
 }
 
@@ -228,4 +226,123 @@ pub(super) fn frames_taken(entries: &[(&str, &Entry)], photos: usize) -> Vec<Che
 pub(super) fn line(name: &str, residuals: &[f64]) -> Series {
     let points = residuals.iter().enumerate().map(|(index, &residual)| (index as f64 + 1.0, residual));
     Series { name: name.into(), points: points.collect() }
+}
+
+pub(super) fn percent(share: f64) -> f64 {
+    100.0 * share
+}
+
+/// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
+pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], best: &Entry) -> Vec<Panel> {
+    let light = |values: Vec<f64>| Content::Light { values, white: Some(target_light.peak) };
+    let pattern = clamped(&best.pattern);
+    let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
+    let error =
+        |photo: &[f64]| -> Vec<f64> { photo.iter().zip(&target_light.light).map(|(y, b)| y - b).collect() };
+    let residual =
+        |pattern: &[f64]| format!("residual {:.2} %", percent(target_light.residual(stage, pattern)));
+    vec![
+        stage.panel("target", "The target, W/(m² sr)", light(target_light.light.clone())),
+        stage.panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
+        stage.panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
+        stage.panel(
+            "pattern",
+            "What is projected, 0 to 1",
+            Content::Light { values: pattern, white: Some(1.0) },
+        ),
+        stage.panel(
+            "error-before",
+            "Projected as it is less the target, W/(m² sr)",
+            Content::Signed(error(&before)),
+        ),
+        stage.panel("error-after", "Compensated less the target, W/(m² sr)", Content::Signed(error(&seen))),
+    ]
+}
+
+/// Displayed residuals at equal photo counts and, through a rig, at equal frames.
+pub(super) fn at_equal_costs(
+    lines: Vec<Series>,
+    entries: &[(&str, &Entry)],
+    uncompensated: f64,
+    optimum: f64,
+) -> Vec<Plot> {
+    let mut plots = vec![residuals(lines, uncompensated, optimum)];
+    let over_frames = over_frames(entries);
+    if !over_frames.is_empty() {
+        let mut plot = residuals(over_frames, uncompensated, optimum);
+        plot.caption = "The same, displayed, at equal frames: what the camera takes for each method. A photo of a signed pattern is that of \
+                        two, and every pattern has its takes and exposures; sentinels are among them. Black, white and the choice of exposures \
+                        are common to all methods and not counted."
+            .into();
+        plot.lines.x_label = "frames".into();
+        plots.push(plot);
+    }
+    plots
+}
+
+/// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
+fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
+    Plot {
+        caption: "Relative residual by the light itself, at equal photos (the white one not counted).".into(),
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: "relative residual".into(),
+            logarithmic: true,
+            series: lines,
+            marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
+        },
+    }
+}
+
+/// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer to the
+/// right, and a staircase of grays. It has edges in all directions and large uniform areas.
+pub(super) fn picture(side: usize) -> Vec<f64> {
+    let pixels = (0..side).flat_map(|row| (0..side).map(move |column| (row, column)));
+    pixels
+        .map(|(row, column)| {
+            let (x, y) = ((column as f64 + 0.5) / side as f64, (row as f64 + 0.5) / side as f64);
+            value(x, y)
+        })
+        .collect()
+}
+
+/// The value at `x` from the left and `y` from the top, both in [0, 1].
+fn value(x: f64, y: f64) -> f64 {
+    let from_center = (x - 0.5).hypot(y - 0.4);
+    if from_center < 0.16 {
+        return 1.0;
+    }
+    if from_center < 0.26 {
+        return 0.02;
+    }
+    if y > 0.86 {
+        // Six steps of gray.
+        return 0.02 + 0.19 * (6.0 * x).floor().min(5.0);
+    }
+    if (0.72..0.82).contains(&y) {
+        // Bars with widths of 1/12, 1/16 and 1/24 of the picture.
+        let bars = if x < 1.0 / 3.0 {
+            12.0
+        } else if x < 2.0 / 3.0 {
+            16.0
+        } else {
+            24.0
+        };
+        return if ((bars * x) as usize).is_multiple_of(2) { 0.9 } else { 0.1 };
+    }
+    0.35 + 0.3 * x + 0.1 * (1.0 - y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_can_be_projected_and_edges_are_there() {
+        let picture = picture(100);
+        assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
+        let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
+        // The bars alone have nine edges in each of ten rows, the staircase five in fourteen, disc and ring four in most of 52.
+        assert!(edges > 9 * 10 + 5 * 14 + 2 * 52, "{edges} of 10,000 neighbours differ");
+    }
 }

@@ -13,19 +13,14 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::bench::Bench;
-use super::check::Check;
-use super::compensated::percent;
-use super::contest::{Entry, TargetLight, enter};
-use super::figure::{Content, Figure, Panel, Plot, Reproduced};
-use super::rig::Rig;
-use super::stage::{EDGE, Set, Stage};
-use super::target::picture;
+use super::bench::{Bench, EDGE, Set, Stage};
+use super::contest::{Entry, TargetLight, enter, percent, picture};
+use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
+use crate::calibrate::StructuredLight;
 use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::krylov::{EigsOptions, Method, Start, eigs};
 use crate::lab::LabOperator;
-use crate::measure::calibrate::StructuredLight;
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;

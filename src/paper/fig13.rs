@@ -1,17 +1,14 @@
 //! Figure 13: a sinusoid from a one-bit projector, thresholded and in bit planes, and the noise that bit planes cost.
 
-use super::bench::Bench;
-use super::check::Check;
-use super::devices::one_bit;
-use super::figure::{Content, Figure, Panel, Plot, Reproduced};
-use super::rig::Rig;
-use super::stage::{Set, Stage};
+use super::bench::{Bench, Set, Stage, one_bit};
+use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::norm;
 use crate::lab::Lab;
-use crate::measure::bit_planes::{amplification, weights};
-use crate::measure::{Calibration, MeasureOptions, RigFile, RigKind};
+use crate::measure::{
+    Calibration, MeasureOptions, RigFile, RigKind, bit_plane_amplification, bit_plane_weights,
+};
 use crate::report::plot::Series;
 use crate::rig::VirtualRig;
 
@@ -70,7 +67,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         Ok(error(&take(&read_only, planes, DIM)?, &take(&silent, planes, DIM)?))
     };
     let grown = noise(PLANES)? / noise(1)?;
-    let predicted = amplification(&weights(PLANES, 1.0));
+    let predicted = bit_plane_amplification(&bit_plane_weights(PLANES, 1.0));
     let least = |curve: &[(f64, f64)]| {
         curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::NAN, |&(planes, _)| planes)
     };

@@ -4,11 +4,9 @@
 //! largest eigenvalues: `tan θ_k ≤ (λ₂/λ₁)^k tan θ_0` for the angle `θ_k` to the principal eigenvector. The brightest pixels are neighbours,
 //! and nearly equally bright, so that the ratio is close to 1. The Krylov space of the same photos holds a far better vector.
 
-use super::bench::Bench;
-use super::check::Check;
-use super::dense;
-use super::figure::{Content, Figure, Panel, Plot, Reproduced};
-use super::stage::{Set, Stage};
+use super::bench::{Bench, Set, Stage};
+use super::dense::{Spectrum, spectrum};
+use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, dot, eigs, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
@@ -30,7 +28,7 @@ const SHOWN: [usize; 4] = [1, 5, 15, 50];
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let small = bench.stage(Set::FoldedSheet, DENSE_SIDE.min(bench.side(SIDE)))?;
-    let exact = dense::spectrum(&small.traced.matrix.to_csr(Part::Full, 0)?)?;
+    let exact = spectrum(&small.traced.matrix.to_csr(Part::Full, 0)?)?;
     let from_small = iterate(&mut bench.photos(&small, Part::Full)?)?;
     let of_small = overlap(last(&from_small), &exact.vectors[0]);
     let small_speed = Speed::of(&exact.values, small.pixels(), &exact.vectors[0]);
@@ -164,10 +162,10 @@ fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<(f64, f
 }
 
 /// The two leading eigenpairs by Lanczos on the matrix itself, run to convergence.
-fn leading(operator: &mut dyn Operator) -> Result<dense::Spectrum> {
+fn leading(operator: &mut dyn Operator) -> Result<Spectrum> {
     let options = EigsOptions { count: 2, products: 400, tolerance: 1e-12, ..EigsOptions::default() };
     let found = eigs(operator, &options)?;
-    Ok(dense::Spectrum { values: found.values, vectors: found.vectors })
+    Ok(Spectrum { values: found.values, vectors: found.vectors })
 }
 
 /// The number of products of power iteration from white until the overlap is as wanted.

@@ -1,7 +1,5 @@
-//! The paper's figures and their reproductions: numbers and planes of values, before any painting.
+//! The paper's figures with their statements, and their reproductions: measured numbers with bounds, and planes of values before any painting.
 
-use super::check::Check;
-use super::rig::Rig;
 use crate::image::Resolution;
 use crate::operator::Product;
 use crate::report::plot::{LinePlot, Series};
@@ -176,6 +174,239 @@ pub struct Strip {
     pub photos: Vec<Product>,
 }
 
+impl Figure {
+    /// Name on the command line: `fig2`.
+    pub fn name(self) -> &'static str {
+        words(self)[0]
+    }
+
+    /// Number and subject: `Figure 2: power iteration`. What the paper does not show has no number.
+    pub fn title(self) -> &'static str {
+        words(self)[1]
+    }
+
+    /// The paper's statement about the figure, in our words.
+    pub fn statement(self) -> &'static str {
+        words(self)[2]
+    }
+}
+
+/// Name on the command line, title and statement.
+fn words(figure: Figure) -> [&'static str; 3] {
+    match figure {
+        Figure::Fig2 => FIG2,
+        Figure::Fig4 => FIG4,
+        Figure::Fig5 => FIG5,
+        Figure::Fig6 => FIG6,
+        Figure::Fig8 => FIG8,
+        Figure::Fig9 => FIG9,
+        Figure::Fig10 => FIG10,
+        Figure::Fig11 => FIG11,
+        Figure::Fig12 => FIG12,
+        Figure::Fig13 => FIG13,
+        Figure::Random => RANDOM,
+        Figure::Conditioning => CONDITIONING,
+        Figure::Polynomials => POLYNOMIALS,
+        Figure::Apart => APART,
+        Figure::Disparity => DISPARITY,
+    }
+}
+
+const FIG2: [&str; 3] = [
+    "fig2",
+    "Figure 2: power iteration",
+    "A photo of a folded sheet, projected back again and again, shrinks to one spot: the principal eigenvector \
+     of the light transport matrix, a pattern whose photo is itself.",
+];
+
+const FIG4: [&str; 3] = [
+    "fig4",
+    "Figure 4: segmentation of a folded sheet",
+    "50 photos and ten eigenvectors split a folded sheet of 100×100 pixels where no light is exchanged; six \
+     and ten groups cut the same sheets horizontally.",
+];
+
+const FIG5: [&str; 3] = [
+    "fig5",
+    "Figure 5: pixels by their eigenvector entries",
+    "The entries of the leading eigenvectors at a pixel tell with which others it exchanges light: pixels \
+     of one fold have alike entries, wherever they are in the photo.",
+];
+
+const FIG6: [&str; 3] = [
+    "fig6",
+    "Figure 6: patches apart in the photo",
+    "Groups follow the light and not the picture: patches that are occluded from each other are two groups, and \
+     patches that are apart in the photo, but light each other, share one.",
+];
+
+const FIG8: [&str; 3] = [
+    "fig8",
+    "Figure 8: an egg carton",
+    "50 blurred photos divide an egg carton into ten groups, which follow its cells. With eggs in it light \
+     takes other ways, and the groups change.",
+];
+
+const FIG9: [&str; 3] = [
+    "fig9",
+    "Figure 9: the photos of a segmentation",
+    "The photos of the segmentation of the empty carton in the order in which they were taken, each made from \
+     those before.",
+];
+
+const FIG10: [&str; 3] = [
+    "fig10",
+    "Figure 10: the photos of a compensation",
+    "The photos of the compensation out of focus in the order in which they were taken: eight bring nearly what \
+     twelve do.",
+];
+
+const FIG11: [&str; 3] = [
+    "fig11",
+    "Figure 11: compensation",
+    "Five photos are enough to find a pattern under which a corner of two white walls looks like a given \
+     picture, interreflections included.",
+];
+
+const FIG12: [&str; 3] = [
+    "fig12",
+    "Figure 12: compensation out of focus",
+    "The same with a projector out of focus: what is to be projected has its edges enhanced, and looks \
+     sharp where it lands.",
+];
+
+const FIG13: [&str; 3] = [
+    "fig13",
+    "Figure 13: bit planes",
+    "A projector of one bit shows a sinusoid as stripes. In bit planes, each of what those before could not \
+     show, the weighted sum of the photos is that of the sinusoid; but each photo adds its noise.",
+];
+
+const RANDOM: [&str; 3] = [
+    "random",
+    "Random patterns at equal photos",
+    "Photos of random patterns tell of the light transport, too, but answers by them converge slowly: each \
+     pattern is made without regard to the photos before.",
+];
+
+const CONDITIONING: [&str; 3] = [
+    "conditioning",
+    "Photos that are projected back as they are",
+    "Photos that are projected back unchanged become more and more alike, and the basis that they are is ill \
+     conditioned. Each new one is therefore made orthogonal to those before.",
+];
+
+const POLYNOMIALS: [&str; 3] = [
+    "polynomials",
+    "Equations 1 to 3: polynomials of the light transport matrix",
+    "Whatever k photos of a Krylov method tell is a polynomial of degree k of the matrix: the residual is one with \
+     value 1 at 0 that is small where eigenvalues are, and the eigenvalues found are the zeros of another.",
+];
+
+const APART: [&str; 3] = [
+    "apart",
+    "Camera and projector apart",
+    "Where camera and projector do not share one viewpoint, the light transport matrix is not symmetric. Photos with the two exchanged are \
+     those of its transpose, and light that goes there and back is a symmetric matrix again, by which the same methods apply.",
+];
+
+const DISPARITY: [&str; 3] = [
+    "disparity",
+    "Disparity of a nearly coaxial pair",
+    "Camera and projector are brought to one viewpoint by a beam splitter, so that the matrix is symmetric; what is left of the disparity \
+     between them has to be small.",
+];
+
+/// The kind of rig that measures the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rig {
+    /// Shows any real-valued pattern and measures the light without error.
+    Ideal,
+    /// An 8-bit projector and a 14-bit camera with realistic errors, calibrated from captures.
+    Virtual,
+}
+
+impl Rig {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Virtual => "virtual",
+        }
+    }
+}
+
+/// The bound of a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// At least this value.
+    AtLeast(f64),
+    /// At most this value.
+    AtMost(f64),
+    /// No bound: the number is reported only.
+    Stated,
+}
+
+/// A measured number with its bound.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    /// Quantity and unit.
+    pub what: String,
+    /// The measured value.
+    pub value: f64,
+    /// The bound.
+    pub limit: Limit,
+    /// Why the number misses its bound where it does; empty where nothing is known of that.
+    pub cause: String,
+}
+
+impl Check {
+    /// A number that must be `limit` or more.
+    pub fn at_least(what: impl Into<String>, value: f64, limit: f64) -> Self {
+        Self { what: what.into(), value, limit: Limit::AtLeast(limit), cause: String::new() }
+    }
+
+    /// A number that must be `limit` or less.
+    pub fn at_most(what: impl Into<String>, value: f64, limit: f64) -> Self {
+        Self { what: what.into(), value, limit: Limit::AtMost(limit), cause: String::new() }
+    }
+
+    /// A number without a bound.
+    pub fn stated(what: impl Into<String>, value: f64) -> Self {
+        Self { what: what.into(), value, limit: Limit::Stated, cause: String::new() }
+    }
+
+    /// The same number, and why it misses its bound if it does.
+    #[must_use]
+    pub fn because(self, cause: impl Into<String>) -> Self {
+        Self { cause: cause.into(), ..self }
+    }
+
+    /// The cause of a missed bound; empty where it is met, or where no cause is known.
+    pub fn cause(&self) -> &str {
+        if self.is_met() { "" } else { &self.cause }
+    }
+
+    /// Whether the number meets its bound. NaN meets no bound, except [`Limit::Stated`].
+    pub fn is_met(&self) -> bool {
+        match self.limit {
+            Limit::AtLeast(limit) => self.value >= limit,
+            Limit::AtMost(limit) => self.value <= limit,
+            Limit::Stated => true,
+        }
+    }
+
+    /// The distance by which the number misses its bound; 0 if it meets it.
+    pub fn shortfall(&self) -> f64 {
+        match self.limit {
+            _ if self.is_met() => 0.0,
+            Limit::AtLeast(limit) => limit - self.value,
+            Limit::AtMost(limit) => self.value - limit,
+            Limit::Stated => 0.0,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -189,5 +420,22 @@ mod tests {
             }
             assert!(figure.statement().ends_with('.') || figure.statement().ends_with("suffice."));
         }
+    }
+
+    #[test]
+    fn bounds_are_met_at_the_bound_and_missed_by_the_difference() {
+        assert!(Check::at_least("purity", 0.99, 0.99).is_met());
+        assert!(Check::at_most("photos", 12.0, 12.0).is_met());
+        let missed = [Check::at_least("purity", 0.75, 1.0), Check::at_most("photos", 14.25, 14.0)];
+        assert!(missed.iter().all(|check| !check.is_met() && check.shortfall() == 0.25));
+        assert!(Check::stated("seconds", 7.0).is_met());
+        let of = |value: f64| Check::at_least("purity", value, 0.99).because("the lamp is off");
+        assert_eq!([of(1.0).cause(), of(0.5).cause()], ["", "the lamp is off"]);
+    }
+
+    #[test]
+    fn not_a_number_meets_no_bound() {
+        let missed = [Check::at_least("a", f64::NAN, 0.0), Check::at_most("b", f64::NAN, 1.0)];
+        assert!(missed.iter().all(|check| !check.is_met() && check.shortfall().is_nan()));
     }
 }

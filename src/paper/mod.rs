@@ -25,46 +25,27 @@
 
 mod apart;
 mod bench;
-mod check;
-mod compensated;
-mod components;
 mod conditioning;
 mod contest;
 mod dense;
-mod devices;
 mod disparity;
-mod fig10;
-mod fig11;
-mod fig12;
+mod fig10_11_12;
 mod fig13;
 mod fig2;
-mod fig4;
-mod fig5;
-mod fig6;
-mod fig8;
-mod fig9;
+mod fig4_5;
+mod fig6_8_9;
 mod figure;
-mod fold;
 mod gallery;
 mod groups;
-mod polynomial;
 mod polynomials;
-mod purity;
 mod random;
-mod rig;
-mod sketch;
-mod stage;
-mod target;
-mod words;
-
-pub use bench::{Bench, BenchOptions};
-pub use check::{Check, Limit};
-pub use figure::{Content, Figure, Panel, Plot, Reproduced, Strip};
-pub use gallery::Gallery;
-pub use rig::Rig;
 
 use crate::error::Result;
 use crate::lab::SharedObserver;
+
+pub use bench::{Bench, BenchOptions};
+pub use figure::{Check, Content, Figure, Limit, Panel, Plot, Reproduced, Rig, Strip};
+pub use gallery::Gallery;
 
 /// Reproduces `figure` on `bench`.
 ///
@@ -74,14 +55,14 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     let start = std::time::Instant::now();
     let mut made = match figure {
         Figure::Fig2 => fig2::reproduce(bench),
-        Figure::Fig4 => fig4::reproduce(bench),
-        Figure::Fig5 => fig5::reproduce(bench),
-        Figure::Fig6 => fig6::reproduce(bench),
-        Figure::Fig8 => fig8::reproduce(bench),
-        Figure::Fig9 => fig9::reproduce(bench),
-        Figure::Fig10 => fig10::reproduce(bench),
-        Figure::Fig11 => fig11::reproduce(bench),
-        Figure::Fig12 => fig12::reproduce(bench),
+        Figure::Fig4 => fig4_5::fig4(bench),
+        Figure::Fig5 => fig4_5::fig5(bench),
+        Figure::Fig6 => fig6_8_9::fig6(bench),
+        Figure::Fig8 => fig6_8_9::fig8(bench),
+        Figure::Fig9 => fig6_8_9::fig9(bench),
+        Figure::Fig10 => fig10_11_12::fig10(bench),
+        Figure::Fig11 => fig10_11_12::fig11(bench),
+        Figure::Fig12 => fig10_11_12::fig12(bench),
         Figure::Fig13 => fig13::reproduce(bench),
         Figure::Random => random::reproduce(bench),
         Figure::Conditioning => conditioning::reproduce(bench),

@@ -1,7 +1,9 @@
-//! The settings of a trace, and their limits.
+//! The settings of a trace and their limits, the pixels that its paths start from, and its cost.
+
+use std::ops::Range;
+use std::time::Duration;
 
 use super::photons::Gather;
-use super::sampler::Sampler;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
@@ -90,4 +92,109 @@ fn check_size(option: &str, size: Resolution) -> Result<()> {
         });
     }
     Ok(())
+}
+
+/// The kind of random numbers that decide the light paths. Either kind is a hash of pixel, sample, vertex and
+/// seed. So any path can be traced on its own, and the two halves of a pixel's samples ([`crate::render::Run::half`])
+/// are independent of each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sampler {
+    /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in
+    /// pairs of numbers.
+    #[default]
+    Sobol,
+    /// Independent numbers, the baseline for comparisons.
+    Independent,
+}
+
+impl Sampler {
+    /// The constant of `shaders/shared/parameters.wgsl`.
+    pub(super) fn word(self) -> u32 {
+        match self {
+            Self::Sobol => 0,
+            Self::Independent => 1,
+        }
+    }
+}
+
+/// Consecutive pixels of each endpoint of the rig that light paths start from. In a coaxial rig all paths start from the camera, and the range
+/// of the projector is empty.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct StartPixels {
+    /// Pixels of the camera.
+    pub camera: Range<usize>,
+    /// Pixels of a projector that stands apart.
+    pub projector: Range<usize>,
+}
+
+impl StartPixels {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.camera.is_empty() && self.projector.is_empty()
+    }
+
+    /// These pixels cut into `parts` ranges of each endpoint, whose lengths differ by one pixel at most. The parts are in the order of the pixels,
+    /// and cover each pixel once; some are empty where there are fewer pixels than parts.
+    pub fn split(&self, parts: usize) -> Vec<Self> {
+        let [camera, projector] = [&self.camera, &self.projector].map(|pixels| cut(pixels, parts));
+        camera.into_iter().zip(projector).map(|(camera, projector)| Self { camera, projector }).collect()
+    }
+}
+
+/// A range cut into `parts` ranges of about equal length.
+fn cut(pixels: &Range<usize>, parts: usize) -> Vec<Range<usize>> {
+    let at = |part: usize| pixels.start + (pixels.len() as u128 * part as u128 / parts as u128) as usize;
+    (0..parts).map(|part| at(part)..at(part + 1)).collect()
+}
+
+/// The cost of a trace.
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
+pub struct TraceSummary {
+    /// Light paths traced.
+    pub paths: u64,
+    /// Rays traced for them: to the next surface, and to the other endpoint.
+    pub rays: u64,
+    /// Number of dispatches.
+    pub dispatches: u32,
+    /// Number of those whose contributions the device sorted and summed.
+    pub merged: u32,
+    /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for
+    /// another one starts when that one was done. The host may notice the end of a dispatch late, while it
+    /// reads the records of another one.
+    pub longest: Duration,
+    /// The sum of these times over all dispatches.
+    pub tracing: Duration,
+}
+
+impl TraceSummary {
+    /// Adds the cost of a trace that ran at the same time in another process: its paths, rays and dispatches; the time is that of the longer one.
+    pub(crate) fn add_parallel(&mut self, other: &Self) {
+        self.paths += other.paths;
+        self.rays += other.rays;
+        self.dispatches += other.dispatches;
+        self.merged += other.merged;
+        self.longest = self.longest.max(other.longest);
+        self.tracing = self.tracing.max(other.tracing);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_cover_each_pixel_once_and_in_order() {
+        let all = StartPixels { camera: 3..20, projector: 0..2 };
+        for parts in 1..8 {
+            let found = all.split(parts);
+            assert_eq!(found.len(), parts);
+            let chained: Vec<usize> = found.iter().flat_map(|part| part.camera.clone()).collect();
+            assert_eq!(chained, (3..20).collect::<Vec<_>>());
+            let chained: Vec<usize> = found.iter().flat_map(|part| part.projector.clone()).collect();
+            assert_eq!(chained, [0, 1]);
+            let lengths = found.iter().map(|part| part.camera.len());
+            assert!(lengths.clone().max() <= lengths.min().map(|least| least + 1));
+        }
+    }
 }

@@ -1,27 +1,21 @@
 //! The tracer of a scene: it traces light paths from the endpoints of the rig and returns them in batches.
 
-mod regions;
-
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 use super::batch::Batch;
-use super::chains::ChainCache;
 use super::device_merge::{MergeRequest, Trust};
-use super::dispatch::{DispatchSizer, Dispatches};
-use super::features::Features;
+use super::dispatch::{DispatchSizer, Dispatches, MAX_PATHS};
 use super::geometry::GpuScene;
+use super::kernel::{Features, Parameters, Pipeline};
+use super::launch::{Kernel, Output, StagingBuffers, StrategyRun};
 use super::light_buffer::LightBuffers;
-use super::output::StagingBuffers;
-use super::pipeline::Pipeline;
-use super::rig::Rig;
-use super::settings::TraceSettings;
-use super::start_pixels::StartPixels;
-use super::strategy::{Strategy, StrategyBuilder};
-use super::strategy_run::{Kernel, StrategyRun};
-use super::summary::TraceSummary;
+use super::materials::NONE;
+use super::photons::ChainCache;
+use super::settings::{StartPixels, TraceSettings, TraceSummary};
+use super::strategy::{Rig, Strategy, StrategyBuilder};
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
@@ -300,4 +294,36 @@ fn kernel<'a>(
             entry.insert(Kernel { pipeline, sizer: DispatchSizer::default() })
         }
     })
+}
+
+impl Tracer {
+    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions); `None`
+    /// where it sees nothing.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] when the device failed.
+    pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
+        let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
+        settings.check()?;
+        let camera = self.rig.camera(&settings);
+        let template = self.strategy_builder().strategy(&settings, [camera; 2], [1; 2], true)?;
+        let kernel = Pipeline::new(&self.gpu, "primary_regions", &template.features)?;
+        let total = resolution.pixels() as u64;
+        let capacity = total.min(u64::from(MAX_PATHS)).max(64);
+        let (chains, light_buffer) = (&template.chains.buffers, &template.light_buffer);
+        let staging = StagingBuffers::new(&self.gpu, capacity * 4)?;
+        let output = Output::new(&self.gpu, &kernel, &self.scene, chains, light_buffer, staging)?;
+        let mut regions = Vec::with_capacity(resolution.pixels());
+        while (regions.len() as u64) < total {
+            let first_pixel = regions.len() as u32;
+            let pixels = capacity.min(total - u64::from(first_pixel));
+            let parameters = Parameters { first_pixel, paths: pixels as u32, ..template.parameters };
+            let view = output.run(&self.gpu, &kernel, &parameters, pixels * 4)?;
+            let seen: &[u32] = bytemuck::cast_slice(&view);
+            regions.extend(seen.iter().map(|&region| (region != NONE).then_some(region)));
+            drop(view);
+            output.release();
+        }
+        Ok(regions)
+    }
 }

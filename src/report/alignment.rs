@@ -1,10 +1,10 @@
 //! Picture of one alignment round: the photo, its shadows, and arrows for displaced cells.
 
-use crate::analysis::align::{Alignment, Sight};
+use crate::bench::align::{Alignment, Sight};
 use crate::image::Resolution;
 use crate::io::raster::Raster;
-use crate::io::srgb::encode_srgb;
-use crate::io::tone::percentile;
+use crate::io::raster::encode_srgb;
+use crate::io::raster::percentile;
 
 /// Colour of shadows: pixels that see the scene but receive no direct light from the projector.
 pub const SHADOW: [u8; 3] = [0xe0, 0x20, 0x18];

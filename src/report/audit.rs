@@ -3,7 +3,7 @@
 use super::colormap::{paint_sequential, paint_signed, robust_range, sequential_color};
 use super::html::{Block, Figure, Kind, Legend, Report, Section, Swatch, Values};
 use super::run::{Files, Run, table};
-use crate::analysis::audit::Audit;
+use crate::bench::audit::Audit;
 use crate::error::{Error, Result};
 
 /// Writes `audit.json`, arrays, pictures and `report.html` into the run's folder and returns their names.

@@ -8,11 +8,11 @@ use super::figure;
 use super::html::{Block, Outcome, Report, Section, Verdict};
 use super::plot::{LinePlot, Series};
 use super::run;
+use crate::calibrate::CalibrationReport;
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::measure::Calibration;
 use crate::measure::RunManifest;
-use crate::measure::calibrate::CalibrationReport;
 
 /// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` (number of camera pixels per
 /// projector pixel; brighter is more) into `folder`.

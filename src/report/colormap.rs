@@ -6,10 +6,10 @@ use super::oklab::{linear_from_oklab, oklab_from_linear};
 pub use super::palette::MASKED;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::io::raster;
 pub use crate::io::raster::NOT_A_NUMBER;
 use crate::io::raster::Raster;
-use crate::io::srgb::{decode_srgb, encode_srgb};
-use crate::io::tone;
+use crate::io::raster::{decode_srgb, encode_srgb};
 
 /// The largest 0.5 % of the values may saturate, so that single bright pixels do not compress the range of the others.
 const RANGE_PERCENTILE: f64 = 0.995;
@@ -83,7 +83,7 @@ pub fn robust_range(values: &[f64], mask: Option<&[bool]>) -> f64 {
     let sizes: Vec<f64> = values.iter().enumerate().filter(kept).map(|(_, value)| value.abs()).collect();
     let largest = sizes.iter().copied().fold(0.0, f64::max);
     // An image with more than 99.5 % zeros is sparse; its nonzero values are no outliers.
-    tone::percentile(sizes, RANGE_PERCENTILE).filter(|&range| range > 0.0).unwrap_or(match largest {
+    raster::percentile(sizes, RANGE_PERCENTILE).filter(|&range| range > 0.0).unwrap_or(match largest {
         0.0 => 1.0,
         largest => largest,
     })

@@ -4,7 +4,7 @@ use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::io::tone::develop;
+use crate::io::raster::develop;
 
 /// A photo in `unit`, developed with exposure `scale`; the colour bar of a colour photo shows its grays.
 pub(crate) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {

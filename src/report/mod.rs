@@ -5,7 +5,7 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`eigenpairs`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the arrays, pictures and page of one command | [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
@@ -20,7 +20,6 @@ pub mod calibration;
 pub mod colormap;
 pub mod contact_sheet;
 pub mod content;
-pub mod eigenpairs;
 pub(crate) mod figure;
 pub mod html;
 pub mod index;
@@ -36,7 +35,6 @@ pub(crate) mod residuals;
 pub mod run;
 pub mod scatter;
 pub mod separation;
-pub mod singular;
 pub mod solution;
 pub(crate) mod spectrum;
 mod svg;

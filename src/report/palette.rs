@@ -3,7 +3,7 @@
 use super::oklab::linear_from_oklab;
 use crate::image::Resolution;
 use crate::io::raster::Raster;
-use crate::io::srgb::encode_srgb;
+use crate::io::raster::encode_srgb;
 
 /// Colour of masked pixels, a gray that no colour map contains.
 pub const MASKED: [u8; 3] = [0x3c, 0x3c, 0x40];
@@ -125,7 +125,7 @@ impl Palette {
 mod tests {
     use super::super::oklab::oklab_from_linear;
     use super::*;
-    use crate::io::srgb::decode_srgb;
+    use crate::io::raster::decode_srgb;
 
     #[test]
     fn no_two_of_the_255_colors_are_equal() {

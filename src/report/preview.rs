@@ -1,7 +1,7 @@
 //! Preview of a camera frame for setting up the camera: saturated pixels are red, pixels without signal blue.
 
 use crate::io::raster::Raster;
-use crate::io::srgb::encode_srgb;
+use crate::io::raster::encode_srgb;
 use crate::rig::RawFrame;
 
 /// Colour of pixels with a saturated sample.

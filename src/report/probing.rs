@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
 use crate::io::picture;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 
 /// A probed photo of every channel.
 #[derive(Clone, Debug)]

@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::{Image, Resolution};
 use crate::io::picture;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 
 /// Direct and global light under an all-ones pattern, with what was asked beside it.
 #[derive(Clone, Debug)]

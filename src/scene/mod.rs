@@ -5,35 +5,29 @@ pub mod builtin;
 pub mod bvh;
 pub mod camera;
 mod camera_file;
-mod first_hit;
-mod formats;
 mod gltf;
 pub mod material;
 mod obj;
-mod picture;
 pub(crate) mod place;
-mod repeated;
-mod shape;
 mod source;
-mod texture;
 mod triangle;
 pub mod view;
-mod watch;
 
-pub use camera::{Camera, Lens};
-pub use first_hit::{SurfacePoint, first_hits};
-pub use material::{AlphaMode, Material, Volume};
-pub use shape::predicted_direct;
-pub use texture::{Texture, TextureRef, Wrap};
-pub use triangle::Triangle;
-pub use watch::Watcher;
-
+use std::fmt;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use source::fault;
+
+pub use bvh::{SurfacePoint, first_hits};
+pub use camera::{Camera, Lens};
+pub use material::{AlphaMode, Material, Texture, TextureRef, Volume, Wrap};
+pub use triangle::Triangle;
+pub use view::predicted_direct;
 
 /// Options for loading a scene.
 #[derive(Clone, Copy, Debug, Default)]
@@ -79,9 +73,9 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
         "obj" => obj::load(path, options)?,
         // A folder of a run, most likely, whose name is misspelled.
         "" if !path.exists() => return Err(Error::reading(path)(std::io::ErrorKind::NotFound.into())),
-        other => return Err(formats::unknown(path, other)),
+        other => return Err(unknown(path, other)),
     };
-    let repeated = repeated::drop_repeated(&mut scene.triangles);
+    let repeated = triangle::drop_repeated(&mut scene.triangles);
     if repeated > 0 {
         scene.warnings.push(format!("triangles that repeat another one exactly were dropped: {repeated}"));
     }
@@ -126,4 +120,61 @@ impl Scene {
         let corners = || self.triangles.iter().flat_map(|triangle| triangle.positions);
         [corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max)]
     }
+}
+
+/// After how many triangles or lines the watcher is told again: a fraction of a second.
+const RHYTHM: usize = 1 << 16;
+
+/// Receives the progress of loading a scene, and decides whether it goes on. The default does nothing.
+#[derive(Clone, Copy, Default)]
+pub struct Watcher<'a>(Option<&'a dyn Fn(f32) -> ControlFlow<()>>);
+
+impl<'a> Watcher<'a> {
+    /// Calls `told` now and then with the share of the work that is done. [`ControlFlow::Break`] ends loading with [`Error::Interrupted`].
+    pub fn new(told: &'a dyn Fn(f32) -> ControlFlow<()>) -> Self {
+        Self(Some(told))
+    }
+
+    /// Tells that this share is done.
+    pub(super) fn tell(self, share: f32) -> Result<()> {
+        match self.0.map(|told| told(share.clamp(0.0, 1.0))) {
+            Some(ControlFlow::Break(())) => Err(Error::Interrupted),
+            _ => Ok(()),
+        }
+    }
+
+    /// Tells the share `share()` at every 65,536th of the things that are counted by `count`.
+    pub(super) fn count(self, count: usize, share: impl FnOnce() -> f32) -> Result<()> {
+        if count.is_multiple_of(RHYTHM) { self.tell(share()) } else { Ok(()) }
+    }
+}
+
+impl fmt::Debug for Watcher<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "Watcher" } else { "none" })
+    }
+}
+
+/// The error about a file whose name says another format; `extension` is in lower case.
+pub(super) fn unknown(path: &Path, extension: &str) -> Error {
+    let (what, help) = match extension {
+        "xml" => (
+            "a scene of Mitsuba, as it seems, and not of krylux",
+            "give a .glb, .gltf or .obj file: import the meshes (.ply, .obj) that it names into Blender and export them as .glb, \
+             with the camera; bidirectional materials have no counterpart but metallic-roughness and specular",
+        ),
+        "blend" => (
+            "a file of Blender, which only Blender reads",
+            "export it as .glb: blender -b FILE.blend --python-expr \"import bpy; \
+             bpy.ops.export_scene.gltf(filepath='scene.glb', export_cameras=True)\"",
+        ),
+        "fbx" | "dae" | "ply" | "stl" | "usd" | "usda" | "usdc" | "usdz" | "abc" | "3ds" | "x3d" | "pbrt" => {
+            (
+                "a format of scenes that krylux does not read",
+                "import it into Blender and export it as .glb, with the camera; or give a .gltf or .obj file",
+            )
+        }
+        _ => ("not a known scene format", "give a .glb, .gltf or .obj file"),
+    };
+    fault(path, what, help)
 }

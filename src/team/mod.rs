@@ -2,28 +2,28 @@
 //!
 //! The process of rank 0 leads. It runs the program as if it were alone: it speaks, writes files and keeps the journal. Each other process waits in
 //! [`serve()`] for commands, which are about *objects* that every process holds a part of: a scene on its device, or some rows of a matrix. The leader
-//! names an object by a [`Remote`]; the others let go of it once that is dropped. What a command says is up to the caller: here are only bytes.
+//! names an object by a [`Remote`]; the others let go of it once that is dropped. The caller defines the commands.
 //!
 //! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
 
 mod cores;
-mod serve;
-mod threads;
 #[cfg(feature = "mpi")]
 mod world;
 
+use std::collections::VecDeque;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
 pub use cores::{Placement, keep_cores, share_cores};
-pub use serve::{Worker, serve};
-pub use threads::{Threads, threads};
 #[cfg(feature = "mpi")]
 pub use world::World;
 
 use crate::error::{Error, Result};
-use serve::Envelope;
 
 /// Messages among the processes of a team. Messages from one process to another arrive in the order in which they were sent.
 ///
@@ -120,7 +120,7 @@ impl Team {
     /// Ends the work of the team: the other processes leave [`serve()`]. Nothing that they hold may be used afterwards.
     pub fn end(&self) {
         if !self.has_ended.swap(true, Ordering::SeqCst) {
-            self.turn().tell(&Envelope::End);
+            self.turn().tell(&Told::End);
             self.comm.close();
         }
     }
@@ -141,7 +141,7 @@ impl Team {
     fn turn(&self) -> Turn<'_> {
         let turn = Turn { comm: &*self.comm, _alone: lock(&self.next) };
         for id in std::mem::take(&mut *lock(&self.released)) {
-            turn.tell(&Envelope::Release(id));
+            turn.tell(&Told::Release(id));
         }
         turn
     }
@@ -178,12 +178,16 @@ impl Remote {
         self.id
     }
 
-    /// Gives the others a command about this object; [`Worker::command`] says what they make of it. What follows, question by question, is between
-    /// the caller and the worker. No other thread talks to the team before the returned turn is dropped.
-    pub fn command(&self, command: &[u8]) -> Turn<'_> {
+    /// Gives the others a command about this object. The caller and the workers define the messages that follow. No other thread talks to the team
+    /// before the returned turn is dropped.
+    ///
+    /// # Errors
+    /// [`Error::Team`] for a command that cannot be sent.
+    pub fn command(&self, command: &impl Serialize) -> Result<Turn<'_>> {
+        let message = to_bytes(&Told::Command(self.id, command))?;
         let turn = self.team.turn();
-        turn.tell(&Envelope::Command(self.id, command));
-        turn
+        turn.send_all(&message);
+        Ok(turn)
     }
 }
 
@@ -226,12 +230,234 @@ impl Turn<'_> {
         self.others().map(|rank| self.comm.receive(rank)).collect()
     }
 
-    fn tell(&self, envelope: &Envelope<'_>) {
-        self.send_all(&envelope.to_bytes());
+    /// The answers of the others ([`answer`]), by rank.
+    pub fn answers<T: DeserializeOwned>(&self) -> Vec<Result<T>> {
+        self.others().zip(self.receive_all()).map(|(rank, bytes)| read_answer(rank, &bytes)).collect()
+    }
+
+    fn tell(&self, told: &Told<()>) {
+        // Numbers can always be sent.
+        self.send_all(&to_bytes(told).unwrap_or_default());
     }
 }
 
-/// What a mutex holds is whole even if a thread panicked.
+/// A message of the leader to the others.
+#[derive(Serialize, Deserialize)]
+pub enum Told<C> {
+    /// The work of the team is done.
+    End,
+    /// The object of this number is no longer needed.
+    Release(u64),
+    /// A command about the object of this number.
+    Command(u64, C),
+}
+
+/// Serves the leader, rank 0, until it ends the team: `told` lets go of objects and carries out commands.
+///
+/// # Panics
+/// For a message that cannot be read, since the leader waits for an answer that cannot be given.
+pub fn serve<C: DeserializeOwned>(comm: &dyn Comm, mut told: impl FnMut(Told<C>)) {
+    loop {
+        match from_bytes(&comm.receive(0)).expect("all processes run the same program") {
+            Told::End => return,
+            other => told(other),
+        }
+    }
+}
+
+/// The bytes of a value, for another process of the same program.
+///
+/// # Errors
+/// [`Error::Team`] for a value without bytes, such as a file name that is not UTF-8.
+pub fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>> {
+    postcard::to_allocvec(value).map_err(|error| Error::Team {
+        fault: format!("something cannot be sent to the other processes: {error}"),
+        help: "give file names in UTF-8".into(),
+    })
+}
+
+/// The value of these bytes.
+///
+/// # Errors
+/// [`Error::Team`] for bytes of another value.
+pub fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
+    postcard::from_bytes(bytes).map_err(|error| garbled(&error.to_string()))
+}
+
+/// The error for a message that cannot be read.
+pub(crate) fn garbled(why: &str) -> Error {
+    Error::Team {
+        fault: format!("a message of another process cannot be read ({why})"),
+        help: "start the same program on every machine; if it is, this is a fault in krylux".into(),
+    }
+}
+
+/// Sends an answer to the leader: a value, or why there is none.
+pub fn answer<T: Serialize>(comm: &dyn Comm, answer: std::result::Result<T, impl ToString>) {
+    let answer = answer.map_err(|error| error.to_string());
+    // An answer has no file names, so that it can be sent.
+    comm.send(0, &to_bytes(&answer).unwrap_or_default());
+}
+
+/// The answer of process `rank`.
+///
+/// # Errors
+/// [`Error::Team`] where the process has no value, or the bytes are something else.
+pub fn read_answer<T: DeserializeOwned>(rank: usize, bytes: &[u8]) -> Result<T> {
+    let answer: std::result::Result<T, String> = from_bytes(bytes)?;
+    answer.map_err(|why| {
+        let (fault, help) =
+            why.split_once("\n  help: ").unwrap_or((&why, "look at the machine that it runs on"));
+        Error::Team { fault: format!("process {rank}: {fault}"), help: help.into() }
+    })
+}
+
+/// The lock. Its content is whole even if a thread panicked.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// One member of a team of threads.
+pub struct Threads {
+    rank: usize,
+    /// To each member.
+    to: Vec<Sender<Vec<u8>>>,
+    /// From each member.
+    from: Vec<Mutex<Inbox>>,
+}
+
+/// Messages from one member, with those that were looked at and not taken yet.
+struct Inbox {
+    receiver: Receiver<Vec<u8>>,
+    waiting: VecDeque<Vec<u8>>,
+}
+
+/// A team of `count` threads: one [`Comm`] for each, by rank.
+pub fn threads(count: usize) -> Vec<Threads> {
+    let mut to: Vec<Vec<Sender<Vec<u8>>>> = (0..count).map(|_| Vec::new()).collect();
+    let mut from: Vec<Vec<Mutex<Inbox>>> = (0..count).map(|_| Vec::new()).collect();
+    for to in &mut to {
+        for from in &mut from {
+            let (sender, receiver) = channel();
+            to.push(sender);
+            from.push(Mutex::new(Inbox { receiver, waiting: VecDeque::new() }));
+        }
+    }
+    to.into_iter().zip(from).enumerate().map(|(rank, (to, from))| Threads { rank, to, from }).collect()
+}
+
+impl Comm for Threads {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.to.len()
+    }
+
+    fn send(&self, to: usize, message: &[u8]) {
+        // A member that has ended needs no messages.
+        let _ = self.to[to].send(message.to_vec());
+    }
+
+    /// # Panics
+    /// Where the other member has ended without an answer, so that it panicked itself.
+    fn receive(&self, from: usize) -> Vec<u8> {
+        let mut inbox = lock(&self.from[from]);
+        match inbox.waiting.pop_front() {
+            Some(message) => message,
+            None => inbox.receiver.recv().expect("the threads of a team end together"),
+        }
+    }
+
+    fn has_message(&self, from: usize) -> bool {
+        let mut inbox = lock(&self.from[from]);
+        let arrived: Vec<_> = inbox.receiver.try_iter().collect();
+        inbox.waiting.extend(arrived);
+        !inbox.waiting.is_empty()
+    }
+
+    fn exchange(&self, mut outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        let own = std::mem::take(&mut outgoing[self.rank]);
+        for (rank, message) in outgoing.into_iter().enumerate().filter(|(rank, _)| *rank != self.rank) {
+            let _ = self.to[rank].send(message);
+        }
+        let receive = |rank| if rank == self.rank { Vec::new() } else { self.receive(rank) };
+        let mut received: Vec<_> = (0..self.size()).map(receive).collect();
+        received[self.rank] = own;
+        received
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The results of `work` in each member of a team of threads, by rank.
+    fn each<T: Send + 'static>(size: usize, work: fn(&Threads) -> T) -> Vec<T> {
+        let start = |comm| std::thread::spawn(move || work(&comm));
+        let members: Vec<_> = threads(size).into_iter().map(start).collect();
+        members.into_iter().map(|member| member.join().expect("no member panics")).collect()
+    }
+
+    #[test]
+    fn each_member_gets_what_every_other_one_sent_to_it() {
+        let sent = |comm: &Threads| comm.exchange((0..3).map(|to| vec![comm.rank() as u8, to]).collect());
+        for (rank, found) in each(3, sent).into_iter().enumerate() {
+            assert_eq!(found, (0..3).map(|from| vec![from, rank as u8]).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn a_broadcast_reaches_every_member_of_a_team_of_any_size() {
+        for size in 1..10 {
+            let all = each(size, |comm| comm.broadcast((comm.rank() == 0).then_some(&b"all"[..])));
+            assert!(all.len() == size && all.iter().all(|found| found == b"all"), "{size}");
+        }
+    }
+
+    #[test]
+    fn a_message_that_was_looked_for_is_received_afterwards() {
+        let mut both = threads(2);
+        let other = both.pop().expect("there are two");
+        assert!(!both[0].has_message(1));
+        other.send(0, b"one");
+        other.send(0, b"two");
+        assert!(both[0].has_message(1));
+        assert_eq!([both[0].receive(1), both[0].receive(1)], [b"one", b"two"]);
+        assert!(!both[0].has_message(1));
+    }
+
+    #[test]
+    fn the_others_do_what_the_leader_says_and_let_go_of_what_it_dropped() -> Result<()> {
+        let mut all = threads(3).into_iter();
+        let leader = all.next().expect("there are three");
+        // Each notes what it was told, and returns a command with its rank.
+        let work = |comm: Threads| {
+            let mut notes = Vec::new();
+            serve(&comm, |told: Told<String>| match told {
+                Told::Command(id, command) => {
+                    notes.push(format!("{id} {command}"));
+                    comm.send(0, format!("{command}{}", comm.rank()).as_bytes());
+                }
+                Told::Release(id) => notes.push(format!("release {id}")),
+                Told::End => {}
+            });
+            notes
+        };
+        let others: Vec<_> = all.map(|comm| std::thread::spawn(move || work(comm))).collect();
+        let team = Team::lead(Arc::new(leader), Vec::new());
+        let (first, second) = (team.remote(), team.remote());
+        assert_eq!(first.command(&"a")?.receive_all(), [b"a1", b"a2"]);
+        drop(first);
+        assert_eq!(second.command(&"")?.receive_all(), [b"1", b"2"]);
+        drop(second);
+        assert_eq!(Arc::strong_count(&team), 1);
+        drop(team);
+        for other in others {
+            let notes = other.join().expect("no member panics");
+            assert_eq!(notes, ["1 a", "release 1", "2 ", "release 2"]);
+        }
+        Ok(())
+    }
 }

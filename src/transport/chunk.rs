@@ -90,19 +90,6 @@ pub(super) enum Terms<const C: usize> {
     Long(Pages<Term<C>>),
 }
 
-impl<const C: usize> Terms<C> {
-    /// These terms and those that come after the first `count` of them.
-    fn split(self, count: usize) -> [Self; 2] {
-        if count == self.len() {
-            return [self, Self::default()];
-        }
-        if count == 0 {
-            return [Self::default(), self];
-        }
-        [&self[..count], &self[count..]].map(|terms| Self::Short(terms.to_vec()))
-    }
-}
-
 impl<const C: usize> Default for Terms<C> {
     fn default() -> Self {
         Self::Short(Vec::new())
@@ -200,9 +187,6 @@ impl<const C: usize> Chunks<C> {
     }
 }
 
-/// The contributions of the paths from the pixels of the camera, and from those of the projector.
-pub(super) type ByEndpoint<const C: usize> = [Vec<Chunk<C>>; 2];
-
 impl<const C: usize> Chunk<C> {
     /// The rows of all these chunks.
     fn joined(chunks: Vec<Self>) -> Self {
@@ -234,16 +218,6 @@ impl<const C: usize> Chunk<C> {
         self.rows.iter().zip(starts).map(|(&row, start)| (row, &self.terms[start..row.end]))
     }
 
-    /// The rows of the camera's pixels, and those of the projector's, which come after them.
-    fn split(mut self) -> [Self; 2] {
-        let row = self.rows.partition_point(|row| row.from_camera);
-        let entry = if row == 0 { 0 } else { self.rows[row - 1].end };
-        let mut rows = self.rows.split_off(row);
-        rows.iter_mut().for_each(|row| row.end -= entry);
-        let [before, after] = self.terms.split(entry);
-        [Self { rows: self.rows, terms: before }, Self { rows, terms: after }]
-    }
-
     /// Whether its rows are some of these `pixels`, in ascending order, with their entries in ascending order, each of `classes` classes and at one of
     /// `others` pixels.
     pub(super) fn is_of(&self, pixels: &Range<usize>, others: usize, classes: usize) -> bool {
@@ -256,21 +230,13 @@ impl<const C: usize> Chunk<C> {
         self.rows.is_sorted_by(|a, b| a.pixel < b.pixel) && self.rows().all(is_row)
     }
 
-    /// Every contribution: the pixel that its paths start from, its key, and the bits of its values.
-    pub(super) fn contributions(&self) -> impl Iterator<Item = (u32, Key, [[u32; C]; 2])> + '_ {
+    /// Every contribution: the pixel that its paths start from, whether that is one of the camera, its key, and the bits of its values.
+    pub(super) fn contributions(&self) -> impl Iterator<Item = (u32, bool, Key, [[u32; C]; 2])> + '_ {
         self.rows().flat_map(|(row, terms)| {
             terms.iter().map(move |term| {
-                (row.pixel, term.key, [term.mean, term.error].map(|values| values.map(f32::to_bits)))
+                let bits = [term.mean, term.error].map(|values| values.map(f32::to_bits));
+                (row.pixel, row.from_camera, term.key, bits)
             })
         })
-    }
-
-    /// The chunks of the camera's paths, and those of the projector's, which come after them.
-    pub(super) fn by_endpoint(chunks: Vec<Self>) -> [Vec<Self>; 2] {
-        let mut parts = [Vec::new(), Vec::new()];
-        for chunk in chunks {
-            parts.iter_mut().zip(chunk.split()).for_each(|(part, chunk)| part.push(chunk));
-        }
-        parts
     }
 }

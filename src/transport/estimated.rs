@@ -3,10 +3,9 @@
 
 use rayon::prelude::*;
 
-use super::contributions::Way;
 use super::matrix::{Direction, Part};
 use super::noise::Halves;
-use super::stripes::Stripes;
+use super::retraced::Way;
 use super::{Channels, Retraced, RetracedOperator, Transport, luminance};
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
@@ -339,6 +338,37 @@ impl<const P: usize> WeightSums<P> {
     }
 }
 
+/// The stripes of an array that one of several tasks has. They go round the tasks and are narrow, so that each task gets as much of a batch's pixels.
+struct Stripes<'a, T> {
+    mine: Vec<&'a mut [T]>,
+    /// For each stripe of the array its place among `mine`, or a place beyond them.
+    places: Vec<u32>,
+}
+
+impl<T> Stripes<'_, T> {
+    /// Entries of a stripe.
+    const WIDTH: usize = 16;
+
+    /// The stripes of `values` for each of `tasks` tasks.
+    fn of(values: &mut [T], tasks: usize) -> Vec<Stripes<'_, T>> {
+        let count = values.len().div_ceil(Self::WIDTH);
+        let mut stripes: Vec<Stripes<'_, T>> =
+            (0..tasks).map(|_| Stripes { mine: Vec::new(), places: vec![u32::MAX; count] }).collect();
+        for (stripe, values) in values.chunks_mut(Self::WIDTH).enumerate() {
+            let Stripes { mine, places } = &mut stripes[stripe % tasks];
+            places[stripe] = mine.len() as u32;
+            mine.push(values);
+        }
+        stripes
+    }
+
+    /// The entry number `index`, if this task has it.
+    fn at(&mut self, index: usize) -> Option<&mut T> {
+        let place = self.places[index / Self::WIDTH];
+        self.mine.get_mut(place as usize).map(|stripe| &mut stripe[index % Self::WIDTH])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -360,5 +390,16 @@ mod tests {
         assert!(wrong.is_some_and(|[error, _]| (error - expected).abs() < 1e-12));
         let nothing = product(&[0.1, -0.1], &[0.2, 0.2]);
         assert_eq!(nothing.squares(&[0.0, 0.0]).relative(), None);
+    }
+
+    #[test]
+    fn stripes_go_round_the_tasks() {
+        for tasks in 1..5 {
+            let mut owner = [usize::MAX; 101];
+            for (task, mut stripes) in Stripes::of(&mut owner, tasks).into_iter().enumerate() {
+                (0..101).for_each(|index| stripes.at(index).into_iter().for_each(|owner| *owner = task));
+            }
+            assert!((0..101).all(|index| owner[index] == index / 16 % tasks), "in the place of its index");
+        }
     }
 }

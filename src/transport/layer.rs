@@ -124,43 +124,16 @@ impl Layer {
 
     /// The transpose; computed once, and kept with the layer.
     pub(super) fn transpose(&self) -> &Self {
-        self.transpose.get_or_init(|| Box::new(self.transposed()))
+        self.transpose.get_or_init(|| {
+            let rows = self.to_rows();
+            let transpose = rows.transposed(&(0..self.tiles.cols()), 0);
+            Box::new(Self::new(self.bounces, rows.rows(), vec![transpose]))
+        })
     }
 
     /// Keeps the rows of the transpose that this process has, where a matrix is spread over several processes.
     pub(super) fn keep_transpose(&self, transpose: Self) {
         // Where there is one already, it is the same.
         let _ = self.transpose.set(Box::new(transpose));
-    }
-
-    fn transposed(&self) -> Self {
-        let (rows, transpose) = self.transposed_rows();
-        Self::new(self.bounces, rows, vec![transpose])
-    }
-
-    /// The number of rows of this layer (the columns of the transpose), and all channels of the transpose in
-    /// compressed rows.
-    pub(super) fn transposed_rows(&self) -> (usize, CompressedRows) {
-        let CompressedRows { row_start: from_start, columns: from_columns, weights: from_weights } =
-            self.to_rows();
-        let (rows, cols) = (from_start.len() - 1, self.tiles.cols());
-        let mut row_start = vec![0; cols + 1];
-        from_columns.iter().for_each(|&column| row_start[column as usize + 1] += 1);
-        (0..cols).for_each(|row| row_start[row + 1] += row_start[row]);
-        let mut next = row_start.clone();
-        let mut columns = vec![0; from_columns.len()];
-        let mut weights = vec![vec![0.0; from_columns.len()]; from_weights.len()];
-        // Rows are visited in order, so each row of the transpose is filled from left to right.
-        for row in 0..rows {
-            for entry in from_start[row]..from_start[row + 1] {
-                let at = &mut next[from_columns[entry] as usize];
-                columns[*at] = row as u32;
-                for (to, from) in weights.iter_mut().zip(&from_weights) {
-                    to[*at] = from[entry];
-                }
-                *at += 1;
-            }
-        }
-        (rows, CompressedRows { row_start, columns, weights })
     }
 }

@@ -8,10 +8,11 @@ use serde::{Deserialize, Serialize};
 
 use super::layer::{Bounces, Layer, square};
 use super::spread::Spread;
-use super::tiles::{CompressedRows, Summable};
-use super::{Channels, RigShape};
+use super::tiles::{BLOCK_WIDTH, CompressedRows, Interleaved, Summable};
+use super::{Channels, GpuMatrix, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
+use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
 
 /// Rows of a task where the matrix has only a diagonal.
@@ -51,8 +52,8 @@ pub(super) enum Direction {
     Backward,
 }
 
-/// Which product is taken.
-#[derive(Clone, Copy, Serialize, Deserialize)]
+/// The direction, the part and the channel of a product.
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Product {
     pub(super) direction: Direction,
     pub(super) part: Part,
@@ -155,34 +156,46 @@ impl TransportMatrix {
     /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector
     /// pixel, `y` one for each of the camera's.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
-        self.multiply(Direction::Forward, part, channel, x, y);
+        self.multiply(Product { direction: Direction::Forward, part, channel }, x, y);
     }
 
     /// `x ← Pᵀ y`: the photo of the dual rig, in which camera and projector have changed places. `y` has an
     /// entry for each camera pixel, `x` one for each of the projector's.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
-        self.multiply(Direction::Backward, part, channel, y, x);
+        self.multiply(Product { direction: Direction::Backward, part, channel }, y, x);
     }
 
-    /// The product in either direction, with one vector or with several interleaved ones.
-    pub(super) fn multiply<V: Summable>(
-        &self,
-        direction: Direction,
-        part: Part,
-        channel: usize,
-        from: &[V],
-        to: &mut [V],
-    ) {
+    /// `y_k ← P x_k` for each of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read
+    /// once for four products. There are as many `ys` as `xs`; each has an entry for each camera pixel.
+    pub fn apply_block(&self, part: Part, channel: usize, xs: &[&[f64]], ys: &mut [&mut [f64]]) {
+        self.multiply_block(Product { direction: Direction::Forward, part, channel }, xs, ys);
+    }
+
+    /// Products with a block of vectors: four at a time are interleaved.
+    fn multiply_block(&self, product: Product, from: &[&[f64]], to: &mut [&mut [f64]]) {
+        assert_eq!(from.len(), to.len(), "a product for each vector");
+        for (from, to) in from.chunks(BLOCK_WIDTH).zip(to.chunks_mut(BLOCK_WIDTH)) {
+            if let ([from], [to]) = (from, &mut *to) {
+                self.multiply(product, from, to);
+                continue;
+            }
+            let mut values = vec![Interleaved::default(); to[0].len()];
+            self.multiply(product, &interleave(from), &mut values);
+            deinterleave(&values, to);
+        }
+    }
+
+    /// The product with one vector or with several interleaved ones.
+    fn multiply<V: Summable>(&self, product: Product, from: &[V], to: &mut [V]) {
         let (camera, projector) = (self.rig.camera.pixels(), self.rig.projector.pixels());
-        let [lit, seen] = match direction {
+        let [lit, seen] = match product.direction {
             Direction::Forward => [from.len(), to.len()],
             Direction::Backward => [to.len(), from.len()],
         };
         assert_eq!((lit, seen), (projector, camera), "x has the projector's pixels, and y the camera's");
-        let way = Product { direction, part, channel };
         match &self.spread {
-            None => self.multiply_own(way, self.rows.start, from, to),
-            Some(spread) => spread.multiply(self, way, from, to),
+            None => self.multiply_own(product, self.rows.start, from, to),
+            Some(spread) => spread.multiply(self, product, from, to),
         }
     }
 
@@ -266,5 +279,126 @@ impl TransportMatrix {
             row_start.push(columns.len());
         }
         Csr::new(self.rig.projector.pixels(), row_start, columns, weights)
+    }
+}
+
+/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the
+/// processor, a block is multiplied four vectors at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct MatrixOperator<'a> {
+    matrix: &'a TransportMatrix,
+    /// The copy of the matrix on the device where products are taken there.
+    device: Option<&'a GpuMatrix>,
+    part: Part,
+    channel: usize,
+}
+
+impl<'a> MatrixOperator<'a> {
+    /// Products on the processor; [`super::Assembled::operator`] has those on the backend of a traced scene. The channel is below
+    /// [`Channels::count`].
+    pub fn new(matrix: &'a TransportMatrix, part: Part, channel: usize) -> Self {
+        Self { matrix, device: None, part, channel }
+    }
+
+    pub(super) fn on(self, device: Option<&'a GpuMatrix>) -> Self {
+        Self { device, ..self }
+    }
+
+    fn block(&self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
+        let product = Product { direction, part: self.part, channel: self.channel };
+        match self.device {
+            Some(device) => {
+                from.iter().zip(to).try_for_each(|(from, to)| device.multiply(self.matrix, product, from, to))
+            }
+            None => {
+                self.matrix.multiply_block(product, from, to);
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Operator for MatrixOperator<'_> {
+    fn rows(&self) -> usize {
+        self.matrix.rig.camera.pixels()
+    }
+
+    fn cols(&self) -> usize {
+        self.matrix.rig.projector.pixels()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.matrix.rig.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.block(Direction::Forward, &[x], &mut [y])
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Forward, xs, ys)
+    }
+
+    fn block_size(&self) -> usize {
+        if self.device.is_none() { BLOCK_WIDTH } else { 1 }
+    }
+
+    fn confirming(&mut self, _: bool) -> bool {
+        true
+    }
+}
+
+impl Adjoint for MatrixOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.block(Direction::Backward, &[y], &mut [x])
+    }
+
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Backward, ys, xs)
+    }
+}
+
+/// Entries that one task interleaves.
+const TASK: usize = 4096;
+
+/// Interleaves at most four vectors of equal length: element `i` holds entry `i` of each, and zeros in the
+/// places of missing vectors.
+pub(super) fn interleave(vectors: &[&[f64]]) -> Vec<Interleaved> {
+    let mut values = vec![Interleaved::default(); vectors.first().map_or(0, |vector| vector.len())];
+    values.par_chunks_mut(TASK).enumerate().for_each(|(task, values)| {
+        for (place, vector) in vectors.iter().enumerate() {
+            let vector = &vector[task * TASK..];
+            values.iter_mut().zip(vector).for_each(|(value, &entry)| value.0[place] = entry);
+        }
+    });
+    values
+}
+
+/// The reverse of [`interleave`]: writes each vector to its own slice.
+pub(super) fn deinterleave(values: &[Interleaved], to: &mut [&mut [f64]]) {
+    to.par_iter_mut().enumerate().for_each(|(place, vector)| {
+        vector.iter_mut().zip(values).for_each(|(entry, value)| *entry = value.0[place]);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// More entries than two tasks take, and three vectors for four places.
+    #[test]
+    fn vectors_of_several_tasks_are_interleaved_in_their_order() {
+        let length = 2 * TASK + 7;
+        let vectors: Vec<Vec<f64>> =
+            (0..3).map(|place| (0..length).map(|entry| (10 * entry + place) as f64).collect()).collect();
+        let values = interleave(&vectors.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        assert_eq!(values.len(), length);
+        for (entry, value) in values.iter().enumerate() {
+            let first = (10 * entry) as f64;
+            assert_eq!(value.0, [first, first + 1.0, first + 2.0, 0.0]);
+        }
+        let mut back = vec![vec![f64::NAN; length]; 3];
+        deinterleave(&values, &mut back.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
+        assert!(back == vectors);
     }
 }

@@ -1,20 +1,86 @@
-//! Rows of the matrix, merged block by block.
+//! The rows of the matrix, merged from the contributions of each pixel's paths and their transpose.
 //!
 //! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`.
 //! Where the projector stands apart, the rows of the camera's pixels are rows of `A`, and those of the
 //! projector's pixels are columns of `A`. The transpose comes one block at a time (`transpose`), without a second
 //! copy of `F`. A row of `A` is then two rows merged, one of `F` and one of its transpose, which both ascend.
+//!
+//! A whole coaxial matrix is symmetric, so that only its triangle on and above the diagonal is merged. Row by row,
+//! fewer contributions are needed: their memory is given back while that of the matrix grows.
 
 use std::cmp::Ordering;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::chunk::{Key, Term};
+use super::RigShape;
+use super::chunk::{CLASSES, Key, Term};
+use super::noise::Estimates;
+use super::row_sums::{Outline, Scale, outline, with_direct};
+use super::share::Found;
+use super::spread::Steps;
 use super::squares::EntrySquares;
-use super::steps::Steps;
-use super::tiles::{CompressedRows, take};
+use super::tiles::{Builder, CompressedRows, Pieces, Tiles, take};
 use super::transpose::Sources;
+
+/// The sparse part of the matrix, with the sums from which its noise follows.
+pub(super) struct Combined<const C: usize> {
+    /// One layer for each class: one bounce, then the others.
+    pub(super) layers: Vec<Tiles>,
+    /// Sums for each of the rows.
+    pub(super) rows: Vec<Estimates<C>>,
+    /// Squares of all entries; of a symmetric matrix, those on and above the diagonal of the rows, where what is above it counts twice.
+    pub(super) squares: EntrySquares,
+}
+
+/// Merges what was found into these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each of the rows and
+/// channel, or empty. There are all contributions to these rows, those of the camera's paths first, by ascending start pixel.
+pub(super) fn combine<const C: usize>(
+    found: Found<C>,
+    rig: RigShape,
+    rows: Range<usize>,
+    classes: usize,
+    direct: &[Estimates<C>],
+) -> Combined<C> {
+    let pixels = rig.camera.pixels();
+    let triangle = rig.symmetric && rows == (0..pixels);
+    let scale = Scale::new(found.about.largest);
+    let chunks = found.into_chunks();
+    let outline = outline(&chunks.iter().collect::<Vec<_>>(), rig, &rows, triangle, scale);
+    let Outline { sums, terms, of_class } = outline;
+    let sums = with_direct(scale, &sums, direct);
+    let sources = Sources::new(chunks, rig, &rows, triangle);
+    let pairs = if rig.symmetric { Pairs::Triangle } else { Pairs::Apart };
+    let mut merging = Merging::new(sources, pairs, rows.start, terms, direct);
+    let mut layers = builders::<C>(of_class, rig, rows.len(), classes, triangle);
+    // All layers take the same rows.
+    while let Some(group) = layers.iter().find_map(Builder::next_rows) {
+        let pieces = merging.pieces(&group, classes);
+        if triangle {
+            merging.sources.release_before(group.end);
+        }
+        for (layer, pieces) in layers.iter_mut().zip(pieces) {
+            layer.push(Pieces::new(group.start, pieces));
+        }
+    }
+    let layers = layers.into_iter().map(Builder::finish).collect();
+    Combined { layers, rows: sums, squares: merging.squares }
+}
+
+/// Tiles of each layer, without rows yet. `of_class` counts the contributions of each class to what is merged.
+pub(super) fn builders<const C: usize>(
+    of_class: [usize; CLASSES],
+    rig: RigShape,
+    rows: usize,
+    classes: usize,
+    triangle: bool,
+) -> Vec<Builder> {
+    let builder = |&entries: &usize| {
+        let entries = if triangle { 2 * entries } else { entries };
+        Builder::new([rows, rig.projector.pixels()], C, entries, triangle)
+    };
+    of_class[..classes].iter().map(builder).collect()
+}
 
 /// Approximate number of contributions in one block, unless there were too many blocks.
 const BLOCK: usize = 1 << 21;
@@ -31,9 +97,9 @@ pub(super) struct Merging<'a, const C: usize> {
     pairs: Pairs<'a>,
     /// The pixel of the first row.
     first: usize,
-    /// The number of contributions to each row, and the diagonal of [`combine`](super::combine::combine).
+    /// The number of contributions to each row, and the diagonal of [`combine`].
     terms: Vec<u32>,
-    direct: &'a [[[f64; 2]; C]],
+    direct: &'a [Estimates<C>],
     /// Of the entries that were merged.
     pub(super) squares: EntrySquares,
     /// The approximate number of contributions in one block.
@@ -45,7 +111,7 @@ pub(super) struct Merging<'a, const C: usize> {
 pub(super) enum Pairs<'a> {
     /// The matrix is not symmetric.
     Apart,
-    /// What is above the diagonal is counted twice, for what is below.
+    /// An entry above the diagonal is counted twice, for itself and for its mirror image.
     Triangle,
     /// The rows of this step of several processes are merged from the columns of this step and of later ones. Those of later ones are counted twice:
     /// their rows are not merged with these columns.
@@ -72,7 +138,7 @@ impl<'a, const C: usize> Merging<'a, C> {
         pairs: Pairs<'a>,
         first: usize,
         terms: Vec<u32>,
-        direct: &'a [[[f64; 2]; C]],
+        direct: &'a [Estimates<C>],
     ) -> Self {
         let all: usize = terms.iter().map(|&terms| terms as usize).sum();
         let most = BLOCK.max(all / MOST_BLOCKS);
@@ -168,20 +234,20 @@ struct Merged<'a> {
 struct Entry<const C: usize> {
     column: u32,
     /// Means and errors: of all its light, and of two or more bounces.
-    whole: [[f64; 2]; C],
-    global: [[f64; 2]; C],
+    whole: Estimates<C>,
+    global: Estimates<C>,
     has_direct: bool,
 }
 
 impl<const C: usize> Entry<C> {
-    fn new(column: u32, direct: Option<&[[f64; 2]; C]>) -> Self {
+    fn new(column: u32, direct: Option<&Estimates<C>>) -> Self {
         let none = [[0.0; 2]; C];
         Self { column, whole: *direct.unwrap_or(&none), global: none, has_direct: direct.is_some() }
     }
 }
 
 impl<'a> Merged<'a> {
-    /// No rows yet, of so many layers. Nearly all of the `count` entries will be the last layer's.
+    /// No rows yet, in `layers` layers. Nearly all of the `count` entries will be the last layer's.
     fn new<const C: usize>(layers: usize, count: usize, pairs: Pairs<'a>) -> Self {
         let room = |layer: usize| if layer + 1 == layers { count } else { 0 };
         let layers = (0..layers).map(|layer| CompressedRows::with_room(C, ROWS_PER_TASK, room(layer)));
@@ -194,7 +260,7 @@ impl<'a> Merged<'a> {
         row: u32,
         own: &[Term<C>],
         mirrored: &[Term<C>],
-        mut direct: Option<&[[f64; 2]; C]>,
+        mut direct: Option<&Estimates<C>>,
     ) {
         let mut entry = Entry::<C>::new(u32::MAX, None);
         each_key(own, mirrored, |key, sum| {
@@ -243,11 +309,7 @@ impl<'a> Merged<'a> {
 
 /// Calls `visit` with each key of a row and of its mirror image, ascending, and the sums of its one or two entries. An
 /// entry of the matrix and its own mirror image are the sum of the same two numbers, so that they agree to the last bit.
-fn each_key<const C: usize>(
-    own: &[Term<C>],
-    mirrored: &[Term<C>],
-    mut visit: impl FnMut(Key, [[f64; 2]; C]),
-) {
+fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: impl FnMut(Key, Estimates<C>)) {
     let nothing = Term::none(Key::END);
     let (mut first, mut second) = (0, 0);
     loop {
@@ -272,7 +334,7 @@ fn each_key<const C: usize>(
 }
 
 /// `to += more`.
-fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
+fn add<const C: usize>(to: &mut Estimates<C>, more: &Estimates<C>) {
     for (to, more) in to.iter_mut().flatten().zip(more.iter().flatten()) {
         *to += more;
     }
@@ -286,7 +348,7 @@ mod tests {
     #[test]
     fn blocks_are_full_and_cover_all_rows() {
         let size = crate::image::Resolution::new(1, 1);
-        let rig = crate::transport::RigShape { camera: size, projector: size, symmetric: false };
+        let rig = RigShape { camera: size, projector: size, symmetric: false };
         let blocks = |terms: &[u32], rows: Range<usize>| {
             let sources = Sources::<1>::new(Vec::new(), rig, &(0..0), false);
             Merging::new(sources, Pairs::Apart, 0, terms.to_vec(), &[]).blocks(&rows)
@@ -307,7 +369,7 @@ mod tests {
         assert_eq!(times(Pairs::Apart), [1.0; 3]);
         assert_eq!(times(Pairs::Triangle), [1.0, 2.0, 0.0]);
         let size = crate::image::Resolution::new(8, 1);
-        let rig = crate::transport::RigShape { camera: size, projector: size, symmetric: true };
+        let rig = RigShape { camera: size, projector: size, symmetric: true };
         // The pixels 0, 1, 4 and 5 are merged in the first step.
         let steps = Steps::new(rig, vec![vec![0..2, 2..4], vec![4..6, 6..8]]);
         let of_step = |step, row, column| Pairs::Step(&steps, step).times(row, column);

@@ -7,7 +7,7 @@
 //!
 //! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with the
 //! entries of the matrix and not with the number of samples. Then rows and columns are merged, block by
-//! block (`combine`), and cut into `tiles` for fast products. The matrix of a coaxial rig is made of its triangle, so that it is symmetric
+//! block (`merging`), and cut into `tiles` for fast products. The matrix of a coaxial rig is made of its triangle, so that it is symmetric
 //! to the last bit. That of any other rig has a row for each camera pixel and a column for each projector pixel, and
 //! its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device,
 //! and products are taken there ([`Backend`]). Two independent halves of the samples tell how far `Â` is from
@@ -16,60 +16,40 @@
 //! A matrix can be traced by many machines: in [`Shard`]s that are joined later, or by a team of processes that each keep
 //! a part of it ([`share_scene`]). All bits are those of one machine.
 
-mod assemble;
-mod backend;
-mod block;
-mod choice;
+mod assembled;
 mod chunk;
-mod combine;
-mod contributions;
-mod digits;
 mod estimated;
-mod exact_sum;
 mod explicit;
-mod fixed;
-mod found;
 mod gpu_matrix;
 mod journaled;
 mod layer;
 mod matrix;
 mod merging;
 mod noise;
-mod operator;
 mod pilot;
-mod pixel_sums;
-mod products;
 mod retraced;
 mod row_sums;
 mod rows;
 mod scaling;
 mod shard;
 mod share;
-mod simulated;
 mod spread;
 mod squares;
-mod steps;
-mod stripes;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod tests_of_merging;
 mod tiles;
 mod transpose;
 mod wire;
 
-pub use assemble::{Assembled, assemble, assemble_layers};
-pub use backend::Backend;
-pub use choice::{Prediction, photo_bytes, predict};
+pub use assembled::{Assembled, Backend, assemble, assemble_layers};
 pub use estimated::{EstimatedOperator, EstimatedProduct, Question, Squares, with_other_seed};
 pub use explicit::ExplicitMatrix;
 pub use gpu_matrix::GpuMatrix;
 pub use journaled::JournaledOperator;
 pub use layer::{Bounces, Layer};
-pub use matrix::{Part, TransportMatrix};
+pub use matrix::{MatrixOperator, Part, TransportMatrix};
 pub use noise::{Noise, pooled};
-pub use operator::MatrixOperator;
-pub use products::Products;
+pub use pilot::{Prediction, photo_bytes, predict};
 pub use retraced::{Retraced, RetracedOperator};
 pub use scaling::{Network, Probe, Scaled};
 pub use shard::{MOST_PARTS, Shard, ShardRecord, join_shards, trace_shard};
@@ -78,6 +58,7 @@ pub(crate) use tiles::{CompressedRows, Entries};
 
 use crate::error::{Error, Result};
 use crate::image::{Image, LUMINANCE, Resolution};
+use crate::operator::Symmetry;
 
 /// A scene in front of a rig: a pattern is projected, and a photo is taken.
 pub trait Transport {
@@ -108,6 +89,13 @@ pub struct RigShape {
     pub projector: Resolution,
     /// Whether the rig is coaxial, so that `A = Aᵀ`.
     pub symmetric: bool,
+}
+
+impl RigShape {
+    /// The symmetry of the matrix.
+    fn symmetry(self) -> Symmetry {
+        if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
+    }
 }
 
 /// The colour channels in which light transport is measured.
@@ -142,6 +130,11 @@ impl Channels {
 pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
     const SHARES: [f32; 3] = [LUMINANCE[0] as f32, LUMINANCE[1] as f32, LUMINANCE[2] as f32];
     red * SHARES[0] + green * SHARES[1] + blue * SHARES[2]
+}
+
+/// The channels of a colour: its luminance alone, or all three.
+fn project<const C: usize>(rgb: [f32; 3]) -> [f32; C] {
+    std::array::from_fn(|channel| if C == 1 { luminance(rgb) } else { rgb[channel] })
 }
 
 /// The planes of `pattern` as `f64`, one for each of `channels`.

@@ -29,6 +29,9 @@ impl From<&Noise> for crate::io::manifest::Noise {
     }
 }
 
+/// A mean and its error (`e` of [`Noise`]) in each of `C` channels.
+pub(super) type Estimates<const C: usize> = [[f64; 2]; C];
+
 /// The weights with which samples of either half add up to a mean and its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Halves {

@@ -1,4 +1,5 @@
-//! Sums over the rows of the matrix, from which its noise follows, and how much is merged of each row.
+//! Sums over the rows of the matrix, from which its noise follows, and the number of contributions to each row. The sums do not depend on the order
+//! of their terms.
 
 use std::ops::Range;
 
@@ -6,28 +7,111 @@ use rayon::prelude::*;
 
 use super::RigShape;
 use super::chunk::{CLASSES, Chunk, Row, Term, at};
-use super::fixed::{FixedSums, RowSums, Scale, add_sums};
+use super::noise::Estimates;
 
-/// What is known of the rows before they are merged.
+/// How many powers of two there are from the smallest to the largest exponent whose values are summed to the last bit. What is left of a smaller value
+/// is below the last bit of a larger one, of which there is one at least.
+const POWERS: u32 = 70;
+
+/// The unit of sums: a power of two that depends on the largest of all values alone. So the bits of a sum do not depend on who adds which of its
+/// terms.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scale {
+    /// The bits of the smallest exponent.
+    lowest: u32,
+    is_finite: bool,
+}
+
+/// The sums of the means and errors of contributions, as multiples of the unit. A term is less than 2⁹⁴ units, so that there may be 2³² terms.
+pub(super) type FixedSums<const C: usize> = [[i128; C]; 2];
+
+/// The bits of the exponent of a value: a larger value never has fewer.
+fn exponent(value: f32) -> u32 {
+    value.to_bits() >> 23 & 0xff
+}
+
+/// The largest exponent of a contribution.
+pub(super) fn largest_exponent<const C: usize>(term: &Term<C>) -> u32 {
+    term.mean.iter().chain(&term.error).map(|&value| exponent(value)).max().unwrap_or(0)
+}
+
+impl Scale {
+    /// The unit of sums of values whose largest exponent has these bits.
+    pub(super) fn new(largest: u32) -> Self {
+        Self { lowest: largest.saturating_sub(POWERS).max(1), is_finite: largest < 0xff }
+    }
+
+    /// A contribution as sums of itself alone.
+    #[inline]
+    fn units_of<const C: usize>(self, term: &Term<C>) -> FixedSums<C> {
+        [&term.mean, &term.error].map(|values| values.map(|value| self.units(value)))
+    }
+
+    /// The sums as numbers.
+    fn sums<const C: usize>(self, [mean, error]: &FixedSums<C>) -> Estimates<C> {
+        std::array::from_fn(|channel| [self.value(mean[channel]), self.value(error[channel])])
+    }
+
+    #[inline]
+    fn units(self, value: f32) -> i128 {
+        let bits = value.to_bits();
+        // The smallest numbers have no leading bit, and the exponent of the next larger ones.
+        let whole = bits & 0x7f_ffff | u32::from(exponent(value) > 0) << 23;
+        let exponent = exponent(value).max(1);
+        let units = match exponent.checked_sub(self.lowest) {
+            Some(power) => i128::from(whole) << power.min(POWERS),
+            None => i128::from(whole.checked_shr(self.lowest - exponent).unwrap_or(0)),
+        };
+        // All bits of the sign: without a branch, since errors have either sign as often.
+        let sign = -i128::from(bits >> 31);
+        (units ^ sign) - sign
+    }
+
+    fn value(self, sum: i128) -> f64 {
+        if self.is_finite { sum as f64 * 2_f64.powi(self.lowest as i32 - 150) } else { f64::NAN }
+    }
+}
+
+/// Adds other sums of the same row.
+#[inline]
+pub(super) fn add_sums<const C: usize>(to: &mut FixedSums<C>, more: &FixedSums<C>) {
+    for (to, more) in to.as_flattened_mut().iter_mut().zip(more.as_flattened()) {
+        *to = to.wrapping_add(*more);
+    }
+}
+
+/// The sums of rows as numbers, with the direct light of the diagonal, which has an estimate for each row or none.
+pub(super) fn with_direct<const C: usize>(
+    scale: Scale,
+    sums: &[FixedSums<C>],
+    direct: &[Estimates<C>],
+) -> Vec<Estimates<C>> {
+    let mut sums: Vec<Estimates<C>> = sums.par_iter().map(|sums| scale.sums(sums)).collect();
+    for (sum, direct) in sums.iter_mut().zip(direct) {
+        sum.iter_mut().flatten().zip(direct.iter().flatten()).for_each(|(sum, direct)| *sum += direct);
+    }
+    sums
+}
+
+/// The sums over rows and the numbers of their contributions, before they are merged.
 pub(super) struct Outline<const C: usize> {
-    /// Values and errors, without the diagonal's direct light.
-    pub(super) sums: Vec<RowSums<C>>,
+    /// Values and errors of each row, without the diagonal's direct light: of all paths from the pixel of the row and of the paths that end there.
+    pub(super) sums: Vec<FixedSums<C>>,
     /// The number of contributions to what is merged of each row.
     pub(super) terms: Vec<u32>,
     /// The number of those contributions in each class of bounces.
     pub(super) of_class: [usize; CLASSES],
 }
 
-/// The sums of all tasks take at most one of so many parts of the memory that the contributions take.
+/// The sums of all tasks take at most a quarter of the memory that the contributions take.
 const MEMORY_SHARE: usize = 4;
 
 /// Pixels to whose sums contributions are added in one go, so that these sums are near in memory.
 const STRIPE: usize = 1 << 14;
 
-/// The outline of these `rows`. The chunks have all contributions to them. With `triangle`, only what is on and above the diagonal is
-/// merged.
+/// The outline of these `rows` from the contributions of the chunks. With `triangle`, only those on and above the diagonal are merged.
 pub(super) fn outline<const C: usize>(
-    chunks: &[Chunk<C>],
+    chunks: &[&Chunk<C>],
     rig: RigShape,
     rows: &Range<usize>,
     triangle: bool,
@@ -56,14 +140,14 @@ pub(super) fn outline<const C: usize>(
     let of_row = |row: usize| {
         let mut sums = [[0; C]; 2];
         parts.iter().for_each(|part| add_sums(&mut sums, &part.sums[row]));
-        (scale.sums(&sums), parts.iter().map(|part| part.terms[row]).sum::<u32>())
+        (sums, parts.iter().map(|part| part.terms[row]).sum::<u32>())
     };
     let (sums, terms) = (0..rows.len()).into_par_iter().map(of_row).unzip();
     let of_class = std::array::from_fn(|class| parts.iter().map(|part| part.of_class[class]).sum());
     Outline { sums, terms, of_class }
 }
 
-/// What some of the contributions add to the outline.
+/// The outline of some of the contributions.
 struct Partial<const C: usize> {
     rig: RigShape,
     rows: Range<usize>,
@@ -120,6 +204,41 @@ impl<const C: usize> Partial<C> {
         if is_own {
             add_sums(&mut self.sums[pixel - first], &own);
             self.terms[pixel - first] += count;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::chunk::Key;
+
+    #[test]
+    fn sums_are_exact_in_any_order() {
+        // The sum of small numbers that a sum of `f32` from the largest on would not have.
+        let values = [1.0, 2_f32.powi(-40), -0.75, 2_f32.powi(-40), -3e-9, 1e-30];
+        let scale = Scale::new(values.iter().map(|&value| exponent(value)).max().unwrap_or(0));
+        let sum = |values: &mut dyn Iterator<Item = f32>| {
+            let mut sums = FixedSums::<1>::default();
+            values.for_each(|value| {
+                let term = Term { mean: [value], error: [-value], ..Term::none(Key::new(0, 1)) };
+                add_sums(&mut sums, &scale.units_of(&term));
+            });
+            scale.sums(&sums)
+        };
+        let found = sum(&mut values.iter().copied());
+        assert_eq!(found, sum(&mut values.iter().rev().copied()));
+        // The last value is below the unit.
+        assert_eq!(found[0][0], 0.25 + 2_f64.powi(-39) - f64::from(3e-9_f32));
+        assert_eq!(found[0][1], -found[0][0]);
+        assert!(Scale::new(exponent(f32::NAN)).sums(&FixedSums::<1>::default())[0][0].is_nan());
+    }
+
+    #[test]
+    fn each_number_alone_is_its_sum() {
+        for value in [0.0, -1.5, 3e38, f32::MIN_POSITIVE / 4.0, -f32::MIN_POSITIVE, 1e-20] {
+            let scale = Scale::new(exponent(value));
+            assert_eq!(scale.value(scale.units(value)), f64::from(value), "{value:e}");
         }
     }
 }

@@ -1,15 +1,16 @@
 //! The contributions of the light paths from each pixel, summed pixel by pixel as the paths arrive.
 
-mod merged;
-
 use rayon::prelude::*;
 
 use super::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
-use super::digits::sort_by_number;
-use super::found::{About, Found};
 use super::noise::Halves;
-use super::steps::Steps;
-use crate::render::{Batch, End, Run};
+use super::project;
+use super::share::{About, Found};
+use super::spread::Steps;
+use crate::render::{Batch, End, Merged, Run};
+
+/// Tasks of each thread that take in the terms of a dispatch.
+const PARTS_OF_THREAD: usize = 4;
 
 /// Number of pixels whose contributions one task sums.
 const PIXELS_PER_TASK: usize = 16;
@@ -89,16 +90,12 @@ impl<'a, const C: usize> Rows<'a, C> {
 
     /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
     /// sizes of batches.
-    pub(super) fn add(&mut self, batch: &Batch<'_>, project: &(impl Fn([f32; 3]) -> [f32; C] + Sync)) {
-        if let Some(merged) = batch.terms() {
-            return self.add_merged(merged, (batch.samples(), batch.from_camera()));
+    pub(super) fn add(&mut self, batch: &Batch<'_>) {
+        let of = (batch.samples(), batch.from_camera());
+        match batch.terms() {
+            Some(merged) => self.add_merged(merged, of),
+            None => self.add_by(&batch.runs().collect::<Vec<_>>(), of, batch, &project),
         }
-        self.add_by(
-            &batch.runs().collect::<Vec<_>>(),
-            (batch.samples(), batch.from_camera()),
-            batch,
-            project,
-        );
     }
 
     /// The step in which a term of the paths from this pixel is merged.
@@ -125,7 +122,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         &mut self,
         runs: &[Run],
         (samples, from_camera): (u32, bool),
-        paths: &(impl Paths + ?Sized),
+        paths: &impl Paths,
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) {
         let pixels: Vec<&[Run]> = runs.chunk_by(|a, b| a.pixel == b.pixel).collect();
@@ -175,6 +172,33 @@ impl<'a, const C: usize> Rows<'a, C> {
         closed.into_iter().for_each(|open| self.push(open));
         done.into_iter().for_each(|done| self.append(done));
         self.open = Some(last);
+    }
+
+    /// Adds the terms of pixels of which the device has summed all paths.
+    fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
+        // What came before is of other pixels.
+        self.open.take().into_iter().for_each(|open| self.push(open));
+        let finish = |part: &Merged<'_>| {
+            let mut task = Task::<C>::new(self.chunks.len());
+            let mut last = None;
+            let end_row = |task: &mut Task<C>, pixel: u32| {
+                let start = Start { pixel, from_camera, paths };
+                task.finished.iter_mut().for_each(|chunk| chunk.end_row(start));
+            };
+            for found in part.terms() {
+                if let Some(last) = last.replace(found.start).filter(|last| *last != found.start) {
+                    end_row(&mut task, last);
+                }
+                let term = Term { key: Key::of_number(found.key), mean: found.mean(), error: found.error() };
+                task.finished[self.step_of(found.start, from_camera, term.key)].terms.push(term);
+                task.about.add(&term);
+            }
+            last.into_iter().for_each(|last| end_row(&mut task, last));
+            task.chunks()
+        };
+        let parts = merged.parts(PARTS_OF_THREAD * rayon::current_num_threads());
+        let done: Vec<_> = parts.par_iter().map(finish).collect();
+        done.into_iter().for_each(|done| self.append(done));
     }
 
     /// Finishes the last pixel, after the last batch. Returns the sums of all paths.
@@ -230,13 +254,13 @@ impl<'a, const C: usize> Rows<'a, C> {
 }
 
 impl<const C: usize> Task<C> {
-    /// No pixels yet, in so many steps.
+    /// No pixels yet, in `steps` steps.
     fn new(steps: usize) -> Self {
         let finished = vec![Growing::default(); steps];
         Self { finished, about: About::default(), entries: Vec::new(), spare: Vec::new() }
     }
 
-    /// The finished pixels, and what is known of them.
+    /// The finished pixels, and the summary of their contributions.
     fn chunks(self) -> (Vec<Chunk<C>>, About) {
         let chunk = |Growing { rows, terms }| Chunk { rows, terms: Terms::Short(terms) };
         (self.finished.into_iter().map(chunk).collect(), self.about)
@@ -293,5 +317,79 @@ impl Paths for Given<'_> {
             End { is_seen: true, pixel: other, bounces, value }
         };
         self.paths[run.paths.clone()].iter().flat_map(|path| &path.2).map(end).for_each(to);
+    }
+}
+
+/// Fewer elements are sorted by comparing them: the counters of a digit would take longer.
+const FEWEST: usize = 48;
+
+/// The most bits of a digit: its counters take a small part of the first cache, and are added up for each digit.
+const MOST_BITS: u32 = 8;
+
+/// Sorts a few hundred elements by a small number, digit by digit. Elements of equal numbers keep their order. `spare` is memory that serves again.
+fn sort_by_number<T: Copy>(elements: &mut [T], spare: &mut Vec<T>, number: impl Fn(&T) -> u32) {
+    if elements.len() < FEWEST {
+        return elements.sort_by_key(number);
+    }
+    // Only the bits in which some of the numbers differ need sorting.
+    let first = number(&elements[0]);
+    let differing = elements.iter().fold(0, |bits, element| bits | (number(element) ^ first));
+    if differing == 0 {
+        return;
+    }
+    let lowest = differing.trailing_zeros();
+    let bits = u32::BITS - differing.leading_zeros() - lowest;
+    let passes = bits.div_ceil(MOST_BITS);
+    let of_digit = bits.div_ceil(passes);
+    spare.clear();
+    spare.extend_from_slice(elements);
+    let (mut from, mut to) = (&mut *elements, spare.as_mut_slice());
+    for pass in 0..passes {
+        let shift = lowest + pass * of_digit;
+        by_digit(from, to, |element| (number(element) >> shift) & ((1 << of_digit) - 1));
+        std::mem::swap(&mut from, &mut to);
+    }
+    if passes % 2 == 1 {
+        to.copy_from_slice(from);
+    }
+}
+
+/// Copies the elements to places in the order of a digit of at most [`MOST_BITS`] bits.
+fn by_digit<T: Copy>(from: &[T], to: &mut [T], digit: impl Fn(&T) -> u32) {
+    let digit = |element: &T| digit(element) as usize % (1 << MOST_BITS);
+    let mut next = [0_u32; 1 << MOST_BITS];
+    from.iter().for_each(|element| next[digit(element)] += 1);
+    let mut before = 0;
+    for next in &mut next {
+        (*next, before) = (before, before + *next);
+    }
+    for element in from {
+        let next = &mut next[digit(element)];
+        to[*next as usize] = *element;
+        *next += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_order_is_that_of_a_stable_sort(
+            numbers in prop::collection::vec(any::<u32>(), 0..300),
+            bits in 0..32_u32,
+            shift in 0..32_u32,
+        ) {
+            let number = |drawn: u32| ((drawn & ((1 << bits) - 1)) << shift) | 0x10;
+            let mut elements: Vec<(u32, usize)> =
+                numbers.iter().enumerate().map(|(at, &drawn)| (number(drawn), at)).collect();
+            let mut expected = elements.clone();
+            expected.sort_by_key(|element| element.0);
+            sort_by_number(&mut elements, &mut Vec::new(), |element| element.0);
+            prop_assert_eq!(elements, expected);
+        }
     }
 }

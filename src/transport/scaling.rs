@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use super::assemble::{shape, whole};
+use super::assembled::{shape, whole};
 use super::share::Share;
-use super::{Channels, Part, TransportMatrix, luminance, pilot};
+use super::{Channels, Part, TransportMatrix, pilot};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
@@ -121,9 +121,9 @@ impl Probe {
         let pilot = TraceSettings { samples: settings.samples.min(SAMPLES), ..pilot };
         let all = tracer.start_pixels(&pilot);
         let start = Instant::now();
-        let share = Share::trace(tracer, &pilot, &all, (false, None), &|rgb| [luminance(rgb)])?;
+        let share = Share::<1>::trace(tracer, &pilot, &all, false, None)?;
         let summary = share.summary;
-        let found: usize = share.found.steps.iter().flatten().map(|chunk| chunk.terms.len()).sum();
+        let found: usize = share.found.chunks().map(|chunk| chunk.terms.len()).sum();
         let matrix = whole(share, shape(tracer, &pilot), Channels::Luma, false)?.matrix;
         let rest = start.elapsed().saturating_sub(summary.tracing).as_secs_f64();
         let entries = matrix.nonzeros().max(1) as f64;

@@ -5,12 +5,12 @@
 
 use std::io::{self, Read, Write};
 
-use super::assemble::{shape, whole};
+use super::assembled::{Assembled, shape, whole};
 use super::chunk::Chunk;
-use super::found::Found;
-use super::share::Share;
-use super::wire::{self, Garbled};
-use super::{Assembled, Channels, RigShape, luminance};
+use super::noise::Estimates;
+use super::share::{Found, Share};
+use super::wire::{self, Garbled, Reader};
+use super::{Channels, RigShape};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
@@ -21,7 +21,7 @@ pub const MOST_PARTS: usize = 1 << 16;
 /// The longest side of a camera or projector, as for [`TraceSettings::check`].
 const LONGEST_SIDE: usize = 16384;
 
-/// What is known of a shard beside its contributions.
+/// The record of a shard: everything but its contributions.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct ShardRecord {
     /// Which of the parts it is, from 1 to `parts`.
@@ -46,23 +46,14 @@ pub struct ShardRecord {
 #[derive(Clone, Debug)]
 pub struct Shard {
     record: ShardRecord,
-    sums: Sums,
+    share: Channeled,
 }
 
-/// The contributions in one channel, or in three.
+/// A share in one channel, or in three.
 #[derive(Clone, Debug)]
-enum Sums {
-    Luma(OfPixels<1>),
-    Rgb(OfPixels<3>),
-}
-
-/// Contributions, and the sums over the paths of each camera pixel. `direct` is empty where the projector stands apart.
-#[derive(Clone, Debug)]
-struct OfPixels<const C: usize> {
-    /// From the camera's pixels, and from those of a projector that stands apart.
-    chunks: [Vec<Chunk<C>>; 2],
-    direct: Vec<[[f64; 2]; C]>,
-    ambient: Vec<[[f64; 2]; C]>,
+enum Channeled {
+    Luma(Share<1>),
+    Rgb(Share<3>),
 }
 
 /// Traces the light paths of part `part` (from 1) of `parts`. `split` is as in [`assemble_layers`](super::assemble_layers).
@@ -88,21 +79,16 @@ pub fn trace_shard(
     }
     let rig = shape(tracer, settings);
     let pixels = tracer.start_pixels(settings).split(parts).swap_remove(part - 1);
-    let mut record = ShardRecord {
-        part,
-        parts,
-        rig,
-        channels,
-        split,
-        pixels,
-        has_halves: true,
-        summary: TraceSummary::default(),
+    let share = match channels {
+        Channels::Luma => Channeled::Luma(Share::trace(tracer, settings, &pixels, split, None)?),
+        Channels::Rgb => Channeled::Rgb(Share::trace(tracer, settings, &pixels, split, None)?),
     };
-    let sums = match channels {
-        Channels::Luma => Sums::Luma(OfPixels::trace(tracer, settings, &mut record, |rgb| [luminance(rgb)])?),
-        Channels::Rgb => Sums::Rgb(OfPixels::trace(tracer, settings, &mut record, |rgb| rgb)?),
+    let (has_halves, summary) = match &share {
+        Channeled::Luma(share) => (share.has_halves, share.summary),
+        Channeled::Rgb(share) => (share.has_halves, share.summary),
     };
-    Ok(Shard { record, sums })
+    let record = ShardRecord { part, parts, rig, channels, split, pixels, has_halves, summary };
+    Ok(Shard { record, share })
 }
 
 /// The matrix of all shards, which may be in any order: the same bits as [`assemble_layers`](super::assemble_layers). The time of tracing is that of
@@ -133,35 +119,31 @@ pub fn join_shards(mut shards: Vec<Shard>) -> Result<Assembled> {
             found: format!("parts {}", found.join(", ")),
         });
     }
-    let mut summary = TraceSummary::default();
-    let mut has_halves = true;
     let (mut luma, mut rgb) = (Vec::new(), Vec::new());
-    for Shard { record, sums } in shards {
-        summary.add_parallel(&record.summary);
-        has_halves &= record.has_halves;
-        match sums {
-            Sums::Luma(sums) => luma.push(sums),
-            Sums::Rgb(sums) => rgb.push(sums),
+    for shard in shards {
+        match shard.share {
+            Channeled::Luma(share) => luma.push(share),
+            Channeled::Rgb(share) => rgb.push(share),
         }
     }
     let ShardRecord { rig, channels, split, .. } = first;
     match channels {
-        Channels::Luma => whole(OfPixels::share(luma, has_halves, summary), rig, channels, split),
-        Channels::Rgb => whole(OfPixels::share(rgb, has_halves, summary), rig, channels, split),
+        Channels::Luma => whole(Share::joined(luma), rig, channels, split),
+        Channels::Rgb => whole(Share::joined(rgb), rig, channels, split),
     }
 }
 
 impl Shard {
-    /// What is known of it beside its contributions.
+    /// Its record.
     pub fn record(&self) -> &ShardRecord {
         &self.record
     }
 
     /// Whether two shards have the same contributions to the last bit, whatever it took to trace them.
     pub fn has_bits_of(&self, other: &Self) -> bool {
-        match (&self.sums, &other.sums) {
-            (Sums::Luma(a), Sums::Luma(b)) => a.has_bits_of(b),
-            (Sums::Rgb(a), Sums::Rgb(b)) => a.has_bits_of(b),
+        match (&self.share, &other.share) {
+            (Channeled::Luma(a), Channeled::Luma(b)) => a.has_bits_of(b),
+            (Channeled::Rgb(a), Channeled::Rgb(b)) => a.has_bits_of(b),
             _ => false,
         }
     }
@@ -171,25 +153,22 @@ impl Shard {
     /// # Errors
     /// Those of `to`.
     pub fn write(&self, to: &mut impl Write) -> io::Result<()> {
-        match &self.sums {
-            Sums::Luma(sums) => sums.write(&self.record, to),
-            Sums::Rgb(sums) => sums.write(&self.record, to),
+        match &self.share {
+            Channeled::Luma(share) => share.write(&self.record, to),
+            Channeled::Rgb(share) => share.write(&self.record, to),
         }
     }
 
     /// Reads the contributions of a shard with this record, which are the next `bytes` bytes. `Err` says what is wrong with them: they may be anything.
     pub fn read(record: ShardRecord, from: &mut impl Read, bytes: u64) -> std::result::Result<Self, String> {
         record.check()?;
-        let mut from = wire::Reader::of(from, bytes);
-        let read = || -> std::result::Result<Sums, Garbled> {
-            let sums = match record.channels {
-                Channels::Luma => Sums::Luma(OfPixels::read(&record, &mut from)?),
-                Channels::Rgb => Sums::Rgb(OfPixels::read(&record, &mut from)?),
-            };
-            from.end()?;
-            Ok(sums)
+        let mut from = Reader::of(from, bytes);
+        let share = match record.channels {
+            Channels::Luma => Share::read(&record, &mut from).map(Channeled::Luma),
+            Channels::Rgb => Share::read(&record, &mut from).map(Channeled::Rgb),
         };
-        read().map(|sums| Self { record: record.clone(), sums }).map_err(|Garbled(why)| why)
+        let share = share.and_then(|share| from.end().map(|()| share)).map_err(|Garbled(why)| why)?;
+        Ok(Self { record, share })
     }
 }
 
@@ -220,77 +199,45 @@ impl ShardRecord {
     }
 }
 
-impl<const C: usize> OfPixels<C> {
-    /// Traces the pixels of the record, and notes there what that took.
-    fn trace(
-        tracer: &mut Tracer,
-        settings: &TraceSettings,
-        record: &mut ShardRecord,
-        project: impl Fn([f32; 3]) -> [f32; C] + Sync,
-    ) -> Result<Self> {
-        let share = Share::trace(tracer, settings, &record.pixels, (record.split, None), &project)?;
-        (record.has_halves, record.summary) = (share.has_halves, share.summary);
-        Ok(Self {
-            chunks: Chunk::by_endpoint(share.found.into_chunks()),
-            direct: share.direct,
-            ambient: share.ambient,
-        })
-    }
-
-    /// The contributions of all pixels, from parts in their order.
-    fn share(parts: Vec<Self>, has_halves: bool, summary: TraceSummary) -> Share<C> {
-        let (mut direct, mut ambient) = (Vec::new(), Vec::new());
-        let mut chunks = [Vec::new(), Vec::new()];
-        for part in parts {
-            direct.extend(part.direct);
-            ambient.extend(part.ambient);
-            chunks.iter_mut().zip(part.chunks).for_each(|(all, more)| all.extend(more));
-        }
-        let found = Found::of_chunks(chunks.into_iter().flatten().collect());
-        Share { found, direct, ambient, has_halves, summary }
-    }
-
+impl<const C: usize> Share<C> {
     fn write(&self, record: &ShardRecord, to: &mut impl Write) -> io::Result<()> {
-        let [camera, projector] = record.others();
-        wire::put_chunks(to, &self.chunks[0], true, &(0..camera))?;
-        wire::put_chunks(to, &self.chunks[1], false, &(0..projector))?;
+        let chunks: Vec<&Chunk<C>> = self.found.chunks().collect();
+        for (from_camera, others) in [true, false].into_iter().zip(record.others()) {
+            wire::put_chunks(to, &chunks, from_camera, &(0..others))?;
+        }
         wire::put_estimates(to, &self.direct)?;
         wire::put_estimates(to, &self.ambient)
     }
 
-    fn read(record: &ShardRecord, from: &mut wire::Reader<impl Read>) -> std::result::Result<Self, Garbled> {
+    fn read(record: &ShardRecord, from: &mut Reader<impl Read>) -> std::result::Result<Self, Garbled> {
         let classes = if record.split { 3 } else { 2 };
-        let mut chunk = |from_camera: bool| {
+        let StartPixels { camera, projector } = &record.pixels;
+        let [of_camera, of_projector] = record.others();
+        let mut chunks = Vec::new();
+        for (from_camera, pixels, others) in [(true, camera, of_camera), (false, projector, of_projector)] {
             let chunk = wire::take_chunk::<C>(from, from_camera)?;
-            let StartPixels { camera, projector } = &record.pixels;
-            let [others_of_camera, others_of_projector] = record.others();
-            let (pixels, others) =
-                if from_camera { (camera, others_of_camera) } else { (projector, others_of_projector) };
-            if chunk.is_of(pixels, others, classes) {
-                Ok(chunk)
-            } else {
-                Err(Garbled("its contributions are not to this matrix".into()))
+            if !chunk.is_of(pixels, others, classes) {
+                return Err(Garbled("its contributions are not to this matrix".into()));
             }
-        };
-        let chunks = [vec![chunk(true)?], vec![chunk(false)?]];
+            chunks.push(chunk);
+        }
         let (direct, ambient) = (wire::take_estimates::<C>(from)?, wire::take_estimates::<C>(from)?);
-        let pixels = record.pixels.camera.len();
+        let pixels = camera.len();
         let expected = if record.rig.symmetric { pixels } else { 0 };
         if (direct.len(), ambient.len()) != (expected, pixels) {
             return Err(Garbled("its direct or ambient light is of other pixels".into()));
         }
-        Ok(Self { chunks, direct, ambient })
+        let (found, has_halves, summary) = (Found::of_chunks(chunks), record.has_halves, record.summary);
+        Ok(Self { found, direct, ambient, has_halves, summary })
     }
 
     fn has_bits_of(&self, other: &Self) -> bool {
-        let bits = |estimates: &[[[f64; 2]; C]]| -> Vec<u64> {
+        let bits = |estimates: &[Estimates<C>]| -> Vec<u64> {
             estimates.as_flattened().as_flattened().iter().map(|value| value.to_bits()).collect()
         };
         // How the contributions are cut into chunks depends on the speed of the machine.
-        let same = |(a, b): (&Vec<Chunk<C>>, &Vec<Chunk<C>>)| {
-            a.iter().flat_map(Chunk::contributions).eq(b.iter().flat_map(Chunk::contributions))
-        };
-        self.chunks.iter().zip(&other.chunks).all(same)
+        let [ours, theirs] = [self, other].map(|of| of.found.chunks().flat_map(Chunk::contributions));
+        ours.eq(theirs)
             && bits(&self.direct) == bits(&other.direct)
             && bits(&self.ambient) == bits(&other.ambient)
     }

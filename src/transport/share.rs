@@ -1,22 +1,27 @@
-//! What the light paths from some pixels contribute to the matrix: the part of a process that traces only these, or everything.
+//! The contributions of the light paths from some pixels: of all of them, or of the part that one process traces.
 
-use super::LUMINANCE;
-use super::found::Found;
-use super::noise::Halves;
-use super::pixel_sums::PixelSums;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::chunk::{CLASSES, Chunk, Term};
+use super::noise::{Estimates, Halves};
+use super::row_sums::largest_exponent;
 use super::rows::Rows;
-use super::steps::Steps;
+use super::spread::Steps;
+use super::{LUMINANCE, project};
 use crate::error::Result;
-use crate::render::{MergeRequest, StartPixels, TraceSettings, TraceSummary, Tracer};
+use crate::render::{Batch, MergeRequest, StartPixels, TraceSettings, TraceSummary, Tracer};
 
 /// The contributions of the paths from some pixels, summed pixel by pixel.
+#[derive(Clone, Debug)]
 pub(super) struct Share<const C: usize> {
     /// Contributions to the matrix, in the order of the paths: those of the camera's pixels come first.
     pub(super) found: Found<C>,
     /// Direct light of each of the camera's pixels, which returns to its own pixel, with its error; empty where the rig is not coaxial.
-    pub(super) direct: Vec<[[f64; 2]; C]>,
+    pub(super) direct: Vec<Estimates<C>>,
     /// Light that the scene emits towards each of the camera's pixels, with its error.
-    pub(super) ambient: Vec<[[f64; 2]; C]>,
+    pub(super) ambient: Vec<Estimates<C>>,
     /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
     pub(super) has_halves: bool,
     /// The cost of tracing.
@@ -24,8 +29,8 @@ pub(super) struct Share<const C: usize> {
 }
 
 impl<const C: usize> Share<C> {
-    /// Traces the paths from `pixels`. `project` computes the channels from RGB. If `split` is set, the second bounce and all later ones stay
-    /// apart. `steps` are those in which several processes merge the contributions.
+    /// Traces the paths from `pixels`. If `split` is set, the second bounce and all later ones stay apart. `steps` are those in which several
+    /// processes merge the contributions.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -33,8 +38,8 @@ impl<const C: usize> Share<C> {
         tracer: &mut Tracer,
         settings: &TraceSettings,
         pixels: &StartPixels,
-        (split, steps): (bool, Option<&Steps>),
-        project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
+        split: bool,
+        steps: Option<&Steps>,
     ) -> Result<Self> {
         let mut rows = Rows::<C>::new(settings.samples, split, steps);
         let mut direct = PixelSums::<C>::new(&pixels.camera, settings.samples);
@@ -59,7 +64,7 @@ impl<const C: usize> Share<C> {
                     ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], project));
                 }
             };
-            rayon::join(|| rows.add(batch, project), of_pixels);
+            rayon::join(|| rows.add(batch), of_pixels);
             Ok(())
         })?;
         let found = rows.close();
@@ -68,5 +73,108 @@ impl<const C: usize> Share<C> {
         let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };
         let ambient = ambient.estimates;
         Ok(Self { found, direct, ambient, has_halves, summary })
+    }
+
+    /// The share of the pixels of all parts, which come in the order of their pixels. Its time of tracing is that of the part that took longest.
+    pub(super) fn joined(parts: Vec<Self>) -> Self {
+        let (mut chunks, mut direct, mut ambient) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut has_halves, mut summary) = (true, TraceSummary::default());
+        for part in parts {
+            chunks.extend(part.found.into_chunks());
+            direct.extend(part.direct);
+            ambient.extend(part.ambient);
+            has_halves &= part.has_halves;
+            summary.add_parallel(&part.summary);
+        }
+        Self { found: Found::of_chunks(chunks), direct, ambient, has_halves, summary }
+    }
+}
+
+/// The contributions of all paths.
+#[derive(Clone, Debug)]
+pub(super) struct Found<const C: usize> {
+    /// Chunks in the order of the paths: all of them, or where several processes merge them, those of each step.
+    pub(super) steps: Vec<Vec<Chunk<C>>>,
+    pub(super) about: About,
+}
+
+/// A summary of contributions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct About {
+    /// The largest exponent of their values and errors, from which the unit of their sums follows.
+    pub(super) largest: u32,
+    /// The number of contributions of each class of bounces.
+    pub(super) of_class: [usize; CLASSES],
+}
+
+impl About {
+    /// Adds a contribution.
+    pub(super) fn add<const C: usize>(&mut self, term: &Term<C>) {
+        self.largest = self.largest.max(largest_exponent(term));
+        self.of_class[term.key.class()] += 1;
+    }
+
+    /// The summary of both.
+    pub(super) fn and(mut self, more: Self) -> Self {
+        self.largest = self.largest.max(more.largest);
+        self.of_class.iter_mut().zip(more.of_class).for_each(|(all, more)| *all += more);
+        self
+    }
+}
+
+impl<const C: usize> Found<C> {
+    /// All of these chunks, which one process merges.
+    pub(super) fn of_chunks(chunks: Vec<Chunk<C>>) -> Self {
+        let about = |chunk: &Chunk<C>| {
+            let mut about = About::default();
+            chunk.terms.iter().for_each(|term| about.add(term));
+            about
+        };
+        let about = chunks.par_iter().map(about).reduce(About::default, About::and);
+        Self { steps: vec![chunks], about }
+    }
+
+    /// All chunks.
+    pub(super) fn chunks(&self) -> impl Iterator<Item = &Chunk<C>> {
+        self.steps.iter().flatten()
+    }
+
+    /// All chunks, which one process merges.
+    pub(super) fn into_chunks(self) -> Vec<Chunk<C>> {
+        self.steps.into_iter().flatten().collect()
+    }
+}
+
+/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel. They are summed in path order, so
+/// that the bits do not depend on the sizes of the batches.
+struct PixelSums<const C: usize> {
+    halves: Halves,
+    /// The first of the pixels.
+    first: usize,
+    /// For each pixel.
+    estimates: Vec<Estimates<C>>,
+}
+
+impl<const C: usize> PixelSums<C> {
+    /// Zeros for these pixels with `samples` samples each.
+    fn new(pixels: &Range<usize>, samples: u32) -> Self {
+        let estimates = vec![[[0.0; 2]; C]; pixels.len()];
+        Self { halves: Halves::new(samples, samples), first: pixels.start, estimates }
+    }
+
+    /// Adds `sample(path)` for each path of the batch, which starts from one of the pixels. Zeros are skipped.
+    fn add(&mut self, batch: &Batch<'_>, sample: impl Fn(usize) -> [f32; C]) {
+        for run in batch.runs() {
+            let estimates = &mut self.estimates[run.pixel as usize - self.first];
+            for path in run.paths {
+                let value = sample(path);
+                if value.iter().all(|&value| value == 0.0) {
+                    continue;
+                }
+                for (estimate, value) in estimates.iter_mut().zip(value) {
+                    self.halves.add(estimate, run.half, f64::from(value));
+                }
+            }
+        }
     }
 }

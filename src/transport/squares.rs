@@ -1,6 +1,6 @@
 //! Sums of the squares of all entries, from which the noise of the matrix follows.
 
-use super::exact_sum::ExactSum;
+use super::noise::Estimates;
 
 /// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. They have the same bits, whatever the order
 /// of the entries: of a symmetric matrix, each process and each thread adds those that it merges.
@@ -19,7 +19,7 @@ impl EntrySquares {
 
     /// Adds the squares of the values and errors of one entry without light of one bounce, as often as `times`.
     #[inline]
-    pub(super) fn add_indirect<const C: usize>(&mut self, times: f64, entry: &[[f64; 2]; C]) {
+    pub(super) fn add_indirect<const C: usize>(&mut self, times: f64, entry: &Estimates<C>) {
         add(&mut self.indirect, times, entry);
     }
 
@@ -27,8 +27,8 @@ impl EntrySquares {
     pub(super) fn add_direct<const C: usize>(
         &mut self,
         times: f64,
-        whole: &[[f64; 2]; C],
-        global: &[[f64; 2]; C],
+        whole: &Estimates<C>,
+        global: &Estimates<C>,
     ) {
         add(&mut self.direct, times, whole);
         add(&mut self.beside_direct, times, global);
@@ -76,10 +76,89 @@ impl EntrySquares {
 }
 
 #[inline]
-fn add<const C: usize>(to: &mut [ExactSum; 2], times: f64, entry: &[[f64; 2]; C]) {
+fn add<const C: usize>(to: &mut [ExactSum; 2], times: f64, entry: &Estimates<C>) {
     for [mean, error] in entry {
         to[0].add(times * mean * mean);
         to[1].add(times * error * error);
+    }
+}
+
+/// Bits of the exponent that one part of the sum has.
+const PART: u32 = 32;
+
+/// A sum of numbers that are not negative, without rounding: the same for every order of the terms, and for sums of parts that are added. So the
+/// parts may come from any number of threads and processes.
+///
+/// A number is a whole multiple of a power of two, and is added to the part for its range of powers.
+#[derive(Clone, Debug, PartialEq)]
+struct ExactSum {
+    /// Multiples of `2^(32 part − 1075)`. A term adds less than 2⁸⁵, so that there may be 2⁴³ terms.
+    parts: [u128; 64],
+    /// The sum of infinite terms and of those that are no numbers: nothing, infinity, or no number.
+    beyond: f64,
+}
+
+impl Default for ExactSum {
+    fn default() -> Self {
+        Self { parts: [0; 64], beyond: 0.0 }
+    }
+}
+
+impl ExactSum {
+    /// The words of a sum in a message.
+    const WORDS: usize = 129;
+
+    /// Adds a number, which is not negative.
+    #[inline]
+    fn add(&mut self, term: f64) {
+        let bits = term.to_bits();
+        // The sign is 0, so that these are the bits of the exponent.
+        let exponent = (bits >> 52) as u32;
+        if exponent >= 0x7ff {
+            self.beyond += term;
+            return;
+        }
+        let below = bits & ((1 << 52) - 1);
+        // The smallest numbers have no leading bit, and the exponent of the next larger ones.
+        let whole = below | u64::from(exponent > 0) << 52;
+        let exponent = exponent.max(1);
+        let part = &mut self.parts[(exponent / PART) as usize];
+        *part = part.wrapping_add(u128::from(whole) << (exponent % PART));
+    }
+
+    /// Adds all terms of another sum.
+    fn add_all(&mut self, other: &Self) {
+        self.parts.iter_mut().zip(&other.parts).for_each(|(part, other)| *part += other);
+        self.beyond += other.beyond;
+    }
+
+    /// The sum as a number, from its parts in a fixed order.
+    fn value(&self) -> f64 {
+        let value = |(part, &whole): (usize, &u128)| {
+            let power = PART as i32 * part as i32 - 1075;
+            // The power of two of the first parts is too small for a number by itself.
+            let [first, second] = if power < -500 { [power + 500, -500] } else { [power, 0] };
+            whole as f64 * 2_f64.powi(first) * 2_f64.powi(second)
+        };
+        self.parts.iter().enumerate().filter(|(_, whole)| **whole > 0).map(value).sum::<f64>() + self.beyond
+    }
+
+    /// The sum in a message.
+    fn to_words(&self) -> Vec<u64> {
+        let parts = self.parts.iter().flat_map(|&part| [part as u64, (part >> 64) as u64]);
+        parts.chain([self.beyond.to_bits()]).collect()
+    }
+
+    /// The sum of [`ExactSum::to_words`]; `None` for fewer words.
+    fn from_words(words: &[u64]) -> Option<Self> {
+        let (pairs, beyond) = words.as_chunks::<2>();
+        let mut sum = Self { beyond: f64::from_bits(*beyond.first()?), ..Self::default() };
+        if pairs.len() != sum.parts.len() {
+            return None;
+        }
+        let part = |&[low, high]: &[u64; 2]| u128::from(low) | u128::from(high) << 64;
+        sum.parts.iter_mut().zip(pairs).for_each(|(to, pair)| *to = part(pair));
+        Some(sum)
     }
 }
 
@@ -99,5 +178,47 @@ mod tests {
         let mut twice = squares.clone();
         twice.add_all(&squares);
         assert_eq!(twice.whole(), [48.0, 1.125]);
+    }
+
+    fn of(terms: impl IntoIterator<Item = f64>) -> ExactSum {
+        let mut sum = ExactSum::default();
+        terms.into_iter().for_each(|term| sum.add(term));
+        sum
+    }
+
+    #[test]
+    fn neither_order_nor_parts_change_a_sum() {
+        // Of numbers that differ by up to 2^80, so that a sum of `f64` depends on the order.
+        let term = |at: u64| {
+            let drawn = at.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            (drawn >> 11) as f64 * 2_f64.powi((drawn % 80) as i32 - 100)
+        };
+        let terms: Vec<f64> = (0..1000).map(term).collect();
+        let whole = of(terms.iter().copied());
+        assert_eq!(whole, of(terms.iter().rev().copied()));
+        let mut parts = of(terms[..300].iter().copied());
+        parts.add_all(&of(terms[300..].iter().copied()));
+        assert_eq!(whole, parts);
+        assert_eq!(ExactSum::from_words(&whole.to_words()), Some(whole.clone()));
+        assert_eq!(whole.to_words().len(), ExactSum::WORDS);
+        let sorted: f64 = {
+            let mut terms = terms.clone();
+            terms.sort_by(f64::total_cmp);
+            terms.iter().sum()
+        };
+        // A thousand roundings of the other sum.
+        assert!((whole.value() - sorted).abs() <= 1000.0 * f64::EPSILON * sorted);
+    }
+
+    #[test]
+    fn numbers_of_every_size_are_added() {
+        for term in [0.0, f64::MIN_POSITIVE / 8.0, f64::MIN_POSITIVE, 1e-200, 0.3, 1.0, 6e7, 1e300, f64::MAX]
+        {
+            assert_eq!(of([term]).value().to_bits(), term.to_bits(), "{term:e}");
+        }
+        assert_eq!(of([1.0; 7]).value(), 7.0);
+        assert_eq!(of([1.0, 2_f64.powi(-60)]).value(), 1.0, "rounded at the end");
+        assert_eq!(of([1.0, f64::INFINITY]).value(), f64::INFINITY);
+        assert!(of([1.0, f64::NAN]).value().is_nan());
     }
 }

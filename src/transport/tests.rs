@@ -1,6 +1,7 @@
 //! Rows and their combination for synthetic paths: rigs that no shipped scene has.
 
 mod costs;
+mod device;
 mod estimates;
 mod memory;
 mod wire;
@@ -8,9 +9,9 @@ mod wire;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::combine::{Combined, combine};
-use super::found::Found;
+use super::merging::{Combined, combine};
 use super::rows::Rows;
+use super::share::Found;
 use super::squares::EntrySquares;
 use super::*;
 use crate::operator::{Adjoint, Operator};

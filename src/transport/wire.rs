@@ -1,5 +1,5 @@
-//! Contributions and sums as bytes: messages between processes of one program, and the files of shards. Numbers have the byte order of the machine,
-//! which is little-endian wherever Vulkan runs.
+//! Arrays as bytes: messages between processes of one program, and the files of shards. Numbers have the byte order of the machine, which is
+//! little-endian wherever Vulkan runs.
 
 use std::io::{self, Read, Write};
 use std::ops::Range;
@@ -7,23 +7,30 @@ use std::ops::Range;
 use bytemuck::Pod;
 
 use super::chunk::{Chunk, Key, Row, Term, Terms, at};
-use super::fixed::RowSums;
+use super::noise::Estimates;
 use super::tiles::{CompressedRows, Fragment, Pages};
+use crate::error::Error;
+use crate::team;
 
-/// What is wrong with bytes that should be arrays.
+/// The fault of bytes that should be arrays.
 #[derive(Debug)]
 pub(super) struct Garbled(pub(super) String);
 
+/// The error where the bytes are a message of another process.
+pub(super) fn unread(Garbled(why): Garbled) -> Error {
+    team::garbled(&why)
+}
+
 type Result<T> = std::result::Result<T, Garbled>;
 
-/// What `write` writes.
+/// The bytes that `write` writes.
 pub(super) fn message(write: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> Vec<u8> {
     let mut bytes = Vec::new();
     write(&mut bytes).expect("memory takes all bytes");
     bytes
 }
 
-/// Writes an array: its length, and its elements.
+/// Writes an array: its length and its elements.
 pub(super) fn put<T: Pod>(to: &mut impl Write, array: &[T]) -> io::Result<()> {
     to.write_all(&(array.len() as u64).to_le_bytes())?;
     to.write_all(bytemuck::cast_slice(array))
@@ -67,7 +74,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The length of the next array. It is not longer than what is left, whatever is said.
+    /// The length of the next array. A length beyond the bytes that are left is refused.
     fn length(&mut self, element: usize) -> Result<usize> {
         let mut length = [0; 8];
         self.fill(&mut length)?;
@@ -95,16 +102,32 @@ fn other_lengths() -> Garbled {
     Garbled("its arrays have other lengths".into())
 }
 
-/// The contributions of some chunks to these `rows`, of the pixels of one endpoint. A pixel without such contributions is left out.
+/// The bytes of the contributions of some chunks to these `rows`, of the pixels of one endpoint.
+pub(super) fn chunks_to_bytes<const C: usize>(
+    chunks: &[&Chunk<C>],
+    from_camera: bool,
+    rows: &Range<usize>,
+) -> Vec<u8> {
+    let of_endpoint =
+        chunks.iter().flat_map(|chunk| chunk.rows()).filter(|(row, _)| row.from_camera == from_camera);
+    let counts = of_endpoint.map(|(_, terms)| at(terms, rows).len()).filter(|count| *count > 0);
+    let (pixels, entries) = counts.fold((0, 0), |(pixels, entries), count| (pixels + 1, entries + count));
+    // Five arrays with their lengths: pixels and ends, keys, means and errors.
+    let mut bytes = Vec::with_capacity(40 + 12 * pixels + entries * size_of::<Term<C>>());
+    put_chunks(&mut bytes, chunks, from_camera, rows).expect("memory takes all bytes");
+    bytes
+}
+
+/// Writes the contributions of some chunks to these `rows`, of the pixels of one endpoint. A pixel without such contributions is left out.
 pub(super) fn put_chunks<const C: usize>(
     to: &mut impl Write,
-    chunks: &[Chunk<C>],
+    chunks: &[&Chunk<C>],
     from_camera: bool,
     rows: &Range<usize>,
 ) -> io::Result<()> {
     let wanted: Vec<(u32, &[Term<C>])> = chunks
         .iter()
-        .flat_map(Chunk::rows)
+        .flat_map(|chunk| chunk.rows())
         .filter(|(row, _)| row.from_camera == from_camera)
         .map(|(row, terms)| (row.pixel, at(terms, rows)))
         .filter(|(_, terms)| !terms.is_empty())
@@ -125,7 +148,7 @@ pub(super) fn put_chunks<const C: usize>(
     put_words(to, entries, &wanted, |term| term.error.map(f32::to_bits))
 }
 
-/// Writes an array of the words that `part` takes of each of the terms of these rows, of which there are so many.
+/// Writes an array of the words that `part` takes of each of the `terms` terms of these rows.
 fn put_words<const C: usize, const N: usize>(
     to: &mut impl Write,
     terms: usize,
@@ -147,91 +170,64 @@ pub(super) fn take_chunk<const C: usize>(
     from: &mut Reader<impl Read>,
     from_camera: bool,
 ) -> Result<Chunk<C>> {
-    let (pixels, ends) = (from.take::<u32>()?, from.take::<u64>()?);
-    let mut terms: Vec<Term<C>> = from.take::<Key>()?.into_iter().map(Term::none).collect();
-    let means = from.take_channels::<C>()?;
+    let (pixels, ends, keys) = (from.take::<u32>()?, from.take::<u64>()?, from.take::<Key>()?);
     let is_whole = pixels.len() == ends.len()
-        && ends.last().map_or(0, |&end| end) == terms.len() as u64
-        && ends.is_sorted()
-        && means.len() == terms.len();
+        && ends.last().map_or(0, |&end| end) == keys.len() as u64
+        && ends.is_sorted();
     if !is_whole {
         return Err(other_lengths());
     }
-    terms.iter_mut().zip(means).for_each(|(term, mean)| term.mean = mean);
+    let mut terms = Pages::<Term<C>>::zeros(keys.len());
+    terms.iter_mut().zip(keys).for_each(|(term, key)| term.key = key);
+    let means = from.take_channels::<C>()?;
     let errors = from.take_channels::<C>()?;
-    if errors.len() != terms.len() {
+    if means.len() != terms.len() || errors.len() != terms.len() {
         return Err(other_lengths());
     }
-    terms.iter_mut().zip(errors).for_each(|(term, error)| term.error = error);
+    for ((term, mean), error) in terms.iter_mut().zip(means).zip(errors) {
+        (term.mean, term.error) = (mean, error);
+    }
     let rows = pixels.into_iter().zip(ends).map(|(pixel, end)| Row { pixel, from_camera, end: end as usize });
-    Ok(Chunk { rows: rows.collect(), terms: Terms::Short(terms) })
+    Ok(Chunk { rows: rows.collect(), terms: Terms::Long(terms) })
 }
 
-/// The contributions of some chunks to these `rows`, of the pixels of one endpoint, for another process of this program.
-pub(super) fn terms_to_bytes<const C: usize>(chunks: &[Chunk<C>], rows: &Range<usize>) -> Vec<u8> {
-    let wanted = || {
-        let of_row = |(row, terms)| (row, at(terms, rows));
-        chunks
-            .iter()
-            .flat_map(Chunk::rows)
-            .map(of_row)
-            .filter(|(_, terms): &(Row, &[Term<C>])| !terms.is_empty())
-    };
-    let mut end = 0_u64;
-    let heads: Vec<[u64; 2]> = wanted()
-        .map(|(row, terms)| {
-            end += terms.len() as u64;
-            [u64::from(row.pixel), end]
-        })
-        .collect();
-    let mut bytes = Vec::with_capacity(16 + size_of_val(&heads[..]) + end as usize * size_of::<Term<C>>());
-    bytes.extend((2 * heads.len() as u64).to_le_bytes());
-    bytes.extend_from_slice(bytemuck::cast_slice(&heads));
-    bytes.extend(end.to_le_bytes());
-    wanted().for_each(|(_, terms)| bytes.extend_from_slice(bytemuck::cast_slice(terms)));
-    bytes
-}
-
-/// The chunk that [`terms_to_bytes`] wrote.
-pub(super) fn take_terms<const C: usize>(
-    from: &mut Reader<impl Read>,
-    from_camera: bool,
-) -> Result<Chunk<C>> {
-    let heads = from.take::<u64>()?;
-    let count = from.length(size_of::<Term<C>>())?;
-    let mut terms = Pages::<Term<C>>::zeros(count);
-    from.fill(bytemuck::cast_slice_mut(&mut terms))?;
-    let row = |&[pixel, end]: &[u64; 2]| Row { pixel: pixel as u32, from_camera, end: end as usize };
-    let rows: Vec<Row> = heads.as_chunks::<2>().0.iter().map(row).collect();
-    if rows.last().map_or(0, |row| row.end) != count || !rows.is_sorted_by_key(|row| row.end) {
-        return Err(other_lengths());
-    }
-    Ok(Chunk { rows, terms: Terms::Long(terms) })
-}
-
-/// Writes the means and errors of pixels.
+/// Writes means and errors, of pixels or of rows.
 pub(super) fn put_estimates<const C: usize>(
     to: &mut impl Write,
-    estimates: &[[[f64; 2]; C]],
+    estimates: &[Estimates<C>],
 ) -> io::Result<()> {
     put::<f64>(to, estimates.as_flattened().as_flattened())
 }
 
 /// The means and errors that [`put_estimates`] wrote.
-pub(super) fn take_estimates<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<[[f64; 2]; C]>> {
+pub(super) fn take_estimates<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<Estimates<C>>> {
     Ok(from.take::<f64>()?.as_chunks::<2>().0.as_chunks::<C>().0.to_vec())
 }
 
-/// Writes the sums over rows.
-pub(super) fn put_sums<const C: usize>(to: &mut impl Write, sums: &[RowSums<C>]) -> io::Result<()> {
-    put(to, &sums.iter().flat_map(|row| [row.mean, row.error]).flatten().collect::<Vec<f64>>())
+/// Sparse rows: starts, columns, and the weights of each channel.
+type Sparse<S, N> = (Vec<S>, Vec<N>, Vec<Vec<f32>>);
+
+fn put_sparse<S: Pod, N: Pod>(
+    to: &mut Vec<u8>,
+    starts: &[S],
+    columns: &[N],
+    weights: &[Vec<f32>],
+) -> io::Result<()> {
+    put(to, starts)?;
+    put(to, columns)?;
+    weights.iter().try_for_each(|plane| put(to, plane))
 }
 
-/// The sums that [`put_sums`] wrote.
-pub(super) fn take_sums<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<RowSums<C>>> {
-    let values = from.take::<f64>()?;
-    let row = |row: &[[f64; C]; 2]| RowSums { mean: row[0], error: row[1] };
-    Ok(values.as_chunks::<C>().0.as_chunks::<2>().0.iter().map(row).collect())
+fn take_sparse<S: Pod + Ord + TryInto<usize>, N: Pod>(
+    from: &mut Reader<impl Read>,
+    channels: usize,
+) -> Result<Sparse<S, N>> {
+    let (starts, columns) = (from.take::<S>()?, from.take::<N>()?);
+    let weights = (0..channels).map(|_| from.take::<f32>()).collect::<Result<Vec<_>>>()?;
+    let is_whole = starts.is_sorted()
+        && starts.last().is_some_and(|&end| end.try_into().is_ok_and(|end: usize| end == columns.len()))
+        && weights.iter().all(|plane| plane.len() == columns.len());
+    if is_whole { Ok((starts, columns, weights)) } else { Err(other_lengths()) }
 }
 
 /// Writes fragments of rows.
@@ -242,16 +238,14 @@ pub(super) fn put_fragments(to: &mut Vec<u8>, fragments: &[Fragment]) -> io::Res
     };
     to.reserve(16 + fragments.iter().map(size).sum::<usize>());
     put(to, &[fragments.len() as u64])?;
-    for fragment in fragments {
-        put(to, &[fragment.first as u64, u64::from(fragment.base)])?;
-        put(to, &fragment.row_start)?;
-        put(to, &fragment.columns)?;
-        fragment.weights.iter().try_for_each(|plane| put(to, plane))?;
+    for Fragment { first, base, row_start, columns, weights } in fragments {
+        put(to, &[*first as u64, u64::from(*base)])?;
+        put_sparse(to, row_start, columns, weights)?;
     }
     Ok(())
 }
 
-/// The fragments that [`put_fragments`] wrote, with so many channels. Their rows are counted from `first_row` on.
+/// The fragments that [`put_fragments`] wrote, with `channels` weights of an entry. Their rows are counted from `first_row` on.
 pub(super) fn take_fragments(
     from: &mut Reader<impl Read>,
     channels: usize,
@@ -262,14 +256,7 @@ pub(super) fn take_fragments(
         let head = from.take::<u64>()?;
         let [first, base] = head[..] else { return Err(other_lengths()) };
         let first = (first as usize).checked_sub(first_row).ok_or_else(other_lengths)?;
-        let (row_start, columns) = (from.take::<u32>()?, from.take::<u16>()?);
-        let weights = (0..channels).map(|_| from.take::<f32>()).collect::<Result<Vec<_>>>()?;
-        let is_whole = row_start.is_sorted()
-            && row_start.last().is_some_and(|&end| end as usize == columns.len())
-            && weights.iter().all(|plane| plane.len() == columns.len());
-        if !is_whole {
-            return Err(other_lengths());
-        }
+        let (row_start, columns, weights) = take_sparse(from, channels)?;
         Ok(Fragment { first, base: base as u32, row_start, columns, weights })
     };
     (0..count).map(fragment).collect()
@@ -277,21 +264,13 @@ pub(super) fn take_fragments(
 
 /// Rows of a layer as bytes.
 pub(super) fn rows_to_bytes(rows: &CompressedRows) -> Vec<u8> {
-    message(|to| {
-        put(to, &rows.row_start.iter().map(|&start| start as u64).collect::<Vec<_>>())?;
-        put(to, &rows.columns)?;
-        rows.weights.iter().try_for_each(|plane| put(to, plane))
-    })
+    message(|to| put_sparse(to, &rows.row_start, &rows.columns, &rows.weights))
 }
 
-/// The rows that [`rows_to_bytes`] wrote, appended to `rows`.
-pub(super) fn append_rows(rows: &mut CompressedRows, bytes: &[u8]) -> Result<()> {
+/// The rows that [`rows_to_bytes`] wrote.
+pub(super) fn take_rows(bytes: &[u8], channels: usize) -> Result<CompressedRows> {
     let mut from = Reader::new(bytes);
-    let before = rows.columns.len();
-    rows.row_start.extend(from.take::<u64>()?.iter().skip(1).map(|&start| before + start as usize));
-    rows.columns.extend(from.take::<u32>()?);
-    rows.weights.iter_mut().try_for_each(|plane| {
-        plane.extend(from.take::<f32>()?);
-        Ok(())
-    })
+    let (row_start, columns, weights) = take_sparse(&mut from, channels)?;
+    from.end()?;
+    Ok(CompressedRows { row_start, columns, weights })
 }

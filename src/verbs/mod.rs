@@ -5,15 +5,19 @@
 //! attributes in Python and lines on the terminal come from them.
 
 pub mod compensate;
+pub mod eigs;
 pub mod options;
 pub mod segment;
 #[cfg(test)]
 mod tests_of_runs;
+#[cfg(test)]
+mod tests_of_verification;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 pub use compensate::{Compensate, Compensated};
+pub use eigs::{Eigs, Spectrum};
 pub use options::{from_json, signature};
 pub use segment::{Segment, Segmented};
 

@@ -2,11 +2,13 @@
 
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::compensate::Picture;
 use crate::error::{Error, Result};
 use crate::krylov::{METHODS, Method};
+use crate::transport::Part;
 
 /// The default of a request: what its declaration says of each option.
 #[allow(
@@ -68,6 +70,42 @@ pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
             help: "leave it out".into(),
         }),
     }
+}
+
+/// A part of the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs, reason = "texts would stand in the help of each value, and Part explains them")]
+pub enum LightPart {
+    Full,
+    Direct,
+    Global,
+}
+
+impl From<LightPart> for Part {
+    fn from(part: LightPart) -> Self {
+        match part {
+            LightPart::Full => Self::Full,
+            LightPart::Direct => Self::Direct,
+            LightPart::Global => Self::Global,
+        }
+    }
+}
+
+/// Checks that so many vectors fit into memory.
+///
+/// # Errors
+/// [`Error::Option`] naming the option that asks for them.
+pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Result<()> {
+    let fits = vectors.checked_mul(length).is_some_and(|n| Vec::<f64>::new().try_reserve_exact(n).is_ok());
+    if fits {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: option.into(),
+        fault: format!("{vectors} vectors of {length} entries do not fit into memory"),
+        help: "give a smaller number".into(),
+    })
 }
 
 /// The option of a field on the command line: `--direct-photos` for `direct_photos`.

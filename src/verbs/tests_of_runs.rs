@@ -2,18 +2,19 @@
 
 use std::path::Path;
 
-use crate::analysis::audit::AuditOptions;
 use crate::analysis::segment::segment;
 use crate::analysis::{Cut, SegmentOptions};
+use crate::bench::audit::AuditOptions;
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::krylov::{EigsOptions, norm};
+use crate::krylov::norm;
 use crate::lab::{Lab, RunOptions};
 use crate::measure::RigFile;
 use crate::operator::Operator;
 use crate::scene::builtin;
 use crate::transport::Part;
-use crate::verbs::Segment;
+use crate::verbs::options::LightPart;
+use crate::verbs::{Eigs, Segment};
 
 fn cornell() -> Result<Lab> {
     Lab::builder_of_scene(builtin::cornell().to_scene()).size(24, 24).samples(64).open()
@@ -56,9 +57,15 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     let [off, stated] = errors(&mut replay, &truth, &pattern)?;
     assert!(off < 0.1 && off > 0.2 * stated && off < 4.0 * stated, "{off} {stated}");
     // Eigenvectors of the light with direct light, which the run took no photo of.
-    let options = EigsOptions { count: 2, products: 20, ..EigsOptions::default() };
-    let found = crate::open(&run)?.eigs(Part::Global, &options)?;
-    let known = exact.eigs(Part::Global, &options)?;
+    let asked = Eigs {
+        count: 2,
+        photos: Some(20),
+        part: LightPart::Global,
+        tolerance: Some(1e-8),
+        ..Eigs::default()
+    };
+    let found = asked.pairs(&mut crate::open(&run)?)?.found;
+    let known = asked.pairs(&mut exact)?.found;
     // 30 photos that were taken for the normalized cut.
     assert!((found.values[0] / known.values[0] - 1.0).abs() < 0.05, "{:?} {:?}", found.values, known.values);
     let off = (found.values[0] - known.values[0]).abs();

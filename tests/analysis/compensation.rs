@@ -125,7 +125,7 @@ fn light() -> Vec<f64> {
     reference("target_64.npy").iter().map(|value| 0.5 / std::f64::consts::PI * value).collect()
 }
 
-/// The least residual after so many photos.
+/// The residual after this number of photos.
 fn at(history: &[CompensationRow], photos: usize) -> f64 {
     history[photos.min(history.len()) - 1].residual
 }

@@ -138,7 +138,7 @@ fn average_cut_tells_weakly_coupled_regions_apart() {
 fn mirror_symmetric_regions_are_told_apart_by_the_random_start() {
     let mut scene = Scene::mirrored(100);
     assert_eq!(agreement(&run(&mut scene, &options(2, 20)), &scene.truth), 1.0);
-    // What an all-ones start could see at best: every vector that it reaches is symmetric, as its mirror image shows.
+    // The best that an all-ones start could see: every vector that it reaches is symmetric, as its mirror image shows.
     let (mut pattern, mut photo) = (vec![1.0; 200], vec![0.0; 200]);
     for _ in 0..20 {
         scene.apply(&pattern, &mut photo).unwrap();
@@ -344,7 +344,7 @@ fn a_capture_asked_at_every_photo_answers_as_one_of_so_many_photos() {
         assert_eq!(asked.eigenvectors, alone.eigenvectors, "{photos} photos");
         assert_eq!(asked.residuals, alone.residuals, "{photos} photos");
         assert_eq!(asked.history, alone.history, "{photos} photos");
-        // Other numbers of groups are those of a capture that was made for them.
+        // Other numbers of groups equal the groups of a capture that was made for them.
         let two = SegmentOptions { groups: vec![2], ..of_so_many };
         let alone = segment(&mut scene.clone(), &two).unwrap();
         assert_eq!(capture.regrouped(&[2]).unwrap().labels, alone.labels, "{photos} photos");

@@ -1,4 +1,4 @@
-//! Names that are no text: any bytes but those of a slash and the end, as every argument.
+//! Names of any bytes but slash and zero, as every argument.
 
 use std::ffi::{OsStr, OsString};
 use std::fs;

@@ -1,4 +1,4 @@
-//! What `eigs` claims of matrices from which a search from one vector misses something: no wrong value with status 0.
+//! Claims of `eigs` about matrices on which a search from one vector misses eigenvalues: no wrong value with status 0.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What becomes of the folder of a run: its photos are not lost, and nothing else is written over.
+//! The folder of a run: its photos are not lost, and nothing else is written over.
 
 use std::fs;
 use std::path::Path;
@@ -48,7 +48,7 @@ impl Bench {
         fs::read(Path::new(&self.run).join(name)).unwrap_or_default()
     }
 
-    /// What there is in the folder, by name.
+    /// The names in the folder.
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.run).expect("the run has a folder");
         let mut names: Vec<_> = entries

@@ -14,7 +14,7 @@ fn sheet(folder: &TempDir) -> String {
     path
 }
 
-/// What the program prints; it must succeed.
+/// The output of the program, which must succeed.
 #[track_caller]
 fn said(arguments: &[&str]) -> String {
     let output = command(arguments).output().expect("the program is built with the tests");

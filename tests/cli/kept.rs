@@ -1,4 +1,4 @@
-//! What runs take on the disk, and that nothing is removed that cannot be computed again.
+//! The size of runs on the disk; nothing is removed that cannot be computed again.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ impl Runs {
         self.folder.path().join("out").join(name).join("journal/photos.journal")
     }
 
-    /// What `krylux runs prune` says of the runs.
+    /// The output of `krylux runs prune`.
     #[track_caller]
     fn prune(&self, more: &[&str]) -> serde_json::Value {
         let out = inside(&self.folder, "out");

@@ -200,7 +200,7 @@ fn a_captured_scene_is_relit_later_without_a_photo_and_without_a_device() {
     let of_same_light = relative(&relit, &truth);
     assert!(error > of_same_light && error < of_same_light + 0.05, "{error} {of_same_light}");
     assert!(number(&found["relit"][0]["stated_error"]) > 0.2 * error, "{found}");
-    // W Qᵀ has this rank, so that the best of it is no worse; symmetry can only add knowledge.
+    // W Qᵀ has this rank, so that the best matrix of this rank is at least as good; symmetry can only add knowledge.
     let row = &found["matrix"];
     assert!(number(&row["one_sided"]) >= number(&row["optimal"]), "{row}");
     assert!(number(&row["error"]) <= number(&row["one_sided"]), "{row}");
@@ -220,7 +220,7 @@ fn a_captured_scene_is_relit_later_without_a_photo_and_without_a_device() {
         &later,
         "--json",
     ];
-    // A loader that finds no driver: there is no graphics device.
+    // The loader finds no driver, and so no graphics device.
     let output = bench
         .command(&arguments)
         .env("VK_ICD_FILENAMES", "/nowhere")
@@ -343,7 +343,7 @@ fn colours_and_separated_rigs_are_captured_too() {
         &bench.name("rgb"),
     ];
     let found = bench.json(&[&arguments[..], &traced].concat());
-    // By other light paths: the noise of the model's own is 3 % of white.
+    // The truth is traced by other light paths: the noise of the model's own is 3 % of white.
     assert!(number(&found["relit"][0]["relative_error"]) < 0.07, "{found}");
     assert_eq!(npy::read_npy(&bench.path("rgb/relit-1.npy")).expect("it is written").shape, [24, 24, 3]);
     let separated = root().join("tests/reference/peer/separated.glb").display().to_string();
@@ -369,7 +369,7 @@ fn a_new_target_on_a_captured_scene_takes_no_photo_or_a_few() {
     let arguments = ["compensate", &out, "--target", &target, "--photos", "0", "-o", &bench.name("none")];
     let none = bench.json(&arguments);
     assert_eq!(none["photos"], 0);
-    // What the model promises holds on the scene itself, within the model's error: some per cent of a photo.
+    // The model's promise holds on the scene itself, within the model's error: some per cent of a photo.
     let seen = photograph(&bench, &corner, &bench.name("none/compensation.npy"), &traced, "seen.npy");
     let wanted = bench.plane("none/target.npy");
     let error = relative(&seen, &wanted);

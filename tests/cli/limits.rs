@@ -27,7 +27,7 @@ fn a_photo_larger_than_the_memory_is_refused_before_it_is_traced() {
     let folder = folder();
     let photo = inside(&folder, "photo.npy");
     let large = ["photo", SCENE, "--size", "16384", "--spp", "1", "-o", &photo];
-    // By what the user allows, and by what the system does.
+    // The limits of the user, and of the system.
     let asked =
         command(&[&large[..], &["--memory", "2GiB"]].concat()).output().expect("the program is built");
     let bound = limited("ulimit -v 8388608", &command(&large));
@@ -115,7 +115,7 @@ fn without_threads_the_work_is_done_by_one() {
     assert!(said.contains("Ctrl-C cannot be handled"), "the limit has no effect: {said}");
 }
 
-/// The program as another user, who may have so many processes and threads, after `before`; `None` where the system does not allow that.
+/// The program as another user with this limit of processes and threads, after `before`; `None` if the system does not allow that.
 #[cfg(target_os = "linux")]
 fn as_another(processes: usize, before: &[&str]) -> Option<Command> {
     // A user whose processes nobody else counts: of this test alone.
@@ -151,7 +151,7 @@ fn at_every_limit(before: &[&str], files: &[(&str, &[u8])], arguments: &[&str]) 
         limited.current_dir(&folder).env("XDG_CACHE_HOME", folder.path()).env("TERM", "xterm");
         limited.arg(&program).args(arguments).args(["-o", &format!("run-{processes}")]);
         let output = limited.output().expect("there is prlimit");
-        // Of a terminal that `script` makes, all is in one stream.
+        // A terminal of `script` has one stream for both.
         let said = text(&[output.stdout, output.stderr].concat());
         let status = output.status.code().expect("no signal ends it");
         assert!(matches!(status, 0..=2) && !said.contains("panicked"), "{processes}: {status}: {said}");

@@ -38,7 +38,7 @@ const PLACES: [&str; 22] = [
     "earlier-1.moving",
 ];
 
-/// What a stranger puts at a place.
+/// Things that a stranger puts at a place.
 const THINGS: [&str; 6] =
     ["pipe", "link to a file", "link to a folder", "link to nothing", "link to a device", "folder"];
 
@@ -49,7 +49,7 @@ fn put(thing: &str, path: &Path, outside: &Path) {
         Err(_) => Ok(()),
     };
     if let Some(above) = path.parent() {
-        // Where a link or a pipe is above already, nothing more is put below it.
+        // Nothing is put below a link or a pipe.
         if fs::symlink_metadata(above).is_ok_and(|it| !it.is_dir()) || fs::create_dir_all(above).is_err() {
             return;
         }
@@ -92,7 +92,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Whatever is asked of such a folder: nothing beside it changes, nothing waits for ever, and no panic is shown.
+/// No question to such a folder changes anything beside it, waits for ever, or shows a panic.
 #[test]
 fn nothing_outside_a_strangers_run_changes_and_nothing_hangs() {
     let bench = folder();

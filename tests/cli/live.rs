@@ -1,4 +1,4 @@
-//! What is seen of a run: images in a viewer while it goes on, every photo on its page, and the same photos asked anew. On a rig in
+//! Views of a run: images in a viewer while it goes on, every photo on its page, and the same photos asked anew. On a rig in
 //! front of a matrix, so that no graphics device is needed.
 
 use std::collections::BTreeMap;
@@ -79,7 +79,7 @@ fn every_page_shows_all_photos_in_order() {
         let page = page(&out);
         let photos = strip(&page);
         assert_eq!(photos, page.matches("aria-label=\"pattern ").count(), "{arguments:?}");
-        // More than one, and in each verb as many as it took products.
+        // More than one, and in each verb one for each product.
         let expected = match arguments[0].as_str() {
             "segment" => 9,
             // The photos end where the noise of the rig hides what more would tell.

@@ -1,4 +1,4 @@
-//! What a scene would take on several machines.
+//! The predicted costs of a scene on several machines.
 
 use crate::program::{assert_error, command, verdict_of_traced};
 

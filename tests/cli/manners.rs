@@ -1,4 +1,4 @@
-//! What all verbs have in common: options before and after the verb, errors for machines, and which files are replaced.
+//! Manners of all verbs: options before and after the verb, errors for machines, and the files that are replaced.
 
 use std::path::Path;
 

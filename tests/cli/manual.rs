@@ -1,4 +1,4 @@
-//! What is made from the command line itself: completions of shells, and manual pages.
+//! Completions of shells and manual pages, which are made from the command line.
 
 use std::process::Command;
 

@@ -1,4 +1,4 @@
-//! Where products come from, as a user chooses it: matrix or tracing, memory, cache, sampler, layers.
+//! The source of products, as a user chooses it: matrix or tracing, memory, cache, sampler, layers.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -28,7 +28,7 @@ impl Bench {
         command.args(arguments).output().expect("the program is built with the tests")
     }
 
-    /// What it prints when all is well.
+    /// Its output if all is well.
     fn text(&self, arguments: &[&str]) -> String {
         let output = self.run(arguments);
         let errors = String::from_utf8_lossy(&output.stderr);
@@ -220,7 +220,7 @@ fn a_rig_apart_is_compensated_by_its_transpose_and_refused_where_symmetry_is_nee
     let scene = common::root().join("tests/reference/peer/separated.glb").display().to_string();
     let target = bench.path("target.npy");
     let resolution = krylux::image::Resolution::new(24, 24);
-    // Where the projector's light arrives.
+    // The pixels at which the projector's light arrives.
     let lit: Vec<f32> = (0..24 * 24).map(|pixel| if pixel % 24 > 8 { 0.5 } else { 0.0 }).collect();
     let lit = krylux::image::Image::new(resolution, 1, lit).expect("one sample a pixel");
     npy::write_image(Path::new(&target), &lit).expect("the folder is there");

@@ -48,7 +48,7 @@ fn no_array_of_another_question_stays() {
     // Another question in the same folder is asked of the same photos; what replaces both knows the arrays of both.
     done(&["segment", &run, "--groups", "3", "--eigenvectors", "2", "-o", &run]);
     assert!(names(&run).contains("labels-3.npy") && names(&run).contains("labels-2.npy"));
-    // What the run was asked before goes when it is asked something else, and goes on, in its own folder.
+    // The earlier answer goes when the run is asked another question, and goes on, in its own folder.
     done(&[&segment[..], &["4", "--overwrite"]].concat());
     done(&[&segment[..], &["2", "--resume"]].concat());
     assert!(
@@ -106,7 +106,7 @@ fn resume_replaces_no_answer_to_another_question() {
     let bench = folder();
     let (small, model, run) = (rig(&bench, 8, ""), inside(&bench, "model"), inside(&bench, "run"));
     done(&["relight", &small, "--photos", "4", "-o", &model]);
-    // What the model alone is asked keeps no photos.
+    // A question to the model alone keeps no photos.
     done(&["relight", &model, "--pattern", "left", "-o", &run]);
     let before = (names(&run), arrays(&run));
     let other = krylux(&["segment", &small, "--photos", "8", "--groups", "2", "-o", &run, "--resume"]);

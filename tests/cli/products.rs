@@ -1,4 +1,4 @@
-//! Where products are taken, as a user chooses it.
+//! The place of products, as a user chooses it.
 
 use std::path::Path;
 use std::process::{Command, Output};

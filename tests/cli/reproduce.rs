@@ -39,7 +39,7 @@ fn summary(output: &Output) -> Value {
 fn is_met(check: &Value) -> bool {
     let (value, limit) = (check["value"].as_f64(), check["limit"].as_f64());
     match check["bound"].as_str() {
-        // What is not a number is null, and meets no bound.
+        // NaN becomes null, and meets no bound.
         Some("at least") => value.zip(limit).is_some_and(|(value, limit)| value >= limit),
         Some("at most") => value.zip(limit).is_some_and(|(value, limit)| value <= limit),
         Some("stated") => true,

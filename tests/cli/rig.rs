@@ -63,7 +63,7 @@ fn a_rigs_matrix_is_photographed_column_by_column() {
         dense
     };
     let (found, expected) = (dense(&found), dense(&expected));
-    // The units are those of the camera.
+    // The units are the camera's.
     let scale = found[0] / expected[0];
     // A bright pixel alone is a tenth of white, which fills half of 65535 counts: one count's rounding is 3e-4 of it, and of the
     // black photo that is subtracted as much.
@@ -187,7 +187,7 @@ fn a_plan_predicts_cost_and_error_from_the_twin() {
     let question = ["--trials", "2", "segment", "--photos", "12", "--groups", "2", "--eigenvectors", "3"];
     let said = summary(&[&["plan", rig.as_str()], &question[..]].concat()[..]);
     assert_eq!(said["trials"].as_array().map(Vec::len), Some(2));
-    // What is predicted is what a run then takes: the noise is another, but shows through in no choice here.
+    // A run takes the predicted photos: its noise is another, but changes no choice here.
     let out = inside(&folder, "run");
     let run =
         summary(&["segment", &rig, "--photos", "12", "--groups", "2", "--eigenvectors", "3", "-o", &out]);
@@ -246,7 +246,7 @@ fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
     assert!(taken > 100 && replayed == 0, "{taken} {replayed}");
     assert_error(&["rig", "calibrate", &rig, "-o", &whole], &["already holds a run", "--resume"]);
 
-    // As a killed program leaves it: the journal ends in the middle of a photo.
+    // The journal of a killed program ends in the middle of a photo.
     std::fs::create_dir_all(Path::new(&cut).join("journal")).expect("the folder can be written");
     let journal = |of: &str| Path::new(of).join("journal/photos.journal");
     let bytes = std::fs::read(journal(&whole)).expect("it was written");

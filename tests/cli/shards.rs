@@ -81,7 +81,7 @@ fn shuffled(count: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |at| at * 7 % count + 1)
 }
 
-/// What is traced: a coaxial rig, one with mirrors, one in colour, a projector apart, bounces apart.
+/// The traced cases: a coaxial rig, one with mirrors, one in colour, a projector apart, bounces apart.
 fn cases() -> [(Bench, &'static [&'static str]); 5] {
     let small = ["--size", "12x10", "--spp", "4"];
     let separated = root().join("tests/reference/peer/separated.glb");

@@ -12,7 +12,7 @@ pub struct Comb {
 }
 
 impl Comb {
-    /// Of both signs.
+    /// A comb of values of both signs.
     pub fn indefinite(n: usize) -> Self {
         Self { n, shift: 0.0, mirrored: 1.0 }
     }

@@ -1,4 +1,4 @@
-//! What several tests share: shipped scenes, tracing them, reading reference data.
+//! Helpers for several tests: shipped scenes, tracing them, reading reference data.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! What cameras send: acknowledgements on the control channel (GVCP), packets of the stream (GVSP), and their descriptions in XML.
+//! Data that cameras send: acknowledgements on the control channel (GVCP), packets of the stream (GVSP), and their descriptions in XML.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -11,7 +11,7 @@ use viva_genicam::gige::{GvspContent, parse_chunks, parse_header, parse_packet_r
 
 use crate::{LONGEST, Reader};
 
-/// Where the child process finds its description.
+/// The file in which the child process finds its description.
 const DESCRIPTION: &str = "KRYLUX_TEST_DESCRIPTION";
 
 /// An acknowledgement: status, command, length, number and content.

@@ -7,7 +7,7 @@ use serde_json::Value;
 /// The length of a large file in bytes, about.
 const LENGTH: usize = 256 << 10;
 
-/// As many of the parts `part(0)`, `part(1)`, … as make a large file.
+/// Enough of the parts `part(0)`, `part(1)`, … for a large file.
 fn repeated(part: impl Fn(usize) -> Vec<u8>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for number in 0.. {

@@ -157,7 +157,6 @@ fuzzed_by!(
     exr,
     glb,
     gltf,
-    compressed,
     texture,
     obj,
     mtl,
@@ -173,7 +172,10 @@ fuzzed_by!(
     model_array
 );
 
-/// What a camera sends, over the network and of itself.
+#[cfg(feature = "compressed")]
+fuzzed_by!(readers: compressed);
+
+/// Data that a camera sends: datagrams and its description.
 #[cfg(feature = "gige")]
 mod of_cameras {
     fuzzed_by!(cameras: gvcp, gvsp, camera_xml);

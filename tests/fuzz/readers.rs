@@ -1,11 +1,11 @@
-//! What reads each kind of file. Errors are what a mutated file should give; what must not be is said in `main.rs`.
+//! The reader of each kind of file. A mutated file should give an error; `main.rs` lists the outcomes that must not occur.
 
 use std::path::Path;
 
 use krylux::cache::{Cache, Found, Key, LIMIT, ShardFile, ShardOrigin, write_shard};
 use krylux::image::{Image, Resolution};
 use krylux::io::model::{ChannelArrays, DirectArrays, ModelArrays};
-use krylux::io::{exr, npy, picture, png, sparse};
+use krylux::io::{exr, npy, picture, sparse};
 use krylux::journal::Journal;
 use krylux::measure::{Calibration, RigFile};
 use krylux::render::{AdapterSummary, TraceSettings, Tracer};
@@ -52,7 +52,7 @@ pub fn png() -> Reader {
         seeds: seeds::png,
         read: |folder| {
             let path = folder.join("file.png");
-            let _ = png::read_png(&path);
+            let _ = picture::read_png(&path);
             let _ = picture::read_sized(&path, Resolution::new(4, 2), "the test");
         },
     }
@@ -100,6 +100,7 @@ pub fn gltf() -> Reader {
 }
 
 /// Meshes that are compressed by Draco or meshopt.
+#[cfg(feature = "compressed")]
 pub fn compressed() -> Reader {
     Reader {
         name: "compressed",
@@ -109,7 +110,7 @@ pub fn compressed() -> Reader {
     }
 }
 
-/// Pictures that only textures come in. Only a file's name says TGA, and what is no other format is read as that.
+/// Formats of pictures for textures only. Files of unknown format are read as TGA, which only a file's name tells.
 pub fn texture() -> Reader {
     let seeds = |folder: &Path| {
         write_scene(folder, "");

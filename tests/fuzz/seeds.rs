@@ -95,6 +95,7 @@ pub fn texture(_: &Path) -> Vec<Vec<u8>> {
     others.into_iter().flatten().chain(gif).collect()
 }
 
+#[cfg(feature = "compressed")]
 pub fn compressed(_: &Path) -> Vec<Vec<u8>> {
     let names = ["carton-draco.glb", "carton-meshopt.glb"];
     names.map(|name| shipped(&format!("tests/reference/compressed/{name}"))).to_vec()

@@ -1,4 +1,4 @@
-//! Every block of commands runs as it is printed: those of a page in their order, in a folder of its own.
+//! Every block of commands runs as it is printed: the blocks of a page in their order, in a folder for the page.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -11,7 +11,7 @@ use crate::workplace::Workplace;
 /// Pages that run at a time.
 const AT_A_TIME: usize = 2;
 
-/// What came of all pages.
+/// The results of all pages.
 #[derive(Default)]
 struct Found {
     ran: AtomicUsize,

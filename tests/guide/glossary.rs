@@ -64,7 +64,7 @@ fn generic(term: String) -> String {
     }
 }
 
-/// The names of a record's values, `noise.white`; those of measurement options are keys of rig files.
+/// The names of a record's values, `noise.white`; measurement options are left out, since they are keys of rig files.
 fn keys(value: &Value, before: &str, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(fields) => {

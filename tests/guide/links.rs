@@ -23,7 +23,7 @@ fn links(page: &Page) -> Vec<(usize, String)> {
     links.collect()
 }
 
-/// The anchors of a page: those of its headings, as mdBook and code hosts make them, and those that it names by `<a id="…">`.
+/// The anchors of a page: its headings, as mdBook and code hosts name them, and every `<a id="…">`.
 fn anchors(text: &str) -> Vec<String> {
     let mut anchors: Vec<String> = Vec::new();
     let mut heading: Option<String> = None;
@@ -59,6 +59,21 @@ fn slug(heading: &str) -> String {
     kept.map(|c| if c == ' ' { '-' } else { c }).collect()
 }
 
+/// The paths that a page includes, relative to its folder.
+fn includes(text: &str) -> Vec<&str> {
+    let parts = text.split("{{#include ").skip(1);
+    parts.filter_map(|rest| rest.split("}}").next()).map(str::trim).collect()
+}
+
+/// The text of a page, and of what it includes.
+fn whole(path: &Path) -> String {
+    let text = pages::read(&path.to_string_lossy());
+    let folder = path.parent().expect("a page is in a folder");
+    let included: Vec<String> =
+        includes(&text).into_iter().map(|path| whole(&plain(&folder.join(path)))).collect();
+    text + &included.concat()
+}
+
 /// A path without `..`.
 fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
@@ -74,7 +89,7 @@ fn plain(path: &Path) -> PathBuf {
 #[test]
 fn every_link_leads_somewhere() {
     let mut checked = 0;
-    for page in pages::all() {
+    for page in pages::all().into_iter().chain(pages::others()) {
         for (line, link) in links(&page) {
             if link.starts_with("https://") {
                 continue;
@@ -90,13 +105,29 @@ fn every_link_leads_somewhere() {
                 page.at(line)
             );
             if !anchor.is_empty() {
-                let text = pages::read(&target.to_string_lossy());
-                assert!(anchors(&text).iter().any(|of| of == anchor), "{}: no heading {link}", page.at(line));
+                assert!(
+                    anchors(&whole(&target)).iter().any(|of| of == anchor),
+                    "{}: no heading {link}",
+                    page.at(line)
+                );
             }
             checked += 1;
         }
     }
     assert!(checked > 100, "{checked}");
+}
+
+#[test]
+fn every_file_that_a_page_includes_is_there() {
+    let mut included = 0;
+    for page in pages::all() {
+        let folder = page.path.parent().expect("a page is in a folder");
+        for path in includes(&page.text) {
+            assert!(root().join(folder).join(path).is_file(), "{}: {path}", page.path.display());
+            included += 1;
+        }
+    }
+    assert!(included > 5, "{included}");
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! The guide and the README: every command in them runs, every link leads somewhere, every figure of a report has a definition, and the
-//! reference is what the command line says of itself.
+//! The guide and the README: every command in them runs, every link and every file name leads somewhere, every figure of a report has a
+//! definition, and the reference is what the command line says of itself.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -10,6 +10,7 @@ mod links;
 mod pages;
 #[path = "../../examples/regenerate_guide/reference.rs"]
 mod reference;
+mod references;
 mod same_text;
 mod security;
 mod workplace;

@@ -34,6 +34,18 @@ pub fn all() -> Vec<Page> {
     paths.map(|path| Page { text: read(&path.to_string_lossy()), path }).collect()
 }
 
+/// Pages beside the guide: in the root, in `docs`, and in folders that explain themselves.
+pub fn others() -> Vec<Page> {
+    let entries = fs::read_dir(root()).expect("the repository can be read");
+    let here = entries.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_file());
+    let folders = ["docs", "benches", "assets", "python", "tests"];
+    let below = folders.into_iter().flat_map(|folder| below(&root().join(folder)));
+    let pages = here.chain(below).filter(|path| path.extension().is_some_and(|extension| extension == "md"));
+    let relative = pages.map(|path| path.strip_prefix(root()).expect("it is below the root").to_path_buf());
+    let new = relative.filter(|path| path != Path::new("README.md"));
+    new.map(|path| Page { text: read(&path.to_string_lossy()), path }).collect()
+}
+
 /// The Markdown files below a folder.
 fn below(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).expect("the guide can be read");

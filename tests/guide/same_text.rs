@@ -1,4 +1,4 @@
-//! What stands in two places is the same in both.
+//! Texts that stand in two places are the same in both.
 
 use crate::blocks;
 use crate::pages::{self, Page, read};

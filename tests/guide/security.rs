@@ -1,4 +1,4 @@
-//! What the page on files from strangers promises is held by tests, which it names out of sight.
+//! Tests hold the promises of the page on files from strangers, which names them out of sight.
 
 use std::path::{Path, PathBuf};
 

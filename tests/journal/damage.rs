@@ -9,13 +9,13 @@ use proptest::prelude::*;
 
 use super::{Record, file, identity, small};
 
-/// Where records and the header lie in the small journal.
+/// The places of records and header in the small journal.
 struct Whole {
     bytes: Vec<u8>,
     records: Vec<Record>,
-    /// By entry: its range in the file, and its record if it is a photo.
+    /// For each entry its range in the file, and its record if it is a photo.
     ranges: Vec<(Range<usize>, Option<usize>)>,
-    /// Where the header ends.
+    /// The end of the header.
     header: usize,
 }
 

@@ -9,7 +9,7 @@ use krylux::journal::{Identity, Journal, Kind};
 
 use super::{file, identity, small};
 
-/// Where the child process below writes.
+/// The folder that the child process below writes to.
 const FOLDER: &str = "KRYLUX_TEST_JOURNAL";
 const PAYLOAD: [u8; 1000] = [7; 1000];
 
@@ -76,7 +76,7 @@ fn a_folder_that_cannot_be_written_is_named() {
     }
 }
 
-/// What ends a process leaves what the system has; here nothing closes the journal, as when a process is killed.
+/// Nothing closes the journal here, as if the process were killed.
 #[test]
 fn what_can_be_computed_again_outlives_its_process_too() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -94,7 +94,7 @@ impl FrameSource for Rig {
     }
 }
 
-/// What happened to the rig.
+/// The events at the rig.
 #[derive(Clone, Default)]
 struct Log {
     /// For each time that it was opened, the number of the frame after which it continued.

@@ -99,7 +99,7 @@ fn products_are_taken_once_and_replayed_without_the_operator() {
     assert_eq!(taken.get(), 1);
 }
 
-/// As [`Counted`], four products at a time; fails from some product on.
+/// Like [`Counted`], with four products at a time; fails from some product on.
 struct Blocks {
     /// The sizes of the blocks that were asked for.
     taken: Vec<usize>,
@@ -160,7 +160,7 @@ fn of_a_block_only_the_products_that_the_journal_lacks_are_taken() {
     let found = block(&mut journal, &mut inner, &[1.0, 2.0, 3.0, 1.0]).expect("they can be taken");
     assert_eq!(found, [3.0, 6.0, 9.0, 3.0]);
     assert_eq!(inner.taken, [1, 2], "2 is there, and 1 is taken once");
-    // Of six, a block of four is taken and kept; the next fails as a whole.
+    // A block of four of the six is taken and kept; the next fails as a whole.
     assert!(block(&mut journal, &mut inner, &[4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).is_err());
     let kept = JournaledOperator::kept(&mut journal, "full").expect("it can be read");
     let order: Vec<f64> = kept.iter().map(|product| product.from[0]).collect();

@@ -210,7 +210,7 @@ fn deflation_takes_an_invariant_subspace_out_of_the_spectrum() {
     for (value, wanted) in found.values.iter().zip([28.0, 27.0]) {
         assert!((value - wanted).abs() < 1e-8, "{value}");
     }
-    // Schur vectors: zero along the known ones, so that they are no eigenvectors, and the residual says so.
+    // Schur vectors: zero along the known ones. They are not eigenvectors, and the residual says so.
     assert!(found.vectors[0][0].abs() < 1e-14);
     let residual = matrix.residual((found.values[0], 0.0), &found.vectors[0], &[]);
     assert!(residual > 0.01 && (residual - found.residuals[0]).abs() < 1e-10, "{residual:e}");

@@ -90,7 +90,7 @@ fn two_three_and_nine_regions_take_at_most_12_15_and_50_photos() {
             sizes.len(),
             found.residuals
         );
-        // By the square of the residual over the gap to the next eigenvalue, which is more than 0.3.
+        // The error is bounded by the square of the residual over the gap to the next eigenvalue, which is more than 0.3.
         assert!(found.values.iter().all(|value| (value - 1.0).abs() < 1e-5), "{:?}", found.values);
         let miss = worst_miss(&found.vectors, &known, &sizes);
         // Residual over gap (Davis–Kahan), a residual of 1e-3 for each copy.
@@ -138,7 +138,7 @@ fn relation_between_basis_products_and_coefficients_holds_after_any_single_produ
             for (i, u) in all.iter().enumerate() {
                 assert!((dot(u, &product) - state.entry(i, j)).abs() < 1e-14, "entry {i}, {j}");
             }
-            // What the basis and the known vector leave of A v is rounding.
+            // The basis and the known vector leave only rounding of A v.
             let mut square = dot(&product, &product) - dot(&state.known()[0], &product).powi(2);
             square -= all.iter().map(|u| dot(u, &product).powi(2)).sum::<f64>();
             assert!(square.abs() < 1e-14, "{square:e}");

@@ -16,7 +16,7 @@ const BOXED: [Method; 3] = [Method::Jacobi, Method::Fista, Method::KrylovBox];
 const SIDE: usize = 10;
 const N: usize = SIDE * SIDE;
 
-/// What is wanted on the scene: a picture with black and bright parts, at half of what the scene's direct light gives.
+/// The target on the scene: a picture with black and bright parts, at half of the scene's direct light.
 fn wanted(scale: f64) -> Vec<f64> {
     (0..N)
         .map(|i| {
@@ -223,7 +223,7 @@ fn krylov_box_knows_when_it_is_at_the_optimum() {
     assert!(found.residual <= best * 1.05, "Broyden's model is good, too: {} {best}", found.residual);
 }
 
-/// What a given matrix does, both ways.
+/// Products with a given matrix, both ways.
 struct Known(Dense);
 
 impl Surrogate for Known {
@@ -250,7 +250,7 @@ fn a_surrogate_with_its_transpose_brings_an_unsymmetric_operator_to_the_optimum(
     let scaled = |factor: f64| {
         let entry = |i: usize, j: usize| {
             let albedo = 1.0 + 0.5 * ((i * i) as f64).sin();
-            // What the surrogate does not know: a part that looks like nothing in particular.
+            // The part that the surrogate does not know looks like nothing in particular.
             albedo * blurred.entries[i * N + j] * (1.0 + factor * ((i * 31 + j * 17) as f64).sin())
         };
         Dense::new(N, N, entry)

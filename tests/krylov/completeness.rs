@@ -326,7 +326,7 @@ fn more_values_than_there_are_end_with_all_of_them() {
 
 #[test]
 fn the_dense_solver_agrees_with_itself() {
-    // What the tests above are judged by: the eigenvalues of a matrix whose spectrum is known.
+    // The truth for the tests above: the eigenvalues of a matrix whose spectrum is known.
     let dense = Dense::turned(&[3.0, 3.0, 2.0, -1.0]);
     let values = dense.matrix().self_adjoint_eigenvalues(Side::Lower).unwrap();
     assert!(values.iter().zip([-1.0, 2.0, 3.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-13));
@@ -334,7 +334,7 @@ fn the_dense_solver_agrees_with_itself() {
 
 #[test]
 fn a_search_that_ended_within_noise_is_confirmed_within_its_residuals() {
-    // A dense spectrum: what the search left of its eigenvectors is in the complement, and is no missed eigenvalue.
+    // A dense spectrum: the rest of its eigenvectors is in the complement, and does not count as a missed eigenvalue.
     let values: Vec<f64> = (0..400).map(|i| 1.0 - f64::from(i) / 400.0).collect();
     let mut matrix = Dense::turned(&values);
     let options = EigsOptions { count: 6, noise: 0.02, products: 100, ..EigsOptions::default() };

@@ -94,7 +94,7 @@ fn zero_matrix_takes_one_product_per_pair() {
     let found = solve(&mut matrix, 3, 3, Which::LargestAlgebraic);
     assert_eq!((found.stats.products, found.stats.status), (3, Status::ReachedTolerance));
     assert_eq!((&found.values[..], found.completeness), (&[0.0; 3][..], Completeness::NotExcluded));
-    // The products that are left show that there are no others.
+    // The remaining products show that none is missing.
     let mut matrix = Dense::diagonal(&[0.0; 20]);
     let found = solve(&mut matrix, 3, 50, Which::LargestAlgebraic);
     assert_eq!((found.stats.products, found.completeness), (20, Completeness::Exact));

@@ -1,4 +1,4 @@
-//! Orthogonality of the bases of all factorizations, held to the bound that `src/krylov/factor/delayed.rs` states.
+//! Orthogonality of the bases of all factorizations, held to the bound that `src/krylov/factor/step.rs` states.
 #![allow(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 use crate::krylov_support::{Dense, Noisy, general_gallery, spread, symmetric_gallery};
@@ -31,9 +31,9 @@ fn check(name: &str, process: &mut dyn Factorization, matrix: &mut Dense, steps:
     assert!(loss <= bound(additions * f64::EPSILON / 2.0), "{name}: {loss:e} after {m} steps");
     // Rounding errors have either sign, and n numbers of either sign cancel: the root of as many.
     assert!(loss <= bound(additions.sqrt() * f64::EPSILON / 2.0), "{name}: {loss:e} after {m} steps");
-    // What may wait for the next step.
+    // The part that may wait for the next step.
     assert!(waiting <= 1.01e-12, "{name}: {waiting:e}");
-    // The coefficients are those of the vectors as they are now.
+    // The coefficients belong to the vectors as they are now.
     let (mut product, size) = (vec![0.0; state.n()], matrix.size());
     for (j, v) in state.basis().iter().enumerate() {
         krylux::operator::Operator::apply(matrix, v, &mut product).unwrap();
@@ -45,7 +45,7 @@ fn check(name: &str, process: &mut dyn Factorization, matrix: &mut Dense, steps:
     }
 }
 
-/// Of 200 dimensions and more, for runs of 90 steps.
+/// Spectra of 200 dimensions and more, for runs of 90 steps.
 fn hard_cases() -> Vec<(&'static str, Dense)> {
     let turned =
         |n: usize, value: &dyn Fn(usize) -> f64| Dense::turned(&(0..n).map(value).collect::<Vec<_>>());

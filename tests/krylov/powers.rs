@@ -62,16 +62,16 @@ fn times(value: f64, power: i32) -> f64 {
     value * 2_f64.powi(half) * 2_f64.powi(power - half)
 }
 
-/// The options of a test: the box is no bound, or far away for some.
+/// The options of a test: the box bounds nothing, or is far away for some.
 fn options(facts: &MethodFacts) -> SolveOptions {
     let upper = if facts.constraint == Constraint::Box { f64::INFINITY } else { 1.0 };
     SolveOptions { products: 40, rtol: 1e-10, upper, ..SolveOptions::default() }
 }
 
-/// What rounding leaves of a vector in a few dozen steps: roots of sums of squares round differently for other powers.
+/// The effect of rounding on a vector in a few dozen steps: roots of sums of squares round differently for other powers.
 const ROUNDING: f64 = 1e-12;
 
-/// As [`ROUNDING`], for krylov-box: its model is minimized to a millionth, and rounding decides where it rests.
+/// Like [`ROUNDING`], for krylov-box: its model is minimized to a millionth, and rounding decides where it rests.
 const OF_MODEL: f64 = 1e-6;
 
 /// Asserts that vectors are equal but for a power of two and this share of the second.

@@ -60,7 +60,7 @@ impl Operator for Exported {
     }
 }
 
-/// What SciPy found for a scene.
+/// SciPy's results for a scene.
 fn theirs(scene: &str) -> Value {
     let path = root().join("tests/reference/scipy_16.json");
     let mut all: Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();

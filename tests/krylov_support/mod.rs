@@ -1,4 +1,4 @@
-//! What the tests of the Krylov methods share: operators that count, fail and err, and a named gallery.
+//! Helpers for the tests of the Krylov methods: operators that count, fail and err, and a named gallery.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 #![allow(clippy::unwrap_used, reason = "in a test a panic is the report")]
 

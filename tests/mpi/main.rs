@@ -97,10 +97,10 @@ fn cases() -> [Case; 4] {
     ]
 }
 
-/// Where camera and projector stand in front of the corner: the latter farther away and to the right.
+/// The places of camera and projector in front of the corner: the projector is farther away and to the right.
 const APART: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/mpi/apart.toml");
 
-/// What the verbs leave, from the program alone and from 1 to 4 processes.
+/// The files of the verbs, from the program alone and from 1 to 4 processes.
 #[track_caller]
 fn assert_equal_files(case: &Case, verb: &[&str]) {
     let folder = TempDir::new().expect("a temporary folder can be made");

@@ -62,7 +62,7 @@ fn giant_and_broken_messages_are_dropped_by_name() {
         page.socket.send(tungstenite::Message::Text(text.into())).expect("the server reads");
         wait_for_the_end(&mut page);
     }
-    // Bytes that are no frames at all.
+    // Bytes that form no frame.
     let mut page = server.page();
     page.socket.get_mut().write_all(&[0xff; 4096]).expect("the connection is open");
     wait_for_the_end(&mut page);
@@ -99,7 +99,7 @@ fn a_hundred_connections_and_half_open_ones_leave_room_again() {
     let mut answer = [0; 12];
     stream.read_exact(&mut answer).expect("silent connections lock nobody out");
     assert_eq!(&answer, b"HTTP/1.1 200");
-    // Of the silent ones every one ends: by making room, or since it sent no request within five seconds.
+    // Every silent connection ends: it makes room, or it sent no request within five seconds.
     for mut stream in idle {
         let mut answer = Vec::new();
         let ended = stream.read_to_end(&mut answer);

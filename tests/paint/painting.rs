@@ -1,4 +1,4 @@
-//! What is painted, and what comes of it.
+//! Painting, and the photos that follow.
 
 use std::path::Path;
 

@@ -15,7 +15,7 @@ pub fn command(arguments: &[&str]) -> Command {
     command
 }
 
-/// As [`command`], on a machine without graphics device.
+/// Like [`command`], on a machine without graphics device.
 pub fn command_without_graphics(arguments: &[&str]) -> Command {
     let mut command = command(arguments);
     for (variable, nowhere) in [
@@ -29,7 +29,7 @@ pub fn command_without_graphics(arguments: &[&str]) -> Command {
     command
 }
 
-/// What came of the program with these arguments, on a machine without graphics device.
+/// The output of the program with these arguments, on a machine without graphics device.
 pub fn krylux(arguments: &[&str]) -> Output {
     command_without_graphics(arguments).output().expect("the program is built with the tests")
 }
@@ -38,25 +38,25 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What a verb that succeeds says with `--json`.
+/// The summary that a successful verb prints with `--json`.
 #[track_caller]
 pub fn summary(arguments: &[&str]) -> Value {
     said(command_without_graphics, arguments, &[0]).0
 }
 
-/// As [`summary`]; the verb may say that its answer is not good enough.
+/// Like [`summary`]; the verb may say that its answer is not good enough.
 #[track_caller]
 pub fn answer(arguments: &[&str]) -> Value {
     verdict(arguments).0
 }
 
-/// As [`answer`], with the exit status.
+/// Like [`answer`], with the exit status.
 #[track_caller]
 pub fn verdict(arguments: &[&str]) -> (Value, i32) {
     said(command_without_graphics, arguments, &[0, 1])
 }
 
-/// As [`verdict`], where a scene has to be traced.
+/// Like [`verdict`], for a scene that has to be traced.
 #[track_caller]
 pub fn verdict_of_traced(arguments: &[&str]) -> (Value, i32) {
     said(command, arguments, &[0, 1])
@@ -92,7 +92,7 @@ pub fn inside(folder: &TempDir, name: &str) -> String {
     folder.path().join(name).display().to_string()
 }
 
-/// Two rooms of so many pixels on a side, left and right: within one each pixel lights every other, between them there is no
+/// Two rooms with this number of pixels on a side, left and right: within one each pixel lights every other, between them there is no
 /// light. Pixels send back `own` times as much to themselves.
 pub fn rooms(side: usize, own: f64) -> Csr {
     let pixels = side * side;

@@ -52,7 +52,7 @@ fn a_plane_far_from_the_worlds_origin_photographs_the_same() {
         let photo = white_photo(&scene, settings(16, 8, 1, 1), Channels::Luma);
         let error = worst(&photo, 1.0 / (PI * rounded * rounded));
         println!("plane at {distance} m, {} m out: relative error {error:.1e}", shift.length());
-        // As above, and the weights of luminance.
+        // The same as above, with the weights of luminance.
         assert!(error < 6.0 * f64::from(f32::EPSILON), "at {distance} m: relative error {error:e}");
         assert!((rounded / f64::from(distance) - 1.0).abs() < 3e-4);
     }

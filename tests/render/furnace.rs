@@ -113,7 +113,7 @@ fn a_shell_of_paper_glows_by_what_it_lets_through_and_keeps() {
         diffuse_transmission_color: Vec3::splat(2.0 * TRANSMITTED as f32),
         ..Material::default()
     });
-    // What goes round more often is 0.3⁴⁰.
+    // Light that goes round more often is 0.3⁴⁰.
     let settings = TraceSettings { max_bounces: 40, ..TraceSettings::new(Resolution::new(SIDE, SIDE), 256) };
     let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma);
     let photo = traced.expect("the scene can be traced").ambient.plane(0);

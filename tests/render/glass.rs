@@ -102,7 +102,7 @@ fn a_solid_pane_dims_by_its_two_faces_squared_and_bends_the_light() {
         let p = (INDEX * cosine - inside) / (INDEX * cosine + inside);
         let face = 1.0 - (s * s + p * p) / 2.0;
         let clear = (0.8_f64.ln() * THICKNESS / inside / 0.5).exp();
-        // Where a ray of image radius u lands: (d − t) u + t tan θ'.
+        // The place where a ray of image radius u lands: (d − t) u + t tan θ'.
         let lands = |u: f64| {
             (DISTANCE - THICKNESS) * u + THICKNESS * u / (INDEX * INDEX * (1.0 + u * u) - u * u).sqrt()
         };

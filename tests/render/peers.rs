@@ -48,7 +48,7 @@ fn assert_agreement(name: &str, ours: (Vec<f64>, Vec<f64>), theirs: &str) {
     let rounding = 1e-5 * expected.iter().copied().fold(0.0, f64::max);
     let error: Vec<f64> =
         errors.iter().zip(&expected_errors).map(|(a, b)| a.hypot(*b).hypot(rounding)).collect();
-    // Where no light can come both are 0 for certain.
+    // Both are exactly 0 if no light can arrive.
     let noisy = (0..values.len()).filter(|&i| error[i] > 2.0 * rounding);
     let z: Vec<f64> = noisy.map(|i| (values[i] - expected[i]) / error[i]).collect();
     let (sum, expected_sum) = (values.iter().sum::<f64>(), expected.iter().sum::<f64>());

@@ -27,7 +27,7 @@ fn compare(scene: &str, file: &str, channels: Channels, samples: u32) -> [Agreem
     };
     let mut photos = [Vec::new(), Vec::new()];
     for seed in 0..SEEDS {
-        // As many surface hits as the reference has.
+        // The limit of surface hits is the reference's.
         let traced = assemble(&mut tracer, &settings(SIDE, samples, 15, seed), channels);
         let mut rig = Arc::new(traced.expect("shipped scenes can be traced"));
         for (photos, pattern) in photos.iter_mut().zip(&patterns) {

@@ -1,4 +1,4 @@
-//! Spectra of the transport matrices against those of an independent renderer's.
+//! Spectra of the transport matrices against an independent renderer's.
 
 use crate::common::{csr, load, reference, settings, trace, tracer};
 use faer::{Mat, Side};
@@ -38,7 +38,7 @@ fn worst(ours: &[f64], theirs: &[f64], deviation: impl Fn(f64, f64) -> f64) -> (
 }
 
 fn compare(scene: &str, file: &str, samples: u32) {
-    // As many surface hits as the reference has.
+    // The limit of surface hits is the reference's.
     let matrix = trace(&mut tracer(&load(scene)), settings(SIDE, samples, 15, 1), Channels::Luma).matrix;
     let ours = largest(&dense(&matrix, Part::Full));
     let theirs = reference(&format!("{file}_32_eig_A.npy"));

@@ -158,7 +158,7 @@ fn light_between_two_mirror_images_is_gathered_with_a_bias_that_vanishes_with_th
     let [direct, global] = white(&unfolded(), 2, Gather::default());
     let (mut errors, mut losses) = (Vec::new(), Vec::new());
     for radius in [6.0, 3.0, 1.5] {
-        // As many photons in the disc, whatever its size.
+        // The number of photons in the disc does not depend on its size.
         let photons = (64.0_f32 / (radius * radius)).round() as u32;
         // Mirror, wall, wall, mirror.
         let [seen_direct, seen_global] = white(&periscope(), 4, Gather { photons, radius });
@@ -176,7 +176,7 @@ fn light_between_two_mirror_images_is_gathered_with_a_bias_that_vanishes_with_th
         errors.push(error);
         losses.push(energy);
     }
-    // What sticks out over edges and creases is missing, in proportion to the radius.
+    // Light beyond edges and creases is missing, in proportion to the radius.
     for pair in losses.windows(2) {
         assert!((0.3..0.7).contains(&(pair[1] / pair[0])), "half the radius, half the loss: {losses:?}");
     }

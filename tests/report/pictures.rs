@@ -3,8 +3,8 @@
 use image::ExtendedColorType;
 use krylux::Error;
 use krylux::image::{Image, Resolution};
-use krylux::io::png::{Raster, read_png};
-use krylux::io::{picture, tone};
+use krylux::io::{picture, raster};
+use krylux::io::{picture::read_png, raster::Raster};
 use tempfile::TempDir;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -20,7 +20,7 @@ fn a_png_pattern_is_decoded_from_srgb() -> Outcome {
     // The definition's own fixed points: black, white, and 128 ↦ 0.2158605.
     assert_eq!(linear.samples()[..2], [0.0, 1.0]);
     approx::assert_abs_diff_eq!(linear.samples()[2], 0.215_860_5, epsilon = 1e-6);
-    let again = tone::develop(&linear, 1.0);
+    let again = raster::develop(&linear, 1.0);
     assert_eq!(again.pixel(77, 0), [77, 178, 128]);
     again.write_png(&folder.path().join("again.png"))?;
     assert_eq!(std::fs::read(folder.path().join("again.png"))?, std::fs::read(&path)?);
@@ -37,7 +37,7 @@ fn gray_and_sixteen_bit_files_keep_their_precision() -> Outcome {
     let linear = read_png(&path)?;
     assert_eq!(linear.channels(), 1);
     for (sample, level) in linear.samples().iter().zip(levels) {
-        assert_eq!(*sample, tone::decode_srgb(f32::from(level) / 65535.0));
+        assert_eq!(*sample, raster::decode_srgb(f32::from(level) / 65535.0));
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! What plots show and what they tell the page's scripts.
+//! Plots, and their data for the page's scripts.
 
 use krylux::report::plot::{LinePlot, Series, StemPlot};
 use krylux::report::scatter::ScatterPlot;

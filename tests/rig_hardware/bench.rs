@@ -61,7 +61,7 @@ pub fn stage(last: u8, rig: &VirtualRig) -> Stage {
     stage_at(last, rig, None)
 }
 
-/// As [`stage`], on the X server of this display.
+/// Like [`stage`], on the X server of this display.
 pub fn stage_at(last: u8, rig: &VirtualRig, display: Option<&str>) -> Stage {
     let server = display.map_or_else(|| XServer::start(400, 200), |display| XServer::at(display, 400, 200));
     monitors(&server);

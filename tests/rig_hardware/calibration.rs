@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use krylux::measure::calibrate::{CalibrateOptions, calibrate};
+use krylux::calibrate::{CalibrateOptions, calibrate};
 use krylux::measure::{LiveFrames, MeasureOptions, Measurement};
 use krylux::operator::Operator;
 use krylux::rig::Helper;

@@ -33,7 +33,7 @@ fn truth(rig: &VirtualRig, frame: &Frame, exposure: f64) -> Vec<f64> {
     };
     let mut white = photo(&|_| 1.0);
     white.sort_by(f64::total_cmp);
-    // As `VirtualCamera` documents, the 99th percentile of white fills half of the range.
+    // The 99th percentile of white fills half of the range, as `VirtualCamera` documents.
     let bright = white[(white.len() - 1) * 99 / 100];
     let scale = FULL * rig.camera.white_fill * exposure / (rig.camera.white_exposure * bright);
     photo(&|pixel| f64::from(frame.levels()[pixel]) / 255.0).into_iter().map(|light| scale * light).collect()

@@ -4,10 +4,10 @@
 use std::sync::Mutex;
 
 use krylux::analysis::plan::{Planner, Twin};
+use krylux::calibrate::CalibrateOptions;
 use krylux::image::Image;
 use krylux::io::npy;
 use krylux::lab::Lab;
-use krylux::measure::calibrate::CalibrateOptions;
 use krylux::measure::{Calibration, MeasureOptions, RigFile};
 use krylux::rig::VirtualRig;
 

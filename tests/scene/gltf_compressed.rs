@@ -1,4 +1,4 @@
-//! Tests that compressed meshes, written by another program, are those of the file that was compressed.
+//! Compressed meshes, written by another program, equal the meshes of the file that was compressed.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! What every scene that loads must hold, and how many mutated files are tried.
+//! The properties of every scene that loads, and the number of mutated files that are tried.
 
 use krylux::scene::{Camera, Scene};
 use proptest::prelude::ProptestConfig;
@@ -21,7 +21,7 @@ pub fn check(scene: &Scene) {
         assert!(triangle.positions.iter().all(|position| position.is_finite()));
         assert!(triangle.texcoords.as_flattened().iter().all(|coordinates| coordinates.is_finite()));
         for normal in triangle.normals {
-            // Of a unit vector in single precision.
+            // The rounding of a unit vector in single precision.
             assert!(normal.length() == 0.0 || (normal.length() - 1.0).abs() < 1e-6, "{normal}");
         }
         assert!((triangle.material as usize) < scene.materials.len());

@@ -152,7 +152,7 @@ pub fn fault(document: &Value, camera: Option<&str>) -> (String, String) {
     }
 }
 
-/// As [`fault`], of the scene read strictly, and without what must be a warning otherwise.
+/// Like [`fault`] for a scene that is read strictly; without `strict` the fault must be a warning.
 pub fn strict_fault(document: &Value, warning: &str) -> (String, String) {
     let written = write(document);
     let scene = scene::load(&written.path, None).unwrap_or_else(|error| panic!("not strictly: {error}"));

@@ -171,7 +171,7 @@ impl Drop for Cluster {
     }
 }
 
-/// Where a daemon is: such programs are not on the path of everybody.
+/// The path of a daemon: such programs are often not on a user's path.
 fn daemon_path(name: &str) -> PathBuf {
     let system = ["/usr/sbin", "/usr/local/sbin", "/sbin"].map(|folder| Path::new(folder).join(name));
     system.into_iter().find(|path| path.exists()).unwrap_or_else(|| name.into())

@@ -1,6 +1,6 @@
 //! Jobs under Slurm: an array of shards by the script of `docs/clusters.md`, and processes that work together by MPI.
 //!
-//! Where Slurm is not installed or its daemons cannot start, the tests say why and do nothing; with `KRYLUX_REQUIRE_SLURM=1` they fail instead.
+//! If Slurm is not installed or its daemons cannot start, the tests say why and do nothing; with `KRYLUX_REQUIRE_SLURM=1` they fail instead.
 //! Processes that work together are tested with `--features mpi`, or with the program that `KRYLUX_MPI_PROGRAM` names.
 #![cfg(target_os = "linux")]
 #![allow(clippy::panic, reason = "a failed test panics")]
@@ -80,7 +80,7 @@ fn slurm_runs_an_array_of_shards_and_processes_that_work_together() {
         succeeded(&cluster.run(command), &cluster)
     };
     sbatch(&["--array=1-4", "shards.sh"]);
-    // As after a job that was lost: only what is missing is traced.
+    // After a lost job only the missing shard is traced.
     std::fs::remove_file(work.join("shard-3.krylux")).expect("the array wrote it");
     sbatch(&["--array=1-4", "shards.sh"]);
     let said =

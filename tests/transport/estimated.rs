@@ -176,7 +176,7 @@ fn eigenvalues_of_the_scene_are_within_their_errors_and_those_of_the_matrix_too_
         }
     }
     let (rms, bias) = ((squares / count).sqrt(), of_matrix / count);
-    // Of 48 values, not all independent. `cargo bench --bench stated_errors` has more scenes and seeds.
+    // The mean of 48 values, not all independent. `cargo bench --bench stated_errors` has more scenes and seeds.
     assert!((0.5..1.6).contains(&rms), "{rms}");
     assert!(bias > 0.2, "an eigenvector fits the noise of its matrix: {bias}");
 }

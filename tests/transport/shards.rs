@@ -15,7 +15,7 @@ fn shards(tracer: &mut Tracer, settings: &TraceSettings, channels: Channels, spl
     (1..=PARTS).map(shard).collect()
 }
 
-/// As written to a file and read from there.
+/// The shard after it was written to a file and read again.
 fn read_again(shard: &Shard) -> Shard {
     let mut bytes = Vec::new();
     shard.write(&mut bytes).expect("memory takes all bytes");
@@ -108,7 +108,7 @@ fn parts_that_are_not_all_of_one_matrix_are_not_joined() {
     assert!(trace_shard(&mut tracer, &of, Channels::Luma, false, (MOST_PARTS, MOST_PARTS)).is_ok());
 }
 
-/// A record of a coaxial rig of this size, for the first of so many parts.
+/// A record of a coaxial rig of this size, for the first of `parts` parts.
 fn record(width: usize, height: usize, parts: usize) -> ShardRecord {
     let size = Resolution::new(width, height);
     let camera = 0..width * height / parts.max(1);

@@ -186,6 +186,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="files at once; times are comparable with one")
     parser.add_argument("--json", type=Path, help="one line for each file goes here")
     parser.add_argument("--pictures", type=Path, help="a small picture of each photo goes here")
+    parser.add_argument("--record", action="store_true", help="the table also becomes guide/recorded/files.md")
     parser.add_argument("--before", type=Path, help="the --json of an earlier program")
     args = parser.parse_args()
     args.program = str(Path(args.program).resolve())
@@ -209,6 +210,9 @@ def main() -> int:
         if before and was.get(name) != now:
             print(f"{name}: {was.get(name, 'not there')} -> {now}", file=sys.stderr)
     print(table(results, before))
+    if args.record:
+        recorded = Path(__file__).resolve().parents[2] / "guide/recorded/files.md"
+        recorded.write_text(table(results, None) + "\n")
     slowest = max(results, key=lambda record: record["seconds"])
     print(f"\nThe slowest photo took {slowest['seconds']} s: {slowest['file']}")
     bad = [record for record in results if record["bad"] or record["info"] in BAD]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use krylux::Error;
 use krylux::lab::{Answer as Answering, Verb};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Compensate, Request, Segment, from_json, signature};
+use krylux::verbs::{Compensate, Eigs, Request, Segment, from_json, signature};
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{Element, IntoPyArray, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
@@ -22,7 +22,7 @@ type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 /// The verbs that [`Lab::ask`] knows.
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
-    vec![described::<Segment>(), described::<Compensate>()]
+    vec![described::<Eigs>(), described::<Segment>(), described::<Compensate>()]
 }
 
 fn described<V: Request>() -> Signature {
@@ -35,7 +35,7 @@ fn described<V: Request>() -> Signature {
 pub(super) type Pictures<'py> = BTreeMap<String, PyReadonlyArrayDyn<'py, f32>>;
 
 /// The request of keyword arguments whose values are JSON.
-pub(super) fn request<V: Request>(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<V> {
+pub(crate) fn request<V: Request>(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<V> {
     let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
     let fields = parsed.collect::<Result<_, serde_json::Error>>();
     let fields = fields.map_err(|why| Error::Numerical(why.to_string()));
@@ -66,6 +66,7 @@ impl Lab {
         pictures: Pictures<'py>,
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)> {
         match verb {
+            Eigs::NAME => self.answered(py, &request::<Eigs>(py, asked)?),
             Segment::NAME => self.answered(py, &request::<Segment>(py, asked)?),
             Compensate::NAME => self.answered(py, &compensation(py, asked, &pictures)?),
             other => Err(errors::option(py, "verb", &format!("there is no {other}"), "see krylux.Lab")),
@@ -83,15 +84,22 @@ impl Lab {
         V: Request + Verb<Answer: Send + 'static> + Sync,
     {
         let found = self.with(py, |lab| lab.ask(request))?;
-        let content = found.content();
-        let (arrays, facts) = (arrays_of(py, &content)?, Fields::new(py));
-        for (name, value) in content.facts() {
-            facts.json(name, value)?;
-        }
-        facts.put("photos", found.photos())?.put("status", found.sentence())?;
-        drop(content);
-        Ok((arrays, facts.0, Answer::new(Kept::Asked(Box::new(found)))))
+        let (arrays, facts) = attributes(py, &found)?;
+        Ok((arrays, facts, Answer::new(Kept::Asked(Box::new(found)))))
     }
+}
+
+/// The arrays and the facts of an answer by name.
+pub(crate) fn attributes<'py>(
+    py: Python<'py>,
+    found: &dyn Answering,
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
+    let (content, facts) = (found.content(), Fields::new(py));
+    for (name, value) in content.facts() {
+        facts.json(name, value)?;
+    }
+    facts.put("photos", found.photos())?.put("status", found.sentence())?;
+    Ok((arrays_of(py, &content)?, facts.0))
 }
 
 /// The arrays by name; those that share a name are a dictionary by their number.

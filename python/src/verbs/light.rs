@@ -1,8 +1,8 @@
 //! Probing, and the audit of a source.
 
 use krylux::analysis::Probing;
-use krylux::analysis::audit::AuditOptions;
 use krylux::analysis::probe::default_sigma;
+use krylux::bench::audit::AuditOptions;
 use krylux::image::Resolution;
 use pyo3::prelude::*;
 

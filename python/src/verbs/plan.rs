@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 
 use krylux::lab::{Plan, PlanRequest, RigSource};
 use krylux::transport::Channels;
-use krylux::verbs::Segment;
+use krylux::verbs::{Eigs, Segment};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::asked::{Pictures, compensation};
-use super::eigs::EigsQuestion;
 use crate::arrays::Fields;
 use crate::lab::Lab;
 
@@ -72,11 +71,11 @@ impl Lab {
     fn plan_eigs<'py>(
         &self,
         py: Python<'py>,
-        part: &str,
-        question: EigsQuestion,
+        asked: BTreeMap<String, String>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let request = PlanRequest::Eigs(crate::lab::part(py, part)?, question.options(py)?);
-        self.plan(py, &request, trials)
+        let request: Eigs = super::asked::request(py, asked)?;
+        let seed = self.with(py, |lab| Ok(lab.seed()))?;
+        self.plan(py, &PlanRequest::Eigs(request.part.into(), request.options(seed, None)), trials)
     }
 }

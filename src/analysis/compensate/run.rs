@@ -15,7 +15,7 @@ use crate::krylov::{
     Status, Surrogate, solve_adjoint,
 };
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::{Adjoint, Metered, Operator, Relayed, Symmetry};
+use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry};
 
 /// Squares and shifts that measure an unknown direct image: 16 photos.
 const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
@@ -272,9 +272,9 @@ fn kept(
         }
         observer.step(step)
     };
-    let mut metered = Metered::new(operator);
-    let solution = solve_adjoint(method, &mut Relayed::new(&mut metered, relay), b, options)?;
-    Ok((solution, answers, metered.frames))
+    let mut recorded = Recorded::of_frames(operator);
+    let solution = solve_adjoint(method, &mut Relayed::new(&mut recorded, relay), b, options)?;
+    Ok((solution, answers, recorded.frames))
 }
 
 /// The least successful status: one channel within its tolerance does not speak for the others.

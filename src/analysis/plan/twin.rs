@@ -33,7 +33,7 @@ impl Twin {
     /// None for a well-formed matrix.
     pub fn operator(&self, part: Part, channel: usize) -> Result<TwinOperator<'_>> {
         Ok(match self {
-            Self::Traced(traced) => TwinOperator::Traced(MatrixOperator::new(&**traced, part, channel)),
+            Self::Traced(traced) => TwinOperator::Traced(traced.operator(part, channel)),
             Self::Explicit(given) => {
                 TwinOperator::Explicit(SparseOperator::new(ExplicitMatrix::part_of(given.matrix(), part)?))
             }

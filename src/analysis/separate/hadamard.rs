@@ -1,4 +1,4 @@
-//! Separation by codes ([`crate::measure::codes`]): each pixel is lit in half of the photos, near pixels by different codes.
+//! Separation by codes ([`crate::measure::code_patterns`]): each pixel is lit in half of the photos, near pixels by different codes.
 //!
 //! Light from a pixel with another code cancels. What does not cancel, from pixels with the same code, is an error of the direct light. Pixels with other
 //! codes send light of the same size, which shows in the residuals, so that the standard errors include it.
@@ -9,7 +9,7 @@ use super::Separation;
 use super::high_frequency::Fit;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::measure::codes::patterns;
+use crate::measure::code_patterns;
 use crate::operator::Operator;
 
 /// Separates with so many photos by `operator` (`n × n`, all of the light): a power of two, at least 4.
@@ -19,7 +19,7 @@ use crate::operator::Operator;
 pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize) -> Result<Separation> {
     check(photos)?;
     let mut fit = Fit::new(operator, resolution)?;
-    fit.take(operator, patterns(resolution, photos))?;
+    fit.take(operator, code_patterns(resolution, photos))?;
     Ok(fit.separation())
 }
 

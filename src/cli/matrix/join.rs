@@ -18,7 +18,7 @@ pub(super) struct Args {
     /// Which light: all of it, one bounce (a diagonal), or two bounces and more [default: full, or three matrices if the shards were
     /// traced with --split-bounces]
     #[arg(long, value_enum)]
-    part: Option<PartArg>,
+    part: Option<LightPart>,
     /// Where it goes: .npz (scipy.sparse.load_npz) or .mtx (Matrix Market)
     /// [default: matrix.npz, or the first free one of matrix-2.npz, matrix-3.npz, …]
     #[arg(short = 'o', long = "output", value_name = "FILE")]

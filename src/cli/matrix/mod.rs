@@ -5,7 +5,7 @@ mod join;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use clap::{Subcommand, ValueEnum};
+use clap::Subcommand;
 use serde_json::{Value, json};
 
 use super::Outcome;
@@ -21,7 +21,8 @@ use crate::io::name::Name;
 use crate::io::{manifest, sparse};
 use crate::lab::{Lab, MatrixRequest, SourceKind, TracedShard, text};
 use crate::sparse::Csr;
-use crate::transport::{Channels, MOST_PARTS, Noise, Part};
+use crate::transport::{Channels, MOST_PARTS, Noise};
+use crate::verbs::options::LightPart;
 
 /// Write the light transport matrix as a sparse matrix: a scene's is traced once, a rig's photographed pixel by pixel
 #[derive(clap::Args)]
@@ -39,7 +40,7 @@ pub(super) struct Args {
     trace: TraceArgs,
     /// Which light: all of it, one bounce (a diagonal), or two bounces and more
     #[arg(long, value_enum, default_value = "full")]
-    part: PartArg,
+    part: LightPart,
     /// Write three matrices, which add up to the whole: FILE_direct, FILE_second (bounce) and FILE_rest
     #[arg(long, conflicts_with = "part")]
     split_bounces: bool,
@@ -72,13 +73,6 @@ enum Action {
     Join(join::Args),
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-pub(super) enum PartArg {
-    Full,
-    Direct,
-    Global,
-}
-
 /// `--shard`: part `K` of `N`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ShardArg(usize, usize);
@@ -96,16 +90,6 @@ impl FromStr for ShardArg {
             _ => Err(format!(
                 "`{text}` is not a part and the number of parts: write 1/16 to 16/16, with at most {MOST_PARTS} parts"
             )),
-        }
-    }
-}
-
-impl From<PartArg> for Part {
-    fn from(argument: PartArg) -> Self {
-        match argument {
-            PartArg::Full => Self::Full,
-            PartArg::Direct => Self::Direct,
-            PartArg::Global => Self::Global,
         }
     }
 }

@@ -9,14 +9,14 @@ use super::super::console::Console;
 use super::super::options::{count, free_file, number, time};
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
-use crate::analysis::align::{AlignOptions, Alignment, Round, align};
+use crate::bench::align::{AlignOptions, Alignment, Round, align};
+use crate::calibrate::{MeasuredValue, StructuredLight};
 use crate::error::{Error, Result};
 use crate::finding::decimal;
 use crate::io::atomic;
 use crate::io::name::Name;
-use crate::io::png::Raster;
+use crate::io::raster::Raster;
 use crate::measure::FrameSource;
-use crate::measure::calibrate::{MeasuredValue, StructuredLight};
 use crate::report::alignment;
 use crate::report::viewer::{Plane, Viewer};
 
@@ -201,7 +201,7 @@ fn show(viewer: &Viewer, name: &str, picture: &Raster) {
             size: picture.resolution(),
             channels: &["R", "G", "B"],
             channel,
-            values: bytes.map(|&byte| crate::io::tone::decode_srgb(f32::from(byte) / 255.0)).collect(),
+            values: bytes.map(|&byte| crate::io::raster::decode_srgb(f32::from(byte) / 255.0)).collect(),
         });
     }
 }

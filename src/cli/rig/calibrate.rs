@@ -11,10 +11,10 @@ use super::super::opening::Opening;
 use super::super::options::SourceArgs;
 use super::super::trace::TraceArgs;
 use super::bench::require_rig;
+use crate::calibrate::{CalibrateOptions, MapBy};
 use crate::error::Result;
 use crate::io::name::Name;
 use crate::lab::{Calibrated, RigSource, RunOptions};
-use crate::measure::calibrate::{CalibrateOptions, MapBy};
 
 /// Measure a rig's devices from captures alone: responses, noise, pixel map, uneven brightness, latency, drift
 #[derive(clap::Args)]

@@ -8,8 +8,8 @@ use serde_json::json;
 use super::super::Outcome;
 use super::super::console::Console;
 use super::bench::{Bench, RigArgs, require_rig};
+use crate::bench::rig_check::{self, Finding, Findings, RigToCheck};
 use crate::error::Result;
-use crate::measure::rig_check::{self, Finding, Findings, RigToCheck};
 use crate::rig::Helper;
 
 /// Check a bench before a session: devices, light, frames, calibration, disk; exit 1 where something fails

@@ -1,11 +1,10 @@
 //! Accelerated projected gradient.
 
-use super::super::basis::{dot, norm};
-use super::super::linear::{Advance, SolveOptions, Solver, Tally};
-use super::super::stats::Status;
-use super::super::vectors::{update, update2};
-use super::bounds::Boxed;
+use super::Boxed;
 use crate::error::Result;
+use crate::krylov::basis::{dot, norm, update, update2};
+use crate::krylov::completeness::Status;
+use crate::krylov::linear::{Advance, SolveOptions, Solver, Tally};
 use crate::operator::Adjoint;
 
 /// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any square `A` of `n × n` with its
@@ -48,7 +47,7 @@ impl Fista {
     /// the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).
+    /// As [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {

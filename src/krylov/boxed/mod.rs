@@ -6,22 +6,182 @@
 //! a model of the operator from all products so far. [`Mrnsd`] and [`Multiplicative`] keep `x ≥ 0` only, and
 //! are here for comparison.
 
-mod bounds;
-mod coordinates;
+mod baselines;
 mod fista;
-mod gram;
-mod jacobi;
 mod krylov_box;
-mod minimize;
 mod model;
-mod mrnsd;
-mod multiplicative;
-mod normal;
-mod surrogate;
+mod sweep;
 
+use super::basis::{dot, update, update2};
+use super::linear::SolveOptions;
+use super::linear::system::{System, same_length};
+use super::powers::{exponent, power, scale, scaled};
+use crate::error::{Error, Result};
+use crate::operator::Adjoint;
+
+pub use baselines::{Mrnsd, Multiplicative, ProjectedJacobi};
 pub use fista::Fista;
-pub use jacobi::ProjectedJacobi;
 pub use krylov_box::KrylovBox;
-pub use mrnsd::Mrnsd;
-pub use multiplicative::Multiplicative;
-pub use surrogate::Surrogate;
+pub use model::Surrogate;
+
+/// `[lower, upper]` for each entry.
+#[derive(Clone, Copy)]
+struct Bounds {
+    lower: f64,
+    upper: f64,
+}
+
+impl Bounds {
+    fn of(options: &SolveOptions) -> Self {
+        Self { lower: options.lower, upper: options.upper }
+    }
+
+    fn clip(self, value: f64) -> f64 {
+        value.max(self.lower).min(self.upper)
+    }
+}
+
+/// A diagonal entry below this share of the largest belongs to a pixel without light, and is raised to it:
+/// steps would be unbounded there.
+const DARK: f64 = 1e-3;
+
+/// The most powers of two between the right-hand side and the products of the patterns in the box. Far below it already, no step changes a residual.
+const REACH: i32 = 200;
+
+/// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or
+/// `clip(b / D)`.
+#[derive(Clone)]
+struct Boxed {
+    system: System,
+    bounds: Bounds,
+    /// `D`, with small entries raised; empty until it is known.
+    diagonal: Vec<f64>,
+    given_start: bool,
+}
+
+impl Boxed {
+    fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<Self> {
+        if options.preconditioner.is_some() {
+            return Err(Error::Option {
+                option: "--precondition".into(),
+                fault: format!("{method} takes no preconditioner"),
+                help: "give it a diagonal instead".into(),
+            });
+        }
+        let mut system = System::new(b.len(), b, options)?;
+        let bounds = Bounds::of(options);
+        system.pending = true;
+        system.tally.residual = f64::INFINITY;
+        system.tally.best = f64::INFINITY;
+        let mut boxed = Self { system, bounds, diagonal: Vec::new(), given_start: options.x0.is_some() };
+        if let Some(diagonal) = &options.diagonal {
+            same_length("the diagonal's length", b.len(), diagonal.len())?;
+            let mut diagonal = diagonal.clone();
+            let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
+            let operator_power = power(exponent(largest));
+            boxed.system.tally.operator_power = (largest > 0.0).then_some(operator_power);
+            scale(&mut diagonal, -operator_power);
+            boxed.set_diagonal(diagonal)?;
+        } else {
+            boxed.start();
+        }
+        Ok(boxed)
+    }
+
+    /// Takes the white photo if `D` is not known yet: one product. `true` when it was taken by this call; it
+    /// is then in `system.work`.
+    fn take_diagonal(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
+        if !self.diagonal.is_empty() {
+            return Ok(false);
+        }
+        let ones = vec![1.0; self.system.b.len()];
+        self.system.tally.product(operator, &ones, &mut self.system.work)?;
+        self.set_diagonal(self.system.work.clone())?;
+        Ok(true)
+    }
+
+    /// Sets `D`, divided as products are.
+    fn set_diagonal(&mut self, mut diagonal: Vec<f64>) -> Result<()> {
+        let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
+        if !largest.is_finite() || diagonal.iter().any(|d| d.is_nan()) {
+            return Err(Error::Numerical("the diagonal holds a NaN or an infinity".into()));
+        }
+        // The operator is zero: any scale will do, since nothing will move.
+        let floor = if largest > 0.0 { DARK * largest } else { 1.0 };
+        for d in &mut diagonal {
+            *d = d.abs().max(floor);
+        }
+        self.diagonal = diagonal;
+        self.divide(exponent(largest), largest > 0.0)?;
+        self.start();
+        Ok(())
+    }
+
+    /// Divides the right-hand side, the bounds and the first iterate so that products of patterns in the box are of ordinary size. The largest entry
+    /// of `D` has this exponent, if there is any light.
+    fn divide(&mut self, largest: i32, is_light: bool) -> Result<()> {
+        let Self { system, bounds, .. } = self;
+        let operator_power = system.tally.operator_power.unwrap_or(0);
+        let image = |bound: f64| largest + operator_power + exponent(bound);
+        let Bounds { lower, upper } = *bounds;
+        // The pattern in the box that is nearest to black, and the one that is furthest from it.
+        let (least, most) = (lower.max(0.0).max(-upper), lower.abs().max(upper));
+        let rhs = exponent(system.tally.rhs_norm) + system.rhs_power;
+        let products = image(least).max(rhs.min(image(most)));
+        let rhs_power = power(products);
+        if is_light && rhs - rhs_power > REACH {
+            return Err(Error::Numerical(format!(
+                "the right-hand side is about 2^{} times as large as all that patterns inside the bounds give: lower it, or raise the upper bound",
+                rhs - products
+            )));
+        }
+        system.multiply_rhs(system.rhs_power - rhs_power);
+        let shift = system.divide()?;
+        *bounds = Bounds { lower: scaled(lower, shift), upper: scaled(upper, shift) };
+        Ok(())
+    }
+
+    /// `x ← clip(x0)`, or `clip(b / D)` without an `x0`.
+    fn start(&mut self) {
+        let bounds = self.bounds;
+        let System { x, b, .. } = &mut self.system;
+        if self.given_start {
+            update(x, b, |x, _| bounds.clip(x));
+        } else if self.diagonal.is_empty() {
+            x.fill(bounds.clip(0.0));
+        } else {
+            update2(x, b, &self.diagonal, |_, b, d| bounds.clip(b / d));
+        }
+    }
+
+    /// `x ← t x` with the best `t` that keeps `x` inside the box. The product in `system.work` is scaled by
+    /// `t` too, by linearity.
+    fn brighten(&mut self) {
+        let Bounds { lower, upper } = self.bounds;
+        let System { x, b, work, .. } = &mut self.system;
+        let square = dot(work, work);
+        if square == 0.0 {
+            return;
+        }
+        let (mut least, mut most) = (0.0_f64, f64::INFINITY);
+        for &value in x.iter() {
+            // The values of t with t · value at the two bounds, in ascending order.
+            let [first, last] =
+                if value > 0.0 { [lower / value, upper / value] } else { [upper / value, lower / value] };
+            if value != 0.0 {
+                (least, most) = (least.max(first), most.min(last));
+            }
+        }
+        // x is inside the box, so t = 1 is allowed, except for rounding.
+        let t = (dot(b, work) / square).clamp(least.min(1.0), most.max(1.0));
+        let bounds = self.bounds;
+        x.iter_mut().for_each(|value| *value = bounds.clip(t * *value));
+        work.iter_mut().for_each(|value| *value *= t);
+    }
+
+    /// `r ← b − A x` from the product in `system.work`.
+    fn residual_from_work(&mut self) {
+        let System { r, b, work, .. } = &mut self.system;
+        update2(r, b, work, |_, b, y| b - y);
+    }
+}

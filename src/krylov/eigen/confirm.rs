@@ -3,14 +3,12 @@
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use super::super::basis::norm;
-use super::super::completeness::{Completeness, Confirm, Confirmed, MOST};
-use super::super::factor::{Factorization, Lanczos, PairStatus, RitzPair, Which, temple_kato};
-use super::super::start::gaussian;
-use super::super::stats::Status;
-use super::driver::Found;
-use super::options::{Eigs, EigsOptions};
+use super::{Eigs, EigsOptions, Found};
 use crate::error::{Error, Result};
+use crate::krylov::basis::norm;
+use crate::krylov::completeness::{Completeness, Confirm, Confirmed, MOST, Status};
+use crate::krylov::factor::{Factorization, Lanczos, PairStatus, RitzPair, Which, temple_kato};
+use crate::krylov::start::gaussian;
 use crate::observer::{Estimate, Step};
 use crate::operator::{Operator, Symmetry};
 
@@ -23,7 +21,7 @@ use crate::operator::{Operator, Symmetry};
 /// for the end [`Which::SmallestMagnitude`], which is in the middle of the spectrum.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--confirm`; [`Error::Interrupted`] when the observer stops it; as [`super::eigs()`]. `found` is then a
+/// [`Error::Option`] naming `--confirm`; [`Error::Interrupted`] when the observer stops it; as [`crate::krylov::eigen::eigs()`]. `found` is then a
 /// valid answer that is not confirmed.
 pub fn confirm<O: Operator + ?Sized>(
     operator: &mut O,

@@ -1,12 +1,410 @@
 //! Eigenvalues and eigenvectors: answered from a factorization, or driven to within a budget of products.
 
 mod confirm;
-mod driver;
-mod eigs;
-mod options;
 mod power;
 
+use std::ops::ControlFlow;
+
+use confirm::confirm_dyn;
+use power::power;
+
+use super::completeness::{Completeness, Confirm, FurtherSteps, Stats, Status, confirming};
+use super::factor;
+use super::factor::{Arnoldi, BlockLanczos, Factorization, Lanczos, PairStatus, RitzPair, Which};
+use super::powers::{Rescaled, multiply_eigs, scaled};
+use super::start::Start;
+use crate::error::{Error, Result};
+use crate::observer::{Estimate, Step};
+use crate::operator::Operator;
+
 pub use confirm::{Beside, confirm, largest_beside};
-pub use driver::eigs_from;
-pub use eigs::eigs;
-pub use options::{Eigs, EigsMethod, EigsOptions, HistoryRow};
+
+/// The method for eigenpairs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EigsMethod {
+    /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. A baseline.
+    Power,
+    /// [`Lanczos`](crate::krylov::Lanczos), for symmetric operators: the best in nearly all cases.
+    #[default]
+    Lanczos,
+    /// [`BlockLanczos`](crate::krylov::BlockLanczos), for symmetric operators with repeated eigenvalues.
+    BlockLanczos {
+        /// Vectors in the block, at least 1: as many copies of an eigenvalue are found.
+        block: usize,
+    },
+    /// [`Arnoldi`](crate::krylov::Arnoldi), for any operator: complex pairs.
+    Arnoldi,
+}
+
+/// The options of [`eigs()`](eigs()).
+#[derive(Clone, Debug)]
+pub struct EigsOptions {
+    /// The number of eigenpairs. Default 6.
+    pub count: usize,
+    /// The wanted end of the spectrum. Default: the largest.
+    pub which: Which,
+    /// The most products (ARPACK's `ncv`, without restarts). Default 50.
+    pub products: usize,
+    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`; 0 uses the whole budget.
+    /// Default 1e-8.
+    pub tolerance: f64,
+    /// The method. Default: Lanczos.
+    pub method: EigsMethod,
+    /// The most basis vectors to keep, without the known ones, by thick restarts (Lanczos and block Lanczos);
+    /// at least `count + 2 × block + 1`. Restarts slow convergence, but take no product. Default: no restart.
+    pub max_basis: Option<usize>,
+    /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its own
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)). Done when all residuals are down
+    /// to the noise, more products would change no eigenvalue by more than its standard error, and `½ ln n` further products have found no
+    /// eigenvalue that the noise had hidden. A tolerance of 0 uses the whole budget all the same. Default 0.
+    pub noise: f64,
+    /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
+    pub start: Start,
+    /// Known eigenvectors, which are projected out. Default none.
+    pub deflate: Vec<Vec<f64>>,
+    /// How the search is confirmed beyond its products ([`confirm`](confirm())); Lanczos and block Lanczos only. Default none:
+    /// the products that are left confirm a search whose subspace was invariant before it ended, and no other.
+    pub confirm: Option<Confirm>,
+}
+
+impl Default for EigsOptions {
+    fn default() -> Self {
+        Self {
+            count: 6,
+            which: Which::default(),
+            products: 50,
+            tolerance: 1e-8,
+            method: EigsMethod::default(),
+            max_basis: None,
+            noise: 0.0,
+            start: Start::default(),
+            deflate: Vec::new(),
+            confirm: None,
+        }
+    }
+}
+
+/// The result of [`eigs()`](eigs()): `k = min(count, products)` pairs, the most wanted first.
+#[derive(Clone, Debug)]
+pub struct Eigs {
+    /// `k` eigenvalues (their real parts).
+    pub values: Vec<f64>,
+    /// The imaginary parts of `k` eigenvalues: zero for symmetric operators.
+    pub imaginary_values: Vec<f64>,
+    /// `k` eigenvectors of length `n` and norm 1 (their real parts), with positive entry of largest
+    /// magnitude; orthogonal for a symmetric operator.
+    pub vectors: Vec<Vec<f64>>,
+    /// The imaginary parts of `k` eigenvectors (with the real part of norm 1): empty for a real pair.
+    pub imaginary_vectors: Vec<Vec<f64>>,
+    /// `‖A y − θ y‖` of each pair, from the products taken.
+    pub residuals: Vec<f64>,
+    /// The standard error of each value due to the noise of the products, that of the options or stated by the operator, and due to
+    /// systematic errors as far as the products' departure from symmetry shows them:
+    /// [`RitzPair::standard_error`](crate::krylov::RitzPair::standard_error). 0 where none is known.
+    pub standard_errors: Vec<f64>,
+    /// A bound on the distance of each value to an eigenvalue:
+    /// [`RitzPair::bound`](crate::krylov::RitzPair::bound), rigorous for symmetric operators.
+    pub bounds: Vec<f64>,
+    /// The same by Temple and Kato: [`RitzPair::gap_bound`](crate::krylov::RitzPair::gap_bound), sharper, on a
+    /// condition.
+    pub gap_bounds: Vec<f64>,
+    /// The status of each pair.
+    pub statuses: Vec<PairStatus>,
+    /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see
+    /// [`Expansion::asymmetry`](crate::krylov::Expansion::asymmetry). 0 for power iteration, which does not
+    /// measure it.
+    pub asymmetry: f64,
+    /// A row for each product of this run.
+    pub history: Vec<HistoryRow>,
+    /// The number of products in all, and why the search ended.
+    pub stats: Stats,
+    /// What is known of eigenvalues that the search may have missed.
+    pub completeness: Completeness,
+    /// The products that confirmed it; `stats` counts those of the same call.
+    pub confirming: usize,
+}
+
+/// The eigenvalues after one product of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HistoryRow {
+    /// Products taken so far.
+    pub products: usize,
+    /// The wanted eigenvalues, the most wanted first; fewer than asked for in the first steps.
+    pub values: Vec<f64>,
+    /// The residual norm `‖A y − θ y‖` of each.
+    pub residuals: Vec<f64>,
+}
+
+impl EigsOptions {
+    fn check(&self) -> Result<()> {
+        let refuse = |option: &str, fault: String, help: &str| {
+            Err(Error::Option { option: option.into(), fault, help: help.into() })
+        };
+        for (value, option, what) in
+            [(self.count, "--count", "eigenpairs"), (self.products, "--photos", "products")]
+        {
+            if value == 0 {
+                return refuse(option, format!("0 {what} were asked for"), "ask for at least 1");
+            }
+        }
+        let block = match self.method {
+            EigsMethod::BlockLanczos { block } => block,
+            _ => 1,
+        };
+        if block == 0 {
+            return refuse("--block", "a block needs at least one vector".into(), "give at least 1");
+        }
+        if !(self.noise >= 0.0 && self.noise.is_finite()) {
+            return refuse(
+                "EigsOptions::noise",
+                format!("the noise is {}", self.noise),
+                "give a number from 0 on",
+            );
+        }
+        if let Some(most) = self.max_basis {
+            if most < self.count + 2 * block + 1 {
+                return refuse(
+                    "EigsOptions::max_basis",
+                    format!("{most} vectors are too few for {} eigenpairs", self.count),
+                    "give at least count + 2 × block + 1",
+                );
+            }
+            if self.method == EigsMethod::Arnoldi {
+                return refuse(
+                    "EigsOptions::max_basis",
+                    "the Arnoldi method has no restarts".into(),
+                    "leave it out, or use Lanczos if the operator is symmetric",
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Eigenpairs `A y = θ y` of an operator (`n × n`) by the method of the options, within a budget of products.
+///
+/// The operator's observer sees each product
+/// ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). Returns the best so far when the budget
+/// ends or the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies;
+/// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of those that were missed.
+///
+/// # Errors
+/// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
+/// or `--which` when its value cannot be used; else as [`Lanczos::new`] and
+/// [`Factorization::expand`]. To keep what was taken before an operator
+/// failed, hold the factorization yourself and use [`eigs_from`](eigs_from).
+pub fn eigs<O: Operator + ?Sized>(operator: &mut O, options: &EigsOptions) -> Result<Eigs> {
+    let mut operator = Rescaled::new(operator);
+    let found = eigs_of(&mut operator, options);
+    let Some(power) = operator.begins_again() else { return found };
+    let options = EigsOptions { noise: scaled(options.noise, -power), ..options.clone() };
+    let mut found = eigs_of(&mut operator, &options)?;
+    multiply_eigs(&mut found, power)?;
+    Ok(found)
+}
+
+fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
+    options.check()?;
+    let n = operator.cols();
+    let start = || options.start.vector(n);
+    let mut factorization: Box<dyn Factorization> = match options.method {
+        EigsMethod::Power => return power(operator, options),
+        EigsMethod::Arnoldi => {
+            return drive(&mut Arnoldi::new(&start(), &options.deflate)?, operator, options);
+        }
+        EigsMethod::Lanczos => Box::new(Lanczos::new(&start(), &options.deflate)?),
+        EigsMethod::BlockLanczos { block } => {
+            Box::new(BlockLanczos::new(&options.start.block(n, block), &options.deflate)?)
+        }
+    };
+    let mut found = drive(&mut *factorization, operator, options)?;
+    let broke_down = factorization.expansion().broke_down();
+    drop(factorization);
+    let left = options.products.saturating_sub(found.stats.products);
+    let (is_free, _) = confirming(operator, |operator, is_free| {
+        let how = Confirm::of(options.confirm, is_free, broke_down, left);
+        how.map_or(Ok(()), |how| confirm_dyn(operator, &mut found, options, &how))
+    })?;
+    if !is_free {
+        found.stats.products += found.confirming;
+    }
+    Ok(found)
+}
+
+/// Products are taken one by one where the residuals are within this factor of their target: a few products
+/// seldom gain more.
+const NEAR: f64 = 1e3;
+
+/// As [`eigs()`](eigs()), going on from a factorization; `options.products` counts the products
+/// already in it, `method`, `start` and `deflate` are ignored. After an error, `factorization` holds
+/// everything up to the product that failed: call this function again to continue.
+///
+/// # Errors
+/// As [`eigs()`](eigs()).
+pub fn eigs_from<O: Operator + ?Sized>(
+    factorization: &mut dyn Factorization,
+    operator: &mut O,
+    options: &EigsOptions,
+) -> Result<Eigs> {
+    let mut operator = operator;
+    drive(factorization, &mut operator, options)
+}
+
+/// As [`eigs_from`].
+fn drive(
+    factorization: &mut dyn Factorization,
+    operator: &mut dyn Operator,
+    options: &EigsOptions,
+) -> Result<Eigs> {
+    options.check()?;
+    let most = options.max_basis.unwrap_or(usize::MAX);
+    let left = options.products.saturating_sub(factorization.products());
+    let steps = (factorization.steps() + left).min(most);
+    factorization.expansion_mut().reserve(steps);
+    let mut recorder = Recorder::new(options);
+    let mut further = FurtherSteps::new(factorization.n());
+    let mut pairs = factorization.ritz(options.which, options.count)?;
+    let status = loop {
+        if factorization.is_exhausted() {
+            break exhausted(factorization, options);
+        }
+        let reached = good_enough(&pairs, options, (factorization.scale(), factorization.n()));
+        if let Some(status) = further.end(reached) {
+            break status;
+        }
+        if factorization.products() >= options.products {
+            break spent(&pairs, options, factorization.scale());
+        }
+        let waiting = factorization.expansion().pending();
+        if factorization.steps() + waiting >= most {
+            // Half of the unwanted pairs are kept too: the next cycle converges faster from them.
+            let steps = factorization.steps();
+            let keep = options.count + steps.saturating_sub(options.count) / 2;
+            factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
+        }
+        if !is_near(&pairs, options, factorization.scale()) {
+            factorization.multiply_block(operator, options.products - factorization.products())?;
+        }
+        let step = factorization.expand(operator)?;
+        pairs = factorization.ritz(options.which, options.count)?;
+        let flow = recorder.row(operator, factorization.products(), &pairs);
+        if step == factor::Step::Exhausted {
+            break exhausted(factorization, options);
+        }
+        if flow == ControlFlow::Break(()) {
+            break Status::Stopped;
+        }
+    };
+    let stats = Stats { products: factorization.products(), status };
+    let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| factorization.ritz_vector(pair)).collect();
+    let common = vectors.iter().map(|vector| operator.common_error(vector)).collect::<Result<_>>()?;
+    let imaginary = pairs
+        .iter()
+        .map(|pair| if pair.is_real() { Vec::new() } else { factorization.ritz_vector_imaginary(pair) });
+    let imaginary = imaginary.collect();
+    let (scale, rows) = (factorization.scale(), factorization.n());
+    let found = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
+    Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
+}
+
+/// The status once all directions are spanned: the answer is exact unless the products have noise.
+fn exhausted(factorization: &dyn Factorization, options: &EigsOptions) -> Status {
+    let is_noisy = options.noise > 0.0 || factorization.expansion().largest_error() > 0.0;
+    if is_noisy { Status::NoiseFloor } else { Status::SpaceExhausted }
+}
+
+/// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products
+/// are then taken one by one, so that none is taken in vain.
+fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
+    let target = (options.tolerance * scale).max(options.noise);
+    pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))
+}
+
+/// Why these pairs of an operator of this norm and of `n` rows need no further product, if they need none.
+fn good_enough(pairs: &[RitzPair], options: &EigsOptions, (scale, n): (f64, usize)) -> Option<Status> {
+    if pairs.len() < options.count {
+        return None;
+    }
+    let wanted = options.tolerance * scale;
+    if pairs.iter().all(|pair| pair.status(wanted, options.noise) == PairStatus::Converged) {
+        return Some(Status::ReachedTolerance);
+    }
+    let is_settled = |pair: &RitzPair| pair.is_settled(options.noise, n);
+    (options.tolerance > 0.0 && pairs.iter().all(is_settled)).then_some(Status::NoiseFloor)
+}
+
+/// The status of pairs for which no product is left.
+fn spent(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Status {
+    let wanted = options.tolerance * scale;
+    let limited = |pair: &RitzPair| pair.status(wanted, options.noise) != PairStatus::NotResolved;
+    if pairs.len() >= options.count && pairs.iter().all(limited) {
+        Status::NoiseFloor
+    } else {
+        Status::BudgetSpent
+    }
+}
+
+/// Tells the operator's observer of each product, and records it.
+struct Recorder {
+    budget: usize,
+    history: Vec<HistoryRow>,
+}
+
+impl Recorder {
+    fn new(options: &EigsOptions) -> Self {
+        Self { budget: options.products, history: Vec::new() }
+    }
+
+    fn row(&mut self, operator: &dyn Operator, products: usize, pairs: &[RitzPair]) -> ControlFlow<()> {
+        let values: Vec<f64> = pairs.iter().map(|pair| pair.value).collect();
+        let residuals: Vec<f64> = pairs.iter().map(|pair| pair.residual).collect();
+        let flow = operator.observer().step(&Step {
+            stage: "photos",
+            done: products as u64,
+            total: self.budget as u64,
+            estimate: Estimate::Eigenpairs { values: &values, residuals: &residuals },
+        });
+        self.history.push(HistoryRow { products, values, residuals });
+        flow
+    }
+}
+
+/// Pairs with their vectors.
+struct Found<'a> {
+    pairs: &'a [RitzPair],
+    vectors: Vec<Vec<f64>>,
+    /// [`Operator::common_error`] of each vector.
+    common: Vec<f64>,
+    imaginary: Vec<Vec<f64>>,
+    scale: f64,
+    /// `n` of the `n × n` operator.
+    rows: usize,
+}
+
+impl Found<'_> {
+    fn eigs(self, options: &EigsOptions, asymmetry: f64, history: Vec<HistoryRow>, stats: Stats) -> Eigs {
+        let wanted = options.tolerance * self.scale;
+        let each = |of: &dyn Fn(&RitzPair) -> f64| -> Vec<f64> { self.pairs.iter().map(of).collect() };
+        Eigs {
+            values: each(&|pair| pair.value),
+            imaginary_values: each(&|pair| pair.imaginary),
+            residuals: each(&|pair| pair.residual),
+            standard_errors: (self.pairs.iter().zip(&self.common))
+                .map(|(pair, common)| pair.standard_error(options.noise, self.rows).hypot(*common))
+                .collect(),
+            bounds: each(&|pair| pair.bound(options.noise)),
+            gap_bounds: each(&|pair| pair.gap_bound(options.noise)),
+            statuses: self.pairs.iter().map(|pair| pair.status(wanted, options.noise)).collect(),
+            vectors: self.vectors,
+            imaginary_vectors: self.imaginary,
+            asymmetry,
+            history,
+            completeness: match stats.status {
+                Status::SpaceExhausted => Completeness::Exact,
+                _ => Completeness::NotExcluded,
+            },
+            confirming: 0,
+            stats,
+        }
+    }
+}

@@ -2,12 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use super::super::basis::{dot, norm};
-use super::super::factor::{Factorization, Lanczos, RitzPair, Which, point_upwards};
-use super::super::stats::{Stats, Status};
-use super::driver::{Found, Recorder, good_enough, spent};
-use super::options::{Eigs, EigsOptions};
+use super::{Eigs, EigsOptions, Found, Recorder, good_enough, spent};
 use crate::error::{Error, Result};
+use crate::krylov::basis::{dot, norm};
+use crate::krylov::completeness::{Stats, Status};
+use crate::krylov::factor::{Factorization, Lanczos, RitzPair, Which, point_upwards};
 use crate::operator::{Operator, Symmetry};
 
 /// Power iteration, `x ← A x / ‖A x‖`: the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.

@@ -6,9 +6,9 @@ use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::path::PathBuf;
 
-use super::super::basis::Basis;
 use super::Expansion;
 use crate::error::{Error, Result};
+use crate::krylov::basis::Basis;
 
 const MAGIC: &[u8; 8] = b"KRYLUXFZ";
 const VERSION: u32 = 3;

@@ -1,13 +1,14 @@
-//! Golub–Kahan bidiagonalization, one product a step: the process of LSQR and LSMR.
+//! LSQR and LSMR: least squares by Golub–Kahan bidiagonalization, one product a step.
 
 use std::sync::Arc;
 
-use super::super::basis::norm;
-use super::super::precondition::Preconditioner;
-use super::super::vectors::update;
-use super::system::System;
-use super::{SolveOptions, precondition, refuse_left, require_positive_definite};
+use super::minres::LEAST_SQUARES;
+use super::system::{System, Tally, rotation};
+use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
 use crate::error::Result;
+use crate::krylov::basis::{axpy, norm, update};
+use crate::krylov::completeness::Status;
+use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
@@ -16,17 +17,17 @@ use crate::operator::Adjoint;
 /// # References
 /// Golub and Kahan (1965), doi:10.1137/0702016.
 #[derive(Clone)]
-pub(super) struct Bidiagonal {
-    pub(super) system: System,
+struct Bidiagonal {
+    system: System,
     preconditioner: Option<Arc<dyn Preconditioner>>,
-    pub(super) u: Vec<f64>,
+    u: Vec<f64>,
     v: Vec<f64>,
     /// `M⁻¹ v`; empty without a preconditioner.
     hat: Vec<f64>,
-    pub(super) alpha: f64,
-    pub(super) beta: f64,
+    alpha: f64,
+    beta: f64,
     /// `‖B‖_F` so far: a lower bound of `‖C‖_F`.
-    pub(super) scale: f64,
+    scale: f64,
     next: Next,
     work: Vec<f64>,
 }
@@ -54,7 +55,7 @@ pub(super) enum Half {
 impl Bidiagonal {
     /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is
     /// applied with `Aᵀ` too.
-    pub(super) fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
+    fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         require_positive_definite(method, options)?;
         refuse_left(method, options)?;
         let preconditioner = options.preconditioner.clone();
@@ -73,12 +74,12 @@ impl Bidiagonal {
     }
 
     /// `M⁻¹ v`, of length `cols`: the direction in which the iterate can move.
-    pub(super) fn direction(&self) -> &[f64] {
+    fn direction(&self) -> &[f64] {
         if self.preconditioner.is_some() { &self.hat } else { &self.v }
     }
 
     /// Takes one product. A vector that vanishes (to rounding) becomes zero, and so does its `α` or `β`.
-    pub(super) fn advance(&mut self, operator: &mut dyn Adjoint) -> Result<Half> {
+    fn advance(&mut self, operator: &mut dyn Adjoint) -> Result<Half> {
         self.system.fits(operator)?;
         if self.system.pending {
             self.system.first_residual(operator)?;
@@ -131,4 +132,231 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
         *value /= length;
     }
     length
+}
+
+/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`, and finds the solution nearest to the
+/// first iterate.
+///
+/// With a symmetric positive definite `M` it is LSQR on `A M⁻¹`: it minimizes the true residual, and finds
+/// the solution nearest in the norm of `M²`.
+///
+/// # Properties
+/// Equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically. It takes
+/// one product with `Aᵀ` first, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the first.
+/// Ends where `‖Aᵀ r‖` vanishes (a least-squares solution).
+///
+/// # Storage
+/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, a direction and a product of length
+/// `cols`, and with a preconditioner `M⁻¹ v`.
+///
+/// # References
+/// Paige and Saunders (1982), doi:10.1145/355984.355989.
+#[derive(Clone)]
+pub struct Lsqr {
+    process: Bidiagonal,
+    w: Vec<f64>,
+    /// `φ̄`, the residual norm with its sign, and `ρ̄`.
+    phi: f64,
+    rho: f64,
+    /// `θ / ρ` for the next direction.
+    ratio: f64,
+    cosine: f64,
+}
+
+impl Lsqr {
+    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
+    /// `preconditioner` of the options.
+    ///
+    /// # Errors
+    /// As [`Cg::new`](crate::krylov::linear::Cg::new).
+    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
+        Ok(Self {
+            process: Bidiagonal::new("LSQR", cols, b, options)?,
+            w: vec![0.0; cols],
+            phi: 0.0,
+            rho: 0.0,
+            ratio: 0.0,
+            cosine: 0.0,
+        })
+    }
+}
+
+impl Solver for Lsqr {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let half = self.process.advance(operator)?;
+        let (alpha, beta) = (self.process.alpha, self.process.beta);
+        match half {
+            Half::Residual => return Ok(Advance::Continuing),
+            Half::Forward => {
+                let (c, s, rho) = rotation(self.rho, beta);
+                if rho == 0.0 {
+                    return Ok(Advance::Ended(Status::LeastSquares));
+                }
+                let system = &mut self.process.system;
+                axpy(c * self.phi / rho, &self.w, &mut system.x);
+                self.phi *= s;
+                self.cosine = c;
+                self.ratio = s / rho;
+                // r_k = s² r_{k−1} + (φ̄ c, with the rotation's sign) u_{k+1}
+                let along = -c * self.phi;
+                update(&mut system.r, &self.process.u, |r, u| s * s * r + along * u);
+                let residual = norm(&system.r);
+                system.note(residual);
+                let done = self.phi.abs() <= f64::EPSILON * system.tally.rhs_norm;
+                return Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing });
+            }
+            Half::First => {
+                self.phi = beta;
+                self.rho = alpha;
+                self.w.copy_from_slice(self.process.direction());
+            }
+            Half::Adjoint => {
+                // ‖Cᵀ r‖ = φ̄ α c
+                if alpha * self.cosine.abs() <= LEAST_SQUARES * self.process.scale {
+                    return Ok(Advance::Ended(Status::LeastSquares));
+                }
+                let ratio = self.ratio * alpha;
+                update(&mut self.w, self.process.direction(), |w, v| v - ratio * w);
+                self.rho = -self.cosine * alpha;
+            }
+        }
+        Ok(if alpha == 0.0 { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
+    }
+
+    fn tally(&self) -> Tally {
+        self.process.system.tally()
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        self.process.system.best()
+    }
+}
+
+/// LSMR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`; each step minimizes `‖Aᵀ r‖`.
+///
+/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead;
+/// the residual that is reported is the true one.
+///
+/// # Properties
+/// Equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It takes one product
+/// with `Aᵀ` first, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the second. Ends where
+/// `‖Aᵀ r‖` vanishes: at the least-squares solution nearest to the first iterate.
+///
+/// # Storage
+/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product of
+/// length `cols`, and with a preconditioner `M⁻¹ v`.
+///
+/// # References
+/// Fong and Saunders (2011), doi:10.1137/10079687X; variables are named as there.
+#[derive(Clone)]
+pub struct Lsmr {
+    process: Bidiagonal,
+    h: Vec<f64>,
+    h_bar: Vec<f64>,
+    alpha_bar: f64,
+    zeta_bar: f64,
+    zeta: f64,
+    rho: f64,
+    rho_bar: f64,
+    c_bar: f64,
+    s_bar: f64,
+    /// `‖r‖`, from a recurrence of scalars.
+    norm: ResidualNorm,
+}
+
+/// The recurrence for `‖r_k‖` that does not need `r_k`: section 5 of Fong and Saunders.
+#[derive(Clone, Copy)]
+struct ResidualNorm {
+    beta_dd: f64,
+    beta_d: f64,
+    rho_d: f64,
+    tau: f64,
+    theta: f64,
+}
+
+impl ResidualNorm {
+    /// The next `‖r‖`: with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this iteration.
+    fn advance(&mut self, (c, s): (f64, f64), theta_bar: f64, rho_bar: f64, zetas: (f64, f64)) -> f64 {
+        let beta_hat = c * self.beta_dd;
+        self.beta_dd *= -s;
+        let theta_old = self.theta;
+        let (ct, st, rho_tilde) = rotation(self.rho_d, theta_bar);
+        self.theta = st * rho_bar;
+        self.rho_d = ct * rho_bar;
+        self.beta_d = -st * self.beta_d + ct * beta_hat;
+        self.tau = (zetas.0 - theta_old * self.tau) / rho_tilde;
+        let tau_d = (zetas.1 - self.theta * self.tau) / self.rho_d;
+        (self.beta_d - tau_d).hypot(self.beta_dd)
+    }
+}
+
+impl Lsmr {
+    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
+    /// `preconditioner` of the options.
+    ///
+    /// # Errors
+    /// As [`Cg::new`](crate::krylov::linear::Cg::new).
+    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
+        Ok(Self {
+            process: Bidiagonal::new("LSMR", cols, b, options)?,
+            h: vec![0.0; cols],
+            h_bar: vec![0.0; cols],
+            alpha_bar: 0.0,
+            zeta_bar: 0.0,
+            zeta: 0.0,
+            rho: 1.0,
+            rho_bar: 1.0,
+            c_bar: 1.0,
+            s_bar: 0.0,
+            norm: ResidualNorm { beta_dd: 0.0, beta_d: 0.0, rho_d: 1.0, tau: 0.0, theta: 0.0 },
+        })
+    }
+}
+
+impl Solver for Lsmr {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let half = self.process.advance(operator)?;
+        let (alpha, beta) = (self.process.alpha, self.process.beta);
+        match half {
+            Half::Residual | Half::Forward => return Ok(Advance::Continuing),
+            Half::First => {
+                self.h.copy_from_slice(self.process.direction());
+                self.alpha_bar = alpha;
+                self.zeta_bar = alpha * beta;
+                self.norm.beta_dd = beta;
+                let done = alpha == 0.0;
+                return Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing });
+            }
+            Half::Adjoint => {}
+        }
+        let rho_old = self.rho;
+        let (c, s, rho) = rotation(self.alpha_bar, beta);
+        let theta_next = s * alpha;
+        self.alpha_bar = c * alpha;
+        let rho_bar_old = self.rho_bar;
+        let zeta_old = self.zeta;
+        let theta_bar = self.s_bar * rho;
+        let (c_bar, s_bar, rho_bar) = rotation(self.c_bar * rho, theta_next);
+        let zeta = c_bar * self.zeta_bar;
+        self.zeta_bar *= -s_bar;
+        let back = theta_bar * rho / (rho_old * rho_bar_old);
+        update(&mut self.h_bar, &self.h, |bar, h| h - back * bar);
+        axpy(zeta / (rho * rho_bar), &self.h_bar, &mut self.process.system.x);
+        let ratio = theta_next / rho;
+        update(&mut self.h, self.process.direction(), |h, v| v - ratio * h);
+        (self.rho, self.rho_bar, self.zeta, self.c_bar, self.s_bar) = (rho, rho_bar, zeta, c_bar, s_bar);
+        let residual = self.norm.advance((c, s), theta_bar, rho_bar, (zeta_old, zeta));
+        self.process.system.note(residual);
+        // |ζ̄| = ‖Cᵀ r‖
+        let done = self.zeta_bar.abs() <= LEAST_SQUARES * self.process.scale * residual || alpha == 0.0;
+        Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
+    }
+
+    fn tally(&self) -> Tally {
+        self.process.system.tally()
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        self.process.system.best()
+    }
 }

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use super::super::basis::{dot, norm};
-use super::super::precondition::Preconditioner;
-use super::super::stats::Status;
-use super::super::vectors::{axpy, update};
 use super::system::{System, Tally, declared_symmetric, square};
 use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
 use crate::error::Result;
+use crate::krylov::basis::{axpy, dot, norm, update};
+use crate::krylov::completeness::Status;
+use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// Conjugate gradients: solves `A x = b` for a symmetric positive definite `A` of `n × n`.

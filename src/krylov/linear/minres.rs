@@ -2,15 +2,13 @@
 
 use std::sync::Arc;
 
-use super::super::basis::{dot, norm};
-use super::super::precondition::Preconditioner;
-use super::super::stats::Status;
-use super::super::vectors::{axpy, update, update2};
 use super::cg::symmetry_tolerance;
-use super::rotation::rotation;
-use super::system::{System, Tally, declared_symmetric, square};
+use super::system::{System, Tally, declared_symmetric, rotation, square};
 use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
 use crate::error::Result;
+use crate::krylov::basis::{axpy, dot, norm, update, update2};
+use crate::krylov::completeness::Status;
+use crate::krylov::precondition::Preconditioner;
 use crate::operator::Adjoint;
 
 /// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists, as far as products in double precision can tell.
@@ -73,7 +71,7 @@ impl Minres {
     /// symmetry, `noise` of the options.
     ///
     /// # Errors
-    /// As [`Cg::new`](super::Cg::new).
+    /// As [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         require_positive_definite("MINRES", options)?;
         refuse_left("MINRES", options)?;

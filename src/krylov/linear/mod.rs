@@ -5,37 +5,35 @@
 //! the residual is down to the noise, or the budget is spent. The table [`METHODS`](super::METHODS) lists the
 //! needs and the storage of each.
 
-mod bicgstab;
+mod biconjugate;
 mod bidiagonal;
 mod cg;
-mod cgs;
 mod gmres;
-mod lsmr;
-mod lsqr;
 mod minres;
-mod options;
-mod rotation;
-mod shadow;
-mod solve;
 pub(super) mod system;
 
-pub use bicgstab::BiCgStab;
-pub use cg::Cg;
-pub use cgs::Cgs;
-pub use gmres::Gmres;
-pub use lsmr::Lsmr;
-pub use lsqr::Lsqr;
-pub use minres::Minres;
-pub use options::{Side, SolveOptions};
-pub use solve::{Advance, ForwardOnly, Solution, SolveRow, Solver, solve_from};
-pub use system::Tally;
+use std::fmt;
+use std::ops::ControlFlow;
+use std::sync::Arc;
 
+use super::basis::norm;
+use super::boxed::Surrogate;
+use super::completeness::{Stats, Status};
 use super::precondition::Preconditioner;
 use crate::error::{Error, Result};
+use crate::observer::{Estimate, Step};
+use crate::operator::{Adjoint, Operator, Symmetry, delegate};
+
+pub use biconjugate::{BiCgStab, Cgs};
+pub use bidiagonal::{Lsmr, Lsqr};
+pub use cg::Cg;
+pub use gmres::Gmres;
+pub use minres::Minres;
+pub use system::Tally;
 
 /// `z ← M⁻¹ r`, or a copy without a preconditioner.
 pub(super) fn precondition(
-    preconditioner: Option<&std::sync::Arc<dyn Preconditioner>>,
+    preconditioner: Option<&Arc<dyn Preconditioner>>,
     r: &[f64],
     z: &mut [f64],
 ) -> Result<()> {
@@ -68,4 +66,285 @@ fn require_positive_definite(method: &str, options: &SolveOptions) -> Result<()>
         }),
         _ => Ok(()),
     }
+}
+
+/// The side of the preconditioner of GMRES. (CG and MINRES split theirs, which keeps the operator symmetric;
+/// CGS, BiCGStab, FGMRES, LSQR and LSMR have it on the right.)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Side {
+    /// `A M⁻¹ u = b`, `x = M⁻¹ u`: minimizes the true residual.
+    #[default]
+    Right,
+    /// `M⁻¹ A x = M⁻¹ b`: minimizes `‖M⁻¹ r‖`.
+    Left,
+}
+
+/// The options of the solvers of `A x = b`. Each field says which methods read it; the others ignore it
+/// unless stated otherwise. By default: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
+#[derive(Clone)]
+pub struct SolveOptions {
+    /// The most products, with `A` and `Aᵀ` together. Read by all methods. Default 50.
+    pub products: usize,
+    /// Done when `‖b − A x‖ ≤ rtol ‖b‖ + atol`. Read by all methods; krylov-box also ends where its model
+    /// predicts no gain beyond it. Default 1e-6; 0 uses the whole budget.
+    pub rtol: f64,
+    /// See `rtol`. Read by all methods. Default 0.
+    pub atol: f64,
+    /// The relative noise `δ` of a product, which is within `δ ‖A v‖` of `A v`. Steps below
+    /// `‖b − A x‖ ≤ δ ‖b‖` would fit noise, so the method stops there (the discrepancy principle: Morozov
+    /// (1966); for inexact products: Simoncini and Szyld (2003), doi:10.1137/S1064827502406415). Read by all
+    /// methods; CG and MINRES also tolerate this departure from symmetry. For an operator that does not state its
+    /// noise: a stated one ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)) counts as
+    /// well, unless `rtol` and `atol` are 0. Default 0.
+    pub noise: f64,
+    /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. Default
+    /// `None`: zero, whose residual is `b`, or `b / diagonal` for the methods with bounds, clipped to them.
+    pub x0: Option<Vec<f64>>,
+    /// `M⁻¹`. Read by CG, MINRES, LSQR and LSMR (`M` must be symmetric positive definite), and by CGS,
+    /// BiCGStab, GMRES and FGMRES; the methods with bounds refuse one. Default none.
+    pub preconditioner: Option<Arc<dyn Preconditioner>>,
+    /// The side of the preconditioner. Read by GMRES; the other methods refuse [`Side::Left`] together with a
+    /// preconditioner. Default right.
+    pub side: Side,
+    /// Products after which the method restarts. Read by GMRES and FGMRES. Default `None`: no restart.
+    pub restart: Option<usize>,
+    /// The lower bound of the box (α of the paper's [α, 1]). Read by Jacobi, FISTA and krylov-box. Default 0.
+    pub lower: f64,
+    /// The upper bound of the box. Read by Jacobi, FISTA and krylov-box. Default 1.
+    pub upper: f64,
+    /// `D = A 1`, the white photo, of length `n`, which scales the steps and the first iterate. Read by
+    /// Jacobi, FISTA, krylov-box, MRNSD and the multiplicative method. Default `None`: the method takes it
+    /// first, for one product.
+    pub diagonal: Option<Vec<f64>>,
+    /// The approximation of `A` on directions that no product has explored yet. Read by krylov-box. Default
+    /// none: a multiple of `D`.
+    pub surrogate: Option<Arc<dyn Surrogate>>,
+}
+
+impl Default for SolveOptions {
+    fn default() -> Self {
+        Self {
+            products: 50,
+            rtol: 1e-6,
+            atol: 0.0,
+            noise: 0.0,
+            x0: None,
+            preconditioner: None,
+            side: Side::default(),
+            restart: None,
+            lower: 0.0,
+            upper: 1.0,
+            diagonal: None,
+            surrogate: None,
+        }
+    }
+}
+
+impl fmt::Debug for SolveOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SolveOptions")
+            .field("products", &self.products)
+            .field("rtol", &self.rtol)
+            .field("atol", &self.atol)
+            .field("noise", &self.noise)
+            .field("x0", &self.x0.as_ref().map(Vec::len))
+            .field("preconditioner", &self.preconditioner.is_some())
+            .field("side", &self.side)
+            .field("restart", &self.restart)
+            .field("lower", &self.lower)
+            .field("upper", &self.upper)
+            .field("diagonal", &self.diagonal.as_ref().map(Vec::len))
+            .field("surrogate", &self.surrogate.is_some())
+            .finish()
+    }
+}
+
+impl SolveOptions {
+    /// The residual norm at which the tolerance is reached, for `‖b‖`.
+    pub(crate) fn target(&self, rhs_norm: f64) -> f64 {
+        self.rtol * rhs_norm + self.atol
+    }
+
+    /// Refuses values that no method accepts.
+    pub(crate) fn check(&self) -> Result<()> {
+        let refuse = |option: &str, fault: String, help: &str| {
+            Err(Error::Option { option: option.into(), fault, help: help.into() })
+        };
+        if self.products == 0 {
+            return refuse("--photos", "0 products were asked for".into(), "ask for at least 1");
+        }
+        for (option, value) in [("rtol", self.rtol), ("atol", self.atol), ("noise", self.noise)] {
+            if value.is_nan() || value < 0.0 {
+                return refuse(option, format!("{value} is no tolerance"), "give 0 or a positive number");
+            }
+        }
+        if self.restart == Some(0) {
+            return refuse("restart", "a cycle of 0 products".into(), "give at least 1, or none");
+        }
+        if self.lower.is_nan() || self.upper.is_nan() || self.lower >= self.upper {
+            let fault = format!("the box [{}, {}] is empty", self.lower, self.upper);
+            return refuse("--floor", fault, "the lower bound must be below the upper one");
+        }
+        Ok(())
+    }
+}
+
+/// The outcome of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Advance {
+    /// Further steps can improve the iterate.
+    Continuing,
+    /// The method ends here, for this reason.
+    Ended(Status),
+}
+
+/// One product of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveRow {
+    /// Products taken so far.
+    pub products: usize,
+    /// `‖b − A x‖ / ‖b‖` of the iterate after that product (absolute for `b = 0`; infinite until the residual
+    /// of `x0` is known).
+    pub residual: f64,
+    /// The smallest so far: that of the solution if the budget had ended here.
+    pub best: f64,
+}
+
+/// The result of a solver.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// The best iterate, of length `cols`.
+    pub x: Vec<f64>,
+    /// Its `‖b − A x‖ / ‖b‖` (absolute for `b = 0`).
+    pub residual: f64,
+    /// A row for each product of this run.
+    pub history: Vec<SolveRow>,
+    /// The number of products in all, and why the method ended.
+    pub stats: Stats,
+}
+
+/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the
+/// operator's observer stops it, or the method itself ends. The observer sees each product
+/// ([`Estimate::Solution`]). `options` should be those that the solver was made with; `products`, `rtol`,
+/// `atol` and `noise` are read here. `products` includes those already taken.
+///
+/// # Errors
+/// As [`Solver::step`]. The solver then holds everything up to the product that failed: its
+/// [`solution`](Solver::solution) is valid, and another call continues from there.
+pub fn solve_from<O: Adjoint + ?Sized>(
+    solver: &mut dyn Solver,
+    operator: &mut O,
+    options: &SolveOptions,
+) -> Result<Solution> {
+    let mut operator = operator;
+    drive(solver, &mut operator, options)
+}
+
+fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOptions) -> Result<Solution> {
+    options.check()?;
+    let mut history = Vec::new();
+    let status = loop {
+        let tally = solver.tally();
+        if tally.best <= options.target(tally.rhs_norm) {
+            break Status::ReachedTolerance;
+        }
+        // A tolerance of zero asks for the whole budget, whatever noise the operator states.
+        let stated = if options.target(tally.rhs_norm) > 0.0 { tally.noise } else { 0.0 };
+        if tally.best <= options.noise.max(stated) * tally.rhs_norm {
+            break Status::NoiseFloor;
+        }
+        if tally.products >= options.products {
+            break Status::BudgetSpent;
+        }
+        let advance = solver.step(operator)?;
+        let after = solver.tally();
+        let row = SolveRow {
+            products: after.products,
+            residual: after.relative(after.residual),
+            best: after.relative(after.best),
+        };
+        let mut flow = ControlFlow::Continue(());
+        if after.products > tally.products {
+            history.push(row);
+            let iterate = || solver.solution();
+            flow = operator.observer().step(&Step {
+                stage: "photos",
+                done: row.products as u64,
+                total: options.products as u64,
+                estimate: Estimate::Solution { residual: row.residual, best: row.best, iterate: &iterate },
+            });
+        }
+        match (advance, flow) {
+            (Advance::Ended(_), _) if after.best <= options.target(after.rhs_norm) => {
+                break Status::ReachedTolerance;
+            }
+            (Advance::Ended(status), _) => break status,
+            (Advance::Continuing, ControlFlow::Break(())) => break Status::Stopped,
+            (Advance::Continuing, ControlFlow::Continue(())) => {}
+        }
+    };
+    let tally = solver.tally();
+    let x = solver.solution();
+    // An answer that leaves the range of double precision is none.
+    let size = norm(&x);
+    if !size.is_finite() || size < f64::MIN_POSITIVE / f64::EPSILON && tally.best < tally.rhs_norm {
+        let (what, help) = if size < 1.0 { ("small", "multiply") } else { ("large", "divide") };
+        return Err(Error::Numerical(format!(
+            "the solution is too {what} for double precision: {help} the right-hand side by a power of ten"
+        )));
+    }
+    Ok(Solution {
+        x,
+        residual: tally.relative(tally.best),
+        history,
+        stats: Stats { products: tally.products, status },
+    })
+}
+
+/// An operator without a transpose, for a caller that needs an [`Adjoint`]. A symmetric operator is its own
+/// transpose; for any other one a product with the transpose is an error.
+pub struct ForwardOnly<'a>(pub &'a mut dyn Operator);
+
+impl ForwardOnly<'_> {
+    fn check_symmetric(&self) -> Result<()> {
+        if self.symmetry() == Symmetry::Symmetric {
+            return Ok(());
+        }
+        Err(Error::Numerical(
+            "the method needs the transpose of the operator, which neither has one nor is symmetric; GMRES does not"
+                .into(),
+        ))
+    }
+}
+
+impl Operator for ForwardOnly<'_> {
+    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors, frames);
+}
+
+impl Adjoint for ForwardOnly<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.check_symmetric()?;
+        self.apply(y, x)
+    }
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.check_symmetric()?;
+        self.apply_block(ys, xs)
+    }
+}
+
+/// A method for `A x = b` as a state that takes steps.
+pub trait Solver {
+    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to
+    /// step.
+    ///
+    /// # Errors
+    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as
+    /// before the step, and the step can be taken again, with the same bits. [`Error::Dimension`] when the
+    /// operator does not fit; [`Error::Numerical`] when it is not declared symmetric and the method needs
+    /// that. The error of the preconditioner; a product may be lost then.
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
+    /// Products and residuals so far.
+    fn tally(&self) -> Tally;
+    /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. Takes no product.
+    fn solution(&self) -> Vec<f64>;
 }

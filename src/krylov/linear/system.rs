@@ -1,11 +1,10 @@
 //! The state shared by all solvers: the system, the iterate and its residual, and products that are counted
 //! and checked.
 
-use super::super::basis::norm;
-use super::super::powers::{exponent, finite_norm, power, scale, scaled};
-use super::super::vectors::{axpy, update};
-use super::options::SolveOptions;
+use super::SolveOptions;
 use crate::error::{Error, Result};
+use crate::krylov::basis::{axpy, norm, update};
+use crate::krylov::powers::{exponent, finite_norm, power, scale, scaled};
 use crate::operator::{Adjoint, Symmetry};
 
 /// A solver's progress; known without a product.
@@ -264,4 +263,10 @@ pub(crate) fn same_length(what: &'static str, expected: usize, found: usize) -> 
         return Ok(());
     }
     Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+}
+
+/// `(c, s, ρ)` with `[c s; −s c] [a; b] = [ρ; 0]`, `ρ ≥ 0`; the identity for `a = b = 0`.
+pub(super) fn rotation(a: f64, b: f64) -> (f64, f64, f64) {
+    let length = a.hypot(b);
+    if length == 0.0 { (1.0, 0.0, 0.0) } else { (a / length, b / length, length) }
 }

@@ -4,13 +4,12 @@ use faer::Mat;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use super::super::basis::{Basis, norm};
-use super::super::factor::{PairStatus, point_upwards, temple_kato};
-use super::super::orthogonalize::orthogonalize;
-use super::super::start::gaussian;
-use super::super::stats::Status;
 use super::SingularOptions;
 use crate::error::{Error, Result};
+use crate::krylov::basis::{Basis, norm, orthogonalize};
+use crate::krylov::completeness::Status;
+use crate::krylov::factor::{PairStatus, point_upwards, temple_kato};
+use crate::krylov::start::gaussian;
 use crate::operator::Adjoint;
 
 /// One approximate triplet in the coordinates of the two bases.

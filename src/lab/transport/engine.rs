@@ -10,9 +10,7 @@ use crate::lab::source::ExplicitParts;
 use crate::lab::source::ModelParts;
 use crate::lab::source::SceneSource;
 use crate::operator::Adjoint;
-use crate::transport::{
-    Assembled, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, RetracedOperator, Transport,
-};
+use crate::transport::{Assembled, Channels, EstimatedOperator, Part, Retraced, RetracedOperator, Transport};
 
 /// What computes or takes photos.
 pub(super) enum Engine {
@@ -41,7 +39,7 @@ impl Engine {
         work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
     ) -> Result<T> {
         match self {
-            Self::Replayed(traced) => work(&mut MatrixOperator::new(&**traced, part, channel)),
+            Self::Replayed(traced) => work(&mut traced.operator(part, channel)),
             Self::Retraced(scene, channels) => {
                 let mut tracer = scene.tracer();
                 let retraced =

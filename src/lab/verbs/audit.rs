@@ -1,10 +1,10 @@
 //! Whether a source is the linear, symmetric operator that every method takes it for.
 
-use crate::analysis::audit::{Audit, AuditOptions, Exact, audit};
+use crate::bench::audit::{Audit, AuditOptions, Exact, audit};
+use crate::bench::rig_check::{self, Finding};
 use crate::error::{Error, Result};
 use crate::lab::Lab;
 use crate::lab::source::{Source, not_for_runs};
-use crate::measure::rig_check::{self, Finding};
 use crate::transport::Part;
 
 impl Lab {

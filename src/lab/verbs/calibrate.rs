@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
 use crate::error::{Error, Result};
 use crate::io::manifest::Status;
 use crate::lab::layout::RECORD;
 use crate::lab::{Lab, Log, RigSource, RunFolder, RunOptions, journal};
-use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
 use crate::measure::{Calibration, Effort, FrameSource, JournaledFrames, RunManifest};
 use crate::observer::{Estimate, Step};
 use crate::report::calibration;

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::calibrate::flat_field_of_sheet;
 use crate::error::{Error, Result};
 use crate::lab::{Lab, RigSource};
-use crate::measure::calibrate::flat_field_of_sheet;
 use crate::measure::{Calibration, FlatField, FrameSource, LiveFrames, Measurement, RigKind};
 use crate::rig::MatteSheet;
 

@@ -2,7 +2,6 @@
 
 mod audit;
 mod calibrate;
-mod eigs;
 mod flat_field;
 mod join;
 mod matrix;

@@ -5,24 +5,29 @@ use std::path::PathBuf;
 
 use crate::error::Error;
 use crate::measure::MeasureOptions;
-use crate::rig::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector, X11Spec};
+use crate::rig::genicam::Settings;
+use crate::rig::pixels::Sensor;
+use crate::rig::{
+    Ambient, CameraSpec, Drift, Faults, Gphoto2Spec, ProgramRig, Pulse, Splitter, V4lSpec, VirtualCamera,
+    VirtualProjector, X11Spec,
+};
 
 /// Checks the values of one file.
-pub(super) struct Check {
+pub(crate) struct Check {
     /// The path of the file.
-    pub(super) path: PathBuf,
+    pub(crate) path: PathBuf,
 }
 
-pub(super) type Checked = Result<(), Error>;
+pub(crate) type Checked = Result<(), Error>;
 
 impl Check {
     /// An error of the file.
-    pub(super) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
+    pub(crate) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
     }
 
     /// Checks that `value` lies from `low` to `high`. NaN does not.
-    pub(super) fn range(&self, key: &str, value: f64, low: f64, high: f64) -> Checked {
+    pub(crate) fn range(&self, key: &str, value: f64, low: f64, high: f64) -> Checked {
         if (low..=high).contains(&value) {
             return Ok(());
         }
@@ -30,7 +35,7 @@ impl Check {
         Err(self.fault(format!("{key} is {value}"), format!("give {range}")))
     }
 
-    pub(super) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
+    pub(crate) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
         values
             .iter()
             .try_for_each(|&(key, value, low, high)| self.range(&format!("{table}.{key}"), value, low, high))
@@ -56,7 +61,7 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn channels(&self, table: &str, channels: usize) -> Checked {
+    pub(crate) fn channels(&self, table: &str, channels: usize) -> Checked {
         if channels == 1 || channels == 3 {
             return Ok(());
         }
@@ -76,7 +81,7 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn projector(&self, spec: &VirtualProjector) -> Checked {
+    pub(crate) fn projector(&self, spec: &VirtualProjector) -> Checked {
         self.channels("projector", spec.channels)?;
         self.response("projector", spec.gamma, spec.curve.as_deref())?;
         self.ranges(
@@ -97,7 +102,7 @@ impl Check {
         self.pulse(&spec.pulse, spec.channels)
     }
 
-    pub(super) fn camera(&self, spec: &VirtualCamera) -> Checked {
+    pub(crate) fn camera(&self, spec: &VirtualCamera) -> Checked {
         self.channels("camera", spec.channels)?;
         self.response("camera", spec.gamma, spec.curve.as_deref())?;
         self.range("camera.bits", spec.bits.into(), 8.0, 16.0)?;
@@ -149,7 +154,7 @@ impl Check {
     }
 
     /// That colours that are mixed are there, and that each channel sees something.
-    pub(super) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
+    pub(crate) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
         let Some(matrix) = camera.crosstalk else { return Ok(()) };
         if (projector.channels, camera.channels) != (3, 3) {
             return Err(self.fault(
@@ -166,17 +171,17 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn ambient(&self, spec: &Ambient) -> Checked {
+    pub(crate) fn ambient(&self, spec: &Ambient) -> Checked {
         self.range("ambient.level", spec.level, 0.0, 1e6)?;
         self.wave("ambient", "variation", spec.variation, spec.period)
     }
 
-    pub(super) fn drift(&self, spec: &Drift) -> Checked {
+    pub(crate) fn drift(&self, spec: &Drift) -> Checked {
         self.range("drift.per_hour", spec.per_hour, -1e3, 1e3)?;
         self.wave("drift", "swing", spec.swing, spec.period)
     }
 
-    pub(super) fn faults(&self, spec: &Faults) -> Checked {
+    pub(crate) fn faults(&self, spec: &Faults) -> Checked {
         let shares = [
             ("dropped", spec.dropped, 0.0, 1.0),
             ("repeated", spec.repeated, 0.0, 1.0),
@@ -194,7 +199,7 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn x11(&self, spec: &X11Spec) -> Checked {
+    pub(crate) fn x11(&self, spec: &X11Spec) -> Checked {
         self.channels("projector", spec.channels)?;
         for side in spec.size.into_iter().chain(spec.monitor_size.into_iter().flatten()) {
             self.range("projector.size", side as f64, 1.0, 16384.0)?;
@@ -209,7 +214,7 @@ impl Check {
         )
     }
 
-    pub(super) fn measurement(&self, options: &MeasureOptions) -> Checked {
+    pub(crate) fn measurement(&self, options: &MeasureOptions) -> Checked {
         for &exposure in &options.exposures {
             self.range("measurement.exposures", exposure, 1e-9, 1e6)?;
         }
@@ -224,5 +229,143 @@ impl Check {
                 ("tries", options.tries.into(), 1.0, 1e6),
             ],
         )
+    }
+}
+
+// The validation of a real camera's table in a rig file.
+
+impl Check {
+    /// Checks the description of the devices of a program.
+    pub(crate) fn program(&self, rig: &ProgramRig) -> Checked {
+        let (projector, camera) = (&rig.projector, &rig.camera);
+        for (table, size, channels, bits) in [
+            ("projector", projector.size, projector.channels, projector.bits),
+            ("camera", camera.size, camera.channels, camera.bits),
+        ] {
+            size.iter()
+                .try_for_each(|&side| self.range(&format!("{table}.size"), side as f64, 1.0, 65535.0))?;
+            self.channels(table, channels)?;
+            self.range(&format!("{table}.bits"), bits.into(), 1.0, 16.0)?;
+        }
+        self.range("projector.frame_time", projector.frame_time, 0.0, 10.0)?;
+        self.times(camera.exposures, 0.0)
+    }
+
+    pub(crate) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
+        match spec {
+            CameraSpec::Gige(spec) => {
+                // From the least that every network carries to the largest datagram.
+                self.range("camera.packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0)?;
+                self.vision(&spec.settings())
+            }
+            CameraSpec::Usb3(spec) => self.vision(&spec.settings()),
+            CameraSpec::V4l(spec) => self.v4l(spec),
+            CameraSpec::Gphoto2(spec) => self.gphoto2(spec),
+        }
+    }
+
+    fn sensor(&self, sensor: &Sensor) -> Checked {
+        self.range("camera.bits", sensor.bits.into(), 8.0, 16.0)?;
+        sensor.size.iter().try_for_each(|&side| self.range("camera.size", side as f64, 1.0, 65535.0))?;
+        sensor.offset.iter().try_for_each(|&side| self.range("camera.offset", side as f64, 0.0, 65535.0))?;
+        sensor.fault().map_or(Ok(()), |[fault, help]| Err(self.fault(fault, help)))
+    }
+
+    fn times(&self, [shortest, longest]: [f64; 2], timeout: f64) -> Checked {
+        self.ranges(
+            "camera",
+            &[
+                ("exposures[0]", shortest, 1e-9, 1e6),
+                ("exposures[1]", longest, shortest, 1e6),
+                ("timeout", timeout, 0.0, 3600.0),
+            ],
+        )
+    }
+
+    fn vision(&self, settings: &Settings) -> Checked {
+        self.sensor(&settings.sensor)?;
+        self.times(settings.exposures, settings.timeout)?;
+        self.range("camera.gain", settings.gain.unwrap_or(0.0), -1e6, 1e6)
+    }
+
+    fn v4l(&self, spec: &V4lSpec) -> Checked {
+        self.sensor(&spec.sensor())?;
+        self.times(spec.exposures, spec.timeout)?;
+        self.range("camera.skip", spec.skip.into(), 0.0, 100.0)
+    }
+
+    fn gphoto2(&self, spec: &Gphoto2Spec) -> Checked {
+        self.sensor(&spec.sensor())?;
+        self.times(spec.exposures, spec.timeout)?;
+        self.range("camera.stops", spec.stops.unwrap_or(1).into(), 1.0, 12.0)?;
+        if spec.decoder.first().is_none_or(String::is_empty) {
+            return Err(self.fault(
+                "camera.decoder is empty",
+                "name the program that decodes RAW, with its arguments, or leave it out",
+            ));
+        }
+        Ok(())
+    }
+}
+
+// The validation of what a virtual rig's projector and beam splitter do to the light.
+
+impl Check {
+    /// Checks the way of the light: projector, camera, and what is between them.
+    pub(crate) fn between(
+        &self,
+        projector: &VirtualProjector,
+        camera: &VirtualCamera,
+        splitter: &Splitter,
+    ) -> Checked {
+        self.projector(projector)?;
+        if projector.white_segment > 0.0 && projector.channels != 3 {
+            return Err(self.fault(
+                "projector.white_segment adds to what three colours have in common, but the projector has one channel",
+                "give the projector channels = 3, or leave white_segment out",
+            ));
+        }
+        self.camera(camera)?;
+        self.crosstalk(projector, camera)?;
+        self.splitter(splitter)
+    }
+
+    /// Checks the pulses of a projector with this many channels.
+    pub(crate) fn pulse(&self, pulse: &Pulse, channels: usize) -> Checked {
+        self.range("projector.pulse.period", pulse.period, 0.0, 60.0)?;
+        self.range("projector.pulse.duty", pulse.duty, 1e-3, 1.0)?;
+        if pulse.wheel && channels != 3 {
+            return Err(self.fault(
+                "projector.pulse.wheel shows three colours, but the projector has one channel",
+                "give the projector channels = 3, or leave wheel out",
+            ));
+        }
+        if pulse.period == 0.0 && (pulse.wheel || pulse.duty < 1.0) {
+            return Err(self.fault(
+                "projector.pulse has no period",
+                "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
+            ));
+        }
+        Ok(())
+    }
+
+    fn splitter(&self, spec: &Splitter) -> Checked {
+        let [right, down] = spec.ghost_shift;
+        self.ranges(
+            "splitter",
+            &[
+                ("ghost", spec.ghost, 0.0, 1.0),
+                ("ghost_shift[0]", right, -1e5, 1e5),
+                ("ghost_shift[1]", down, -1e5, 1e5),
+                ("stray", spec.stray, 0.0, 10.0),
+            ],
+        )?;
+        if spec.ghost > 0.0 && spec.ghost_shift == [0.0; 2] {
+            return Err(self.fault(
+                format!("splitter.ghost is {}, but splitter.ghost_shift is missing", spec.ghost),
+                "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
+            ));
+        }
+        Ok(())
     }
 }

@@ -58,21 +58,17 @@
 //! [`crate::scene::load_with`]). A virtual rig may name one as `scene.camera_file`.
 
 mod check;
-mod check_camera;
-mod check_light;
-mod edit;
-mod parse;
 mod programs;
 mod scene;
-mod session;
 
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::Result;
-use crate::measure::MeasureOptions;
+pub use super::rig_file::programs::own_folder;
+use super::{Calibration, MeasureOptions};
+use crate::error::{Error, Result};
 use crate::rig::nearest::nearest;
 use crate::rig::{
     Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, GigeSpec, Gphoto2Spec, HardwareRig,
@@ -81,8 +77,6 @@ use crate::rig::{
 };
 use crate::transport::Channels;
 use check::Check;
-use parse::parse;
-pub use programs::own_folder;
 use scene::SceneTable;
 
 /// The content of a rig file.
@@ -208,7 +202,7 @@ impl RigFile {
     /// Reads a rig file.
     ///
     /// # Errors
-    /// [`crate::Error::Read`] when the file cannot be read; [`crate::Error::Data`] when it is invalid. The error names the
+    /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the
     /// line or the key, the valid values, and for an unknown name the most similar known one.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = crate::file::read(path)?;
@@ -301,5 +295,79 @@ fn kind_of(check: &Check, text: &str) -> Result<String> {
             "it does not say what kind of rig it describes",
             format!("begin it with kind = \"virtual\"; known kinds: {known}"),
         )),
+    }
+}
+
+// The parser of rig files. Its errors name the line, the key, and the name that was probably meant.
+
+/// Parses `text`, the content of the file at `path`.
+pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
+    toml::from_str(text).map_err(|error| explain(path, text, &error))
+}
+
+fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
+    let message = error.message().trim_end();
+    let place = error.span().map_or_else(String::new, |span| place(text, span.start));
+    let data = |fault, help| Error::Data { path: path.to_path_buf(), fault, help };
+    // The messages of serde are "unknown field `a`, expected one of `b`, `c`" and "unknown variant `a`,
+    // expected `b` or `c`".
+    let unknown = [("unknown field `", "key"), ("unknown variant `", "value")];
+    for (beginning, what) in unknown {
+        let Some((name, rest)) = message.strip_prefix(beginning).and_then(|rest| rest.split_once('`')) else {
+            continue;
+        };
+        let known: Vec<&str> = rest.split('`').skip(1).step_by(2).collect();
+        let meant =
+            nearest(name, &known).map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+        let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+        return data(format!("{place}unknown {what} `{name}`{meant}"), format!("known here: {known}"));
+    }
+    let help = "a rig file is TOML: tables like [camera], and lines like `bits = 14`; see the examples in assets/rigs";
+    data(format!("{place}{message}"), help.into())
+}
+
+/// `line 7, in [camera]: ` for the byte at `at`. The table is left out when that line is itself a table's
+/// header.
+fn place(text: &str, at: usize) -> String {
+    // The span of an error may end at the end of the text, and inside of a character.
+    let before = String::from_utf8_lossy(text.as_bytes().get(..at).unwrap_or(text.as_bytes()));
+    let line = before.matches('\n').count() + 1;
+    let is_header = text.lines().nth(line - 1).is_some_and(|line| line.trim_start().starts_with('['));
+    let table = before.lines().rev().find_map(|line| {
+        let (name, _) = line.trim().strip_prefix('[')?.split_once(']')?;
+        // A line of an array of arrays begins with a bracket, too.
+        name.starts_with(|c: char| c.is_ascii_alphabetic()).then(|| name.to_owned())
+    });
+    match table {
+        Some(table) if !is_header => format!("line {line}, in [{table}]: "),
+        _ => format!("line {line}: "),
+    }
+}
+
+// Settings of a session that follow from a rig file, from its calibration, or from neither.
+
+/// Seconds between the confirmation of a frame and its photo where neither the rig file nor a calibration
+/// gives them. Projectors that process their picture show it some frames late.
+const CAREFUL_SETTLE: f64 = 0.1;
+
+impl RigFile {
+    /// Loads the calibration that the file names, and checks that it belongs to the file's devices. `None`
+    /// when the file names none.
+    pub fn load_calibration(&self) -> Option<Result<Calibration>> {
+        let folder = self.calibration.as_ref()?;
+        let (projector, camera) = (self.kind.projector_info(), self.kind.camera_info());
+        Some(Calibration::load(folder).and_then(|known| known.check(&projector, &camera).map(|()| known)))
+    }
+
+    /// Seconds between the confirmation of a frame and its photo: those of the file, else the calibration's,
+    /// else 0.1.
+    pub fn settle(&self, known: Option<&Calibration>) -> f64 {
+        let measured = known.map(|known| known.stability.settle);
+        self.measurement.settle.or(measured).unwrap_or(CAREFUL_SETTLE)
+    }
+
+    /// The longest exposure that the file gives, in seconds. `None` when it leaves the choice to the program.
+    pub fn longest_exposure(&self) -> Option<f64> {
+        self.measurement.exposures.last().copied()
     }
 }

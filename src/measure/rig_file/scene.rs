@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::check::Check;
 use crate::error::Error;
 use crate::image::Resolution;
+use crate::measure::rig_file::check::Check;
 use crate::render::MAX_BOUNCES;
 use crate::rig::VirtualScene;
 
 /// The table as it is in the file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SceneTable {
+pub(crate) struct SceneTable {
     /// Width and height in pixels, of the projector and of the simulated photo before the camera resamples
     /// it.
     size: [usize; 2],
@@ -30,7 +30,7 @@ pub(super) struct SceneTable {
 
 impl SceneTable {
     /// The scene, with paths relative to `folder`.
-    pub(super) fn into_scene(self, check: &Check, folder: &Path) -> Result<VirtualScene, Error> {
+    pub(crate) fn into_scene(self, check: &Check, folder: &Path) -> Result<VirtualScene, Error> {
         let [width, height] = self.size;
         for side in [width, height] {
             check.range("scene.size", side as f64, 1.0, 16384.0)?;

@@ -1,20 +1,28 @@
 //! The page of reproduced figures: the paper's statements, the measured numbers, and whether they agree.
 
 mod numbers;
-mod pictures;
-mod table;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use numbers::{bounds_verdict, is_judged, json, markdown, number};
+
+use super::{Content, Figure, Panel, Reproduced};
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::name::Name;
+use crate::io::raster::{develop, exposure};
 use crate::lab::RunFolder;
 use crate::measure::RunManifest;
-use crate::paper::{Figure, Reproduced};
-use crate::report::html::{Block, Measured, Outcome, Report, Section, Verdict};
-use crate::report::run::{self, Files};
+use crate::report::colormap::{paint_sequential, paint_signed, robust_range};
+use crate::report::contact_sheet::ContactSheet;
+use crate::report::html::{
+    Block, Figure as PageFigure, Kind, Legend, Measured, Outcome, Report, Section, Sheet, Values, Verdict,
+};
+use crate::report::palette::paint_labels;
+use crate::report::run;
+use crate::report::run::Files;
+use crate::report::spectrum::narrowed;
 
 /// Reproduced figures for one page. A figure may occur several times, from different rigs.
 #[derive(Clone, Debug)]
@@ -43,7 +51,7 @@ impl Gallery<'_> {
         let json = serde_json::to_string_pretty(&self.summary())
             .map_err(|error| Error::Numerical(format!("figures.json: {error}")))?;
         atomic::write_bytes(&files.path("figures.json"), format!("{json}\n").as_bytes())?;
-        let table = table::markdown(self.made, self.quick, &named(&manifest.command));
+        let table = markdown(self.made, self.quick, &named(&manifest.command));
         atomic::write_bytes(&files.path("figures.md"), table.as_bytes())?;
         let photos = self.made.iter().map(|made| made.photos).sum();
         let report = Report {
@@ -77,8 +85,7 @@ impl Gallery<'_> {
 
     /// Whether all numbers meet their bounds, in a sentence.
     pub fn verdict(&self) -> Verdict {
-        let judged =
-            || self.made.iter().flat_map(|made| &made.checks).filter(|check| numbers::is_judged(check));
+        let judged = || self.made.iter().flat_map(|made| &made.checks).filter(|check| is_judged(check));
         let (all, met) = (judged().count(), judged().filter(|check| check.is_met()).count());
         let mut sentence =
             format!("{met} of {all} numbers are as the paper's figures, and our bounds, want them");
@@ -100,7 +107,7 @@ impl Gallery<'_> {
 
     /// All numbers as JSON.
     pub fn summary(&self) -> serde_json::Value {
-        self.made.iter().map(numbers::json).collect()
+        self.made.iter().map(json).collect()
     }
 
     fn overview(&self) -> Section {
@@ -108,7 +115,7 @@ impl Gallery<'_> {
             vec![
                 made.figure.title().to_owned(),
                 made.rig.name().to_owned(),
-                numbers::verdict(made).sentence,
+                bounds_verdict(made).sentence,
                 made.photos.to_string(),
                 frames(made.frames),
                 format!("{:.1}", made.seconds),
@@ -159,8 +166,8 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
     let measured = made.iter().map(|made| Measured {
         title: format!("Ours, {} rig", made.rig.name()),
         text: format!("{}; {:.1} s", made.setting, made.seconds),
-        verdict: numbers::verdict(made),
-        numbers: made.checks.iter().map(numbers::number).collect(),
+        verdict: bounds_verdict(made),
+        numbers: made.checks.iter().map(number).collect(),
     });
     let mut blocks = vec![Block::Claim {
         statement: ["The paper, in our words".into(), figure.statement().into()],
@@ -169,7 +176,7 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
     for made in made {
         let mut figures = Vec::new();
         for panel in &made.panels {
-            let picture = pictures::figure(panel)?;
+            let picture = painted(panel)?;
             let name = format!("{}-{}-{}.png", figure.name(), made.rig.name(), panel.name);
             atomic::write_bytes(&files.path(&name), &picture.png)?;
             figures.push(picture);
@@ -181,9 +188,54 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
             blocks.push(Block::Plot { svg: plot.lines.render(), caption: plot.caption.clone() });
         }
         for strip in &made.strips {
-            blocks
-                .push(Block::ContactSheet { caption: strip.caption.clone(), sheet: pictures::sheet(strip)? });
+            blocks.push(Block::ContactSheet { caption: strip.caption.clone(), sheet: sheet(strip)? });
         }
     }
     Ok(Section { title: figure.title().into(), text: String::new(), blocks })
+}
+
+/// A panel as a figure of the page.
+fn painted(panel: &Panel) -> Result<PageFigure> {
+    let resolution = panel.resolution;
+    let number = |values: &[f64]| Values::of_numbers(resolution, Kind::Number, values, "");
+    let (raster, legend, values) = match &panel.content {
+        Content::Labels(labels) => (
+            paint_labels(resolution, labels),
+            Legend::of_labels(labels),
+            Values::of_labels(resolution, labels),
+        ),
+        Content::Signed(values) => {
+            let range = robust_range(values, None);
+            (paint_signed(resolution, values, None, range)?, Legend::signed(range), number(values))
+        }
+        Content::Amounts(values) => {
+            let high = robust_range(values, None);
+            (
+                paint_sequential(resolution, values, None, (0.0, high))?,
+                Legend::sequential(0.0, high),
+                number(values),
+            )
+        }
+        Content::Light { values, white } => {
+            let image = narrowed(resolution, values)?;
+            let scale = white.map_or_else(|| exposure(&image), |white| (1.0 / white) as f32);
+            let white = 1.0 / f64::from(scale);
+            (develop(&image, scale), Legend::light(white), Values::of_light(&image, white, ""))
+        }
+    };
+    Ok(PageFigure {
+        png: raster.encode_png()?,
+        caption: panel.caption.clone(),
+        legend,
+        values: Some(values),
+        name: panel.name.clone(),
+        ..PageFigure::default()
+    })
+}
+
+/// The contact sheet of a figure's photos, numbered from 1, each below its pattern.
+fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
+    let mut photos = ContactSheet::new([strip.resolution; 2], 1);
+    strip.photos.iter().try_for_each(|photo| photos.push(0, &photo.from, &photo.to, false))?;
+    photos.sheet()
 }

@@ -1,15 +1,19 @@
-//! The kernels that a dispatch's contributions go through, one after the other.
+//! The kernels that the contributions of a dispatch go through one after the other, with their parameters and buffers.
 
-use super::MergeRequest;
-use super::kernels::KernelName;
-use crate::render::records::Layout;
+use wgpu::{BindingType, BufferBindingType, BufferUsages, CommandEncoder, ShaderStages};
+
+use super::{MergeRequest, words_of_term};
+use crate::error::Result;
+use crate::gpu::buffers::{Readback, Results};
+use crate::gpu::{Gpu, shader};
+use crate::render::batch::Layout;
 
 /// Threads of a workgroup; `LANES` of `shaders/shared/merging.wgsl`.
-pub(super) const LANES: u32 = 256;
+const LANES: u32 = 256;
 /// Elements that a workgroup scans, and entries that it sorts; `BLOCK` there.
-pub(super) const BLOCK: u32 = 1024;
+const BLOCK: u32 = 1024;
 /// Values of a digit; `DIGITS` there.
-pub(super) const DIGITS: u32 = 256;
+const DIGITS: u32 = 256;
 /// `NOTHING` there.
 const NOTHING: u32 = u32::MAX;
 
@@ -26,7 +30,7 @@ pub(super) struct MergeParameters {
     pub(super) channels: u32,
     pub(super) paths: u32,
     pub(super) samples: u32,
-    pub(super) first_half: u32,
+    first_half: u32,
     pub(super) max_bounces: u32,
     pub(super) direct: u32,
     pub(super) gathers: u32,
@@ -37,8 +41,8 @@ pub(super) struct MergeParameters {
     pub(super) shift: u32,
     pub(super) total: u32,
     pub(super) mean: f32,
-    pub(super) error_first: f32,
-    pub(super) error_second: f32,
+    error_first: f32,
+    error_second: f32,
     pub(super) padding: u32,
 }
 
@@ -52,7 +56,7 @@ pub(super) struct Step {
 }
 
 /// What the parameters of all steps have in common.
-pub(super) fn base(request: &MergeRequest<'_>, layout: &Layout, paths: u32) -> MergeParameters {
+pub(super) fn base_parameters(request: &MergeRequest<'_>, layout: &Layout, paths: u32) -> MergeParameters {
     let [mean, error_first, error_second] = (request.weights)(layout.samples).map(|weight| weight as f32);
     MergeParameters {
         luminance: request.luminance,
@@ -73,7 +77,7 @@ pub(super) fn base(request: &MergeRequest<'_>, layout: &Layout, paths: u32) -> M
 }
 
 /// The steps from records to terms, for paths that end at one of `other_pixels` pixels.
-pub(super) fn steps(base: &MergeParameters, other_pixels: u64, layout: &Layout) -> Vec<Step> {
+pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Layout) -> Vec<Step> {
     let most = base.paths * layout.most_ends() as u32;
     let blocks = most.div_ceil(BLOCK);
     let base = MergeParameters { blocks, ..*base };
@@ -100,11 +104,11 @@ pub(super) fn steps(base: &MergeParameters, other_pixels: u64, layout: &Layout) 
     steps.all
 }
 
-/// The most steps of [`steps()`]: keys of 30 bits and starts of 32 bits have eight digits.
-pub(super) const MOST_STEPS: usize = 4 + 4 * 8 + 4;
+/// The most steps of [`all_steps`]: keys of 30 bits and starts of 32 bits have eight digits.
+const MOST_STEPS: usize = 4 + 4 * 8 + 4;
 
 /// Words of the counters that so many entries of so many paths need.
-pub(super) fn counters(entries: u32, paths: u32) -> u32 {
+fn counters(entries: u32, paths: u32) -> u32 {
     paths.max(entries).max(DIGITS * entries.div_ceil(BLOCK))
 }
 
@@ -127,6 +131,210 @@ impl Steps {
 /// Bits of the number.
 fn bits(number: u64) -> u32 {
     u64::BITS - number.leading_zeros()
+}
+
+/// Bytes between the parameters of two steps, a multiple of what devices ask for.
+const STRIDE: u64 = 256;
+
+/// Bytes of the totals: the number of entries, that of terms, and two unused ones.
+const TOTALS: u64 = 16;
+
+/// Where the parameters of a step are.
+pub(super) fn offset(step: usize) -> u32 {
+    (step as u64 * STRIDE) as u32
+}
+
+/// Buffers for the contributions of one dispatch.
+pub(super) struct Buffers {
+    parameters: wgpu::Buffer,
+    totals: Results,
+    terms: Results,
+    /// With the entries in the first of their buffers, and in the second one.
+    groups: [wgpu::BindGroup; 2],
+}
+
+impl Buffers {
+    /// Room for so many entries of so many paths.
+    pub(super) fn new(
+        gpu: &Gpu,
+        kernels: &Kernels,
+        records: &wgpu::Buffer,
+        (entries, paths): (u32, u32),
+        channels: usize,
+    ) -> Result<Self> {
+        let words = |label: &str, count: u64| gpu.buffer(label, 4 * count, BufferUsages::STORAGE);
+        let counted = u64::from(counters(entries, paths));
+        let entry_words = 4 * u64::from(entries);
+        let [one, other] = [words("entries", entry_words)?, words("moved entries", entry_words)?];
+        let values = words("values", u64::from(entries) * channels as u64)?;
+        let counters = words("counters", counted)?;
+        let sums = words("sums", counted.div_ceil(u64::from(BLOCK)))?;
+        let totals = Results::new(gpu, "totals", TOTALS)?;
+        let terms = Results::new(gpu, "terms", 4 * u64::from(entries) * words_of_term(channels) as u64)?;
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let parameters = gpu.buffer("parameters of merging", STRIDE * MOST_STEPS as u64, usage)?;
+        let group = |[entries, moved]: [&wgpu::Buffer; 2]| {
+            let parameters = wgpu::BufferBinding {
+                buffer: &parameters,
+                offset: 0,
+                size: std::num::NonZero::new(size_of::<MergeParameters>() as u64),
+            };
+            let storage = [records, entries, moved, &values, &counters, &sums, &totals.buffer, &terms.buffer];
+            let resources = std::iter::once(wgpu::BindingResource::Buffer(parameters))
+                .chain(storage.map(wgpu::Buffer::as_entire_binding));
+            let entries: Vec<_> = (0..)
+                .zip(resources)
+                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+                .collect();
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("merging"),
+                layout: &kernels.layout,
+                entries: &entries,
+            })
+        };
+        let groups = gpu.guarded("bindings of merging", || [group([&one, &other]), group([&other, &one])])?;
+        Ok(Self { parameters, totals, terms, groups })
+    }
+
+    /// The bindings of a step.
+    pub(super) fn group(&self, is_swapped: bool) -> &wgpu::BindGroup {
+        &self.groups[usize::from(is_swapped)]
+    }
+
+    /// Writes the parameters of all steps.
+    pub(super) fn write_parameters(&self, gpu: &Gpu, steps: &[Step]) {
+        let mut bytes = vec![0_u8; steps.len() * STRIDE as usize];
+        for (step, to) in steps.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
+            to[..size_of::<MergeParameters>()].copy_from_slice(bytemuck::bytes_of(&step.parameters));
+        }
+        gpu.queue.write_buffer(&self.parameters, 0, &bytes);
+    }
+
+    /// Records the copy of the totals, if the host cannot read them in place.
+    pub(super) fn copy_totals(&self, encoder: &mut CommandEncoder) {
+        self.totals.copy(encoder, TOTALS);
+    }
+
+    pub(super) fn request_totals(&self, submission: wgpu::SubmissionIndex) -> Readback {
+        self.totals.request(TOTALS, submission)
+    }
+
+    /// Waits for the number of terms.
+    pub(super) fn wait_totals(&self, gpu: &Gpu, request: Readback) -> Result<u32> {
+        let view = self.totals.wait(gpu, request)?;
+        let totals: &[u32] = bytemuck::cast_slice(&view);
+        let terms = totals[1];
+        drop(view);
+        self.totals.release();
+        Ok(terms)
+    }
+
+    /// The first `words` words of the terms; one word more than none.
+    pub(super) fn read_terms(&self, gpu: &Gpu, words: u64) -> Result<wgpu::BufferView> {
+        let bytes = 4 * words.max(2);
+        let submission = gpu.guarded("read-back of terms", || {
+            let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            self.terms.submit(gpu, encoder, bytes)
+        })?;
+        self.terms.wait(gpu, self.terms.request(bytes, submission))
+    }
+
+    /// Makes the terms writable again for the device.
+    pub(super) fn release(&self) {
+        self.terms.release();
+    }
+}
+
+/// The kernels, in the order in which they are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum KernelName {
+    CountContributions,
+    WriteContributions,
+    ScanBlocks,
+    ScanSums,
+    CountDigits,
+    MoveEntries,
+    MarkTerms,
+    SumTerms,
+}
+
+/// The entry points of each shader, in the order of [`KernelName`].
+const SHADERS: [(&str, [&str; 2]); 4] = [
+    ("merge_contributions", ["count_contributions", "write_contributions"]),
+    ("merge_scan", ["scan_blocks", "scan_sums"]),
+    ("merge_sort", ["count_digits", "move_entries"]),
+    ("merge_sums", ["mark_terms", "sum_terms"]),
+];
+
+/// All kernels, which share one layout. Clones share them.
+#[derive(Clone)]
+pub(super) struct Kernels {
+    pipelines: Vec<wgpu::ComputePipeline>,
+    pub(super) layout: wgpu::BindGroupLayout,
+}
+
+impl Kernels {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self> {
+        let layout = layout(gpu);
+        let bound = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("merging"),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let mut pipelines = Vec::new();
+        for (name, entry_points) in SHADERS {
+            let text = shader::compose(name)?;
+            pipelines.extend(gpu.guarded(name, || {
+                let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                    label: Some(name),
+                    source: wgpu::ShaderSource::Wgsl(text.into()),
+                });
+                entry_points.map(|entry_point| {
+                    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                        label: Some(entry_point),
+                        layout: Some(&bound),
+                        module: &module,
+                        entry_point: Some(entry_point),
+                        compilation_options: wgpu::PipelineCompilationOptions::default(),
+                        cache: gpu.pipeline_cache(),
+                    })
+                })
+            })?);
+        }
+        Ok(Self { pipelines, layout })
+    }
+
+    pub(super) fn pipeline(&self, kernel: KernelName) -> &wgpu::ComputePipeline {
+        &self.pipelines[kernel as usize]
+    }
+}
+
+/// The bindings of `shaders/shared/merging.wgsl`.
+fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    let parameters = BindingType::Buffer {
+        ty: BufferBindingType::Uniform,
+        has_dynamic_offset: true,
+        min_binding_size: std::num::NonZero::new(size_of::<MergeParameters>() as u64),
+    };
+    let storage = |read_only| BindingType::Buffer {
+        ty: BufferBindingType::Storage { read_only },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    let types = [parameters, storage(true)].into_iter().chain([storage(false); 7]);
+    let entries: Vec<_> = (0..)
+        .zip(types)
+        .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: ShaderStages::COMPUTE,
+            ty,
+            count: None,
+        })
+        .collect();
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("merging"),
+        entries: &entries,
+    })
 }
 
 #[cfg(test)]

@@ -69,8 +69,8 @@ fn compared(
     merge.record(gpu, &mut encoder, request, layout, paths as u32);
     let submission = gpu.queue.submit([encoder.finish()]);
     let view = merge.wait(gpu, merge.request(submission, 0)).expect("the device works");
-    let expected = host::terms(&Batch::new(0, *layout, records), request);
-    let outcome = (host::agree(&view.merged(), &expected), expected.len());
+    let expected = host_terms(&Batch::new(0, *layout, records), request);
+    let outcome = (agree(&view.merged(), &expected), expected.len());
     drop(view);
     merge.release();
     outcome
@@ -130,9 +130,9 @@ fn a_wrong_term_is_noticed() {
     let layout = layout(4, true, false);
     let records = records(&mut random, &layout, 400, (&[1, 2, 3], 1));
     let (request, batch) = (request(1, false), Batch::new(0, layout, &records));
-    let expected = host::terms(&batch, &request);
-    let words: Vec<u32> = expected.iter().flat_map(host::HostTerm::words).collect();
-    let agrees = |words: &[u32]| host::agree(&Merged { words, channels: 1, first_pixel: 0 }, &expected);
+    let expected = host_terms(&batch, &request);
+    let words: Vec<u32> = expected.iter().flat_map(HostTerm::words).collect();
+    let agrees = |words: &[u32]| agree(&Merged { words, channels: 1, first_pixel: 0 }, &expected);
     assert!(agrees(&words));
     assert!(!agrees(&words[..words.len() - 4]), "a term is missing");
     for at in [0, 1, 2, 3] {

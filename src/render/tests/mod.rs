@@ -1,22 +1,11 @@
 //! Tests of the shaders' functions, which run as the WGSL that the tracer runs, and of whole traces.
 
-mod chi_square;
-mod compiled;
-mod directions;
-mod fresnel;
-mod furnace;
-mod invocations;
-mod kernel;
-mod light_buffer;
+mod bsdf;
+mod energy;
 mod material;
-mod observer;
-mod path_records;
-mod photons;
+mod paths;
 mod random;
-mod reciprocity;
-mod sampler;
-mod samples;
 mod statistics;
+mod support;
 mod surface;
-mod texture;
 mod weights;

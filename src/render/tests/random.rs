@@ -1,8 +1,131 @@
-//! The hash that serves as random number generator.
+//! Random numbers: the hash, and the sampler with its exact stratification and independent pixels, vertices and halves.
 
-use super::kernel::{gpu, run};
 use super::statistics::{chi_square_test, threshold};
+use super::support::{gpu, run};
 use crate::gpu::Gpu;
+
+/// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`; `[pixel · samples +
+/// sample]`.
+fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]> {
+    let source = format!(
+        "#import sampler
+        fn work(index: u32) -> vec4f {{
+            return stratified4(index / {samples}u, index % {samples}u, {samples}u, {vertex}u, 11u);
+        }}"
+    );
+    run(gpu, &source, &[], &[[0.0; 4]], pixels * samples)
+}
+
+/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ`
+/// points.
+fn is_net(points: &[(f32, f32)]) -> bool {
+    let count = points.len();
+    assert!(count.is_power_of_two());
+    (0..=count.ilog2()).all(|a| {
+        let (columns, rows) = ((1 << a) as f32, (count >> a) as f32);
+        let mut held = vec![0; count];
+        for &(x, y) in points {
+            held[(y * rows) as usize * (1 << a) + (x * columns) as usize] += 1;
+        }
+        held.iter().all(|&held| held == 1)
+    })
+}
+
+fn pairs(points: &[[f32; 4]]) -> [Vec<(f32, f32)>; 2] {
+    [points.iter().map(|p| (p[0], p[1])).collect(), points.iter().map(|p| (p[2], p[3])).collect()]
+}
+
+#[test]
+fn each_half_of_a_pixels_samples_is_a_net_in_both_pairs() {
+    let gpu = gpu();
+    for (samples, vertex) in [(2, 0), (64, 0), (64, 3), (2048, 1)] {
+        for pixel in points(&gpu, 32, samples, vertex).chunks(samples / 2).flat_map(pairs) {
+            assert!(is_net(&pixel), "{samples} samples, vertex {vertex}: {pixel:?}");
+        }
+    }
+}
+
+#[test]
+fn blocks_are_nets_where_the_count_is_no_power_of_two() {
+    // Halves of 24 = 16 + 8 and of 23 = 16 + 4 + 2 + 1.
+    for pixel in points(&gpu(), 32, 47, 0).chunks(47) {
+        for (half, blocks) in [(&pixel[..24], vec![0..16, 16..24]), (&pixel[24..], vec![0..16, 16..20])] {
+            for block in blocks {
+                for pair in pairs(&half[block.clone()]) {
+                    assert!(is_net(&pair), "{block:?}: {pair:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_test_for_nets_rejects_other_points() {
+    let mut points: Vec<(f32, f32)> = (0..16).map(|i| (i as f32 / 16.0, (i % 4) as f32 / 4.0)).collect();
+    assert!(!is_net(&points), "four columns of equal heights");
+    points = (0_u8..16).map(|i| (f32::from(i) / 16.0, f32::from(i.reverse_bits() >> 4) / 16.0)).collect();
+    assert!(is_net(&points), "Hammersley's points");
+}
+
+/// The p-value of `bins²` equally likely squares.
+fn pair_p_value(bins: usize, pairs: impl Iterator<Item = (f32, f32)>) -> f64 {
+    let mut observed = vec![0.0; bins * bins];
+    let mut count = 0.0;
+    for (a, b) in pairs {
+        observed[(a * bins as f32) as usize * bins + (b * bins as f32) as usize] += 1.0;
+        count += 1.0;
+    }
+    chi_square_test(&observed, &vec![count / (bins * bins) as f64; bins * bins])
+}
+
+#[test]
+fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_its_other_pair() {
+    const PIXELS: usize = 1 << 18;
+    const SAMPLES: usize = 6;
+    let gpu = gpu();
+    let vertices = [points(&gpu, PIXELS, SAMPLES, 1), points(&gpu, PIXELS, SAMPLES, 2)];
+    // Over the pixels, one sample each: these are independent of one another, which the χ² test needs.
+    let of = |vertex: usize, sample: usize| {
+        vertices[vertex].iter().skip(sample).step_by(SAMPLES).copied().collect::<Vec<_>>()
+    };
+    let base = of(0, 1);
+    assert!(base.iter().flatten().all(|u| (0.0..1.0).contains(u)));
+    let mut p_values = Vec::new();
+    for c in 0..4 {
+        for d in c + 1..4 {
+            let p = pair_p_value(32, base.iter().map(|u| (u[c], u[d])));
+            p_values.push((format!("numbers {c} and {d}"), p));
+        }
+    }
+    let odd: Vec<_> = base.iter().skip(1).step_by(2).copied().collect();
+    let others = [
+        ("same place in the other half", of(0, 4)),
+        ("another place in the other half", of(0, 3)),
+        ("next vertex", of(1, 1)),
+        ("next vertex, next sample", of(1, 2)),
+        ("next pixel", odd),
+    ];
+    for (name, other) in &others {
+        // Every second pixel for the last one, so that no pixel is in two pairs.
+        let step = if other.len() < base.len() { 2 } else { 1 };
+        for c in 0..4 {
+            for d in 0..4 {
+                let p = pair_p_value(32, base.iter().step_by(step).zip(other).map(|(a, b)| (a[c], b[d])));
+                p_values.push((format!("{name}, numbers {c} and {d}"), p));
+            }
+        }
+    }
+    // Within a half the pairs of one vertex are shuffled against each other: x of one sample says nothing on
+    // z of another.
+    let next = of(0, 2);
+    for (c, d) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
+        let p = pair_p_value(32, base.iter().zip(&next).map(|(a, b)| (a[c], b[d])));
+        p_values.push((format!("next sample, numbers {c} and {d}"), p));
+    }
+    let threshold = threshold(p_values.len());
+    let failed: Vec<_> = p_values.iter().filter(|(_, p)| p.is_nan() || *p < threshold).collect();
+    assert!(failed.is_empty(), "{failed:?}");
+}
 
 const COUNT: usize = 1 << 20;
 
@@ -23,15 +146,6 @@ fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
         offset[0], offset[1], offset[2], offset[3]
     );
     run(gpu, &source, &[], &[[0.0; 4]], COUNT)
-}
-
-/// The p-value of `bins²` equally likely squares.
-fn pair_p_value(bins: usize, pairs: impl Iterator<Item = (f32, f32)>) -> f64 {
-    let mut observed = vec![0.0; bins * bins];
-    for (a, b) in pairs {
-        observed[(a * bins as f32) as usize * bins + (b * bins as f32) as usize] += 1.0;
-    }
-    chi_square_test(&observed, &vec![COUNT as f64 / (bins * bins) as f64; bins * bins])
 }
 
 #[test]

@@ -1,12 +1,13 @@
-//! The surface at a hit point, against a computation from the scene on the host.
+//! The surface at a hit point, its shading normal and its textures, against a computation from the scene on the host.
 
-mod normals;
+use glam::{Affine2, DMat2, DVec2, DVec3, Vec2, Vec3, vec2, vec3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
-use glam::{Vec3, vec3};
-
-use super::kernel::{gpu, run};
+use super::support::{gpu, run};
 use crate::gpu::Gpu;
 use crate::render::geometry::GpuScene;
+use crate::render::materials::{GpuTexture, Role, pack_texels, srgb_table};
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Triangle, Volume, Wrap, builtin};
 
 /// The result of `surface_at`, with the names of `shaders/shared/surface.wgsl`.
@@ -225,5 +226,173 @@ fn media_lie_behind_the_front() {
         let found = look(&gpu, &scene(thin), &[FRONT, BACK]);
         assert!(found.iter().all(|side| side.eta == [1.0; 2] && side.ior == 1.0), "{found:?}");
         assert!(found.iter().all(|side| side.absorption == Vec3::ZERO), "{found:?}");
+    }
+}
+
+#[test]
+fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
+    let gpu = gpu();
+    let mut scene = scene(Material::default());
+    let normals = [vec3(0.6, 0.0, 0.8), vec3(0.0, -0.8, 0.6), vec3(-0.28, 0.96, 0.0)];
+    scene.triangles[0].normals = normals;
+    let [b, c] = [0.5, 0.125];
+    let found = look(&gpu, &scene, &[(Vec3::NEG_Z, [b, c]), (Vec3::Z, [b, c]), (Vec3::NEG_Z, [0.0, 1.0])]);
+    let blended = ((1.0 - b - c) * normals[0] + b * normals[1] + c * normals[2]).normalize();
+    // Coordinates of 16 bits.
+    assert_close(found[0].shading, blended, 1e-4);
+    assert_close(found[1].shading, -blended, 1e-4);
+    // The third normal lies in the horizon, and is lifted a little.
+    assert_close(found[2].shading, vec3(-0.28, 0.96, 0.01).normalize(), 1e-4);
+
+    scene.triangles[0].normals = [Vec3::ZERO; 3];
+    assert_eq!(look(&gpu, &scene, &[FRONT])[0].shading, Vec3::Z);
+}
+
+/// The shading normal of a normal map by glTF's definition: +X of the map along u and +Y against v (which
+/// runs downwards), in the plane perpendicular to the smooth normal.
+fn bumped(triangle: &Triangle, map: Affine2, normal: DVec3, bump: DVec3) -> DVec3 {
+    let [a, b, c] = triangle.positions.map(Vec3::as_dvec3);
+    let uv = triangle.texcoords.map(|[_, second]| map.transform_point2(second).as_dvec2());
+    // Edges are a linear map of their coordinates' differences; its columns are the gradients.
+    let coordinates = DMat2::from_cols(uv[1] - uv[0], uv[2] - uv[0]).inverse();
+    let along = |w: DVec2| {
+        let weights = coordinates * w;
+        weights.x * (b - a) + weights.y * (c - a)
+    };
+    let tangent = along(DVec2::X).reject_from(normal).normalize();
+    let upwards = -along(DVec2::Y);
+    let across = normal.cross(tangent);
+    let bitangent = if across.dot(upwards) < 0.0 { -across } else { across };
+    (bump.x * tangent + bump.y * bitangent + bump.z * normal).normalize()
+}
+
+#[test]
+fn normal_maps_bend_the_smooth_normal_in_the_frame_of_their_coordinates() {
+    let gpu = gpu();
+    let mut random = Pcg64::seed_from_u64(7);
+    let mut number = |low: f32, high: f32| random.random_range(low..high);
+    for case in 0..12 {
+        let map = Affine2::from_scale_angle_translation(
+            vec2(number(0.5, 2.0), number(0.5, 2.0)),
+            number(-3.0, 3.0),
+            vec2(number(-1.0, 1.0), 0.0),
+        );
+        let reference = TextureRef { texture: 0, set: 1, transform: map };
+        let mut scene =
+            scene(Material { normal_texture: Some(reference), normal_scale: 0.5, ..Material::default() });
+        let texel = [number(0.0, 255.0) as u8, number(0.0, 255.0) as u8, 230, 255];
+        scene.textures = vec![texture(texel)];
+        let triangle = &mut scene.triangles[0];
+        triangle.positions =
+            triangle.positions.map(|p| p + Vec3::splat(number(-0.2, 0.2)) * vec3(1.0, 1.0, -2.0));
+        // Every second picture is mirrored.
+        let mirror = if case % 2 == 0 { 1.0 } else { -1.0 };
+        triangle.texcoords = [vec2(0.0, 0.0), vec2(mirror, 0.2), vec2(0.3 * mirror, -1.0)]
+            .map(|uv| [Vec2::ZERO, uv + vec2(0.1 * number(-1.0, 1.0), 0.0)]);
+        let [a, b, c] = triangle.positions;
+        let flat = (b - a).cross(c - a).normalize();
+        let tilted = if case < 6 { flat } else { (flat + vec3(0.3, -0.2, 0.0)).normalize() };
+        triangle.normals = [tilted; 3];
+        let triangle = *triangle;
+
+        let [x, y, z, _] = texel.map(|byte| 2.0 * f64::from(byte) / 255.0 - 1.0);
+        let bump = DVec3::new(0.5 * x, 0.5 * y, z);
+        let expected = bumped(&triangle, map, tilted.as_dvec3(), bump).as_vec3();
+        let found = look(&gpu, &scene, &[(-flat, [0.3, 0.3]), (flat, [0.3, 0.3])]);
+        // The smooth normal has coordinates of 16 bits.
+        assert_close(found[0].shading, expected, 2e-4);
+        assert_close(found[1].shading, -expected, 2e-4);
+    }
+}
+
+/// Texel index of a coordinate that may lie outside `0..size`, by table 8.20 of OpenGL 4.6.
+fn wrapped(coordinate: i64, size: i64, wrap: Wrap) -> i64 {
+    let mirror = |a: i64| if a >= 0 { a } else { -(1 + a) };
+    match wrap {
+        Wrap::Repeat => coordinate.rem_euclid(size),
+        Wrap::MirroredRepeat => (size - 1) - mirror(coordinate.rem_euclid(2 * size) - size),
+        Wrap::ClampToEdge => coordinate.clamp(0, size - 1),
+    }
+}
+
+fn texel(texture: &Texture, x: i64, y: i64, role: Role) -> [f64; 4] {
+    let x = wrapped(x, i64::from(texture.width), texture.wrap[0]);
+    let y = wrapped(y, i64::from(texture.height), texture.wrap[1]);
+    let [r, g, b, a] =
+        texture.texels[(y * i64::from(texture.width) + x) as usize].map(|byte| f64::from(byte) / 255.0);
+    let decode = |c: f64| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+    match role {
+        Role::BaseColor => [decode(r), decode(g), decode(b), a],
+        _ => [r, g, b, a],
+    }
+}
+
+fn value(texture: &Texture, uv: [f32; 2], role: Role) -> [f64; 4] {
+    // In f32 as on the device, so that both choose the same texels.
+    let [x, y] = [uv[0] * texture.width as f32, uv[1] * texture.height as f32];
+    if !texture.linear {
+        return texel(texture, x.floor() as i64, y.floor() as i64, role);
+    }
+    let [left, top] = [(x - 0.5).floor(), (y - 0.5).floor()];
+    let [s, t] = [f64::from(x - 0.5 - left), f64::from(y - 0.5 - top)];
+    let [i, j] = [left as i64, top as i64];
+    let corners = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)].map(|(x, y)| texel(texture, x, y, role));
+    let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
+    [0, 1, 2, 3].map(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
+}
+
+#[test]
+fn textures_are_filtered_and_wrapped_as_gltf_defines() {
+    let mut random = Pcg64::seed_from_u64(1);
+    let wraps = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge];
+    let mut scene = builtin::plane(1.0, 1.0);
+    for (u, v, linear) in
+        wraps.iter().flat_map(|u| wraps.iter().flat_map(move |v| [(*u, *v, true), (*u, *v, false)]))
+    {
+        // Odd and even sides, and one texel.
+        let (width, height) = [(5, 3), (4, 7), (1, 2)][scene.textures.len() % 3];
+        let texels = (0..width * height).map(|_| random.random::<[u8; 4]>()).collect();
+        scene.textures.push(Texture { name: String::new(), width, height, texels, wrap: [u, v], linear });
+    }
+    let roles = [Role::BaseColor, Role::MetallicRoughness];
+    let uses: Vec<(usize, Role)> =
+        (0..scene.textures.len()).flat_map(|texture| roles.map(|role| (texture, role))).collect();
+    let look_ups: Vec<[f32; 4]> = (0..1 << 16)
+        .map(|index| {
+            let [u, v] = [random.random_range(-3.0..4.0_f32), random.random_range(-3.0..4.0_f32)];
+            [u, v, (index % uses.len()) as f32, 0.0]
+        })
+        .collect();
+
+    let gpu = gpu();
+    let textures: Vec<GpuTexture> = uses
+        .iter()
+        .map(|&(texture, role)| GpuTexture::new(&scene, &TextureRef::new(texture as u32), role))
+        .collect();
+    let textures = gpu.storage("texture descriptions", &textures).expect("small");
+    let texels = gpu.texel_array("textures", &pack_texels(&scene)).expect("small");
+    let table = gpu.storage("sRGB table", &srgb_table()).expect("small");
+    let source = "#import texture
+        fn work(index: u32) -> vec4f {
+            return texture_value(textures[u32(input[index].z)], input[index].xy);
+        }";
+    let shared = [
+        (5, textures.as_entire_binding()),
+        (6, wgpu::BindingResource::TextureView(&texels)),
+        (7, table.as_entire_binding()),
+    ];
+    let found = run(&gpu, source, &shared, &look_ups, look_ups.len());
+    for (&[u, v, index, _], found) in look_ups.iter().zip(&found) {
+        let (texture, role) = uses[index as usize];
+        let texture = &scene.textures[texture];
+        let expected = value(texture, [u, v], role);
+        for c in 0..4 {
+            // Two blends of numbers up to 1, in f32.
+            let error = (f64::from(found[c]) - expected[c]).abs();
+            assert!(
+                error < 8.0 * f64::from(f32::EPSILON),
+                "{texture:?} at {u}, {v}: {found:?}, expected {expected:?}"
+            );
+        }
     }
 }

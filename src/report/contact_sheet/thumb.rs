@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::io::raster::Raster;
-use crate::io::tone::{develop, exposure};
+use crate::io::raster::{develop, exposure};
 use crate::report::colormap::{paint_signed, robust_range};
 use crate::report::planes::mean;
 

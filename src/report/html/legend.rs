@@ -1,6 +1,6 @@
 //! Legends: the meaning of a picture's colours.
 
-use crate::io::srgb;
+use crate::io::raster;
 use crate::report::colormap;
 use crate::report::palette::{MASKED_LABEL, Palette};
 
@@ -62,9 +62,9 @@ impl Legend {
         Self::Scale { colors, labels: vec![format!("\u{2212}{end}"), "0".into(), end], unit: String::new() }
     }
 
-    /// The gray scale of [`develop`](crate::io::tone::develop), 0 to `white`.
+    /// The gray scale of [`develop`](crate::io::raster::develop), 0 to `white`.
     pub fn light(white: f64) -> Self {
-        let gray = |step: i32| [srgb::encode_srgb(step as f32 / 16.0); 3];
+        let gray = |step: i32| [raster::encode_srgb(step as f32 / 16.0); 3];
         let labels = vec!["0".into(), brief(white)];
         Self::Scale { colors: (0..=16).map(gray).collect(), labels, unit: String::new() }
     }

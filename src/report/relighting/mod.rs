@@ -13,7 +13,7 @@ use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit, SavedModel};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 
 /// A captured model and what it answered.
 #[derive(Clone, Debug)]

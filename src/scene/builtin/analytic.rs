@@ -1,9 +1,12 @@
 //! Scenes whose light transport is known in closed form.
 
-use glam::{Vec3, vec3};
+use std::collections::HashMap;
+use std::f64::consts::PI;
 
-use super::icosphere::icosphere;
-use super::model::{Model, Part, camera_along_z, matte};
+use glam::{DQuat, DVec3, Vec3, dvec3, vec3};
+
+use super::model::{Model, Part, matte, white_paper};
+use super::{TAN_20_DEGREES, TAN_25_DEGREES};
 use crate::scene::Scene;
 
 /// A fronto-parallel matte plane with albedo `albedo` at `distance` metres. It is much larger than the view;
@@ -53,5 +56,121 @@ pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
 /// A scene of one matte material whose camera is at the origin.
 fn matte_scene(name: &'static str, parts: Vec<Part>, albedo: f32, tan_half_fov: f32) -> Scene {
     let materials = vec![matte("matte", Vec3::splat(albedo))];
-    Model { name, parts, materials, camera: camera_along_z(Vec3::ZERO, tan_half_fov) }.to_scene()
+    Model::along_z(name, parts, materials, (0.0, tan_half_fov)).to_scene()
+}
+
+/// Height of the bumps, in metres.
+const BUMP: f64 = 0.01;
+/// Number of bumps along a wall.
+const BUMPS: f64 = 6.0;
+
+/// A white box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Its five
+/// walls are slightly bumpy, and each is tessellated by the same grid of `n × n` cells. The box has `10·n²`
+/// triangles, where `n` is `√(target_triangles / 10)` rounded, but at least 1. Each wall is a region.
+pub fn tessellated_box(target_triangles: usize) -> Scene {
+    let cells = ((target_triangles as f64 / 10.0).sqrt().round() as usize).max(1);
+    // Each wall has an origin and the directions of its columns and rows, whose cross product points inwards.
+    let walls = [
+        ("floor", dvec3(-0.5, -0.5, 0.0), DVec3::X, DVec3::NEG_Z),
+        ("ceiling", dvec3(-0.5, 0.5, -1.0), DVec3::X, DVec3::Z),
+        ("back", dvec3(-0.5, -0.5, -1.0), DVec3::X, DVec3::Y),
+        ("left", dvec3(-0.5, -0.5, 0.0), DVec3::NEG_Z, DVec3::Y),
+        ("right", dvec3(0.5, -0.5, -1.0), DVec3::Z, DVec3::Y),
+    ];
+    let parts = walls.map(|(name, origin, along, up)| {
+        let mut part = Part::new(name, None);
+        let inwards = along.cross(up);
+        part.grid(cells, cells, |column, row| -> Vec3 {
+            let [s, t] = [column, row].map(|index| index as f64 / cells as f64);
+            // There are no bumps on the edges, so that the walls meet.
+            let edge = column == 0 || column == cells || row == 0 || row == cells;
+            let bump =
+                if edge { 0.0 } else { BUMP * ((BUMPS * PI * s).sin() * (BUMPS * PI * t).sin()).powi(2) };
+            (origin + s * along + t * up + bump * inwards).as_vec3()
+        });
+        part
+    });
+    Model::along_z("tessellated-box", parts.into(), white_paper(), (1.3, TAN_20_DEGREES)).to_scene()
+}
+
+/// Half of the sheet's height, in metres.
+const HALF_HEIGHT: f64 = 0.35;
+/// The folds' positions across the sheet and their depths behind its ridges, in metres: those of `zigzag`.
+const FOLDS: [[f64; 2]; 5] = [[-0.4, 0.0], [-0.2, -0.3], [0.0, 0.0], [0.2, -0.3], [0.4, 0.0]];
+/// Distance of the middle of the sheet's middle ridge from the camera, in metres.
+const DISTANCE: f64 = 0.85;
+/// The sheet leans back by this angle from its lower edge upwards, …
+const LEAN: f64 = 35.0;
+/// … and is turned by this one about the vertical, so that the faces beside its middle ridge are not equally bright.
+const TURN: f64 = 20.0;
+
+/// One white sheet, folded like the two of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. Direct light is
+/// brightest in one spot, at the lower end of the middle ridge, 0.65 m from the camera. On an upright sheet it is equally bright along a
+/// whole ridge. The sheet is region 0.
+pub fn folded_sheet() -> Model {
+    let turn = DQuat::from_rotation_y(TURN.to_radians());
+    let lean = DQuat::from_rotation_x(-LEAN.to_radians());
+    let at = |[x, depth]: [f64; 2], height: f64| {
+        (lean * (dvec3(0.0, height, 0.0) + turn * dvec3(x, 0.0, depth)) - DISTANCE * DVec3::Z).as_vec3()
+    };
+    let mut sheet = Part::new("folded sheet", Some(0));
+    for pair in FOLDS.windows(2) {
+        let [low, high] = [-HALF_HEIGHT, HALF_HEIGHT];
+        sheet.quad([at(pair[0], low), at(pair[1], low), at(pair[1], high), at(pair[0], high)]);
+    }
+    Model::along_z("folded-sheet", vec![sheet], white_paper(), (0.0, TAN_25_DEGREES))
+}
+
+/// An icosahedron whose triangles are split into four `subdivisions` times, at most 8 times. Returns the
+/// vertices, on the unit sphere, and the triangles, counter-clockwise as seen from inside. The result is the
+/// same on every machine, because square roots are the only functions used.
+pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let (mut vertices, mut triangles) = icosahedron();
+    for _ in 0..subdivisions.min(8) {
+        triangles = split(&mut vertices, &triangles);
+    }
+    (vertices, triangles)
+}
+
+/// The vertices of an icosahedron, on the unit sphere, and its triangles, counter-clockwise as seen from
+/// inside.
+fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
+    let mut vertices = Vec::new();
+    for (one, long) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
+        vertices.extend([dvec3(0.0, one, long), dvec3(one, long, 0.0), dvec3(long, 0.0, one)]);
+    }
+    // Three vertices form a face if each two of them are at the distance of the edge length, 2.
+    let adjacent = |a: usize, b: usize| (vertices[a].distance(vertices[b]) - 2.0).abs() < 1e-9;
+    let mut triangles = Vec::new();
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if adjacent(a, b) && adjacent(b, c) && adjacent(c, a) {
+                    let outwards =
+                        (vertices[b] - vertices[a]).cross(vertices[c] - vertices[a]).dot(vertices[a]) > 0.0;
+                    let [a, b, c] = [a as u32, b as u32, c as u32];
+                    triangles.push(if outwards { [a, c, b] } else { [a, b, c] });
+                }
+            }
+        }
+    }
+    (vertices.into_iter().map(DVec3::normalize).collect(), triangles)
+}
+
+/// Splits each triangle into four at the midpoints of its edges, which are projected to the sphere.
+fn split(vertices: &mut Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut middle = |a: u32, b: u32| {
+        *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+            vertices.push((vertices[a as usize] + vertices[b as usize]).normalize());
+            vertices.len() as u32 - 1
+        })
+    };
+    let mut finer = Vec::with_capacity(4 * triangles.len());
+    for &[a, b, c] in triangles {
+        let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+        finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    finer
 }

@@ -17,30 +17,17 @@
 //! `cargo run --example regenerate_assets` writes the files of the shipped scenes.
 
 mod analytic;
-mod cornell;
-mod corner;
 mod egg_carton;
-mod folded_sheet;
-mod glb;
-mod icosphere;
-mod mirror;
-mod mirror_ball;
 mod model;
-mod tessellated_box;
-mod two_sheets;
-mod zigzag;
 
-pub use analytic::{inside_sphere, parallel_plates, plane};
-pub use cornell::cornell;
-pub use corner::corner;
+use glam::{DVec2, DVec3, Vec3, dvec2, dvec3, vec3};
+
+use crate::scene::Material;
+use model::{matte, white_paper};
+
+pub use analytic::{folded_sheet, inside_sphere, parallel_plates, plane, tessellated_box};
 pub use egg_carton::{carton, carton_eggs, nine_cells};
-pub use folded_sheet::folded_sheet;
-pub use mirror::mirror;
-pub use mirror_ball::mirror_ball;
 pub use model::{Model, Part};
-pub use tessellated_box::tessellated_box;
-pub use two_sheets::{two_sheets, two_sheets_post};
-pub use zigzag::zigzag;
 
 /// All shipped scenes. The file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
 pub fn shipped() -> Vec<Model> {
@@ -57,4 +44,193 @@ pub fn shipped() -> Vec<Model> {
         nine_cells(false),
         nine_cells(true),
     ]
+}
+
+const TAN_20_DEGREES: f32 = 0.363_970_22;
+const TAN_25_DEGREES: f32 = 0.466_307_67;
+
+/// Two white sheets side by side, each folded along the vertical into a valley: `\/\/` seen from above. Their
+/// rims are 0.8 m from the camera and their valleys 1.1 m. Each sheet is 0.4 m wide and 1.4 m high, and
+/// together they fill the view. A straight line from one sheet to the other would have to pass in front of
+/// the ridge between them, but no point of a sheet is in front of the ridge. The sheets therefore exchange no
+/// light. The left sheet is region 0, the right one region 1. They are mirror images of each other.
+pub fn zigzag() -> Model {
+    let fold = |name: &str, label: u32, [left, valley, right]: [f32; 3]| {
+        let mut part = Part::new(name, Some(label));
+        for [(x0, z0), (x1, z1)] in [[(left, -0.8), (valley, -1.1)], [(valley, -1.1), (right, -0.8)]] {
+            part.quad([vec3(x0, -0.7, z0), vec3(x1, -0.7, z1), vec3(x1, 0.7, z1), vec3(x0, 0.7, z0)]);
+        }
+        part
+    };
+    let sheets = [fold("left sheet", 0, [-0.4, -0.2, 0.0]), fold("right sheet", 1, [0.0, 0.2, 0.4])];
+    Model::along_z("zigzag", sheets.into(), white_paper(), (0.0, TAN_25_DEGREES))
+}
+
+/// Two white planes that meet at a right angle along a vertical edge, 1.2 m in front of the camera. Each
+/// extends 0.6 m towards the camera and 0.6 m to its side. They fill the view. The left plane is region 0,
+/// the right one region 1.
+pub fn corner() -> Model {
+    Model::along_z("corner", planes(["left", "right"]), white_paper(), (0.0, TAN_20_DEGREES))
+}
+
+/// The [`corner`] with a perfect mirror as its right half. Light returns from the wall along
+/// four kinds of path: directly, or by the mirror before the wall, after the wall, or both. The wall (left)
+/// is region 0, the mirror (right) region 1.
+pub fn mirror() -> Model {
+    let mut parts = planes(["wall", "mirror"]);
+    parts[1].material = 1;
+    let materials = [white_paper(), vec![perfect_mirror()]].concat();
+    Model::along_z("mirror", parts, materials, (0.0, TAN_20_DEGREES))
+}
+
+/// The two planes of the scene `corner`.
+fn planes([left, right]: [&str; 2]) -> Vec<Part> {
+    let [mut left, mut right] = [Part::new(left, Some(0)), Part::new(right, Some(1))];
+    left.quad([vec3(-0.6, -0.7, -0.6), vec3(0.0, -0.7, -1.2), vec3(0.0, 0.7, -1.2), vec3(-0.6, 0.7, -0.6)]);
+    right.quad([vec3(0.0, -0.7, -1.2), vec3(0.6, -0.7, -0.6), vec3(0.6, 0.7, -0.6), vec3(0.0, 0.7, -1.2)]);
+    vec![left, right]
+}
+
+fn perfect_mirror() -> Material {
+    let name = "perfect mirror".into();
+    Material { name, metallic: 1.0, roughness: 0.0, specular: 1.0, ..Material::default() }
+}
+
+/// The walls of a box of 1 m whose open side is at z = 0: floor, ceiling, back, left and right.
+const WALLS: [[Vec3; 4]; 5] = {
+    let (low, high) = (-0.5, 0.5);
+    [
+        [vec3(low, low, 0.0), vec3(high, low, 0.0), vec3(high, low, -1.0), vec3(low, low, -1.0)],
+        [vec3(low, high, -1.0), vec3(high, high, -1.0), vec3(high, high, 0.0), vec3(low, high, 0.0)],
+        [vec3(low, low, -1.0), vec3(high, low, -1.0), vec3(high, high, -1.0), vec3(low, high, -1.0)],
+        [vec3(low, low, 0.0), vec3(low, low, -1.0), vec3(low, high, -1.0), vec3(low, high, 0.0)],
+        [vec3(high, low, -1.0), vec3(high, low, 0.0), vec3(high, high, 0.0), vec3(high, high, -1.0)],
+    ]
+};
+
+/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. A perfect
+/// mirror ball lies on its floor. The ball reflects the projected pattern onto the walls without blurring it,
+/// and the room is seen sharply in the ball. Separation by high-frequency patterns therefore counts some
+/// indirect light as direct light, and some direct light as indirect. A path to a point of the room and back
+/// along the same mirrors scatters only once and is direct light. The room is region 0 and the ball region 1.
+/// These are named regions, not labels, since they exchange light.
+pub fn mirror_ball() -> Model {
+    const CENTER: DVec3 = dvec3(0.04, -0.22, -0.42);
+    const RADIUS: f64 = 0.28;
+    // Each of the 5120 facets is about 4° wide: about one facet per pixel where the ball is 60 pixels wide.
+    const SUBDIVISIONS: u32 = 4;
+    let mut room = Part::new("room", None);
+    WALLS.into_iter().for_each(|wall| room.quad(wall));
+    let mut ball = Part::new("ball", None);
+    let (vertices, inwards) = analytic::icosphere(SUBDIVISIONS);
+    ball.positions = vertices.iter().map(|vertex| (CENTER + RADIUS * *vertex).as_vec3()).collect();
+    ball.triangles = inwards.into_iter().map(|[a, b, c]| [a, c, b]).collect();
+    ball.material = 1;
+    let materials = vec![matte("white", Vec3::splat(0.7)), perfect_mirror()];
+    Model::along_z("mirror-ball", vec![room, ball], materials, (1.3, TAN_20_DEGREES))
+}
+
+/// A box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Floor, ceiling
+/// and back wall are white, the left wall is red, the right one green. A short and a tall white block stand
+/// in the box. The five parts are named regions, not labels, since all of them exchange light.
+pub fn cornell() -> Model {
+    let [mut white, mut red, mut green] = ["white", "red", "green"].map(|name| Part::new(name, None));
+    WALLS[..3].iter().for_each(|&wall| white.quad(wall));
+    red.quad(WALLS[3]);
+    red.material = 1;
+    green.quad(WALLS[4]);
+    green.material = 2;
+    let short = block("short", dvec3(0.17, -0.5, -0.33), 0.3, 0.3);
+    let tall = block("tall", dvec3(-0.17, -0.5, -0.62), 0.6, -0.35);
+    let materials = vec![
+        matte("white", Vec3::splat(0.73)),
+        matte("red", vec3(0.63, 0.065, 0.05)),
+        matte("green", vec3(0.14, 0.45, 0.091)),
+    ];
+    Model::along_z("cornell", vec![white, red, green, short, tall], materials, (1.3, TAN_20_DEGREES))
+}
+
+/// A block with a base of 0.3 m × 0.3 m around the floor point `foot`, rotated by `turn` radians about the
+/// vertical.
+fn block(name: &str, foot: DVec3, height: f64, turn: f64) -> Part {
+    let (sine, cosine) = turn.sin_cos();
+    // Corners before the rotation: left or right, bottom or top, back or front.
+    let corner = |[x, y, z]: [f64; 3]| {
+        let (x, z) = (0.3 * (x - 0.5), 0.3 * (z - 0.5));
+        (foot + dvec3(cosine * x + sine * z, y * height, cosine * z - sine * x)).as_vec3()
+    };
+    let [lbb, lbf, ltf, ltb] =
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, 0.0]].map(corner);
+    let [rbb, rbf, rtf, rtb] =
+        [[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 0.0]].map(corner);
+    let mut part = Part::new(name, None);
+    for side in [
+        [lbb, lbf, ltf, ltb],
+        [rbb, rtb, rtf, rbf],
+        [lbb, rbb, rbf, lbf],
+        [ltb, ltf, rtf, rtb],
+        [lbb, ltb, rtb, rbb],
+        [lbf, rbf, rtf, ltf],
+    ] {
+        part.quad(side);
+    }
+    part
+}
+
+/// Distance of all rims from the camera along its axis, in metres.
+const RIM: f64 = 0.85;
+
+/// Number of flat strips that approximate each sheet.
+const STRIPS: usize = 24;
+
+/// Two white sheets of paper side by side. Each is bent about a vertical axis into a trough that opens
+/// towards the camera: a part of a cylinder, of 120° on the left and 100° on the right. They are 0.43 m and
+/// 0.41 m wide from rim to rim and 0.9 m high, with a gap of 2 mm between them. Both rims of both sheets are
+/// 0.85 m from the camera, and everything else lies behind them. Every line from one sheet to the other is
+/// blocked by the rims, so the sheets exchange no light. The left sheet is region 0, the right one region 1.
+/// Unlike the sheets of `zigzag`, they are not mirror images of each other.
+pub fn two_sheets() -> Model {
+    let sheets = vec![
+        trough("left sheet", 0, [-0.441, -0.011], 60.0),
+        trough("right sheet", 1, [-0.009, 0.401], 50.0),
+    ];
+    Model::along_z("two-sheets", sheets, white_paper(), (0.0, 0.45))
+}
+
+/// The same sheets with a black post in front of the left one, 3 cm wide and 3 cm behind the plane of the
+/// rims. In the picture the post divides the left sheet into two patches that do not touch, but light passes
+/// from one to the other behind the post. The post is region 2; it reflects no light.
+pub fn two_sheets_post() -> Model {
+    let mut model = Model { name: "two-sheets-post", ..two_sheets() };
+    let mut post = Part::new("post", Some(2));
+    post.quad([(-0.241, -0.5), (-0.211, -0.5), (-0.211, 0.5), (-0.241, 0.5)].map(|(x, y)| vec3(x, y, -0.88)));
+    post.material = 1;
+    model.parts.push(post);
+    model.materials.push(matte("black", Vec3::ZERO));
+    model
+}
+
+/// A sheet bent to a circular arc from `left` to `right` (metres along x). The arc spans `2·angle` degrees.
+fn trough(name: &str, label: u32, [left, right]: [f64; 2], angle: f64) -> Part {
+    let angle = angle.to_radians();
+    let radius = (right - left) / (2.0 * angle.sin());
+    let axis = dvec2((left + right) / 2.0, -RIM + radius * angle.cos());
+    let profile = |strip: usize| -> DVec2 {
+        // The ends are not computed: rounding must not move one rim in front of the other.
+        match strip {
+            0 => dvec2(left, -RIM),
+            STRIPS => dvec2(right, -RIM),
+            _ => {
+                let turn = angle * (2.0 * strip as f64 / STRIPS as f64 - 1.0);
+                axis + radius * dvec2(turn.sin(), -turn.cos())
+            }
+        }
+    };
+    let mut part = Part::new(name, Some(label));
+    part.grid(STRIPS, 1, |strip, end| {
+        let at = profile(strip);
+        let height = if end == 0 { -0.45 } else { 0.45 };
+        dvec3(at.x, height, at.y).as_vec3()
+    });
+    part
 }

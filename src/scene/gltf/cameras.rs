@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use gltf_json as json;
 use gltf_json::validation::Checked;
 
-use super::extras::Extras;
+use super::extensions::Extras;
 use super::nodes::Placed;
 use super::{Document, object_name};
 use crate::error::Result;

@@ -10,7 +10,7 @@
 //! | `KHR_texture_transform` | supported, for each texture separately |
 //! | `KHR_mesh_quantization` | supported |
 //! | `EXT_mesh_gpu_instancing` | supported |
-//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed |
+//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed by a krylux that is built with the feature `compressed`; without it an error where the file requires the extension, and otherwise the copy in the file that is not compressed is read |
 //! | `EXT_texture_webp` | supported |
 //! | `KHR_texture_basisu`, `EXT_texture_avif`, `MSFT_texture_dds` | another picture of the texture is used; where there is none, the texture is left out with a warning; an error where the file requires the extension |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
@@ -26,16 +26,16 @@
 //! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and
 //! `focus_distance`.
 
-use super::advice::advice;
-use super::textures::WEBP;
-use super::{Document, draco, glossiness, meshopt};
-use crate::error::Result;
+use gltf_json as json;
 
-const SUPPORTED: [&str; 15] = [
-    glossiness::NAME,
-    draco::NAME,
-    meshopt::NAMES[0],
-    meshopt::NAMES[1],
+use super::textures::WEBP;
+use super::{Document, materials};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::scene::Lens;
+
+const SUPPORTED: [&str; 12] = [
+    materials::GLOSSINESS,
     WEBP,
     "KHR_materials_unlit",
     INSTANCING,
@@ -48,6 +48,20 @@ const SUPPORTED: [&str; 15] = [
     "KHR_texture_transform",
     "KHR_mesh_quantization",
 ];
+
+pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// Two names of one extension.
+pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// Whether an extension compresses meshes.
+fn compresses(name: &str) -> bool {
+    name == DRACO || MESHOPT.contains(&name)
+}
+
+fn is_supported(name: &str) -> bool {
+    SUPPORTED.contains(&name) || cfg!(feature = "compressed") && compresses(name)
+}
 
 /// Places one mesh many times.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
@@ -80,11 +94,10 @@ const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_avif", "MS
 pub(super) fn check(document: &mut Document) -> Result<()> {
     for name in &document.root.extensions_required {
         let name = name.as_str();
-        if !SUPPORTED.contains(&name) && name != LIGHTS && !WITHOUT_EFFECT.contains(&name) {
-            return Err(document.fault(
-                format!("the file requires the extension {name}, which is not supported"),
-                advice(name),
-            ));
+        if !is_supported(name) && name != LIGHTS && !WITHOUT_EFFECT.contains(&name) {
+            let why = if compresses(name) { "this krylux is built without" } else { "is not supported" };
+            let fault = format!("the file requires the extension {name}, which {why}");
+            return Err(document.fault(fault, advice(name)));
         }
     }
     for name in &document.root.extensions_used {
@@ -93,7 +106,7 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
             document
                 .warnings
                 .add(format!("the file's lights ({LIGHTS}) are ignored: the projector is the light"));
-        } else if !SUPPORTED.contains(&name)
+        } else if !is_supported(name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
             // The warning about a material extension names a material that uses it, so it is made where
@@ -104,4 +117,139 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Advice for a file that requires an unsupported extension.
+pub(super) fn advice(name: &str) -> &'static str {
+    match name {
+        "KHR_texture_basisu" => {
+            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)"
+        }
+        "EXT_texture_avif" => {
+            "convert its pictures: npx @gltf-transform/cli png SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+        }
+        _ if compresses(name) => {
+            "decompress it: npx @gltf-transform/cli copy SCENE.glb PLAIN.glb (or build krylux with its decoders: cargo build --release --features compressed)"
+        }
+        _ if name.starts_with("KHR_materials_") => {
+            "export the scene with materials that have metallic-roughness, specular, transmission and volume only"
+        }
+        _ => "export the scene without this extension",
+    }
+}
+
+/// The members of an object's extras; empty if it has none.
+#[derive(Clone, Default)]
+pub(super) struct Extras(serde_json::Map<String, json::Value>);
+
+impl Extras {
+    /// Parses extras. Extras that are no JSON object count as empty.
+    pub(super) fn of(extras: &json::Extras) -> Self {
+        let parsed = extras.as_ref().and_then(|extras| serde_json::from_str(extras.get()).ok());
+        Self(match parsed {
+            Some(json::Value::Object(members)) => members,
+            _ => serde_json::Map::new(),
+        })
+    }
+
+    /// The members of both. Where both have a member, the one of `self` is taken.
+    pub(super) fn or(self, other: Self) -> Self {
+        let mut members = other.0;
+        members.extend(self.0);
+        Self(members)
+    }
+
+    /// Whether the node is marked as the projector by `"krylux": "projector"`. `what` names the node.
+    pub(super) fn is_projector(&self, document: &Document, what: &dyn Fn() -> String) -> Result<bool> {
+        match self.0.get("krylux") {
+            None => Ok(false),
+            Some(role) if role == "projector" => Ok(true),
+            Some(_) => Err(document.fault(
+                format!("{}: its extras.krylux is not \"projector\"", what()),
+                "mark the projector's node by \"krylux\": \"projector\", and remove extras.krylux from other nodes",
+            )),
+        }
+    }
+
+    /// The lens of the camera `name`.
+    pub(super) fn lens(&self, document: &Document, name: &str) -> Result<Lens> {
+        let number = |key: &str| match self.0.get(key) {
+            None => Ok(None),
+            Some(value) => {
+                value.as_f64().map(Some).ok_or_else(|| format!("has an {key} that is not a number"))
+            }
+        };
+        number("aperture_radius")
+            .and_then(|radius| Lens::checked(radius, number("focus_distance")?))
+            .map_err(|what| document.fault(format!("camera `{name}` {what}"), Lens::HELP))
+    }
+
+    /// The resolution of the projector `name`, if stated.
+    pub(super) fn resolution(&self, document: &Document, name: &str) -> Result<Option<Resolution>> {
+        let Some(value) = self.0.get("resolution") else { return Ok(None) };
+        match serde_json::from_value::<[usize; 2]>(value.clone()) {
+            Ok([width @ 1..=16384, height @ 1..=16384]) => Ok(Some(Resolution::new(width, height))),
+            _ => Err(document.fault(
+                format!("camera `{name}` has a resolution that is not [width, height]"),
+                "give 1 to 16384 pixels a side",
+            )),
+        }
+    }
+}
+
+/// The largest length of a label in bytes. A limit is needed because every node below a labelled one holds a
+/// copy of its label.
+const MAX_NAME_BYTES: usize = 200;
+
+/// A region label. The order of labels is the order of the regions, so that a region's index does not depend
+/// on the order of the nodes: numbers by value, then names, then the region of surfaces without a label.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) enum Label {
+    /// A non-negative integer.
+    Number(u64),
+    /// Any other name.
+    Name(String),
+    /// Surfaces without a label in a file that has labels.
+    Absent,
+}
+
+impl std::fmt::Display for Label {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "{number}"),
+            Self::Name(name) => f.write_str(name),
+            Self::Absent => f.write_str("unlabelled"),
+        }
+    }
+}
+
+/// The label of an object from `extras.region`, if it has one. `what` names the object.
+pub(super) fn label(document: &Document, what: &str, extras: &json::Extras) -> Result<Option<Label>> {
+    let Some(extras) = extras else { return Ok(None) };
+    let parsed: Option<json::Value> = serde_json::from_str(extras.get()).ok();
+    let Some(region) = parsed.as_ref().and_then(|extras| extras.get("region")) else { return Ok(None) };
+    let label = match region {
+        json::Value::Null => return Ok(None),
+        json::Value::Number(number) => number.as_u64().map(Label::Number),
+        json::Value::String(name) if name.is_empty() || name.len() > MAX_NAME_BYTES => None,
+        json::Value::String(name) => {
+            Some(name.parse().map_or_else(|_| Label::Name(name.clone()), Label::Number))
+        }
+        _ => None,
+    };
+    label.map(Some).ok_or_else(|| {
+        document.fault(
+            format!("{what}: its extras.region is {}, which is not a label", shortened(region)),
+            format!("label regions by a non-negative integer or a name of at most {MAX_NAME_BYTES} bytes"),
+        )
+    })
+}
+
+/// The first 60 characters of a value as JSON, for a message of one line.
+fn shortened(value: &json::Value) -> String {
+    let text = value.to_string();
+    match text.char_indices().nth(60) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text,
+    }
 }

@@ -3,24 +3,20 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use glam::DAffine3;
+use glam::{DAffine3, Vec3};
 use gltf_json::mesh::{Mode, Semantic};
 use gltf_json::validation::Checked;
 
-use super::counts::{Counts, Progress, too_many};
-use super::labels::{self, Label};
+use super::extensions::Label;
 use super::materials::Materials;
 use super::nodes::Placed;
-use super::placer::Placer;
-use super::pose::{Pose, Transform};
-use super::primitive::Corners;
-use super::skin::{Influences, Skins};
-use super::vertices::Vertices;
-use super::{Document, instancing, object_name};
+use super::pose::{Influences, Pose, Skins, Transform};
+use super::vertices::{Corners, Vertices};
+use super::{Document, extensions, object_name, pose};
 use crate::error::{Error, Result};
 use crate::scene::Watcher;
 use crate::scene::place::Place;
-use crate::scene::triangle::Triangle;
+use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
 
 /// What primitives without triangles consist of.
 const NO_AREA: &str = "points or lines, which have no area";
@@ -157,7 +153,7 @@ impl Assembly {
         }
         let source = &document.root.meshes[mesh];
         let extras = primitive.map_or(&source.extras, |primitive| &source.primitives[primitive].extras);
-        let label = labels::label(document, what, extras)?;
+        let label = extensions::label(document, what, extras)?;
         self.labels.insert((mesh, primitive), label.clone());
         Ok(label)
     }
@@ -168,7 +164,7 @@ impl Assembly {
         if let Some(skin) = source.skin {
             return self.skins.matrices(document, node_name, skin.value()).map(Poses::Skinned);
         }
-        let instances = instancing::instances(document, node_name, source)?;
+        let instances = pose::instances(document, node_name, source)?;
         Ok(Poses::Rigid(match instances {
             None => vec![Transform::new(&node.transform)],
             Some(instances) => {
@@ -255,4 +251,184 @@ fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool>
 
 fn cut_short(document: &Document, what: &str) -> Error {
     document.fault(format!("{what}: its data ends too early"), "the mesh is damaged: export it again")
+}
+
+/// Makes world-space triangles of a primitive at one pose.
+struct Placer<'a> {
+    pub document: &'a Document,
+    /// The primitive's name in messages.
+    pub what: &'a str,
+    pub vertices: &'a Vertices<'a>,
+    pub pose: &'a Pose<'a>,
+    pub material: u32,
+}
+
+impl Placer<'_> {
+    /// The triangle whose corners are the vertices `indices`, in the coordinates of a scene at `place`, which notes them.
+    pub(super) fn triangle(&self, indices: [u32; 3], place: &mut Place) -> Result<Triangle> {
+        let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
+        let mut mirrors = false;
+        for (corner, index) in indices.into_iter().enumerate() {
+            mirrors = self.place(index, corner, &mut triangle, place)?;
+        }
+        // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front
+        // where it was.
+        Ok(if mirrors { triangle.flipped() } else { triangle })
+    }
+
+    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's
+    /// transform mirrors.
+    fn place(&self, index: u32, corner: usize, triangle: &mut Triangle, place: &mut Place) -> Result<bool> {
+        let Self { document, what, vertices, .. } = self;
+        let vertex = vertices.vertex(index as usize).ok_or_else(|| {
+            document.fault(
+                format!("{what}: an index asks for vertex {index}, but there are {}", vertices.count),
+                "the mesh is damaged: export it again",
+            )
+        })?;
+        let transform = self.pose.of(index as usize).ok_or_else(|| {
+            document.fault(
+                format!("{what}: vertex {index} is bound to no joint, or to one that the skin does not have"),
+                "the mesh is damaged: export it again",
+            )
+        })?;
+        let world = transform.point(vertex.position);
+        if !world.is_finite() || world.abs().max_element() > f64::from(MAX_COORDINATE) {
+            return Err(bad_position(document, what, index, vertex.position));
+        }
+        if !vertex.texcoords.iter().all(|coordinates| coordinates.is_finite()) {
+            return Err(document.fault(
+                format!("{what}: texture coordinate of vertex {index} is not finite"),
+                "correct the mesh's texture coordinates",
+            ));
+        }
+        place.note(world, vertex.position.as_dvec3(), transform.stretch());
+        triangle.positions[corner] = (world - place.origin).as_vec3();
+        triangle.normals[corner] = transform.normal(vertex.normal);
+        triangle.texcoords[corner] = vertex.texcoords;
+        triangle.colors[corner] = vertex.color;
+        Ok(transform.mirrors)
+    }
+}
+
+/// The error about a vertex whose world position is not usable. `local` is its position in the mesh's frame.
+fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Error {
+    if local.is_finite() {
+        document.fault(
+            format!("{what}: vertex {vertex} lies more than {MAX_COORDINATE:e} m from the origin"),
+            "glTF lengths are metres: scale the scene",
+        )
+    } else {
+        document.fault(
+            format!("{what}: vertex {vertex} has a position that is not finite: {local}"),
+            "correct the mesh: look for a division by zero where it was made",
+        )
+    }
+}
+
+/// The largest number of primitives, counted each time a node places them. A limit is needed because a small
+/// file can place any number of primitives without triangles.
+const MAX_PLACEMENTS: usize = 1 << 20;
+
+/// The largest number of triangles times morph targets.
+const MAX_MORPHS: usize = 1 << 28;
+
+/// What was counted so far.
+#[derive(Default)]
+pub(super) struct Counts {
+    /// Number of primitives placed.
+    placements: usize,
+    /// Number of instances of all nodes.
+    instances: usize,
+    /// Number of triangles, dropped ones included.
+    total: usize,
+    /// Number of triangles, counted once for each morph target.
+    morphs: usize,
+}
+
+impl Counts {
+    /// Counts the primitives of a placed mesh, up to [`MAX_PLACEMENTS`].
+    pub(super) fn placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
+        self.placements = self.placements.saturating_add(primitives);
+        if self.placements > MAX_PLACEMENTS {
+            return Err(document.fault(
+                format!("more than {MAX_PLACEMENTS} primitives, all instances counted"),
+                "join the meshes, or place fewer of them",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Counts the instances of a node, up to [`MAX_TRIANGLES`].
+    pub(super) fn instances(&mut self, document: &Document, count: usize) -> Result<()> {
+        self.instances = self.instances.saturating_add(count);
+        if self.instances > MAX_TRIANGLES {
+            return Err(document.fault(
+                format!("more than {MAX_TRIANGLES} instances"),
+                "place fewer of them, or join their meshes",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Counts the triangles of a primitive, up to [`MAX_TRIANGLES`] and [`MAX_MORPHS`]. Returns their number
+    /// at all poses.
+    pub(super) fn triangles(
+        &mut self,
+        document: &Document,
+        mesh: usize,
+        poses: usize,
+        targets: usize,
+    ) -> Result<usize> {
+        let count = mesh.saturating_mul(poses);
+        self.total = self.total.saturating_add(count);
+        self.morphs = self.morphs.saturating_add(count.saturating_mul(targets));
+        if self.total > MAX_TRIANGLES {
+            return Err(document.fault(
+                format!("more than {MAX_TRIANGLES} triangles, all instances counted"),
+                "simplify the meshes, or place fewer of them",
+            ));
+        }
+        if self.morphs > MAX_MORPHS {
+            return Err(document.fault(
+                format!("more than {MAX_MORPHS} triangles, counted once for each of their morph targets"),
+                "apply the morph targets before the export",
+            ));
+        }
+        Ok(count)
+    }
+}
+
+/// The error about triangles for which there is no memory.
+pub(super) fn too_many(document: &Document, count: usize) -> Error {
+    document.fault(
+        format!("there is no memory for {count} triangles, all instances counted"),
+        "simplify the meshes, place fewer of them, or use a machine with more memory",
+    )
+}
+
+/// How far the assembly of triangles is.
+#[derive(Clone, Copy)]
+pub(super) struct Progress<'a> {
+    pub watcher: Watcher<'a>,
+    /// The node that is assembled, and the number of all.
+    pub position: usize,
+    pub nodes: usize,
+}
+
+impl Progress<'_> {
+    /// Tells the watcher that the node is begun.
+    pub(super) fn begin(self) -> Result<()> {
+        self.watcher.tell(self.share(0.0))
+    }
+
+    /// Tells the watcher now and then that so many triangles of the node are done.
+    pub(super) fn at(self, done: usize, of: usize) -> Result<()> {
+        self.watcher.count(done, || self.share(done as f32 / of as f32))
+    }
+
+    /// The share of the work that is done when this share of the node is.
+    fn share(self, of_node: f32) -> f32 {
+        (self.position as f32 + of_node) / self.nodes as f32
+    }
 }

@@ -2,16 +2,16 @@
 
 use std::collections::HashMap;
 
+use glam::Vec3;
 use gltf_json as json;
 use gltf_json::validation::Checked;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
-use super::checks::Checks;
-use super::glossiness::{self, Glossiness};
 use super::textures::{TextureUse, Textures};
-use super::transmission::TransmissionExtensions;
 use super::{Document, object_name};
-use crate::error::Result;
-use crate::scene::{AlphaMode, Material};
+use crate::error::{Error, Result};
+use crate::scene::{AlphaMode, Material, TextureRef, Volume};
 
 /// The materials that surfaces use, in the order of their first use.
 #[derive(Default)]
@@ -240,12 +240,251 @@ fn check_extensions(document: &mut Document, what: &str, source: &json::Material
             format!("{what} is unlit ({UNLIT}), which transports no light: it is a matte surface here");
         document.warnings.add(warning);
     }
-    let supported = |name: &str| {
-        [UNLIT, glossiness::NAME].contains(&name) || super::transmission::SUPPORTED.contains(&name)
-    };
+    let supported = |name: &str| [UNLIT, GLOSSINESS].contains(&name) || READ_HERE.contains(&name);
     for name in others.keys().filter(|name| !supported(name)) {
         let warning = format!("{name} is not supported and ignored; {what} uses it first");
         document.warnings.add_once(name, warning);
     }
     is_unlit
+}
+
+/// The amount by which a fraction may lie outside `[0, 1]`: exporters that compute in single precision
+/// overshoot by rounding.
+const ROUNDING: f32 = 1e-5;
+
+/// Range checks whose errors name the material and the factor.
+pub(super) struct Checks<'a> {
+    pub document: &'a Document,
+    /// The material's name in messages.
+    pub what: &'a str,
+}
+
+impl Checks<'_> {
+    /// A value in `[0, 1]`, up to rounding.
+    pub(super) fn fraction(&self, factor: &str, value: f32) -> Result<f32> {
+        // NaN fails the comparison, too.
+        if (-ROUNDING..=1.0 + ROUNDING).contains(&value) {
+            return Ok(value.clamp(0.0, 1.0));
+        }
+        Err(self.out_of_range(factor, value, "between 0 and 1"))
+    }
+
+    /// A colour in `[0, 1]`, up to rounding.
+    pub(super) fn fractions(&self, factor: &str, values: [f32; 3]) -> Result<Vec3> {
+        let [red, green, blue] = values;
+        Ok(Vec3::new(
+            self.fraction(factor, red)?,
+            self.fraction(factor, green)?,
+            self.fraction(factor, blue)?,
+        ))
+    }
+
+    /// A colour of finite, non-negative values.
+    pub(super) fn not_negative(&self, factor: &str, values: [f32; 3]) -> Result<Vec3> {
+        match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+            Some(&value) => Err(self.out_of_range(factor, value, "finite and not negative")),
+            None => Ok(Vec3::from_array(values)),
+        }
+    }
+
+    /// A finite value.
+    pub(super) fn finite(&self, factor: &str, value: f32) -> Result<f32> {
+        if value.is_finite() { Ok(value) } else { Err(self.out_of_range(factor, value, "finite")) }
+    }
+
+    /// A positive value. It may be infinite, which means no limit.
+    pub(super) fn positive(&self, factor: &str, value: f32) -> Result<f32> {
+        if value > 0.0 { Ok(value) } else { Err(self.out_of_range(factor, value, "positive")) }
+    }
+
+    /// An index of refraction: at least 1, or 0.
+    pub(super) fn ior(&self, value: f32) -> Result<f32> {
+        // By KHR_materials_ior, 0 asks for a Fresnel term of 1 everywhere.
+        if value == 0.0 || (value.is_finite() && value >= 1.0) {
+            return Ok(value);
+        }
+        Err(self.out_of_range("ior", value, "0 or at least 1"))
+    }
+
+    fn out_of_range(&self, factor: &str, value: f32, expected: &str) -> Error {
+        self.document.fault(
+            format!("{}: its {factor} is {value}", self.what),
+            format!("correct the material: the value must be {expected}"),
+        )
+    }
+}
+
+pub(super) const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
+
+/// The reflectance at normal incidence of a dielectric whose index of refraction is 1.5.
+const REFLECTANCE: f32 = 0.04;
+
+/// The extension of a material.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Glossiness {
+    #[serde(default = "white")]
+    diffuse_factor: [f32; 4],
+    diffuse_texture: Option<json::texture::Info>,
+    #[serde(default = "ones")]
+    specular_factor: [f32; 3],
+    #[serde(default = "one")]
+    glossiness_factor: f32,
+    specular_glossiness_texture: Option<json::texture::Info>,
+}
+
+fn white() -> [f32; 4] {
+    [1.0; 4]
+}
+
+fn ones() -> [f32; 3] {
+    [1.0; 3]
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+impl Glossiness {
+    /// The extension of the material that `what` names, if it has it.
+    pub(super) fn read(document: &Document, what: &str, source: &json::Material) -> Result<Option<Self>> {
+        let others = source.extensions.as_ref().map(|extensions| &extensions.others);
+        let Some(value) = others.and_then(|others| others.get(GLOSSINESS)) else { return Ok(None) };
+        serde_json::from_value(value.clone()).map(Some).map_err(|error| {
+            document.fault(format!("{what}: {GLOSSINESS} cannot be read: {error}"), "export the scene again")
+        })
+    }
+
+    /// Replaces the metallic-roughness part of a material. `what` names the material.
+    pub(super) fn replace(
+        &self,
+        document: &mut Document,
+        what: &str,
+        textures: &mut Textures,
+        material: &mut Material,
+    ) -> Result<()> {
+        let checked = Checks { document, what };
+        let [red, green, blue, alpha] = self.diffuse_factor;
+        material.base_color = checked.fractions("diffuseFactor", [red, green, blue])?;
+        material.opacity = checked.fraction("alpha in diffuseFactor", alpha)?;
+        let glossiness = checked.fraction("glossinessFactor", self.glossiness_factor)?;
+        material.specular_color = checked.fractions("specularFactor", self.specular_factor)? / REFLECTANCE;
+        (material.metallic, material.specular, material.ior) = (0.0, 1.0, 1.5);
+        material.roughness = 1.0 - glossiness;
+        (material.metallic_roughness_texture, material.specular_texture) = (None, None);
+
+        let mut refer = |role: &str, info: &Option<json::texture::Info>| match info {
+            Some(info) => textures.refer(document, what, role, &TextureUse::of(info)),
+            None => Ok(None),
+        };
+        material.base_color_texture = refer("diffuse", &self.diffuse_texture)?;
+        material.specular_color_texture = refer("specular-glossiness", &self.specular_glossiness_texture)?;
+        if let Some(specular) = material.specular_color_texture {
+            // The picture's alpha is glossiness. Green is the channel of roughness.
+            let rough = |[.., alpha]: [u8; 4]| {
+                let roughness = 1.0 - glossiness * f32::from(alpha) / 255.0;
+                [255, (255.0 * roughness).round() as u8, 255, 255]
+            };
+            material.roughness = 1.0;
+            material.metallic_roughness_texture =
+                textures.derive(specular.texture, rough).map(|texture| TextureRef { texture, ..specular });
+        }
+        Ok(())
+    }
+}
+
+const TRANSMISSION: &str = "KHR_materials_transmission";
+const DIFFUSE_TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
+const VOLUME: &str = "KHR_materials_volume";
+
+/// The extensions that this module reads.
+const READ_HERE: [&str; 3] = [TRANSMISSION, DIFFUSE_TRANSMISSION, VOLUME];
+
+/// `KHR_materials_transmission`.
+#[derive(Default, Deserialize)]
+pub(super) struct Transmission {
+    #[serde(default, rename = "transmissionFactor")]
+    factor: f32,
+    #[serde(default, rename = "transmissionTexture")]
+    pub texture: Option<json::texture::Info>,
+}
+
+/// `KHR_materials_diffuse_transmission`.
+#[derive(Default, Deserialize)]
+pub(super) struct DiffuseTransmission {
+    #[serde(default, rename = "diffuseTransmissionFactor")]
+    factor: f32,
+    #[serde(default, rename = "diffuseTransmissionTexture")]
+    pub texture: Option<json::texture::Info>,
+    #[serde(default, rename = "diffuseTransmissionColorFactor")]
+    color: Option<[f32; 3]>,
+    #[serde(default, rename = "diffuseTransmissionColorTexture")]
+    pub color_texture: Option<json::texture::Info>,
+}
+
+/// `KHR_materials_volume`. A thickness above 0 makes a solid; how thick it is follows from the geometry.
+#[derive(Default, Deserialize)]
+struct Medium {
+    #[serde(default, rename = "thicknessFactor")]
+    thickness: f32,
+    #[serde(default, rename = "attenuationDistance")]
+    attenuation_distance: Option<f32>,
+    #[serde(default, rename = "attenuationColor")]
+    attenuation_color: Option<[f32; 3]>,
+}
+
+/// The three extensions of a material; defaults for those that it does not have.
+#[derive(Default)]
+struct TransmissionExtensions {
+    pub regular: Transmission,
+    pub diffuse: DiffuseTransmission,
+    medium: Medium,
+}
+
+impl TransmissionExtensions {
+    /// Parses the extensions of the material that `what` names.
+    pub(super) fn read(
+        document: &Document,
+        what: &str,
+        extensions: &serde_json::Map<String, json::Value>,
+    ) -> Result<Self> {
+        Ok(Self {
+            regular: extension(document, what, extensions, TRANSMISSION)?,
+            diffuse: extension(document, what, extensions, DIFFUSE_TRANSMISSION)?,
+            medium: extension(document, what, extensions, VOLUME)?,
+        })
+    }
+
+    /// Checks the factors and stores them in `material`.
+    fn check_into(&self, checked: &Checks<'_>, material: &mut Material) -> Result<()> {
+        material.transmission = checked.fraction("transmissionFactor", self.regular.factor)?;
+        material.diffuse_transmission = checked.fraction("diffuseTransmissionFactor", self.diffuse.factor)?;
+        if let Some(color) = self.diffuse.color {
+            material.diffuse_transmission_color =
+                checked.fractions("diffuseTransmissionColorFactor", color)?;
+        }
+        let distance = self.medium.attenuation_distance.unwrap_or(f32::INFINITY);
+        let volume = Volume {
+            attenuation_color: checked
+                .fractions("attenuationColor", self.medium.attenuation_color.unwrap_or([1.0; 3]))?,
+            attenuation_distance: checked.positive("attenuationDistance", distance)?,
+        };
+        let [thickness, _, _] =
+            checked.not_negative("thicknessFactor", [self.medium.thickness, 0.0, 0.0])?.to_array();
+        material.volume = (thickness > 0.0).then_some(volume);
+        Ok(())
+    }
+}
+
+/// Parses the extension `name`, or returns its default if the material does not have it.
+fn extension<T: Default + DeserializeOwned>(
+    document: &Document,
+    what: &str,
+    extensions: &serde_json::Map<String, json::Value>,
+    name: &str,
+) -> Result<T> {
+    let Some(value) = extensions.get(name) else { return Ok(T::default()) };
+    serde_json::from_value(value.clone()).map_err(|error| {
+        document.fault(format!("{what}: {name} cannot be read: {error}"), "export the scene again")
+    })
 }

@@ -6,31 +6,16 @@
 //!
 //! The module [`extensions`] lists what is supported, what is ignored and what is refused.
 
-mod accessor;
-mod advice;
 mod buffers;
 mod cameras;
-mod checks;
-mod container;
-mod counts;
-mod draco;
+#[cfg(feature = "compressed")]
+mod compressed;
 mod extensions;
-mod extras;
 mod geometry;
-mod glossiness;
-mod instancing;
-mod labels;
 mod materials;
-mod meshopt;
 mod nodes;
-mod placer;
 mod pose;
-mod primitive;
-mod regions;
-mod skin;
 mod textures;
-mod transmission;
-mod uri;
 mod vertices;
 
 use std::cell::RefCell;
@@ -61,8 +46,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     }
     extensions::check(&mut document)?;
     buffers::load(&mut document)?;
-    meshopt::decompress(&mut document)?;
-    draco::decompress(&mut document)?;
+    #[cfg(feature = "compressed")]
+    {
+        compressed::decompress_views(&mut document)?;
+        compressed::decompress_primitives(&mut document)?;
+    }
 
     let placed = nodes::walk(&mut document)?;
     // Errors about the camera come before the work on the meshes.
@@ -74,7 +62,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let mut materials = materials::Materials::default();
     let mut place = Place::of(pair.as_ref().map(|pair| pair.camera.position));
     let surfaces = geometry::assemble(&mut document, &placed, &mut materials, options.watcher, &mut place)?;
-    let (triangles, regions, regions_are_labels) = regions::name(&mut document, &placed, surfaces)?;
+    let (triangles, regions, regions_are_labels) = nodes::name_regions(&mut document, &placed, surfaces)?;
     let cameras = match pair.take() {
         Some(pair) => pair,
         None => {
@@ -128,7 +116,7 @@ impl Document {
     fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let mut hash = ContentHash::default();
         hash.add(bytes);
-        let (text, chunk) = container::split(path, bytes)?;
+        let (text, chunk) = split(path, bytes)?;
         // Some programs write a byte order mark.
         let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
         let root = read_root(path, text)?;
@@ -144,13 +132,6 @@ impl Document {
             warnings: Warnings::default(),
             strict: false,
         })
-    }
-
-    /// Adds a buffer of these bytes, which are made while loading.
-    fn add_buffer(&mut self, bytes: Vec<u8>) -> json::Index<json::Buffer> {
-        self.buffers.push(bytes);
-        // There is memory for fewer buffers than 2³².
-        json::Index::new(self.buffers.len() as u32 - 1)
     }
 
     /// A warning that says what is wrong, what is left out because of it, and what to do; an error where the scene is read strictly.
@@ -173,7 +154,7 @@ impl Document {
 fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     let error = match json::Root::from_slice(text) {
         Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
-        Ok(root) => return Err(container::other_version(path, &root.asset.version)),
+        Ok(root) => return Err(other_version(path, &root.asset.version)),
         Err(error) => error,
     };
     let broken =
@@ -181,10 +162,10 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     // A file of another glTF version does not fit the structure.
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     match value.pointer("/asset/version").and_then(json::Value::as_str) {
-        Some(other) if !other.starts_with("2.") => return Err(container::other_version(path, other)),
+        Some(other) if !other.starts_with("2.") => return Err(other_version(path, other)),
         // Of glTF 1.0, which names its objects instead of numbering them, some files state no version as a text.
         _ if value.get("scenes").is_some_and(json::Value::is_object) => {
-            return Err(container::other_version(path, "1.0"));
+            return Err(other_version(path, "1.0"));
         }
         _ => {}
     }
@@ -217,4 +198,80 @@ fn object_name(kind: &str, index: usize, name: Option<&String>) -> String {
         Some(name) if !name.is_empty() => format!("{kind} {index} \"{name}\""),
         _ => format!("{kind} {index}"),
     }
+}
+
+const MAGIC: &[u8; 4] = b"glTF";
+const HEADER_BYTES: usize = 12;
+const CHUNK_HEADER_BYTES: usize = 8;
+const JSON_CHUNK: &[u8; 4] = b"JSON";
+const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
+
+/// Splits a file into its JSON text and its binary chunk, if it has one. A file that does not begin with the
+/// GLB magic is JSON text as a whole.
+pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
+    let extension_is_glb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
+    if !bytes.starts_with(MAGIC) {
+        if extension_is_glb {
+            return Err(damaged(path, "not a GLB file: it does not begin with `glTF`"));
+        }
+        return Ok((bytes, None));
+    }
+    let version = word(bytes, 4).ok_or_else(|| damaged(path, "the GLB header is cut short"))?;
+    let length = word(bytes, 8).ok_or_else(|| damaged(path, "the GLB header is cut short"))?;
+    if version != 2 {
+        return Err(other_version(path, &format!("{version}.0")));
+    }
+    if length as usize > bytes.len() || (length as usize) < HEADER_BYTES {
+        return Err(damaged(
+            path,
+            format!("the GLB header says {length} bytes, but the file has {}", bytes.len()),
+        ));
+    }
+    let (kind, text, rest) = chunk(path, &bytes[HEADER_BYTES..length as usize])?;
+    if kind != JSON_CHUNK {
+        return Err(damaged(path, "the first GLB chunk is not JSON"));
+    }
+    // Chunks of other kinds belong to extensions; the specification says to skip them.
+    let mut rest = rest;
+    while !rest.is_empty() {
+        let (kind, content, after) = chunk(path, rest)?;
+        if kind == BINARY_CHUNK {
+            return Ok((text, Some(content)));
+        }
+        rest = after;
+    }
+    Ok((text, None))
+}
+
+/// The kind and the content of the chunk at the start of `bytes`, and the bytes after it.
+fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u8])> {
+    let length = word(bytes, 0).map(|length| length as usize);
+    let kind = bytes.get(4..CHUNK_HEADER_BYTES);
+    let (Some(length), Some(kind)) = (length, kind) else {
+        return Err(damaged(path, "a GLB chunk header is cut short"));
+    };
+    let content = bytes[CHUNK_HEADER_BYTES..]
+        .split_at_checked(length)
+        .ok_or_else(|| damaged(path, format!("a GLB chunk says {length} bytes, but the file ends before")))?;
+    Ok((kind, content.0, content.1))
+}
+
+/// The little-endian integer at byte `at`.
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    let four = bytes.get(at..at + 4)?;
+    Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
+}
+
+/// The error about a file of another version of glTF than 2.
+fn other_version(path: &Path, version: &str) -> Error {
+    let help = if version.starts_with("1.") {
+        "convert it: npx gltf-pipeline -i OLD.gltf -o NEW.glb (or export the scene again as glTF 2.0)"
+    } else {
+        "export the scene as glTF 2.0"
+    };
+    fault(path, format!("glTF version `{version}` is not supported"), help)
+}
+
+fn damaged(path: &Path, what: impl Into<String>) -> Error {
+    fault(path, what, "the file is damaged or not glTF 2.0: copy or export it again")
 }

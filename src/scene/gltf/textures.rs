@@ -9,10 +9,10 @@ use gltf_json::extensions::texture::TextureTransform;
 use gltf_json::texture::{MagFilter, WrappingMode};
 use gltf_json::validation::Checked;
 
-use super::advice::advice;
-use super::{Document, buffers, object_name, uri};
+use super::extensions::advice;
+use super::{Document, buffers, object_name};
 use crate::error::Result;
-use crate::scene::picture::{Fault, Picture, Pictures};
+use crate::scene::source::{Fault, Picture, Pictures};
 use crate::scene::{Texture, TextureRef, Wrap};
 
 /// Textures whose picture is a WebP file.
@@ -137,12 +137,12 @@ impl Textures {
         let file_name = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
         let what = object_name("image", index, image.name.as_ref().or(file_name));
         let bytes = match (&image.uri, image.buffer_view) {
-            (Some(uri), _) => match uri::absence(document, uri) {
+            (Some(uri), _) => match buffers::absence(document, uri) {
                 Some(why) => {
                     let help = "put the picture where the scene names it".into();
                     return Ok(Err((format!("the picture {uri} {why}"), help)));
                 }
-                None => uri::read(document, &what, uri)?,
+                None => buffers::read_uri(document, &what, uri)?,
             },
             (None, Some(view)) => buffers::view(document, &what, view)?.0.to_vec(),
             (None, None) => {

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{Affine2, Mat2, Vec2};
 
-use super::line::shortened;
+use super::statements::shortened;
 use crate::error::Result;
 use crate::file;
-use crate::scene::picture::{self, Fault, Picture, Pictures};
-use crate::scene::source::{self, ContentHash, fault};
+use crate::scene::source::{self, ContentHash, Fault, Picture, Pictures, fault};
 use crate::scene::{Texture, TextureRef, Wrap};
 
 /// The textures of the materials read so far.
@@ -40,18 +39,8 @@ impl<'a> Maps<'a> {
         Self { scene, textures, index_of, pictures, strict, missing }
     }
 
-    /// The texture of a single map.
-    pub(super) fn single(
-        &mut self,
-        material: &str,
-        map: Option<&str>,
-        hash: &mut ContentHash,
-    ) -> Result<Option<TextureRef>> {
-        self.base(material, map, None, hash)
-    }
-
-    /// The base colour's texture: `map_Kd` with `map_d` as its alpha.
-    pub(super) fn base(
+    /// The texture of a map, with another map as its alpha: `map_Kd` and `map_d`.
+    pub(super) fn texture(
         &mut self,
         material: &str,
         color: Option<&str>,
@@ -115,7 +104,7 @@ impl<'a> Maps<'a> {
         // What cannot be opened is an error when it is read.
         let mut beginning = [0; 16];
         let read = file::open(&map.file).ok().and_then(|mut file| file.read(&mut beginning).ok());
-        let unread = read.and_then(|length| picture::unread(&beginning[..length], &map.file));
+        let unread = read.and_then(|length| source::unread(&beginning[..length], &map.file));
         if let Some(Fault { fault, help, .. }) = &unread {
             let picture = map.file.display();
             self.missing

@@ -22,12 +22,11 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use indexmap::IndexSet;
 
-use super::check::Checked;
 use super::maps::Maps;
-use super::mtl;
+use super::statements::{Checked, Line, UNNAMED, shortened, statements};
 use crate::error::Result;
 use crate::scene::source::{self, ContentHash, Warnings, fault};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
@@ -90,7 +89,7 @@ pub(super) fn load(
     hash: &mut ContentHash,
     warnings: &mut Warnings,
 ) -> Result<Materials> {
-    let mut entries: HashMap<String, tobj::Material> = HashMap::new();
+    let mut found: HashMap<String, Entry> = HashMap::new();
     for file in libraries(path, &checked.libraries, strict)? {
         if !strict && source::is_missing(&file) {
             warnings.add(format!("the material library {} is missing", file.display()));
@@ -98,21 +97,21 @@ pub(super) fn load(
         }
         let bytes = source::read(path, "mtllib", &file)?;
         hash.add(&bytes);
-        for entry in mtl::read(&file, &source::text(&bytes), warnings)? {
+        for entry in entries(&file, &source::text(&bytes), warnings)? {
             // A number sign in a name may begin a comment, or belong to it.
             let plain = without_comment(&entry.name);
             if plain != entry.name {
-                entries.entry(plain.to_owned()).or_insert_with(|| entry.clone());
+                found.entry(plain.to_owned()).or_insert_with(|| entry.clone());
             }
-            entries.insert(entry.name.clone(), entry);
+            found.insert(entry.name.clone(), entry);
         }
     }
     let mut maps = Maps::new(path, strict);
     let mut list = Vec::new();
-    let mut found = Vec::new();
+    let mut indices = Vec::new();
     for name in &checked.materials {
-        let entry = entries.get(name).or_else(|| entries.get(without_comment(name)));
-        found.push(entry.map(|_| list.len() as u32));
+        let entry = found.get(name).or_else(|| found.get(without_comment(name)));
+        indices.push(entry.map(|_| list.len() as u32));
         match entry {
             Some(entry) => list.push(convert(entry, &mut maps, hash)?),
             None => warnings.add(format!("material `{name}` is in no library; its faces are matte")),
@@ -121,7 +120,7 @@ pub(super) fn load(
     maps.missing.drain(..).for_each(|warning| warnings.add(warning));
     let matte = list.len() as u32;
     list.push(Material { name: "matte".into(), base_color: Vec3::splat(0.8), ..Material::default() });
-    let index_of = found.into_iter().map(|index| index.unwrap_or(matte)).collect();
+    let index_of = indices.into_iter().map(|index| index.unwrap_or(matte)).collect();
     let bare = HashMap::new();
     Ok(Materials { list, textures: maps.textures, index_of, matte, bare })
 }
@@ -194,29 +193,151 @@ fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
     names
 }
 
-fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result<Material> {
-    let clamped = |color: Option<[f32; 3]>| color.map(|color| Vec3::from(color).min(Vec3::ONE));
-    let extension = |keyword: &str| entry.unknown_param.get(keyword).map(String::as_str);
-    let number = |keyword: &str| extension(keyword).and_then(|text| text.parse::<f32>().ok());
-    let (roughness, metallic) = (number("Pr"), number("Pm"));
-    let filter = extension("Tf").and_then(|text| {
-        let numbers: Vec<f32> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-        numbers.try_into().ok()
-    });
-    let model = entry.illumination_model;
+/// A material as its library states it.
+#[derive(Clone, Default)]
+struct Entry {
+    name: String,
+    diffuse: Option<Vec3>,
+    specular: Option<Vec3>,
+    emission: Option<Vec3>,
+    /// `Tf`, the tint of glass.
+    filter: Option<Vec3>,
+    /// `Ns`, the exponent of a highlight.
+    shininess: Option<f32>,
+    ior: Option<f32>,
+    opacity: Option<f32>,
+    roughness: Option<f32>,
+    metallic: Option<f32>,
+    /// `illum`
+    model: Option<u8>,
+    diffuse_map: Option<String>,
+    opacity_map: Option<String>,
+    emission_map: Option<String>,
+    normal_map: Option<String>,
+}
+
+/// The entries of a library in order.
+fn entries(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<Entry>> {
+    let mut entries: Vec<Entry> = Vec::new();
+    statements(path, text, |line| {
+        if line.keyword == "newmtl" {
+            let name = if line.rest.is_empty() { UNNAMED } else { line.rest };
+            entries.push(Entry { name: name.to_owned(), ..Entry::default() });
+            return Ok(());
+        }
+        let Some(entry) = entries.last_mut() else {
+            return Err(line.fault("no `newmtl` comes before it"));
+        };
+        if !entry.state(line)? {
+            let spectral = if is_spectral(line) { " spectral" } else { "" };
+            let what = format!(
+                "material `{}`: `{}{spectral}` is not supported and ignored",
+                shortened(&entry.name),
+                shortened(line.keyword)
+            );
+            warnings.add_once(&what, format!("{what} ({})", line.place()));
+        }
+        Ok(())
+    })?;
+    Ok(entries)
+}
+
+impl Entry {
+    /// Takes one statement. Returns whether it is supported.
+    fn state(&mut self, line: &Line<'_>) -> Result<bool> {
+        let keyword = line.keyword;
+        match keyword {
+            "Kd" | "Ks" | "Ke" | "Tf" if is_spectral(line) => return Ok(false),
+            "Kd" => self.diffuse = Some(color(line)?),
+            "Ks" => self.specular = Some(color(line)?),
+            "Ke" => self.emission = Some(color(line)?),
+            "Tf" => self.filter = Some(color(line)?),
+            "Ns" => self.shininess = Some(not_negative(line)?),
+            "Ni" => self.ior = Some(not_negative(line)?),
+            // With `-halo`, the number is the coverage of what is seen face on.
+            "d" => self.opacity = Some(fraction(&line.after("-halo").unwrap_or(*line))?),
+            "Pr" => self.roughness = Some(fraction(line)?),
+            "Pm" => self.metallic = Some(fraction(line)?),
+            // A material without any coverage would not be there: writers such as MeshLab mean full coverage by it.
+            "Tr" => {
+                let transparency = fraction(line)?;
+                self.opacity = Some(if transparency == 1.0 { 1.0 } else { 1.0 - transparency });
+            }
+            "illum" => match line.number()? {
+                model if (0.0..=10.0).contains(&model) && model.fract() == 0.0 => {
+                    self.model = Some(model as u8);
+                }
+                _ => return Err(line.fault("`illum` takes an integer from 0 to 10")),
+            },
+            "map_Kd" | "map_d" | "map_Ke" | "norm" if line.rest.is_empty() => {
+                return Err(line.fault(&format!("`{keyword}` names no picture")));
+            }
+            "map_Kd" => self.diffuse_map = Some(line.rest.to_owned()),
+            "map_d" => self.opacity_map = Some(line.rest.to_owned()),
+            "map_Ke" => self.emission_map = Some(line.rest.to_owned()),
+            "norm" => self.normal_map = Some(line.rest.to_owned()),
+            // Ambient colour has no counterpart here, and `sharpness` applies to environment maps only.
+            "Ka" | "map_Ka" | "sharpness" | "map_aat" => {}
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+}
+
+/// Whether a colour is a file of its spectrum.
+fn is_spectral(line: &Line<'_>) -> bool {
+    line.words().next() == Some("spectral")
+}
+
+/// From CIE XYZ to linear sRGB (IEC 61966-2-1), whose white is D65.
+const XYZ_TO_RGB: Mat3 =
+    Mat3::from_cols_array(&[3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570]);
+
+/// A colour `r g b` or `xyz x y z`, or one number for all three channels. Colours `xyz` that sRGB cannot show are cut off.
+fn color(line: &Line<'_>) -> Result<Vec3> {
+    let xyz = line.after("xyz");
+    let line = xyz.as_ref().unwrap_or(line);
+    let color = match *line.numbers()? {
+        [all] => Vec3::splat(all),
+        [red, green, blue] => Vec3::new(red, green, blue),
+        _ => return Err(line.fault("a colour is one or three numbers")),
+    };
+    if color.min_element() < 0.0 {
+        return Err(line.fault("a colour is negative"));
+    }
+    Ok(if xyz.is_some() { (XYZ_TO_RGB * color).max(Vec3::ZERO) } else { color })
+}
+
+fn not_negative(line: &Line<'_>) -> Result<f32> {
+    match line.number()? {
+        number if number >= 0.0 => Ok(number),
+        _ => Err(line.fault(&format!("`{}` is negative", line.keyword))),
+    }
+}
+
+fn fraction(line: &Line<'_>) -> Result<f32> {
+    match line.number()? {
+        number if (0.0..=1.0).contains(&number) => Ok(number),
+        _ => Err(line.fault(&format!("`{}` lies outside 0 to 1", line.keyword))),
+    }
+}
+
+fn convert(entry: &Entry, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result<Material> {
+    let clamped = |color: Option<Vec3>| color.map(|color| color.min(Vec3::ONE));
+    let Entry { roughness, metallic, filter, model, .. } = *entry;
     let diffuse = clamped(entry.diffuse).unwrap_or(Vec3::splat(0.8));
     // Nothing would be seen of a picture in black; writers mean the picture as it is.
-    let diffuse = if entry.diffuse_texture.is_some() && diffuse == Vec3::ZERO { Vec3::ONE } else { diffuse };
+    let diffuse = if entry.diffuse_map.is_some() && diffuse == Vec3::ZERO { Vec3::ONE } else { diffuse };
     let shiny = model.is_none_or(|model| model >= 2);
     let specular = clamped(entry.specular).filter(|_| shiny).unwrap_or(Vec3::ZERO);
-    let opacity = entry.dissolve.unwrap_or(1.0);
+    let opacity = entry.opacity.unwrap_or(1.0);
     let glass = matches!(model, Some(4 | 6 | 7 | 9))
-        && (filter.is_some() || (opacity == 1.0 && entry.dissolve_texture.is_none()));
+        && (filter.is_some() || (opacity == 1.0 && entry.opacity_map.is_none()));
     let metal = !glass
         && metallic.is_none()
         && diffuse.max_element() < 0.01
         && specular.max_element() > 0.1
-        && entry.diffuse_texture.is_none();
+        && entry.diffuse_map.is_none();
     let roughness = match (roughness, entry.shininess) {
         (Some(roughness), _) => roughness,
         _ if glass => 0.0,
@@ -231,15 +352,15 @@ fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) 
         roughness,
         metallic: metallic.unwrap_or(0.0),
         // Exporters write an index of 1 if they do not know it.
-        ior: entry.optical_density.filter(|ior| *ior > 1.0).unwrap_or(1.5),
-        emission: entry.emissive.map_or(Vec3::ZERO, Vec3::from),
+        ior: entry.ior.filter(|ior| *ior > 1.0).unwrap_or(1.5),
+        emission: entry.emission.unwrap_or(Vec3::ZERO),
         ..Material::default()
     };
     if glass {
         material.base_color = clamped(filter).unwrap_or(Vec3::ONE);
         material.specular = 1.0;
         material.transmission = 1.0;
-        material.ior = entry.optical_density.filter(|ior| *ior >= 1.0).unwrap_or(1.5);
+        material.ior = entry.ior.filter(|ior| *ior >= 1.0).unwrap_or(1.5);
         material.volume = Some(Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY });
     } else if metal {
         material.base_color = specular;
@@ -248,14 +369,14 @@ fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) 
         material.specular = 1.0;
         material.specular_color = if metallic.is_some() { Vec3::ONE } else { 2.0 * specular };
     }
-    if !glass && (opacity < 1.0 || entry.dissolve_texture.is_some()) {
+    if !glass && (opacity < 1.0 || entry.opacity_map.is_some()) {
         material.opacity = opacity;
         material.alpha_mode = AlphaMode::Blend;
     }
-    let dissolve = entry.dissolve_texture.as_deref().filter(|_| !glass);
-    let base = entry.diffuse_texture.as_deref().filter(|_| !glass);
-    material.base_color_texture = maps.base(&entry.name, base, dissolve, hash)?;
-    material.emission_texture = maps.single(&entry.name, extension("map_Ke"), hash)?;
-    material.normal_texture = maps.single(&entry.name, extension("norm"), hash)?;
+    let dissolve = entry.opacity_map.as_deref().filter(|_| !glass);
+    let base = entry.diffuse_map.as_deref().filter(|_| !glass);
+    material.base_color_texture = maps.texture(&entry.name, base, dissolve, hash)?;
+    material.emission_texture = maps.texture(&entry.name, entry.emission_map.as_deref(), None, hash)?;
+    material.normal_texture = maps.texture(&entry.name, entry.normal_map.as_deref(), None, hash)?;
     Ok(material)
 }

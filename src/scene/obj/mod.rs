@@ -12,13 +12,10 @@
 //! The format has no camera; the camera file provides it. Lengths are in metres, and surfaces are two-sided. For any input bytes,
 //! loading returns a scene or an [`enum@crate::Error`].
 
-mod check;
-mod line;
 mod maps;
 mod materials;
-mod mesh;
-mod mtl;
 mod polygon;
+mod statements;
 
 use std::path::Path;
 
@@ -30,9 +27,8 @@ use super::source::{self, ContentHash, Warnings, fault};
 use super::triangle::{MAX_COORDINATE, Triangle};
 use super::{Camera, LoadOptions, Material, Scene, camera_file};
 use crate::error::Result;
-use check::Checked;
-use mesh::Corner;
 use polygon::Triangulator;
+use statements::Checked;
 
 /// The share of reading the file in the work of loading it.
 const READING: f32 = 0.5;
@@ -48,7 +44,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let mut warnings = Warnings::default();
     let mut checked = Checked::default();
     let (watcher, mut lines, mut read) = (options.watcher, 0_usize, 0_usize);
-    line::statements(path, &source::text(&bytes), |line| {
+    statements::statements(path, &source::text(&bytes), |line| {
         lines += 1;
         // With a blank and the line's end.
         read += line.keyword.len() + line.rest.len() + 2;
@@ -149,7 +145,7 @@ fn triangles(
     let mut degenerate = 0_usize;
     let mut polygons = Triangulator::default();
     let count: usize = checked.runs.iter().map(|run| run.faces).sum();
-    for (index, face) in mesh::faces(checked, origin).enumerate() {
+    for (index, face) in faces(checked, origin).enumerate() {
         options.watcher.count(index, || READING + (1.0 - READING) * index as f32 / count as f32)?;
         let is_bare = face.corners.iter().any(|corner| corner.texcoord.is_none());
         let material = materials.of(face.material);
@@ -191,4 +187,51 @@ fn triangle(corners: &[Corner; 3], material: u32, group: u32) -> Triangle {
     triangle.normals = corners.map(|corner| corner.normal.unwrap_or(Vec3::ZERO));
     triangle.colors = corners.map(|corner| corner.color);
     triangle
+}
+
+// Faces of an `.obj` file.
+
+/// A corner of a face.
+#[derive(Clone, Copy)]
+struct Corner {
+    /// In the scene's coordinates.
+    pub position: Vec3,
+    pub color: [u16; 4],
+    /// Texture coordinate with `v` pointing downwards, as pictures are stored.
+    pub texcoord: Option<Vec2>,
+    /// A unit vector; zero if the file's normal has no direction.
+    pub normal: Option<Vec3>,
+}
+
+/// A polygon of the file.
+struct Face {
+    /// Three or more corners.
+    pub corners: Vec<Corner>,
+    /// Index into [`Checked::groups`].
+    pub group: u32,
+    /// Index into [`Checked::materials`], if the face has a material.
+    pub material: Option<u32>,
+}
+
+/// Iterates over the faces in the order of the file, in coordinates whose origin lies at `origin`.
+fn faces(checked: &Checked, origin: DVec3) -> impl Iterator<Item = Face> + '_ {
+    let runs = checked.runs.iter().flat_map(|run| std::iter::repeat_n(run, run.faces));
+    let mut first = 0;
+    runs.zip(&checked.sizes).map(move |(run, &size)| {
+        let corners = &checked.corners[first..first + size as usize];
+        first += size as usize;
+        let corners = corners.iter().map(|&corner| self::corner(checked, corner, origin)).collect();
+        Face { corners, group: run.group, material: run.material }
+    })
+}
+
+fn corner(checked: &Checked, indices: [u32; 3], origin: DVec3) -> Corner {
+    let [vertex, texcoord, normal] = indices.map(|index| (index as usize).wrapping_sub(1));
+    let (position, color) = checked.vertices[vertex];
+    Corner {
+        position: (position - origin).as_vec3(),
+        color,
+        texcoord: checked.texcoords.get(texcoord).copied(),
+        normal: checked.normals.get(normal).copied(),
+    }
 }

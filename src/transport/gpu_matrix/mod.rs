@@ -1,22 +1,21 @@
 //! The matrix in a device's memory. Products are taken there, and only patterns and photos are transferred.
 
-mod bands;
-mod figures;
 mod kernel;
 #[cfg(test)]
 pub(super) mod tests;
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use wgpu::BufferUsages;
 
-use self::bands::{DeviceLayer, Limits};
-use self::kernel::{Kernel, Shared, Step, Terms};
+use self::kernel::{Band, DeviceLayer, Kernel, Limits, Shared, Step, Terms};
 use super::layer::Layer;
+use super::matrix::{Direction, Product};
 use super::{Part, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::gpu::readback::Results;
+use crate::gpu::buffers::Results;
 use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
@@ -44,19 +43,11 @@ struct Vectors {
     to: Results,
 }
 
-/// What is made when first needed. A product holds its lock, since all products share the vectors.
+/// The transpose and the dispatches, which are made when first needed. A product holds their lock, since all products share the vectors.
 #[derive(Default)]
 struct State {
     transposed: Option<Vec<DeviceLayer>>,
     products: Vec<(Product, Vec<Step>)>,
-}
-
-/// Which product: of which part and channel, and whether with the transpose.
-#[derive(Clone, Copy, PartialEq)]
-struct Product {
-    part: Part,
-    channel: usize,
-    is_transposed: bool,
 }
 
 impl std::fmt::Debug for GpuMatrix {
@@ -103,50 +94,35 @@ impl GpuMatrix {
     /// # Errors
     /// [`Error::Dimension`] for vectors that do not fit; [`Error::Device`] when the device failed.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.check([x.len(), y.len()])?;
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let product = Product { part, channel, is_transposed: false };
-        let steps = self.steps(&mut state, product)?;
-        self.multiply(steps, x, y)
+        self.take(&mut self.state(), Product { direction: Direction::Forward, part, channel }, x, y)
     }
 
-    /// `x ← Pᵀ y`, as [`TransportMatrix::apply_transpose`]. For a rig that is not coaxial, the transpose of
-    /// `matrix` (the matrix that this is a copy of) is copied to the device when first needed.
+    /// A product of `matrix`, which this is a copy of. For a rig that is not coaxial, its transpose is copied to the device when first needed.
     ///
     /// # Errors
     /// As [`GpuMatrix::apply`]; [`Error::Device`] also where the transpose does not fit the memory.
-    pub fn apply_transpose(
+    pub(super) fn multiply(
         &self,
         matrix: &TransportMatrix,
-        part: Part,
-        channel: usize,
-        y: &[f64],
-        x: &mut [f64],
+        product: Product,
+        from: &[f64],
+        to: &mut [f64],
     ) -> Result<()> {
-        self.check([x.len(), y.len()])?;
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        if !self.rig.symmetric && state.transposed.is_none() {
+        let mut state = self.state();
+        if product.direction == Direction::Backward && !self.rig.symmetric && state.transposed.is_none() {
             let layer = |layer: &Layer| {
-                let (_, rows) = layer.transposed_rows();
+                let rows = layer.to_rows().transposed(&(0..self.rig.projector.pixels()), 0);
                 DeviceLayer::upload(&self.gpu, layer.bounces(), &rows, self.limits)
             };
             state.transposed = Some(matrix.layers.iter().map(layer).collect::<Result<_>>()?);
         }
-        let product = Product { part, channel, is_transposed: !self.rig.symmetric };
-        let steps = self.steps(&mut state, product)?;
-        self.multiply(steps, y, x)
+        // A coaxial rig is its own transpose.
+        let direction = if self.rig.symmetric { Direction::Forward } else { product.direction };
+        self.take(&mut state, Product { direction, ..product }, from, to)
     }
 
-    fn check(&self, found: [usize; 2]) -> Result<()> {
-        let [x, y] = [self.rig.projector.pixels(), self.rig.camera.pixels()];
-        if found == [x, y] {
-            return Ok(());
-        }
-        Err(Error::Dimension {
-            what: "pixels of pattern and photo",
-            expected: format!("{x} and {y}"),
-            found: format!("{} and {}", found[0], found[1]),
-        })
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The dispatches of a product; prepared once.
@@ -164,9 +140,9 @@ impl GpuMatrix {
     }
 
     fn new_steps(&self, state: &State, product: Product) -> Result<Vec<Step>> {
-        let Product { part, channel, is_transposed } = product;
+        let Product { part, channel, direction } = product;
         let (layers, rows) = match &state.transposed {
-            Some(transposed) if is_transposed => (transposed, self.rig.projector),
+            Some(transposed) if direction == Direction::Backward => (transposed, self.rig.projector),
             _ => (&self.layers, self.rig.camera),
         };
         let diagonal = part.holds(1) && self.has_diagonal;
@@ -200,8 +176,18 @@ impl GpuMatrix {
         Ok(steps)
     }
 
-    fn multiply(&self, steps: &[Step], from: &[f64], to: &mut [f64]) -> Result<()> {
-        let gpu = &self.gpu;
+    fn take(&self, state: &mut State, product: Product, from: &[f64], to: &mut [f64]) -> Result<()> {
+        let [lit, seen] = [self.rig.projector.pixels(), self.rig.camera.pixels()];
+        let (expected, gpu) =
+            (if product.direction == Direction::Forward { [lit, seen] } else { [seen, lit] }, &self.gpu);
+        if [from.len(), to.len()] != expected {
+            return Err(Error::Dimension {
+                what: "entries of the vector to multiply and of the product",
+                expected: format!("{} and {}", expected[0], expected[1]),
+                found: format!("{} and {}", from.len(), to.len()),
+            });
+        }
+        let steps = self.steps(state, product)?;
         let Vectors { from: pattern, to: photo } = &self.vectors;
         let bytes = size_of_val(to) as u64;
         let submission = gpu.guarded("product", || {
@@ -226,5 +212,67 @@ impl Vectors {
             from: gpu.buffer("pattern", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
             to: Results::new(gpu, "photo", bytes)?,
         })
+    }
+}
+
+/// Measurements for the benchmarks: products without transfers to and from the host, and plain copies to compare with.
+impl GpuMatrix {
+    /// Bytes that a product with all light of one channel reads and writes, each counted once.
+    pub fn bytes_of_product(&self) -> u64 {
+        let of_band = |band: &Band| {
+            band.starts.size() + band.columns.size() + band.weights.first().map_or(0, wgpu::Buffer::size)
+        };
+        let bands = self.layers.iter().flat_map(|layer| &layer.bands);
+        let vectors = 8 * (self.rig.projector.pixels() + self.rig.camera.pixels()) as u64;
+        let diagonal =
+            if self.has_diagonal { self.diagonals.first().map_or(0, wgpu::Buffer::size) } else { 0 };
+        bands.map(of_band).sum::<u64>() + diagonal + vectors
+    }
+
+    /// The number of dispatches of a product with all light of one channel.
+    pub fn dispatches(&self) -> usize {
+        self.layers.iter().map(|layer| layer.bands.len()).sum::<usize>().max(1)
+    }
+
+    /// The time of `count` products with all light of the first channel, one after the other on the device,
+    /// with the pattern of the last product.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] when the device failed.
+    pub fn time_products(&self, count: u32) -> Result<Duration> {
+        let mut state = self.state();
+        let product = Product { part: Part::Full, channel: 0, direction: Direction::Forward };
+        let steps = self.steps(&mut state, product)?;
+        self.time("products", |encoder| {
+            (0..count).for_each(|_| self.kernel.encode(encoder, steps));
+        })
+    }
+
+    /// The time of `count` copies of `bytes` from one buffer to another, which read and write each byte once.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] when the device failed or has not enough memory.
+    pub fn time_copies(&self, bytes: u64, count: u32) -> Result<Duration> {
+        let bytes = bytes.next_multiple_of(4);
+        let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let [from, to] = [self.gpu.buffer("copied", bytes, usage)?, self.gpu.buffer("copy", bytes, usage)?];
+        let copy = |encoder: &mut wgpu::CommandEncoder| {
+            (0..count).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
+        };
+        // The first use of the buffers also clears them, so the second run is the one that counts.
+        self.time("copies", copy)?;
+        self.time("copies", copy)
+    }
+
+    fn time(&self, what: &str, work: impl FnOnce(&mut wgpu::CommandEncoder)) -> Result<Duration> {
+        let gpu = &self.gpu;
+        let start = Instant::now();
+        let submission = gpu.guarded(what, || {
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            work(&mut encoder);
+            gpu.queue.submit([encoder.finish()])
+        })?;
+        gpu.wait(Some(submission))?;
+        Ok(start.elapsed())
     }
 }

@@ -99,9 +99,14 @@ fn both(
     let [mut aty, mut found_aty] = [vec![f64::NAN; cols], vec![f64::NAN; cols]];
     matrix.apply(part, channel, &x, &mut ax);
     matrix.apply_transpose(part, channel, &y, &mut aty);
-    let taken = gpu_matrix
-        .apply(part, channel, &x, &mut found_ax)
-        .and_then(|()| gpu_matrix.apply_transpose(matrix, part, channel, &y, &mut found_aty));
+    let taken = gpu_matrix.apply(part, channel, &x, &mut found_ax).and_then(|()| {
+        gpu_matrix.multiply(
+            matrix,
+            Product { direction: Direction::Backward, part, channel },
+            &y,
+            &mut found_aty,
+        )
+    });
     taken.unwrap_or_else(|error| unreachable!("{error}"));
     [(ax, found_ax), (aty, found_aty)]
 }

@@ -2,34 +2,32 @@
 
 use std::ops::Range;
 
-use super::Spread;
-use super::balance::balanced;
-use super::command::{Command, answer, from_bytes, garbled, read_answer, to_bytes, unread};
-use super::exchange;
+use super::{Command, Spread, exchange};
 use crate::error::Result;
+use crate::image::Resolution;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
-use crate::team::{Comm, Turn};
-use crate::transport::assemble::{classes, finish, of_classes, planes, shape};
-use crate::transport::combine::Combined;
-use crate::transport::fixed::RowSums;
+use crate::team::{Comm, answer, from_bytes, garbled, read_answer, to_bytes};
+use crate::transport::assembled::{Assembled, classes, finish, of_classes, planes, shape};
 use crate::transport::layer::{Bounces, Layer};
+use crate::transport::merging::Combined;
+use crate::transport::noise::Estimates;
 use crate::transport::share::Share;
 use crate::transport::squares::EntrySquares;
-use crate::transport::steps::Steps;
-use crate::transport::{Assembled, Channels, TransportMatrix, wire};
+use crate::transport::wire::{self, unread};
+use crate::transport::{Channels, TransportMatrix, pilot};
 
-/// What the leader says after the trace: the processes go on, or they drop what they have.
+/// The leader's word after the trace: the processes go on, or they drop their shares.
 const GO_ON: u8 = 1;
 const STOP: u8 = 0;
 
-/// What one process has of a matrix.
-pub(super) struct Own<const C: usize> {
+/// The part of a matrix that one process has.
+struct Own<const C: usize> {
     matrix: TransportMatrix,
     /// Of its pixels.
-    direct: Vec<[[f64; 2]; C]>,
-    ambient: Vec<[[f64; 2]; C]>,
+    direct: Vec<Estimates<C>>,
+    ambient: Vec<Estimates<C>>,
     /// Of its rows.
-    sums: Vec<RowSums<C>>,
+    sums: Vec<Estimates<C>>,
     /// Of the entries that it merged.
     squares: EntrySquares,
     has_halves: bool,
@@ -46,7 +44,6 @@ pub(in crate::transport) fn assemble<const C: usize>(
     settings: &TraceSettings,
     channels: Channels,
     split: bool,
-    project: impl Fn([f32; 3]) -> [f32; C] + Sync,
 ) -> Result<Assembled> {
     settings.check()?;
     let Some((scene, team)) = tracer.remote().map(|remote| (remote.id(), remote.team().clone())) else {
@@ -54,17 +51,13 @@ pub(in crate::transport) fn assemble<const C: usize>(
     };
     let pixels = balanced(tracer, settings, team.size())?;
     let remote = team.remote();
-    let command = Command::Assemble { scene, settings: *settings, channels, split, pixels: pixels.clone() }
-        .to_bytes()?;
-    let turn = remote.command(&command);
-    let steps = exchange::steps(turn.comm(), shape(tracer, settings), &pixels)?;
-    let share = Share::trace(tracer, settings, &pixels[0], (split, Some(&steps)), &project);
-    let share = agree(&turn, share)?;
-    let mut own = merge(turn.comm(), tracer, settings, (channels, split), &steps, share)?;
-    let parts = turn.receive_all();
+    let command = Command::Assemble { scene, settings: *settings, channels, split, pixels: pixels.clone() };
+    let turn = remote.command(&command)?;
+    let own = Own::<C>::trace(turn.comm(), tracer, settings, (channels, split), &pixels)?;
+    let Some(mut own) = own else { return Err(garbled("the leader has no share")) };
     let (mut nonzeros, mut bytes) = (vec![0_u64; own.matrix.layers.len()], 0);
-    for part in &parts {
-        let (of_layers, of_part) = own.add_part(part)?;
+    for part in turn.receive_all() {
+        let (of_layers, of_part) = own.add_part(&part)?;
         bytes += of_part;
         nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
     }
@@ -75,10 +68,10 @@ pub(in crate::transport) fn assemble<const C: usize>(
     let keep: Vec<u8> = own.matrix.layers.iter().zip(&nonzeros).map(keeps).map(u8::from).collect();
     turn.send_all(&keep);
     drop(turn);
-    retain(&mut own.matrix.layers, &keep);
+    own.retain(&keep);
     let Own { mut matrix, direct, ambient, sums, squares, has_halves, summary } = own;
     matrix.direct = planes(&direct);
-    // Entries of layers that were dropped are none.
+    // A dropped layer has no entries.
     let elsewhere = nonzeros.iter().sum::<u64>() as usize;
     matrix.spread = Some(Spread::new(remote, pixels, elsewhere, bytes as usize));
     finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
@@ -91,105 +84,223 @@ pub(super) fn assemble_part<const C: usize>(
     settings: &TraceSettings,
     of: (Channels, bool),
     pixels: &[StartPixels],
-    project: impl Fn([f32; 3]) -> [f32; C] + Sync,
-) -> Option<TransportMatrix> {
-    // The leader and the others wait for this process: a message that it cannot read ends the team.
-    let steps =
-        exchange::steps(comm, shape(tracer, settings), pixels).expect("all processes run the same program");
-    let share = Share::trace(tracer, settings, &pixels[comm.rank()], (of.1, Some(&steps)), &project);
-    // The leader hears how it went, and says how it goes on.
-    answer(comm, share.as_ref().map(|share| share.summary));
-    let goes_on = comm.receive(0) == [GO_ON];
-    let share = share.ok().filter(|_| goes_on)?;
-    let own = merge(comm, tracer, settings, of, &steps, share).expect("all processes run the same program");
+) -> Result<Option<TransportMatrix>> {
+    let Some(mut own) = Own::<C>::trace(comm, tracer, settings, of, pixels)? else { return Ok(None) };
     comm.send(0, &own.to_bytes());
+    own.retain(&comm.receive(0));
     let Own { mut matrix, direct, .. } = own;
-    retain(&mut matrix.layers, &comm.receive(0));
     if matrix.is_symmetric() {
         // Rows that other processes have are not asked for.
-        let rows = matrix.rows.clone();
-        let whole = matrix.rig.camera.pixels();
-        matrix.direct = planes(&direct).into_iter().map(|own| padded(own, &rows, whole)).collect();
+        let padded = |own: Vec<f32>| {
+            let mut plane = vec![0.0; matrix.rig.camera.pixels()];
+            plane[matrix.rows.clone()].copy_from_slice(&own);
+            plane
+        };
+        matrix.direct = planes(&direct).into_iter().map(padded).collect();
     }
-    Some(matrix)
+    Ok(Some(matrix))
 }
 
-/// The share of the leader with the costs of all, once every process has traced its own.
-fn agree<const C: usize>(turn: &Turn<'_>, share: Result<Share<C>>) -> Result<Share<C>> {
+/// The share of this process once every process has traced its own; that of the leader has the costs of all. In another process it is `None`
+/// where one of them failed. The leader fails then.
+fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Option<Share<C>>> {
+    if comm.rank() > 0 {
+        answer(comm, share.as_ref().map(|share| share.summary));
+        let goes_on = comm.receive(0) == [GO_ON];
+        return Ok(share.ok().filter(|_| goes_on));
+    }
+    let others = 1..comm.size();
+    let send_all = |word: u8| others.clone().for_each(|rank| comm.send(rank, &[word]));
     if share.is_err() {
         // The others stop tracing when they see it.
-        turn.send_all(&[STOP]);
+        send_all(STOP);
     }
     let answers: Vec<Result<TraceSummary>> =
-        turn.others().zip(turn.receive_all()).map(|(rank, bytes)| read_answer(rank, &bytes)).collect();
+        others.clone().map(|rank| read_answer(rank, &comm.receive(rank))).collect();
     let mut share = share?;
     let all: Result<Vec<TraceSummary>> = answers.into_iter().collect();
-    turn.send_all(&[if all.is_ok() { GO_ON } else { STOP }]);
-    for other in all? {
-        share.summary.add_parallel(&other);
-    }
-    Ok(share)
-}
-
-/// Exchanges the contributions, and merges those to the own rows.
-fn merge<const C: usize>(
-    comm: &dyn Comm,
-    tracer: &Tracer,
-    settings: &TraceSettings,
-    (channels, split): (Channels, bool),
-    steps: &Steps,
-    share: Share<C>,
-) -> Result<Own<C>> {
-    let rig = shape(tracer, settings);
-    let Share { found, direct, ambient, has_halves, summary } = share;
-    let Combined { layers, rows: sums, squares } =
-        exchange::merge(comm, rig, steps, found, classes(split).len(), &direct)?;
-    let layers = of_classes(layers, split);
-    let planes = vec![Vec::new(); C];
-    let rows = steps.rows().nth(comm.rank()).unwrap_or_default();
-    let matrix = TransportMatrix { rig, channels, direct: planes, layers, rows, spread: None };
-    Ok(Own { matrix, direct, ambient, sums, squares, has_halves, summary })
-}
-
-/// Keeps the layers that the leader keeps.
-fn retain(layers: &mut Vec<Layer>, keep: &[u8]) {
-    let mut keep = keep.iter();
-    layers.retain(|_| keep.next() == Some(&1));
-}
-
-/// The values of these rows, and zeros for all others.
-fn padded(own: Vec<f32>, rows: &Range<usize>, whole: usize) -> Vec<f32> {
-    let mut plane = vec![0.0; whole];
-    plane[rows.clone()].copy_from_slice(&own);
-    plane
+    send_all(if all.is_ok() { GO_ON } else { STOP });
+    all?.iter().for_each(|other| share.summary.add_parallel(other));
+    Ok(Some(share))
 }
 
 impl<const C: usize> Own<C> {
-    /// What the leader has to know of it: the number of entries of each layer, the bytes of all, and what belongs to pixels and rows.
+    /// Traces the own pixels, exchanges the contributions, and merges those to the own rows. `None` as for [`agree`].
+    fn trace(
+        comm: &dyn Comm,
+        tracer: &mut Tracer,
+        settings: &TraceSettings,
+        (channels, split): (Channels, bool),
+        pixels: &[StartPixels],
+    ) -> Result<Option<Self>> {
+        let rig = shape(tracer, settings);
+        let steps = exchange::steps(comm, rig, pixels)?;
+        let share = Share::<C>::trace(tracer, settings, &pixels[comm.rank()], split, Some(&steps));
+        let Some(share) = agree(comm, share)? else { return Ok(None) };
+        let Share { found, direct, ambient, has_halves, summary } = share;
+        let merged = exchange::merge(comm, rig, &steps, found, classes(split).len(), &direct)?;
+        let Combined { layers, rows: sums, squares } = merged;
+        let layers = of_classes(layers, split);
+        let planes = vec![Vec::new(); C];
+        let rows = steps.rows().nth(comm.rank()).unwrap_or_default();
+        let matrix = TransportMatrix { rig, channels, direct: planes, layers, rows, spread: None };
+        Ok(Some(Self { matrix, direct, ambient, sums, squares, has_halves, summary }))
+    }
+
+    /// Keeps the layers that the leader keeps.
+    fn retain(&mut self, keep: &[u8]) {
+        let mut keep = keep.iter();
+        self.matrix.layers.retain(|_| keep.next() == Some(&1));
+    }
+
+    /// The message to the leader: the number of entries of each layer, the bytes of all, and the sums over pixels, rows and entries.
     fn to_bytes(&self) -> Vec<u8> {
         let nonzeros: Vec<u64> = self.matrix.layers.iter().map(|layer| layer.nonzeros() as u64).collect();
         // Numbers can be sent.
         let head = to_bytes(&(nonzeros, self.matrix.bytes() as u64, self.has_halves)).unwrap_or_default();
         wire::message(|to| {
             wire::put(to, &head)?;
-            wire::put_estimates(to, &self.direct)?;
-            wire::put_estimates(to, &self.ambient)?;
-            wire::put_sums(to, &self.sums)?;
+            [&self.direct, &self.ambient, &self.sums]
+                .into_iter()
+                .try_for_each(|of| wire::put_estimates(to, of))?;
             wire::put(to, &self.squares.to_words())
         })
     }
 
-    /// Adds what the process of the next pixels sent. Returns its number of entries of each layer, and their bytes.
+    /// Adds the message of the process of the next pixels. Returns its number of entries of each layer, and their bytes.
     fn add_part(&mut self, bytes: &[u8]) -> Result<(Vec<u64>, u64)> {
         let mut from = wire::Reader::new(bytes);
         let (nonzeros, size, has_halves): (Vec<u64>, u64, bool) =
             from_bytes(&from.take::<u8>().map_err(unread)?)?;
         self.has_halves &= has_halves;
-        self.direct.extend(wire::take_estimates::<C>(&mut from).map_err(unread)?);
-        self.ambient.extend(wire::take_estimates::<C>(&mut from).map_err(unread)?);
-        self.sums.extend(wire::take_sums::<C>(&mut from).map_err(unread)?);
+        for all in [&mut self.direct, &mut self.ambient, &mut self.sums] {
+            all.extend(wire::take_estimates::<C>(&mut from).map_err(unread)?);
+        }
         let squares = EntrySquares::from_words(&from.take::<u64>().map_err(unread)?);
         self.squares.add_all(&squares.ok_or_else(|| garbled("its sums of squares have another length"))?);
         Ok((nonzeros, size))
+    }
+}
+
+/// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays that a part of the picture takes;
+/// counts are the same each time, where measured seconds are not.
+///
+/// # Errors
+/// As [`Tracer::trace`].
+fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> Result<Vec<StartPixels>> {
+    let projector = tracer.projector_resolution(settings);
+    let pilot = pilot::of(settings);
+    let sizes = [pilot.resolution, tracer.projector_resolution(&pilot)];
+    let mut rays = sizes.map(|size| vec![0_u64; size.height]);
+    tracer.trace(&pilot, &mut |batch| {
+        let end = usize::from(!batch.from_camera());
+        for path in 0..batch.len() {
+            rays[end][batch.pixel(path) as usize / sizes[end].width] += batch.rays(path);
+        }
+        Ok(())
+    })?;
+    let all = tracer.start_pixels(settings);
+    let camera = divide(&all.camera, settings.resolution, &rays[0], processes);
+    let projector = divide(&all.projector, projector, &rays[1], processes);
+    Ok(camera
+        .into_iter()
+        .zip(projector)
+        .map(|(camera, projector)| StartPixels { camera, projector })
+        .collect())
+}
+
+/// `pixels` of a picture of this size, cut into ranges of about equal work. `rays` has the work of rows of pixels of a smaller picture.
+fn divide(pixels: &Range<usize>, size: Resolution, rays: &[u64], processes: usize) -> Vec<Range<usize>> {
+    // One more for each row of pixels: a picture of nothing is cut into equal parts.
+    let work: Vec<f64> = rays.iter().map(|&rays| 1.0 + rays as f64).collect();
+    let total: f64 = work.iter().sum();
+    let of_row = size.height as f64 / rays.len() as f64 * size.width as f64;
+    let (mut cuts, mut done) = (vec![pixels.start], 0.0);
+    for (row, &work) in work.iter().enumerate() {
+        // Within a row of pixels the work is taken to be even.
+        while cuts.len() < processes && done + work >= total * cuts.len() as f64 / processes as f64 {
+            let share = (total * cuts.len() as f64 / processes as f64 - done) / work;
+            cuts.push((((row as f64 + share) * of_row) as usize).min(pixels.end));
+        }
+        done += work;
+    }
+    cuts.resize(processes, pixels.end);
+    cuts.push(pixels.end);
+    cuts.windows(2).map(|ends| ends[0]..ends[1]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_have_equal_work_and_cover_each_pixel_once() {
+        let size = Resolution::new(10, 8);
+        // The lower half takes three times as long.
+        let found = divide(&(0..80), size, &[100, 100, 300, 300], 2);
+        assert_eq!(found.len(), 2);
+        assert!((52..=54).contains(&found[0].end), "{found:?}");
+        for processes in 1..12 {
+            let found = divide(&(0..80), size, &[0, 7, 0, 1], processes);
+            assert_eq!(found.len(), processes);
+            assert_eq!(found.iter().flat_map(Clone::clone).collect::<Vec<_>>(), (0..80).collect::<Vec<_>>());
+        }
+        // Of 800 in all each of four gets 200: rows of pixels with 100, 100, 300 and 300, of 20 pixels each.
+        let found = divide(&(0..80), size, &[99, 99, 299, 299], 4);
+        assert_eq!(found, [0..40, 40..53, 53..66, 66..80], "cut after 2, 2⅔ and 3⅓ rows");
+        assert_eq!(divide(&(0..0), size, &[1, 1], 3), [0..0, 0..0, 0..0]);
+    }
+
+    /// The work of each process, by the rays that its pixels take, is a fair share but for that of one row of pixels at either end.
+    #[test]
+    fn the_rays_of_a_scene_are_shared_out_evenly() {
+        let scene = crate::scene::builtin::corner().to_scene();
+        let mut projector = scene.camera.clone();
+        projector.position += 0.2 * projector.right;
+        // The upper part of the picture looks past the scene, so that its pixels take fewer rays.
+        let mut scene = crate::scene::Scene { projector: Some(projector), ..scene };
+        scene.camera.position += 0.6 * scene.camera.up;
+        let mut tracer =
+            Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");
+        let settings = TraceSettings {
+            projector: Some(Resolution::new(20, 60)),
+            ..TraceSettings::new(Resolution::new(30, 40), 1)
+        };
+        let sizes = [Resolution::new(30, 40), Resolution::new(20, 60)];
+        let mut rays = sizes.map(|size| vec![0; size.pixels()]);
+        tracer
+            .trace(&settings, &mut |batch| {
+                (0..batch.len()).for_each(|path| {
+                    rays[usize::from(!batch.from_camera())][batch.pixel(path) as usize] += batch.rays(path);
+                });
+                Ok(())
+            })
+            .expect("the scene can be traced");
+        let parts = balanced(&mut tracer, &settings, 3).expect("the scene can be traced");
+        for (end, (size, rays)) in sizes.iter().zip(&rays).enumerate() {
+            let of_part =
+                |part: &StartPixels| if end == 0 { part.camera.clone() } else { part.projector.clone() };
+            let of_rows: Vec<u64> = rays.chunks(size.width).map(|row| row.iter().sum()).collect();
+            let most = *of_rows.iter().max().expect("there are rows") as f64;
+            let fair = rays.iter().sum::<u64>() as f64 / 3.0;
+            let evenly = size.pixels() / 3;
+            let of_equal: u64 = rays[..evenly].iter().sum();
+            assert!(
+                (of_equal as f64 - fair).abs() > 2.0 * most,
+                "equal parts are not fair: {of_equal} of {fair}"
+            );
+            let mut next = 0;
+            for part in &parts {
+                let pixels = of_part(part);
+                assert_eq!(pixels.start, next);
+                next = pixels.end;
+                let work: u64 = rays[pixels].iter().sum();
+                assert!(
+                    (work as f64 - fair).abs() <= 2.0 * most,
+                    "end {end}: {work} of {fair}, {most} in a row"
+                );
+            }
+            assert_eq!(next, size.pixels());
+        }
     }
 }

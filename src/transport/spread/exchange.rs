@@ -6,20 +6,80 @@
 
 use std::ops::Range;
 
-use super::command::{from_bytes, to_bytes, unread};
-use super::sums::row_sums;
 use crate::error::Result;
 use crate::render::StartPixels;
-use crate::team::Comm;
-use crate::transport::chunk::{ByEndpoint, Chunk};
-use crate::transport::combine::{Combined, builders};
-use crate::transport::found::Found;
-use crate::transport::merging::{Merging, Pairs};
+use crate::team::{Comm, from_bytes, to_bytes};
+use crate::transport::RigShape;
+use crate::transport::chunk::Chunk;
+use crate::transport::merging::{Combined, Merging, Pairs, builders};
+use crate::transport::noise::Estimates;
+use crate::transport::row_sums::{Outline, Scale, add_sums, outline, with_direct};
+use crate::transport::share::Found;
 use crate::transport::squares::EntrySquares;
-use crate::transport::steps::Steps;
 use crate::transport::tiles::{self, Before, Builder, Pieces};
 use crate::transport::transpose::Sources;
-use crate::transport::{RigShape, wire};
+use crate::transport::wire::{self, unread};
+
+/// The steps in which the rows of a matrix are merged: in each of them, every process merges a group of its rows, at the same time as the others.
+///
+/// A contribution counts for the rows of the pixels at both ends of its path in a coaxial rig, and for the one of its camera pixel else. It is
+/// needed in the first of the steps of its rows alone: later, the entry that it is part of is read from the rows that are finished, which have its
+/// mirror image.
+#[derive(Debug)]
+pub(in crate::transport) struct Steps {
+    symmetric: bool,
+    /// The groups of each process by rank, one for each step; some of the last ones are empty.
+    groups: Vec<Vec<Range<usize>>>,
+    /// The step of each pixel of the camera.
+    of_pixel: Vec<u8>,
+}
+
+impl Steps {
+    /// The steps of processes with these groups of rows. All rows together are those of the camera, and no process has more than 255 groups.
+    pub(in crate::transport) fn new(rig: RigShape, mut groups: Vec<Vec<Range<usize>>>) -> Self {
+        let pixels = rig.camera.pixels();
+        let count = groups.iter().map(Vec::len).max().unwrap_or(0).max(1);
+        let mut of_pixel = vec![0; pixels];
+        for groups in &mut groups {
+            for (step, group) in groups.iter().enumerate() {
+                of_pixel[group.clone()].fill(step as u8);
+            }
+            let end = groups.last().map_or(0, |last| last.end);
+            groups.resize(count, end..end);
+        }
+        Self { symmetric: rig.symmetric, groups, of_pixel }
+    }
+
+    /// The number of steps.
+    pub(in crate::transport) fn count(&self) -> usize {
+        self.groups.first().map_or(1, Vec::len)
+    }
+
+    /// The group of each process, by rank.
+    fn groups(&self, step: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+        self.groups.iter().map(move |groups| groups[step].clone())
+    }
+
+    /// The rows of each process.
+    pub(super) fn rows(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        self.groups.iter().map(|groups| groups[0].start..groups[groups.len() - 1].end)
+    }
+
+    /// The step of a pixel of the camera.
+    pub(in crate::transport) fn of_pixel(&self, pixel: usize) -> usize {
+        usize::from(self.of_pixel[pixel])
+    }
+
+    /// The step in which a contribution is needed, of a path from `pixel` to the pixel `other`.
+    pub(in crate::transport) fn of(&self, pixel: u32, from_camera: bool, other: u32) -> usize {
+        let of_pixel = |pixel: u32| self.of_pixel(pixel as usize);
+        match (self.symmetric, from_camera) {
+            (true, _) => of_pixel(pixel).min(of_pixel(other)),
+            (false, true) => of_pixel(pixel),
+            (false, false) => of_pixel(other),
+        }
+    }
+}
 
 /// The steps in which the processes merge the rows of their pixels. Every process of the team must call it.
 pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> Result<Steps> {
@@ -37,7 +97,7 @@ pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> R
 }
 
 /// Merges the contributions of all processes to the own rows. `found` are the own contributions by their steps, and `direct` is as for
-/// [`combine`](crate::transport::combine::combine). The squares are those of the entries that this process merged. Every process of the team must
+/// [`combine`](crate::transport::merging::combine). The squares are those of the entries that this process merged. Every process of the team must
 /// call it.
 pub(super) fn merge<const C: usize>(
     comm: &dyn Comm,
@@ -45,13 +105,11 @@ pub(super) fn merge<const C: usize>(
     steps: &Steps,
     found: Found<C>,
     classes: usize,
-    direct: &[[[f64; 2]; C]],
+    direct: &[Estimates<C>],
 ) -> Result<Combined<C>> {
-    let Found { steps: found, about } = found;
-    let found: Vec<ByEndpoint<C>> = found.into_iter().map(Chunk::by_endpoint).collect();
     let mine = steps.rows().nth(comm.rank()).unwrap_or_default();
-    let mut sums = row_sums(comm, rig, steps, about.largest, &found)?;
-    sums.iter_mut().zip(direct).for_each(|(sums, direct)| sums.add_direct(direct));
+    let sums = row_sums(comm, rig, steps, &found, direct)?;
+    let Found { steps: found, about } = found;
     // In a coaxial rig, about as many paths of other pixels end at these.
     let of_class = about.of_class.map(|count| if rig.symmetric { 2 * count } else { count });
     let mut layers = builders::<C>(of_class, rig, mine.len(), classes, false);
@@ -76,32 +134,57 @@ pub(super) fn merge<const C: usize>(
     Ok(Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows: sums, squares })
 }
 
-/// Sends the contributions to the wanted rows of each process, and returns all contributions to the own ones: those of the camera's paths first, by
-/// ascending rank. `own` are the own ones of this step.
+/// Sends the contributions to the wanted rows of each process, and returns all contributions to the own ones, by ascending rank. `own` are the own
+/// ones of this step.
 fn exchange<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
     wanted: &[Range<usize>],
-    own: ByEndpoint<C>,
+    own: Vec<Chunk<C>>,
 ) -> Result<Vec<Chunk<C>>> {
-    let [camera, projector] = &own;
+    // The rows of the camera's pixels are here; in a coaxial rig their paths count for the pixels at their ends as well.
+    let chunks: Vec<&Chunk<C>> = own.iter().collect();
     let message = |(rank, rows): (usize, &Range<usize>)| {
-        // The rows of the camera's pixels are here; in a coaxial rig their paths count for the pixels at their ends as well.
-        let mirrored = if rig.symmetric { camera } else { projector };
-        if rank == comm.rank() { Vec::new() } else { wire::terms_to_bytes(mirrored, rows) }
+        if rank == comm.rank() { Vec::new() } else { wire::chunks_to_bytes(&chunks, rig.symmetric, rows) }
     };
     let received = comm.exchange(wanted.iter().enumerate().map(message).collect());
-    let [camera, projector] = own;
-    let (mut all, mut mirrored) = if rig.symmetric { (Vec::new(), camera) } else { (camera, projector) };
+    let (mut all, mut own) = (Vec::new(), own);
     for (rank, bytes) in received.into_iter().enumerate() {
         if rank == comm.rank() {
-            all.append(&mut mirrored);
+            all.append(&mut own);
         } else {
-            let mut from = wire::Reader::new(&bytes);
-            all.push(wire::take_terms(&mut from, rig.symmetric).map_err(unread)?);
+            all.push(wire::take_chunk(&mut wire::Reader::new(&bytes), rig.symmetric).map_err(unread)?);
         }
     }
     Ok(all)
+}
+
+/// The sums over the own rows. `found` are the own contributions, and `direct` is the diagonal of these rows.
+fn row_sums<const C: usize>(
+    comm: &dyn Comm,
+    rig: RigShape,
+    steps: &Steps,
+    found: &Found<C>,
+    direct: &[Estimates<C>],
+) -> Result<Vec<Estimates<C>>> {
+    let all = comm.exchange(vec![to_bytes(&found.about.largest)?; comm.size()]);
+    let all: Vec<u32> = all.iter().map(|bytes| from_bytes(bytes)).collect::<Result<_>>()?;
+    let scale = Scale::new(all.into_iter().max().unwrap_or(0));
+    let chunks: Vec<&Chunk<C>> = found.chunks().collect();
+    let Outline { sums, .. } = outline(&chunks, rig, &(0..rig.camera.pixels()), false, scale);
+    // Each process adds the sums of the others for its rows.
+    let message = |rows: Range<usize>| {
+        wire::message(|to| wire::put::<i128>(to, sums[rows].as_flattened().as_flattened()))
+    };
+    let received = comm.exchange(steps.rows().map(message).collect());
+    let mine = steps.rows().nth(comm.rank()).unwrap_or_default();
+    let mut of_rows = vec![[[0; C]; 2]; mine.len()];
+    for bytes in received {
+        let part = wire::Reader::new(&bytes).take::<i128>().map_err(unread)?;
+        let part = part.as_chunks::<C>().0.as_chunks::<2>().0;
+        of_rows.iter_mut().zip(part).for_each(|(sums, part)| add_sums(sums, part));
+    }
+    Ok(with_direct(scale, &of_rows, direct))
 }
 
 /// The entries of each layer in the own rows of a step whose mirror images were merged in earlier steps, before the columns of which process they come.
@@ -133,4 +216,29 @@ fn mirrored(
         }
     }
     Ok(of_layers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    #[test]
+    fn a_contribution_is_needed_in_the_first_step_of_its_rows() {
+        let size = Resolution::new(8, 1);
+        // The second process has fewer rows, and the third has none.
+        let groups = vec![vec![0..2, 2..4, 4..5], vec![5..7, 7..8], Vec::new()];
+        let steps = |symmetric: bool| {
+            let rig = RigShape { camera: size, projector: size, symmetric };
+            Steps::new(rig, groups.clone())
+        };
+        let coaxial = steps(true);
+        assert_eq!(coaxial.count(), 3);
+        assert_eq!(coaxial.groups(1).collect::<Vec<_>>(), [2..4, 7..8, 0..0]);
+        assert_eq!(coaxial.rows().collect::<Vec<_>>(), [0..5, 5..8, 0..0]);
+        assert_eq!((0..8).map(|pixel| coaxial.of_pixel(pixel)).collect::<Vec<_>>(), [0, 0, 1, 1, 2, 0, 0, 1]);
+        assert_eq!([(4, 7), (7, 4), (3, 6)].map(|(pixel, other)| coaxial.of(pixel, true, other)), [1, 1, 0]);
+        let apart = steps(false);
+        assert_eq!([(4, true, 0), (0, true, 4), (0, false, 4)].map(|(p, c, o)| apart.of(p, c, o)), [2, 0, 2]);
+    }
 }

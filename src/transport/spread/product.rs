@@ -1,22 +1,20 @@
-//! Products of a matrix that is spread over several processes, and its rows brought together.
+//! Products of a matrix that is spread over several processes, its transpose, and its rows brought together.
 
 use std::ops::Range;
 
-use super::Spread;
-use super::command::{Command, unread};
+use super::{Command, Spread, is_transposed, own_rows};
 use crate::error::Result;
+use crate::render::StartPixels;
 use crate::team::{Comm, Turn};
-use crate::transport::TransportMatrix;
 use crate::transport::layer::Layer;
-use crate::transport::matrix::{Direction, Product};
-use crate::transport::tiles::{Interleaved, Summable};
-use crate::transport::wire;
+use crate::transport::matrix::Product;
+use crate::transport::tiles::{CompressedRows, Interleaved, Summable};
+use crate::transport::{TransportMatrix, wire};
 
 impl Spread {
     /// Gives the other processes a command about the matrix.
-    pub(super) fn command(&self, command: &Command) -> Turn<'_> {
-        // Only names of files can lack bytes, and these commands have none.
-        self.0.remote.command(&command.to_bytes().unwrap_or_default())
+    fn command(&self, command: &Command) -> Turn<'_> {
+        self.0.remote.command(command).expect("numbers can be sent")
     }
 
     /// The product of a matrix of which `own` has the rows of this process, the leader.
@@ -27,14 +25,16 @@ impl Spread {
         from: &[V],
         to: &mut [V],
     ) {
-        let transposed = product.direction == Direction::Backward && !own.is_symmetric();
-        if transposed {
-            self.0.is_transposed.get_or_init(|| self.transpose(own));
+        if is_transposed(own, product) {
+            self.0.is_transposed.get_or_init(|| {
+                let turn = self.command(&Command::Transpose);
+                transpose_part(turn.comm(), own, &self.0.pixels);
+            });
         }
         let interleaved = size_of::<V>() == size_of::<Interleaved>();
         let turn = self.command(&Command::Multiply { product, interleaved });
         turn.broadcast(bytemuck::cast_slice(from));
-        let mut rows = self.rows(transposed);
+        let mut rows = self.0.pixels.iter().map(|pixels| own_rows(own, product, pixels).clone());
         let first = rows.next().unwrap_or_default();
         own.multiply_own(product, first.start, from, &mut to[first]);
         for (rank, rows) in turn.others().zip(rows) {
@@ -46,12 +46,12 @@ impl Spread {
     /// All rows of the layers, of which `own` has those of this process.
     pub(in crate::transport) fn gathered(&self, own: &[Layer]) -> Result<Vec<Layer>> {
         let layer = |(at, own): (usize, &Layer)| {
-            let mut rows = own.to_rows();
-            let turn = self.command(&Command::Rows { layer: at });
-            for bytes in turn.receive_all() {
-                wire::append_rows(&mut rows, &bytes).map_err(unread)?;
+            let mut rows = vec![own.to_rows()];
+            let channels = rows[0].weights.len();
+            for bytes in self.command(&Command::Rows { layer: at }).receive_all() {
+                rows.push(wire::take_rows(&bytes, channels).map_err(wire::unread)?);
             }
-            Ok(Layer::new(own.bounces(), own.tiles().cols(), vec![rows]))
+            Ok(Layer::new(own.bounces(), own.tiles().cols(), rows))
         };
         own.iter().enumerate().map(layer).collect()
     }
@@ -61,10 +61,14 @@ impl Spread {
         let turn = self.command(&Command::Squares { layer, channel });
         turn.others().fold(own, |sum, rank| {
             turn.comm().send(rank, &sum.to_le_bytes());
-            let sum = turn.comm().receive(rank).try_into().map(f64::from_le_bytes);
-            sum.expect("all processes run the same program")
+            number(&turn.comm().receive(rank))
         })
     }
+}
+
+/// The number in a message.
+pub(super) fn number(message: &[u8]) -> f64 {
+    message.try_into().map(f64::from_le_bytes).expect("all processes run the same program")
 }
 
 /// The rows of a product that this process has, for the leader, which sends the vector.
@@ -78,4 +82,26 @@ pub(super) fn multiply_part<V: Summable>(
     let mut to = vec![V::default(); rows.len()];
     own.multiply_own(product, rows.start, &from, &mut to);
     comm.send(0, bytemuck::cast_slice(&to));
+}
+
+/// Makes the rows of the transpose that this process has: those of its pixels of the projector. Every process of the team must call it.
+pub(super) fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[StartPixels]) {
+    for layer in &own.layers {
+        let rows = layer.to_rows();
+        let message = |to: &StartPixels| wire::rows_to_bytes(&rows.transposed(&to.projector, own.rows.start));
+        let received = comm.exchange(pixels.iter().map(message).collect());
+        let channels = rows.weights.len();
+        // The rows of the matrix come by rank, and so in their order.
+        let parts: Vec<CompressedRows> = received
+            .iter()
+            .map(|bytes| wire::take_rows(bytes, channels).expect("all processes run the same program"))
+            .collect();
+        let count = pixels[comm.rank()].projector.len();
+        let mut joined = CompressedRows::with_room(channels, count, 0);
+        for row in 0..count {
+            parts.iter().for_each(|part| joined.extend(part, part.row(row)));
+            joined.end_row();
+        }
+        layer.keep_transpose(Layer::new(layer.bounces(), own.rig.camera.pixels(), vec![joined]));
+    }
 }

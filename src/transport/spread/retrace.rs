@@ -3,16 +3,14 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::command::{Command, answer, from_bytes, garbled, read_answer, to_bytes};
+use super::{Command, StopByLeader};
 use crate::error::Result;
 use crate::observer::{Observer, Step};
 use crate::render::{Batch, Recorded, StartPixels, TraceSettings, Tracer};
-use crate::team::{Comm, Turn};
+use crate::team::{Comm, Turn, answer, garbled, read_answer};
 
 /// About how many light paths a process traces at a time.
 const PATHS: u64 = 1 << 16;
-/// Ranges of pixels that each process has been asked for and that the leader has not taken yet, so that it never waits for the leader.
-const AHEAD: usize = 2;
 
 /// As [`Tracer::trace`], with the help of the team of the tracer, if it has one. Ranges of pixels go round: while the leader adds up one, the
 /// others trace the next ones.
@@ -26,13 +24,67 @@ pub(in crate::transport) fn trace(
 ) -> Result<()> {
     let Some(remote) = tracer.remote().cloned() else { return tracer.trace(settings, visit).map(drop) };
     settings.check()?;
-    let ranges = ranges(tracer, settings);
-    let turn = remote.command(&Command::Trace { settings: *settings }.to_bytes()?);
-    let mut asked = Asked { turn: &turn, ranges: &ranges, size: remote.team().size(), next: Vec::new() };
-    let traced = asked.trace(tracer, settings, visit);
-    // Whatever happened, the others end the command, and nothing that they sent is left over.
-    asked.end();
+    let turn = remote.command(&Command::Trace { settings: *settings })?;
+    let traced = trace_all(&turn, tracer, settings, visit);
+    // The others end the command in any case, and nothing that they sent is left over.
+    turn.send_all(&[]);
+    for rank in turn.others() {
+        while !turn.comm().receive(rank).is_empty() {}
+    }
     traced
+}
+
+/// Traces the ranges of the leader, and receives those of the others.
+fn trace_all(
+    turn: &Turn<'_>,
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
+) -> Result<()> {
+    let (watched, ranges) = (tracer.observer(), ranges(tracer, settings));
+    let total = ranges.iter().map(|range| paths(range, settings)).sum();
+    let mut done = 0;
+    for (at, range) in ranges.iter().enumerate() {
+        match at % turn.comm().size() {
+            0 => {
+                tracer.observe(Arc::new(Within { all: Arc::clone(&watched), done, total }));
+                let traced = tracer.trace_from(settings, range, visit);
+                tracer.observe(Arc::clone(&watched));
+                traced?;
+            }
+            rank => {
+                let batches: Vec<Recorded> = read_answer(rank, &turn.comm().receive(rank))?;
+                batches.iter().try_for_each(|batch| visit(&batch.batch()))?;
+            }
+        }
+        done += paths(range, settings);
+    }
+    Ok(())
+}
+
+/// Traces the ranges of this process for the leader, one ahead of those that it takes, until all are done or the leader says that it has enough.
+pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, settings: &TraceSettings) {
+    match tracer {
+        None => answer::<()>(&**comm, Err(garbled("no such scene"))),
+        Some(tracer) => {
+            tracer.observe(Arc::new(StopByLeader(Arc::clone(comm))));
+            for range in ranges(tracer, settings).iter().skip(comm.rank()).step_by(comm.size()) {
+                if comm.has_message(0) {
+                    break;
+                }
+                let mut batches = Vec::new();
+                let traced = tracer.trace_from(settings, range, &mut |batch| {
+                    batches.push(batch.recorded());
+                    Ok(())
+                });
+                answer(&**comm, traced.map(|_| batches));
+            }
+            tracer.observe(Arc::new(()));
+        }
+    }
+    // The end of the answers; then the leader's word is taken.
+    comm.send(0, &[]);
+    comm.receive(0);
 }
 
 /// The pixels of the camera and then those of a projector that stands apart, in ranges.
@@ -51,12 +103,12 @@ fn ranges(tracer: &Tracer, settings: &TraceSettings) -> Vec<StartPixels> {
         .collect()
 }
 
-/// The light paths from a range of pixels. (Those of a projector that stands apart are about as many as the camera's.)
+/// The light paths from a range of pixels. A projector that stands apart has about as many from each pixel as the camera.
 fn paths(range: &StartPixels, settings: &TraceSettings) -> u64 {
     (range.camera.len() + range.projector.len()) as u64 * u64::from(settings.samples)
 }
 
-/// Tells an observer of all ranges what is done within one.
+/// Tells an observer of all ranges how far the trace of one of them is.
 struct Within {
     all: Arc<dyn Observer + Send + Sync>,
     /// Paths of the ranges before.
@@ -69,91 +121,6 @@ impl Observer for Within {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         let done = (self.done + step.done).min(self.total);
         self.all.step(&Step { done, total: self.total, ..*step })
-    }
-}
-
-/// The ranges that the others were asked for.
-struct Asked<'a> {
-    turn: &'a Turn<'a>,
-    ranges: &'a [StartPixels],
-    size: usize,
-    /// Of each of the others: the first range that it was not asked for yet, and the number of answers that it owes.
-    next: Vec<(usize, usize)>,
-}
-
-impl Asked<'_> {
-    fn trace(
-        &mut self,
-        tracer: &mut Tracer,
-        settings: &TraceSettings,
-        visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
-    ) -> Result<()> {
-        self.next = self.turn.others().map(|rank| (rank, 0)).collect();
-        for _ in 0..AHEAD {
-            self.turn.others().try_for_each(|rank| self.ask(rank))?;
-        }
-        let watched = tracer.observer();
-        let total = self.ranges.iter().map(|range| paths(range, settings)).sum();
-        let mut done = 0;
-        for (at, range) in self.ranges.iter().enumerate() {
-            match at % self.size {
-                0 => {
-                    tracer.observe(Arc::new(Within { all: Arc::clone(&watched), done, total }));
-                    let traced = tracer.trace_from(settings, range, visit);
-                    tracer.observe(Arc::clone(&watched));
-                    traced?;
-                }
-                rank => {
-                    let bytes = self.turn.comm().receive(rank);
-                    self.next[rank - 1].1 -= 1;
-                    self.ask(rank)?;
-                    let batches: Vec<Recorded> = read_answer(rank, &bytes)?;
-                    batches.iter().try_for_each(|batch| visit(&batch.batch()))?;
-                }
-            }
-            done += paths(range, settings);
-        }
-        Ok(())
-    }
-
-    /// Asks a process for its next range, if there is one.
-    fn ask(&mut self, rank: usize) -> Result<()> {
-        let (next, owed) = &mut self.next[rank - 1];
-        if let Some(range) = self.ranges.get(*next) {
-            self.turn.comm().send(rank, &to_bytes(range)?);
-            *next += self.size;
-            *owed += 1;
-        }
-        Ok(())
-    }
-
-    /// Takes what is owed, and ends the command: no pixels are left.
-    fn end(&mut self) {
-        for (rank, (_, owed)) in self.turn.others().zip(&self.next) {
-            (0..*owed).for_each(|_| drop(self.turn.comm().receive(rank)));
-        }
-        self.turn.send_all(&[]);
-    }
-}
-
-/// Traces ranges of pixels for the leader until it sends none.
-pub(super) fn trace_part(comm: &dyn Comm, tracer: Option<&mut Tracer>, settings: &TraceSettings) {
-    let mut tracer = tracer;
-    loop {
-        let range = comm.receive(0);
-        if range.is_empty() {
-            return;
-        }
-        let traced = from_bytes(&range).and_then(|range: StartPixels| {
-            let tracer = tracer.as_deref_mut().ok_or_else(|| garbled("no such scene"))?;
-            let mut batches = Vec::new();
-            tracer.trace_from(settings, &range, &mut |batch| {
-                batches.push(batch.recorded());
-                Ok(())
-            })?;
-            Ok(batches)
-        });
-        answer(comm, traced);
     }
 }
 

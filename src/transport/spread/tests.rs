@@ -1,19 +1,17 @@
 //! A matrix that is spread over threads, against the one of a single process: all bits are the same.
 
-use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use super::*;
-use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
+use crate::observer::Estimate;
 use crate::operator::{Adjoint, Operator};
-use crate::render::{TraceSettings, Tracer};
-use crate::scene::{Scene, builtin};
+use crate::scene::builtin;
 use crate::sparse::Csr;
-use crate::team::{Comm, Team, serve, threads};
+use crate::team::threads;
 use crate::transport::tiles::groups;
 use crate::transport::{
-    Assembled, Backend, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, Transport,
+    Assembled, Backend, EstimatedOperator, MatrixOperator, Part, Retraced, RigShape, Transport,
     assemble_layers,
 };
 
@@ -37,7 +35,7 @@ impl Crew {
             std::thread::spawn(move || {
                 let turn = comm.rank();
                 with_one_thread(|| {
-                    serve(&*comm, &mut SceneWorker::new(Arc::clone(&comm), "here".into(), turn));
+                    SceneWorker::new(comm, "here".into(), turn).serve();
                 });
             })
         };
@@ -209,10 +207,6 @@ fn photos_that_are_traced_anew_have_the_bits_of_one_process() -> Result<()> {
 
 #[test]
 fn a_leader_that_is_stopped_leaves_a_team_that_goes_on() -> Result<()> {
-    use std::ops::ControlFlow;
-
-    use crate::observer::{Observer, Step};
-
     /// Stops every computation at its first step.
     struct Stop;
     impl Observer for Stop {
@@ -242,4 +236,28 @@ fn a_leader_that_is_stopped_leaves_a_team_that_goes_on() -> Result<()> {
     }
     crew.end();
     Ok(())
+}
+
+#[test]
+fn a_trace_stops_when_the_leader_goes_on_without_it() {
+    let [leader, other]: [_; 2] = threads(2).try_into().ok().expect("there are two");
+    let stop = StopByLeader(Arc::new(other));
+    let step = Step { stage: "tracing", done: 1, total: 2, estimate: Estimate::None };
+    assert!(stop.step(&step).is_continue());
+    leader.send(1, &[0]);
+    assert!(stop.step(&step).is_break());
+}
+
+#[test]
+fn rows_that_the_leader_has_dropped_are_not_kept() {
+    let comm: Arc<dyn Comm> = Arc::new(threads(1).swap_remove(0));
+    let mut worker = SceneWorker::new(comm, "here".into(), 0);
+    let size = Resolution::new(1, 1);
+    let rig = RigShape { camera: size, projector: size, symmetric: true };
+    for id in [3, 4] {
+        let matrix = TransportMatrix::new(rig, Channels::Luma, vec![vec![1.0]], Vec::new());
+        worker.matrices.insert(id, Rows { matrix, pixels: Vec::new() });
+    }
+    worker.release(3);
+    assert_eq!(worker.matrices.keys().collect::<Vec<_>>(), [&4]);
 }

@@ -6,7 +6,7 @@ use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
 use crate::transport::share::Share;
-use crate::transport::{Channels, Probe, assemble, luminance, photo_bytes, pilot, predict};
+use crate::transport::{Channels, Probe, assemble, photo_bytes, pilot, predict};
 
 fn tracer() -> Tracer {
     Tracer::new(&builtin::cornell().to_scene(), None)
@@ -83,9 +83,9 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let (paths, connections) = pilot::connections(&mut tracer, &one).expect("the scene can be traced");
         assert_eq!(probe.connections, connections);
         let all = tracer.start_pixels(&pilot);
-        let share = Share::trace(&mut tracer, &pilot, &all, (false, None), &|rgb| [luminance(rgb)]);
+        let share = Share::<1>::trace(&mut tracer, &pilot, &all, false, None);
         let share = share.expect("the scene can be traced");
-        let found: usize = share.found.steps.iter().flatten().map(|chunk| chunk.terms.len()).sum();
+        let found: usize = share.found.chunks().map(|chunk| chunk.terms.len()).sum();
         // So many different pixels are hit where all paths from a pixel hit those that they reach at random.
         let ends = small.unwrap_or(pilot.resolution).pixels() as f64;
         let reached = probe.reached * ends;

@@ -9,11 +9,9 @@ use std::sync::atomic::{AtomicIsize, Ordering::SeqCst};
 
 use crate::image::Resolution;
 use crate::transport::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
-use crate::transport::combine::{Combined, combine};
-use crate::transport::fixed::{RowSums, Scale};
-use crate::transport::found::Found;
-use crate::transport::merging::{Merging, Pairs};
-use crate::transport::row_sums::{Outline, outline};
+use crate::transport::merging::{Combined, Merging, Pairs, combine};
+use crate::transport::row_sums::{FixedSums, Outline, Scale, outline};
+use crate::transport::share::Found;
 use crate::transport::tiles::{CompressedRows, Entries, Fragment, Pages, Tiles, groups};
 use crate::transport::transpose::Sources;
 use crate::transport::{Bounces, Channels, Layer, Part, RigShape, TransportMatrix, wire};
@@ -267,14 +265,12 @@ fn merging_takes_the_contributions_and_twice_their_rows() {
 #[test]
 fn sums_over_rows_take_a_quarter_of_the_contributions() {
     for (each, tasks) in [(3, 1), (24, 2), (72, 4)] {
-        let make = || (chunks(true, each), Scale::new(130));
-        let (Outline { sums, terms, of_class }, bytes) = measured(4, make, |(chunks, scale)| {
-            let outline = outline(&chunks, rig(true), &(0..PIXELS), false, scale);
-            drop(chunks);
-            outline
-        });
-        let (alone, _) =
-            measured(1, make, |(chunks, scale)| outline(&chunks, rig(true), &(0..PIXELS), false, scale));
+        let work = |chunks: Vec<Chunk<1>>| {
+            let chunks: Vec<&Chunk<1>> = chunks.iter().collect();
+            outline(&chunks, rig(true), &(0..PIXELS), false, Scale::new(130))
+        };
+        let (Outline { sums, terms, of_class }, bytes) = measured(4, || chunks(true, each), work);
+        let (alone, _) = measured(1, || chunks(true, each), work);
         assert!(sums == alone.sums && terms == alone.terms && of_class == alone.of_class);
         assert_eq!(
             (of_class, terms.iter().sum::<u32>()),
@@ -285,7 +281,7 @@ fn sums_over_rows_take_a_quarter_of_the_contributions() {
         assert!(tasks == 1 || tasks * of_task <= bytes.given / 4);
         // The list of the rows with contributions has 32 bytes for each, and room for up to twice as many.
         let of_lists = 2 * 32 * PIXELS;
-        let made = (size_of::<RowSums<1>>() + 4) * PIXELS;
+        let made = (size_of::<FixedSums<1>>() + 4) * PIXELS;
         let bound = bytes.given + tasks * of_task + of_lists + made;
         assert!(bytes.most <= bound, "{each} of each pixel: {bytes:?} above {bound}");
     }
@@ -328,8 +324,11 @@ fn many_small_chunks_are_joined_while_they_come() {
 /// A message has the room that it needs, and no more.
 #[test]
 fn messages_take_no_more_than_their_bytes() {
-    let (message, _) =
-        measured(1, || chunks(true, EACH), |chunks| wire::terms_to_bytes(&chunks, &(100..3000)));
+    let (message, _) = measured(
+        1,
+        || chunks(true, EACH),
+        |chunks| wire::chunks_to_bytes(&chunks.iter().collect::<Vec<_>>(), true, &(100..3000)),
+    );
     assert!(message.len() > TERM * PIXELS * EACH / 2);
     assert_eq!(message.capacity(), message.len(), "its length is known before");
     let fragments: Vec<Fragment> = (0..40).map(|number| fragment(number, 150 + number)).collect();

@@ -3,11 +3,10 @@
 use std::ops::Range;
 
 use crate::transport::chunk::{Chunk, Key, Row, Term, Terms};
-use crate::transport::fixed::RowSums;
 use crate::transport::tiles::{CompressedRows, Fragment};
 use crate::transport::wire::{
-    Garbled, Reader, append_rows, message, put, put_chunks, put_estimates, put_fragments, put_sums,
-    rows_to_bytes, take_chunk, take_estimates, take_fragments, take_sums, take_terms, terms_to_bytes,
+    Garbled, Reader, chunks_to_bytes, message, put, put_chunks, put_estimates, put_fragments, rows_to_bytes,
+    take_chunk, take_estimates, take_fragments, take_rows,
 };
 
 /// Three pixels of the camera and two of the projector, each with contributions at the pixels 2, 5 and 8, of different classes.
@@ -21,33 +20,29 @@ fn chunk() -> Chunk<3> {
     Chunk { rows: (0..5).map(row).collect(), terms: Terms::Short((0..15).map(term).collect()) }
 }
 
-type Contributions = Vec<(u32, Key, [[u32; 3]; 2])>;
+type Contributions = Vec<(u32, bool, Key, [[u32; 3]; 2])>;
 
-/// The contributions of the chunk to these pixels, of paths from these places in its list of rows.
-fn wanted(rows: Range<usize>, pixels: &Range<u32>) -> Contributions {
-    let chunk = chunk();
-    let starts: Vec<u32> = chunk.rows[rows].iter().map(|row| row.pixel).collect();
-    let all = chunk.contributions();
-    all.filter(|(start, key, _)| starts.contains(start) && pixels.contains(&key.other())).collect()
+/// The contributions of the chunk to these pixels, of paths from one endpoint.
+fn wanted(from_camera: bool, pixels: &Range<u32>) -> Contributions {
+    let is_wanted = |(_, of_camera, key, _): &(u32, bool, Key, [[u32; 3]; 2])| {
+        *of_camera == from_camera && pixels.contains(&key.other())
+    };
+    chunk().contributions().filter(is_wanted).collect()
 }
 
 #[test]
 fn contributions_are_read_as_they_were_written() {
     for pixels in [0..10_u32, 5..8, 5..6, 6..8, 0..2, 8..9, 9..10] {
         let rows = pixels.start as usize..pixels.end as usize;
-        for (from_camera, of) in [(true, 0..3), (false, 3..5)] {
-            let bytes = message(|to| put_chunks(to, &[chunk()], from_camera, &rows));
+        for from_camera in [true, false] {
+            let bytes = chunks_to_bytes(&[&chunk()], from_camera, &rows);
+            assert_eq!(bytes, message(|to| put_chunks(to, &[&chunk()], from_camera, &rows)));
             let mut from = Reader::new(&bytes);
             let found: Chunk<3> = take_chunk(&mut from, from_camera).expect("it is whole");
             from.end().expect("nothing is left");
-            assert_eq!(found.contributions().collect::<Contributions>(), wanted(of, &pixels), "{pixels:?}");
-            assert!(found.rows.iter().all(|row| row.from_camera == from_camera));
+            let expected = wanted(from_camera, &pixels);
+            assert_eq!(found.contributions().collect::<Contributions>(), expected, "{pixels:?}");
         }
-        let bytes = terms_to_bytes(&[chunk()], &rows);
-        let mut from = Reader::new(&bytes);
-        let found: Chunk<3> = take_terms(&mut from, true).expect("it is whole");
-        from.end().expect("nothing is left");
-        assert_eq!(found.contributions().collect::<Contributions>(), wanted(0..5, &pixels), "{pixels:?}");
     }
 }
 
@@ -63,8 +58,12 @@ fn check_ends<T>(bytes: &[u8], take: impl Fn(&mut Reader<&[u8]>) -> Result<T, Ga
 
 #[test]
 fn what_ends_early_or_late_is_refused() {
-    check_ends(&message(|to| put_chunks(to, &[chunk()], true, &(0..10))), |from| take_chunk::<3>(from, true));
-    check_ends(&terms_to_bytes(&[chunk()], &(0..10)), |from| take_terms::<3>(from, true));
+    check_ends(&chunks_to_bytes(&[&chunk()], true, &(0..10)), |from| take_chunk::<3>(from, true));
+    let rows = rows_to_bytes(&rows());
+    for end in 0..rows.len() {
+        assert!(take_rows(&rows[..end], 2).is_err(), "{end} of {} bytes", rows.len());
+    }
+    assert!(take_rows(&rows, 2).is_ok() && take_rows(&[&rows[..], &[0]].concat(), 2).is_err());
     let fragment = fragment();
     check_ends(&message(|to| put_fragments(to, &[fragment])), |from| take_fragments(from, 2, 3));
     check_ends(&message(|to| put(to, &[1.5_f64, 2.5])), |from| from.take::<f64>());
@@ -111,13 +110,6 @@ fn arrays_of_other_lengths_are_refused() {
         put(to, &[1.0_f32; 4])
     });
     assert!(take_chunk::<3>(&mut Reader::new(&bytes), true).is_err());
-    let terms = |ends: [u64; 2], count: u64| {
-        let mut bytes = message(|to| put(to, &[4_u64, ends[0], 5, ends[1]]));
-        bytes.extend(count.to_le_bytes());
-        bytes.resize(bytes.len() + 12 * count as usize, 0);
-        take_terms::<1>(&mut Reader::new(&bytes), true).is_ok()
-    };
-    assert!(terms([1, 3], 3) && !terms([1, 3], 2) && !terms([1, 3], 4) && !terms([4, 3], 3));
 }
 
 fn fragment() -> Fragment {
@@ -156,25 +148,36 @@ fn fragments_are_read_as_they_were_written_and_counted_from_another_row() {
     }
 }
 
-#[test]
-fn estimates_sums_and_rows_are_read_as_they_were_written() {
-    let estimates = vec![[[1.0, 0.5], [2.0, -0.5], [3.0, 0.25]], [[4.0, 0.0], [5.0, 1.0], [6.0, 2.0]]];
-    let bytes = message(|to| put_estimates(to, &estimates));
-    assert_eq!(take_estimates::<3>(&mut Reader::new(&bytes)).expect("they are whole"), estimates);
-    let sums: Vec<RowSums<3>> = (0..2)
-        .map(|row| f64::from(row) * 10.0)
-        .map(|row| RowSums { mean: [row, row + 1.0, row + 2.0], error: [row + 3.0, row + 4.0, row + 5.0] })
-        .collect();
-    let bytes = message(|to| put_sums(to, &sums));
-    assert_eq!(take_sums::<3>(&mut Reader::new(&bytes)).expect("they are whole"), sums);
-    let rows = CompressedRows {
+fn rows() -> CompressedRows {
+    CompressedRows {
         row_start: vec![0, 2, 2, 3],
         columns: vec![0, 9, 4],
         weights: vec![vec![1.0, 2.0, 3.0], vec![4.0, 5.0, 6.0]],
-    };
-    let mut twice = rows.clone();
-    append_rows(&mut twice, &rows_to_bytes(&rows)).expect("they are whole");
-    assert_eq!(twice.row_start, [0, 2, 2, 3, 5, 5, 6]);
-    assert_eq!(twice.columns, [0, 9, 4, 0, 9, 4]);
-    assert_eq!(twice.weights[1], [4.0, 5.0, 6.0, 4.0, 5.0, 6.0]);
+    }
+}
+
+#[test]
+fn estimates_and_rows_are_read_as_they_were_written() {
+    let estimates = vec![[[1.0, 0.5], [2.0, -0.5], [3.0, 0.25]], [[4.0, 0.0], [5.0, 1.0], [6.0, 2.0]]];
+    let bytes = message(|to| put_estimates(to, &estimates));
+    assert_eq!(take_estimates::<3>(&mut Reader::new(&bytes)).expect("they are whole"), estimates);
+    assert_eq!(take_rows(&rows_to_bytes(&rows()), 2).expect("they are whole"), rows());
+    for broken in [
+        CompressedRows { row_start: vec![0, 2, 1, 3], ..rows() },
+        CompressedRows { row_start: vec![0, 2, 2, 4], ..rows() },
+        CompressedRows { columns: vec![0, 9], ..rows() },
+        CompressedRows { weights: vec![vec![1.0; 3], vec![1.0; 2]], ..rows() },
+    ] {
+        assert!(take_rows(&rows_to_bytes(&broken), 2).is_err());
+    }
+}
+
+/// Row by row, the transpose of some columns is what other processes need of the rows of this one.
+#[test]
+fn the_transpose_of_some_columns_counts_from_the_first_row() {
+    let transposed = rows().transposed(&(4..10), 100);
+    assert_eq!(transposed.row_start, [0, 1, 1, 1, 1, 1, 2]);
+    assert_eq!(transposed.columns, [102, 100]);
+    assert_eq!(transposed.weights, [[3.0, 2.0], [6.0, 5.0]]);
+    assert_eq!(rows().transposed(&(0..4), 0).columns, [0]);
 }

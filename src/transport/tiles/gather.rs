@@ -8,8 +8,7 @@
 
 use std::arch::x86_64::*;
 
-use super::slice::{Kernel, LANES, Slice};
-use super::value::Interleaved;
+use super::kernels::{Interleaved, Kernel, LANES, Slice};
 
 /// How many steps before its use an entry is prefetched. This covers the latency of memory: hardware
 /// prefetchers do not cross pages.

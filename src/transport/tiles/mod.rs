@@ -13,31 +13,31 @@ mod band;
 mod build;
 #[cfg(target_arch = "x86_64")]
 mod gather;
-mod mirror;
+mod kernels;
 mod pages;
-mod read;
 mod rows;
-mod shape;
-mod slice;
-mod sums;
 #[cfg(test)]
 mod tests;
-mod value;
-mod window;
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use band::Band;
+pub(super) use band::Fragment;
 pub(super) use build::{Before, Builder, groups, take};
-pub(super) use mirror::Fragment;
+pub(super) use kernels::{BLOCK_WIDTH, Interleaved, Summable};
 pub(super) use pages::Pages;
-pub(crate) use read::Entries;
 pub(crate) use rows::CompressedRows;
 pub(super) use rows::Pieces;
-use shape::Shape;
 
-pub(super) use sums::Summable;
-pub(super) use value::{BLOCK_WIDTH, Interleaved};
+/// The entries of a matrix that are read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Entries {
+    All,
+    /// Only those on and above the diagonal.
+    Upper,
+}
 
 /// A sparse matrix in tiles, with one set of `f32` weights per channel on a common sparsity pattern.
 #[derive(Clone, Debug)]
@@ -141,10 +141,177 @@ impl Tiles {
     }
 }
 
+/// From tiles back to rows.
+impl Tiles {
+    /// All rows.
+    pub(in crate::transport) fn to_rows(&self) -> CompressedRows {
+        let row_start = self.row_start(Entries::All);
+        let mut columns = Vec::with_capacity(self.entries);
+        self.columns(Entries::All, &row_start).for_each(|some| columns.extend(some));
+        let weights = (0..self.channels).map(|channel| {
+            let mut weights = Vec::with_capacity(self.entries);
+            self.weights(Entries::All, channel, &row_start).for_each(|some| weights.extend(some));
+            weights
+        });
+        let weights = weights.collect();
+        CompressedRows { row_start, columns, weights }
+    }
+
+    /// The offset of each row, then the number of entries.
+    pub(in crate::transport) fn row_start(&self, which: Entries) -> Vec<usize> {
+        let counts = |band| {
+            let mut counts = vec![0; self.rows_of(band).len()];
+            self.each(band, which, |row, _, _, _| counts[row] += 1);
+            counts
+        };
+        let counts: Vec<Vec<usize>> = (0..self.bands.len()).into_par_iter().map(counts).collect();
+        let mut end = 0;
+        let ends = counts.iter().flatten().map(|count| {
+            end += count;
+            end
+        });
+        std::iter::once(0).chain(ends).collect()
+    }
+
+    /// The columns of the entries, row by row, as several pieces. `row_start` is that of these entries.
+    pub(in crate::transport) fn columns<'a>(
+        &'a self,
+        which: Entries,
+        row_start: &'a [usize],
+    ) -> impl Iterator<Item = Vec<u32>> + 'a {
+        self.pieces(which, row_start, |_, column, _, _| column as u32)
+    }
+
+    /// The weights of one channel, as [`Tiles::columns`].
+    pub(in crate::transport) fn weights<'a>(
+        &'a self,
+        which: Entries,
+        channel: usize,
+        row_start: &'a [usize],
+    ) -> impl Iterator<Item = Vec<f32>> + 'a {
+        self.pieces(which, row_start, move |band, _, step, lane| {
+            self.bands[band].weights[channel][step][lane]
+        })
+    }
+
+    /// `value` of band, column, step and lane of each entry, row by row. A piece is a band, and as many are made at the same time as there are
+    /// threads.
+    fn pieces<'a, T: Default + Clone + Send + 'a>(
+        &'a self,
+        which: Entries,
+        row_start: &'a [usize],
+        value: impl Fn(usize, usize, usize, usize) -> T + Sync + 'a,
+    ) -> impl Iterator<Item = Vec<T>> + 'a {
+        let piece = move |band: usize| {
+            let rows = self.rows_of(band);
+            let first = row_start[rows.start];
+            let mut next: Vec<usize> = row_start[rows.clone()].iter().map(|start| start - first).collect();
+            let mut values = vec![T::default(); row_start[rows.end] - first];
+            // The tiles of a row come from left to right, and so do the entries within each.
+            self.each(band, which, |row, column, step, lane| {
+                values[next[row]] = value(band, column, step, lane);
+                next[row] += 1;
+            });
+            values
+        };
+        let together = rayon::current_num_threads();
+        (0..self.bands.len()).step_by(together).flat_map(move |first| {
+            let bands = first..self.bands.len().min(first + together);
+            bands.into_par_iter().map(&piece).collect::<Vec<_>>()
+        })
+    }
+
+    /// The rows of a band.
+    fn rows_of(&self, band: usize) -> Range<usize> {
+        band * self.shape.rows..self.rows.min((band + 1) * self.shape.rows)
+    }
+
+    /// Calls `visit` with row within the band, column, step and lane of each entry of a band, tile by tile.
+    fn each(&self, number: usize, which: Entries, mut visit: impl FnMut(usize, usize, usize, usize)) {
+        let (band, rows) = (&self.bands[number], self.rows_of(number));
+        let columns = &band.columns[..];
+        let is_upper = which == Entries::Upper;
+        for (tile, first_column) in (0..self.cols).step_by(self.shape.columns).enumerate() {
+            if is_upper && first_column + self.shape.columns <= rows.start {
+                continue;
+            }
+            let Some(places) = band.places(tile, rows.len()) else { continue };
+            for (row, place) in places.into_iter().enumerate() {
+                let from = if is_upper { (rows.start + row).saturating_sub(first_column) } else { 0 };
+                place.each(columns, from, self.shape.columns, |column, step| {
+                    visit(row, first_column + usize::from(column), step, usize::from(place.lane));
+                });
+            }
+        }
+    }
+}
+
 /// Two matrices are equal when their entries are; the shape of the tiles does not count.
 impl PartialEq for Tiles {
     fn eq(&self, other: &Self) -> bool {
         (self.rows, self.cols, self.entries) == (other.rows, other.cols, other.entries)
             && self.to_rows() == other.to_rows()
+    }
+}
+
+/// Rows and columns of a tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Shape {
+    rows: usize,
+    columns: usize,
+}
+
+/// Most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level cache.
+const MOST_ROWS: usize = 1 << 14;
+/// Fewest rows of a band: with fewer, the work between tiles would dominate.
+const LEAST_ROWS: usize = 1 << 8;
+/// Fewest bands for each thread, where that leaves enough rows, so that all threads finish at about the same
+/// time.
+const BANDS_A_THREAD: usize = 4;
+
+/// Fewest bands of a large matrix, so that it can be made group by group, and the rows that a band then has at least.
+const BANDS: usize = 16;
+const ROWS_OF_MANY_BANDS: usize = 1 << 12;
+
+/// Fewest columns of a tile: 32 KiB of a vector, which the first-level cache holds.
+const LEAST_COLUMNS: usize = 1 << 12;
+/// Most columns of a tile: 256 KiB of a vector, for the second-level cache.
+const MOST_COLUMNS: usize = 1 << 15;
+/// Entries that a row should have in a tile, so that the fixed cost of its sum is small.
+const ENTRIES_OF_A_ROW: usize = 5;
+
+impl Shape {
+    /// The shape for a matrix of `rows × columns` with `entries` entries that is multiplied by `threads`
+    /// threads. No sum depends on it.
+    fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
+        let bands = (BANDS_A_THREAD * threads.max(1)).max(BANDS.min(rows / ROWS_OF_MANY_BANDS));
+        // A power of two that leaves at least so many bands.
+        let of_band = (1 << rows.div_ceil(bands).max(1).ilog2()).clamp(LEAST_ROWS, MOST_ROWS);
+        // The narrowest tile with enough entries of a row.
+        let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
+        Self { rows: of_band, columns: least.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
+    }
+}
+
+#[cfg(test)]
+mod tests_of_shape {
+    use super::*;
+
+    #[test]
+    fn full_matrices_have_narrow_tiles_and_enough_bands() {
+        let shape = |side: usize, of_row, threads| {
+            let pixels = side * side;
+            let Shape { rows, columns } = Shape::new(pixels, pixels, of_row * pixels, threads);
+            (rows, columns)
+        };
+        assert_eq!(shape(128, 320, 2), (2048, 4096));
+        assert_eq!(shape(128, 37, 2), (2048, 4096));
+        assert_eq!(shape(512, 330, 2), (16_384, 4096));
+        assert_eq!(shape(512, 40, 2), (16_384, 32_768));
+        assert_eq!(shape(512, 40, 16), (4096, 32_768));
+        // The part of a process of four, which has one thread.
+        let Shape { rows, .. } = Shape::new(512 * 512 / 4, 512 * 512, 330 * 512 * 512 / 4, 1);
+        assert_eq!(rows, 4096);
+        assert_eq!(shape(1, 0, 2), (256, 4096));
     }
 }

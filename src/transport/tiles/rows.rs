@@ -15,7 +15,7 @@ pub(crate) struct CompressedRows {
 }
 
 impl CompressedRows {
-    /// No rows, with this many channels and room for so many rows and entries.
+    /// No rows, with this many channels, and room for rows and entries.
     pub(crate) fn with_room(channels: usize, rows: usize, entries: usize) -> Self {
         let mut row_start = Vec::with_capacity(rows + 1);
         row_start.push(0);
@@ -32,16 +32,43 @@ impl CompressedRows {
     }
 
     /// The entries of a row.
-    pub(super) fn row(&self, row: usize) -> Range<usize> {
+    pub(in crate::transport) fn row(&self, row: usize) -> Range<usize> {
         self.row_start[row]..self.row_start[row + 1]
     }
 
     /// Appends entries of another matrix to the row that [`CompressedRows::end_row`] will end.
-    pub(super) fn extend(&mut self, from: &Self, entries: Range<usize>) {
+    pub(in crate::transport) fn extend(&mut self, from: &Self, entries: Range<usize>) {
         self.columns.extend_from_slice(&from.columns[entries.clone()]);
         for (to, from) in self.weights.iter_mut().zip(&from.weights) {
             to.extend_from_slice(&from[entries.clone()]);
         }
+    }
+
+    /// The transpose of these columns: a row for each of them. The first row of this matrix has number `first` there.
+    pub(in crate::transport) fn transposed(&self, wanted: &Range<usize>, first: usize) -> Self {
+        // The entries of a row in these columns.
+        let of_row = |row: usize| {
+            let (start, columns) = (self.row_start[row], &self.columns[self.row(row)]);
+            let at = |column: usize| start + columns.partition_point(|&c| (c as usize) < column);
+            at(wanted.start)..at(wanted.end)
+        };
+        let place = |entry: usize| self.columns[entry] as usize - wanted.start;
+        let mut row_start = vec![0; wanted.len() + 1];
+        (0..self.rows()).flat_map(of_row).for_each(|entry| row_start[place(entry) + 1] += 1);
+        (0..wanted.len()).for_each(|row| row_start[row + 1] += row_start[row]);
+        let mut next = row_start.clone();
+        let entries = row_start[wanted.len()];
+        let (mut columns, mut weights) = (vec![0; entries], vec![vec![0.0; entries]; self.weights.len()]);
+        // Rows are visited in order, so that each row of the transpose is filled from left to right.
+        for row in 0..self.rows() {
+            for entry in of_row(row) {
+                let at = &mut next[place(entry)];
+                columns[*at] = (first + row) as u32;
+                weights.iter_mut().zip(&self.weights).for_each(|(to, from)| to[*at] = from[entry]);
+                *at += 1;
+            }
+        }
+        Self { row_start, columns, weights }
     }
 
     /// Ends the last row.

@@ -1,6 +1,4 @@
-use super::build::Builder;
-use super::slice::{LANES, Slice};
-use super::sums::Sums;
+use super::kernels::{LANES, Slice, Sums};
 use super::*;
 use proptest::prelude::*;
 

@@ -7,7 +7,7 @@ use crate::analysis::{Clamping, CompensationRow, MethodRun, Similarity};
 use crate::error::Result;
 use crate::finding::decimal;
 use crate::image::Image;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 use crate::lab::Answer;
 use crate::report::colormap::robust_range;
 use crate::report::figure;

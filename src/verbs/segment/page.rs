@@ -8,7 +8,7 @@ use crate::analysis::{Evidence, MASKED};
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::exr;
-use crate::io::tone::exposure;
+use crate::io::raster::exposure;
 use crate::lab::Answer;
 use crate::lab::text::with_error;
 use crate::report::html::{Block, Figure, Legend, Report, Section, Swatch, Values};

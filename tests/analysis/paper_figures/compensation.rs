@@ -82,7 +82,7 @@ fn the_papers_recipe_moves_the_target_and_clamps() {
         assert_eq!(clamping.displayed.len(), 5);
         assert!((clamping.last() - lifted.residual).abs() < 1e-9);
     }
-    // Where nobody knows the direct image it is measured, and the photos are told.
+    // An unknown direct image is measured, and its photos are counted.
     let measured = compensate(&mut [part(Part::Full)], &wish_for(&target()), &paper).unwrap();
     assert_eq!((measured.preparation, lifted.preparation), (17, 1));
     assert!(measured.unclipped_residual <= 0.02, "{}", measured.unclipped_residual);

@@ -176,7 +176,7 @@ fn figure_6_two_patches_that_do_not_touch_share_a_group() {
     let sheets = Traced::new(builtin::two_sheets_post().to_scene(), 64);
     let found = sheets.segmentation(50, 10, &[2]);
     let two = labels(&found, 2);
-    // What is left and right of the post, of the left sheet; no path of its pixels leads from one to the other.
+    // The parts of the left sheet at the left and right of the post; no path of its pixels leads from one to the other.
     let post =
         |row: usize| sheets.truth[row * 64..row * 64 + 64].iter().filter(|&&region| region == 2).count();
     assert!((0..64).all(|row| post(row) >= 2), "the post parts every row");
@@ -221,7 +221,7 @@ fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
     assert!(agreement >= 0.95, "{agreement}");
     assert_eq!(found.regions.count, 9, "{:?}", found.regions);
     assert_eq!((lit.groups, lit.photos.len()), (9, 9));
-    // What stays in a cell: pixels on the rims see two of them.
+    // The light that stays in a cell: pixels on the rims see two cells.
     assert!(lit.kept().iter().all(|kept| *kept > 0.97), "{:?}", lit.kept());
     assert!(lit.exchange[0].iter().skip(1).all(|share| *share < 0.02), "{:?}", lit.exchange[0]);
 
@@ -233,7 +233,7 @@ fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
         "fig8: with eggs {cells:.4} against the cells, {change:.4} against the groups before; {}",
         with_eggs.regions.sentence()
     );
-    // What an egg's upper half sees is not its own cell but the other eggs and the rims: the groups are others.
+    // An egg's upper half sees the other eggs and the rims in place of its own cell: the groups differ.
     assert!(change < 0.7 && cells < 0.7, "{change} {cells}");
 }
 

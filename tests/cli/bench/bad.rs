@@ -15,7 +15,7 @@ use krylux::sparse::Csr;
 /// Pixels of the projector on a side.
 const SIDE: usize = 12;
 
-/// What is asked of every bench; `FOLDER` is that of the test.
+/// The questions to every bench; `FOLDER` is the folder of the test.
 const QUESTIONS: [&str; 7] = [
     "segment RIG --photos 16 --groups 2",
     "eigs RIG --photos 10",
@@ -186,7 +186,7 @@ fn good_benches_are_still_answered_and_green() {
     }
 }
 
-/// The photos of a bench that failed are no better when they are asked again.
+/// The photos of a failed bench fail again when they are asked anew.
 #[test]
 fn a_replay_has_the_findings_of_its_run() {
     let folder = folder();
@@ -221,7 +221,7 @@ fn a_replay_has_the_findings_of_its_run() {
     assert!(status == Some(1) && first.iter().any(|name| name == "drift"), "{first:?} {said}");
     let (status, again, said) = ask(&run, &inside(&folder, "again"));
     assert!(status == Some(1) && again.iter().any(|name| name == "drift"), "{again:?} {said}");
-    // Of a blind bench there are photos of black and white, and the pattern is never shown.
+    // A blind bench has photos of black and white, and never shows the pattern.
     let blind = rig(&folder, 1, &[("camera", "white_exposure = 1e5".into())]);
     for source in [blind, run.clone()] {
         let (status, _, said) = ask(&source, &run);
@@ -242,7 +242,7 @@ fn a_flat_wall_needs_no_compensation_and_has_no_number_that_is_none() {
         .expect("the folder can be written");
     for seed in 0..3 {
         let rig = rig(&folder, seed, &[]);
-        // What is left of the steps of projector and camera may be beyond the noise of the photos.
+        // The steps of projector and camera may leave more than the noise of the photos.
         for question in [QUESTIONS[4], QUESTIONS[6]] {
             let (status, said, _) = asked(question, &rig, &folder);
             assert!(

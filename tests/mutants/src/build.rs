@@ -211,7 +211,7 @@ fn refused(lines: &[Line], texts: &BTreeMap<String, Text>, plan: &Plan) -> BTree
     refused
 }
 
-/// Where an error lies in a file with switches, also if a macro of the standard library is expanded there.
+/// The place of an error in a file with switches, also if a macro of the standard library is expanded there.
 fn in_text<'a>(spot: &Spot, texts: &'a BTreeMap<String, Text>) -> Option<(&'a str, Range<usize>)> {
     match texts.get_key_value(&spot.file_name) {
         Some((file, _)) => Some((file, spot.byte_start..spot.byte_end)),

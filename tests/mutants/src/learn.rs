@@ -13,7 +13,7 @@ use crate::Fallible;
 use crate::build::Program;
 use crate::records;
 
-/// What is known of a test.
+/// A test, with the switches that it reaches and its time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Learnt {
     /// The target, `lib` for the tests beside the code.

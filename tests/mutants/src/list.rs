@@ -16,7 +16,7 @@ pub struct Place {
     pub column: usize,
 }
 
-/// What is replaced. Where it ends is known from the syntax tree.
+/// The replaced text. The syntax tree knows its end.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub struct Span {
     /// The first character.
@@ -34,7 +34,7 @@ pub struct Listed {
     pub genre: Genre,
     /// The text that takes the place of what stands at the span.
     pub replacement: String,
-    /// What is replaced.
+    /// The replaced text.
     pub span: Span,
 }
 

@@ -73,10 +73,10 @@ struct Options {
     /// Seconds of passed tests for a mutant; the tests that are left are then not run.
     #[arg(long, default_value_t = 120.0)]
     budget: f64,
-    /// Tests that take longer than so many seconds are not used.
+    /// Tests that take longer than this number of seconds are not used.
     #[arg(long, default_value_t = 60.0)]
     longest: f64,
-    /// Where the copy and all records are kept.
+    /// The folder of the copy and of all records.
     #[arg(long, default_value = "target/mutants")]
     folder: PathBuf,
     /// The program cargo-mutants, from version 25 on.

@@ -31,7 +31,7 @@ pub struct Mutant {
 pub struct Source {
     /// Relative to the project.
     pub file: String,
-    /// What it holds.
+    /// Its content.
     pub text: String,
     /// Its places with mutants.
     pub sites: Vec<Site>,
@@ -45,7 +45,7 @@ pub struct Plan {
     pub sources: Vec<Source>,
 }
 
-/// Where the lines of a text begin.
+/// The bytes at which the lines of a text begin.
 struct Lines<'a>(Vec<(usize, &'a str)>);
 
 impl<'a> Lines<'a> {

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use crate::Fallible;
 
-/// All records of a file; none if there is no file. A line that was cut short by the end of a run is skipped.
+/// All records of a file; an empty list if there is no file. A line that was cut short by the end of a run is skipped.
 pub fn read<T: DeserializeOwned>(file: &Path) -> Fallible<Vec<T>> {
     let opened = match File::open(file) {
         Err(why) if why.kind() == ErrorKind::NotFound => return Ok(Vec::new()),

@@ -1,7 +1,7 @@
 //! A file with all its mutants in it, each behind a switch.
 //!
 //! `a + b` becomes `(match (a, b) { (l, r) => match crate::mutant::at(9) { 17 => l - r, 18 => l * r, _ => l + r } })`:
-//! the operands are evaluated once and in their order, and what is temporary lives as long as before.
+//! the operands are evaluated once and in their order, and temporary values keep their lifetimes.
 
 use std::ops::Range;
 
@@ -23,18 +23,18 @@ pub struct Placed {
 pub struct Site {
     /// Its number, by which it is known whether a test reaches it.
     pub number: u32,
-    /// Where it is.
+    /// Its place.
     pub found: Found,
-    /// What can be switched on there.
+    /// The mutants that can be switched on there.
     pub mutants: Vec<Placed>,
 }
 
-/// What a part of the text belongs to.
+/// The owner of a part of the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// All that stands for a site.
     Site(u32),
-    /// What one mutant does.
+    /// The change of one mutant.
     Mutant(u32),
 }
 
@@ -69,7 +69,7 @@ impl Text {
 
 /// Writes a file with switches at its sites.
 pub fn rewrite(source: &str, mut sites: Vec<Site>) -> Text {
-    // What surrounds comes before what it surrounds; text that is only added comes before what starts at the same byte.
+    // Outer edits come before inner ones, and insertions come before edits that start at the same byte.
     sites.sort_by_key(|site| {
         let range = &site.found.range;
         (range.start, !range.is_empty(), std::cmp::Reverse(range.end))

@@ -1,4 +1,4 @@
-//! Where in a file a switch can stand: every expression, arm, field and body that a mutant of the list may name.
+//! Places in a file at which a switch can stand: every expression, arm, field and body that a mutant of the list may name.
 
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
@@ -10,7 +10,7 @@ use syn::visit::{self, Visit};
 /// Bytes of the file.
 pub type Bytes = Range<usize>;
 
-/// What stands at a place.
+/// The kind of syntax at a place.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// `left operator right`.
@@ -30,7 +30,7 @@ pub enum Shape {
 pub struct Found {
     /// The text that is replaced; empty where text is only added.
     pub range: Bytes,
-    /// What stands there.
+    /// The kind of syntax there.
     pub shape: Shape,
     /// Why no switch can stand here.
     pub barred: Option<&'static str>,

@@ -29,7 +29,7 @@ fn main() {
 }
 "#;
 
-/// What is printed with all mutants off.
+/// The output with all mutants off.
 const UNCHANGED: &str = "5 7 13 (false, false, 1) 10 20 30 52 4 true";
 
 /// The mutant of a kind at the `which`th place of a text in the source, counted from zero.

@@ -13,7 +13,7 @@ use crate::learn::{Bench, End, Learnt, by_target};
 use crate::plan::Mutant;
 use crate::records;
 
-/// What became of a mutant.
+/// The fate of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -34,7 +34,7 @@ pub enum Outcome {
 pub struct Trial {
     /// Its name.
     pub name: String,
-    /// What became of it.
+    /// Its fate.
     pub outcome: Outcome,
     /// The test that caught it.
     pub by: Option<String>,
@@ -46,7 +46,7 @@ pub struct Trial {
 
 /// How the trials are run.
 pub struct Settings<'a> {
-    /// Where records are kept.
+    /// The folder of the records.
     pub folder: &'a Path,
     /// The copy of the project.
     pub tree: &'a Path,
@@ -157,7 +157,7 @@ fn trial<'a>(bench: &Bench<'_>, tests: &Tests<'a>, mutant: &Mutant, budget: f64)
             outcome = Outcome::SurvivedSoFar;
             continue;
         }
-        // Others use the processor, too: five times as long as when it was learnt is no accident any more.
+        // Others use the processor, too, but a test that takes five times its learnt time hangs.
         let limit = 10.0 + 5.0 * test.seconds;
         let end = bench.run(&test.target, &test.test, limit, ("KRYLUX_MUTANT", &number))?;
         count += 1;

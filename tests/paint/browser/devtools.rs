@@ -152,7 +152,7 @@ impl Tab {
         self.wait_for("document.body?.dataset.ready === 'true'");
     }
 
-    /// Where a place of an element is in the window. The place is given in shares of the element from its left upper corner.
+    /// The place in the window of a point of an element. The point is given in shares of the element from its left upper corner.
     pub fn place(&mut self, selector: &str, [x, y]: [f64; 2]) -> [f64; 2] {
         let found = self.evaluate(&format!(
             "(() => {{ const box = document.querySelector('{selector}').getBoundingClientRect(); return [box.left, box.top, box.width, box.height]; }})()"
@@ -220,7 +220,7 @@ impl Tab {
 }
 
 impl Drop for Tab {
-    /// Of a test that failed the page is kept as a picture.
+    /// A failed test keeps its page as a picture.
     fn drop(&mut self) {
         if std::thread::panicking() {
             let folder =

@@ -1,9 +1,9 @@
 //! Audits of virtual rigs: each fault is named with its value, and nothing else is.
 
-use krylux::analysis::audit::{Audit, AuditOptions, Exact, audit};
+use krylux::bench::audit::{Audit, AuditOptions, Exact, audit};
+use krylux::calibrate::CalibrateOptions;
 use krylux::finding::Grade;
 use krylux::image::Resolution;
-use krylux::measure::calibrate::CalibrateOptions;
 use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use krylux::operator::{Operator, Symmetry};
 use krylux::rig::VirtualRig;

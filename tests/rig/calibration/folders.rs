@@ -6,8 +6,8 @@ use std::path::Path;
 use krylux::Error;
 use krylux::image::Resolution;
 use krylux::io::npy;
-use krylux::measure::calibrate::LensMap;
-use krylux::measure::{Calibration, FlatField};
+
+use krylux::measure::{Calibration, FlatField, LensMap};
 use krylux::rig::{CameraInfo, ProjectorInfo};
 
 fn devices() -> (ProjectorInfo, CameraInfo) {

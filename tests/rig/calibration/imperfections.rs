@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use krylux::Error;
+use krylux::bench::rig_check::{self, Finding, Grade, RigToCheck};
 use krylux::image::Resolution;
-use krylux::measure::rig_check::{self, Finding, Grade, RigToCheck};
 use krylux::measure::{FrameSource, LiveFrames, RigFile, RigKind};
 use krylux::rig::{Iris, Pulse, Splitter, VirtualProjector, VirtualRig};
 
@@ -44,7 +44,7 @@ fn findings(rig: &VirtualRig, scene: &Folded) -> Vec<Finding> {
     found.all
 }
 
-/// The names of the findings that are not ok. That there is no calibration, and that without one the pixel map is off, is not among them.
+/// The names of the findings that are not ok, without the missing calibration and the pixel map that is off for want of it.
 fn named(rig: &VirtualRig, scene: &Folded) -> Vec<String> {
     let wrong = findings(rig, scene).into_iter().filter(|finding| finding.grade != Grade::Ok);
     wrong

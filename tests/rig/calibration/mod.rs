@@ -7,8 +7,8 @@ pub mod scene;
 
 use std::ops::ControlFlow;
 
+use krylux::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
 use krylux::image::Resolution;
-use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
 use krylux::measure::{Calibration, LiveFrames};
 use krylux::rig::VirtualRig;
 use scene::Folded;
@@ -123,7 +123,7 @@ fn a_slow_camera_is_shown_fewer_levels_and_knows_the_others() {
         .map(|level| (few.projector[0][level] - (level as f64 / 255.0).powf(2.2)).abs())
         .fold(0.0, f64::max);
     println!("{} frames in place of {}, off by {worst:.2e}", report.effort.taken, all.effort.taken);
-    // As with all levels: noise, and no more of the levels between.
+    // The errors are noise, as with all levels, and the levels between add none.
     assert!(worst < 5e-4, "the projector's curve is off by {worst}");
     assert!(report.effort.taken + 200 < all.effort.taken, "{:?}", report.effort);
 }
@@ -145,7 +145,7 @@ fn a_compressive_camera_response_is_measured_and_corrected() {
         "departure {}, worst {worst:.2e}, black {}, gamma {}",
         report.camera.departure, report.camera.black, report.projector[0].gamma
     );
-    // As a line, it would be off by 0.7^(0.7/0.3) − 0.7^(1/0.3) = 0.13.
+    // A line would be off by 0.7^(0.7/0.3) − 0.7^(1/0.3) = 0.13.
     assert!(worst < 0.01, "off by {worst} of the range");
     assert!(
         (report.projector[0].gamma.value / 2.2 - 1.0).abs() < 0.02,

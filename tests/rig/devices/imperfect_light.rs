@@ -1,4 +1,4 @@
-//! What a virtual rig's iris, pulses, rolling shutter and beam splitter do to the counts.
+//! Effects of a virtual rig's iris, pulses, rolling shutter and beam splitter on the counts.
 
 use krylux::image::Resolution;
 use krylux::rig::{Devices, Frame, Iris, Pulse, RawFrame, Splitter, VirtualRig};

@@ -10,7 +10,7 @@ use krylux::rig::{Camera, CameraInfo, Devices, RawFrame};
 
 use super::support::{open, rig, shot};
 
-/// What the camera was told, in order.
+/// The requests to the camera, in order.
 type Log = Arc<Mutex<Vec<&'static str>>>;
 
 /// A camera that returns the scripted frames.

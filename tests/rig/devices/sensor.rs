@@ -164,7 +164,7 @@ fn exposures_and_readout_take_time() {
     assert_eq!([frames[0].id, frames[1].id], [1, 2]);
 }
 
-/// Where the camera's pixels look, in projector pixels: along each axis from a photo that is a ramp along it.
+/// The places in projector pixels at which the camera's pixels look: along each axis from a photo that is a ramp along it.
 fn seen(rig: &VirtualRig) -> [Vec<f64>; 2] {
     let size = rig.scene.size();
     [0, 1].map(|axis| {

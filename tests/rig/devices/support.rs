@@ -64,7 +64,7 @@ pub fn open(rig: &VirtualRig) -> Devices {
     open_after(rig, None)
 }
 
-/// As [`open`], continuing an earlier session.
+/// Like [`open`], but continues an earlier session.
 pub fn open_after(rig: &VirtualRig, after: Option<Stamp>) -> Devices {
     rig.open(diagonal(rig.scene.size(), |_| 1.0), after).expect("the scene fits the rig")
 }

@@ -1,7 +1,7 @@
 //! The benches of these tests.
 
+use krylux::calibrate::{CalibrateOptions, CalibrationReport};
 use krylux::image::{Image, Resolution};
-use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport};
 use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use krylux::rig::VirtualRig;
 use krylux::transport::{Channels, Transport};

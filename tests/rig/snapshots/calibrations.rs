@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
+use krylux::bench::preview::{CountRange, Preview, level_frame};
+use krylux::calibrate::{CalibrateOptions, CalibrationReport, MapBy, StructuredLight, map_check};
 use krylux::image::{Image, Resolution};
 use krylux::measure::Calibration;
-use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, StructuredLight, map_check};
-use krylux::measure::preview::{CountRange, Preview, level_frame};
 use krylux::rig::VirtualRig;
 
 use super::bench::{SIZE, calibrated, coloured, frames, quick, realistic};

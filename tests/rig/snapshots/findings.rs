@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
+use krylux::bench::rig_check;
 use krylux::measure::Calibration;
-use krylux::measure::rig_check;
 use krylux::rig::{Iris, Pulse, Splitter, VirtualRig};
 
 use super::bench::{calibrated, frames, quick, realistic};

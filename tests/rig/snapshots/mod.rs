@@ -1,4 +1,4 @@
-//! What rigs measure, digit by digit: calibrations, photos, products and findings of virtual rigs whose noise is seeded, compared with
+//! Measurements of rigs, digit by digit: calibrations, photos, products and findings of virtual rigs whose noise is seeded, compared with
 //! what an earlier version of the program found.
 //!
 //! These tests tell that a number has changed. They do not tell which of the two is right: the other tests of rigs compare with the known

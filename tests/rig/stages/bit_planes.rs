@@ -1,7 +1,7 @@
 //! The bit-plane stage: more levels than the projector has (the paper's Fig. 13).
 
 use krylux::image::{Image, Resolution};
-use krylux::measure::{MeasureOptions, bit_planes};
+use krylux::measure::{MeasureOptions, bit_plane_amplification, bit_plane_weights};
 use krylux::transport::Part;
 
 use super::support::{Dense, Rig, error, plain};
@@ -53,7 +53,7 @@ fn with_little_light_more_planes_are_worse() {
         (1..=8).map(by).collect()
     };
     let amplification: Vec<f64> =
-        (1..=8).map(|count| bit_planes::amplification(&bit_planes::weights(count, 1.0))).collect();
+        (1..=8).map(|count| bit_plane_amplification(&bit_plane_weights(count, 1.0))).collect();
     let (some, little) = (with_light(0.03), with_light(0.01));
     println!("error with 1 to 8 planes: {some:.3?} and, with a third of the light, {little:.3?}");
     println!("read noise amplified by {amplification:.2?}");

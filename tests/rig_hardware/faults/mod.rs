@@ -118,7 +118,7 @@ impl Run {
         message
     }
 
-    /// Asserts that the run's results are those of an undisturbed one.
+    /// Asserts that the run's results equal an undisturbed run's.
     #[track_caller]
     fn assert_right(&self) {
         let (found, expected) = (results(Path::new(&self.out())), undisturbed());

@@ -23,7 +23,7 @@ fn every_photo_is_right_when_two_packets_in_a_hundred_are_lost() {
     }
     let effort = shots.effort();
     println!("{} packets lost, {} resent, {} frames dropped", device.lost(), effort.resent, effort.dropped);
-    // Of 150 frames of 6 packets 18 are lost on average; the probability of fewer than 4 is 1e-5.
+    // On average 150 frames of 6 packets lose 18 packets; the probability of fewer than 4 is 1e-5.
     assert!(device.lost() >= 4 && effort.resent > 0, "{effort:?}");
     assert_eq!(effort.taken, 150);
 }

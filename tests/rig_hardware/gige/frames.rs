@@ -1,4 +1,4 @@
-//! The counts of frames are those of the scene.
+//! The counts of frames equal the scene's.
 
 use std::time::{Duration, Instant};
 

@@ -166,7 +166,7 @@ fn a_helper_that_was_killed_or_hangs_is_replaced() {
 fn a_photo_during_which_the_helper_ended_is_refused() {
     let (server, mut projector) = showing();
     send("KILL", &projector);
-    // What was on screen meanwhile is unknown, and another helper would not know it, either.
+    // The picture on screen meanwhile is unknown, also to another helper.
     let message = refused(projector.confirm());
     assert!(
         message.contains("the helper process with its window") && message.contains("it ended"),

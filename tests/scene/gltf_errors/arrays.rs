@@ -132,6 +132,7 @@ fn a_small_file_cannot_make_an_unlimited_number_of_triangles() {
     assert_eq!(fault(&document, None).0, "more than 16777216 triangles, all instances counted");
 }
 
+#[cfg(feature = "compressed")]
 #[test]
 fn compressed_meshes_that_cannot_be_decompressed_are_refused() {
     let draco = "/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression";

@@ -158,6 +158,36 @@ fn unsupported_required_extensions_are_refused_with_advice() {
     }
 }
 
+#[cfg(not(feature = "compressed"))]
+#[test]
+fn compressed_meshes_are_refused_with_the_command_that_decompresses_them() {
+    for (file, name) in [
+        ("carton-draco.glb", "KHR_draco_mesh_compression"),
+        ("carton-meshopt.glb", "EXT_meshopt_compression"),
+    ] {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference/compressed");
+        let error = scene::load(&folder.join(file), None).expect_err("its decoder is not built").to_string();
+        let what = format!("the file requires the extension {name}, which this krylux is built without");
+        assert!(error.contains(&what), "{error}");
+        assert!(error.contains("npx @gltf-transform/cli copy SCENE.glb PLAIN.glb"), "{error}");
+        assert!(error.contains("cargo build --release --features compressed"), "{error}");
+    }
+}
+
+#[cfg(not(feature = "compressed"))]
+#[test]
+fn meshes_that_need_not_be_decompressed_are_read_as_they_are() {
+    let draco = "/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression";
+    let plain = scene_support::load(&document());
+    let both = with(&[
+        ("/extensionsUsed", json!(["KHR_draco_mesh_compression"])),
+        (draco, json!({ "bufferView": 0, "attributes": { "POSITION": 0 } })),
+    ]);
+    let scene = scene_support::load(&both);
+    assert_eq!(scene.triangles, plain.triangles);
+    assert_eq!(scene.warnings, ["the extension KHR_draco_mesh_compression is not supported and ignored"]);
+}
+
 #[test]
 fn labels_that_are_neither_numbers_nor_names_are_refused() {
     for (region, shown) in [(json!(-1), "-1"), (json!(1.5), "1.5"), (json!([2]), "[2]"), (json!(""), "\"\"")]

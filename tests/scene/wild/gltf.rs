@@ -9,7 +9,7 @@ use crate::scene_support::{self, data_uri, document, fault, load, png, set, with
 
 #[test]
 fn a_listed_child_is_shown_without_the_parent_that_the_scene_lacks() {
-    // As UniGLTF writes it: the scene lists the child, and not the node above it.
+    // UniGLTF writes scenes that list the child, and not the node above it.
     let changes = [
         ("/nodes/2", json!({ "name": "above", "children": [0], "translation": [5, 0, 0] })),
         ("/scenes/0/nodes", json!([0, 1])),
@@ -17,7 +17,7 @@ fn a_listed_child_is_shown_without_the_parent_that_the_scene_lacks() {
     let scene = load(&with(&changes));
     assert_eq!(scene.triangles[0].positions, scene_support::CORNERS.map(Vec3::from_array));
     warns(&scene, "which is a child of node 2 \"above\", but does not list that");
-    // Where the scene lists both, the child is shown once, at its place.
+    // If the scene lists both, the child is shown once, at its place.
     let mut both = with(&changes);
     set(&mut both, "/scenes/0/nodes", json!([0, 1, 2]));
     let scene = load(&both);
@@ -80,6 +80,7 @@ fn a_pointer_of_git_lfs_is_named_as_such() {
     }
 }
 
+#[cfg(feature = "compressed")]
 #[test]
 fn buffers_that_only_compressed_views_name_need_no_data() {
     let whole = std::fs::read(

@@ -1,0 +1,318 @@
+//! Disparity: the distance between the projector position that a camera pixel sees and the one that a common map predicts.
+
+use crate::calibrate::{Decoded, Fit};
+use crate::image::percentile;
+use crate::measure::{LensMap, Match};
+
+/// Side of a cell in projector pixels: small enough to have one depth, large enough to average out the rounding of the codes.
+const SIDE: f64 = 4.0;
+
+/// A cell is used if at least this share of its pixels is decoded.
+const FILLED: f64 = 0.25;
+
+/// Codes farther than this from their cell's median, in steps, are misread or of another depth; rounding alone moves none so far.
+const APART: f64 = 0.75;
+
+/// The least scatter that is assumed within a cell, in projector pixels.
+const LEAST: f64 = 0.03;
+
+/// A cell of the camera's raster.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// The cell's centre, in camera pixels from the top left corner.
+    pub at: [f64; 2],
+    /// The displacement of the projector light that the cell sees from where the map predicts it, in projector pixels, to the
+    /// right and down *in the photo*. Nearer surfaces are displaced towards the camera's side.
+    pub off: [f64; 2],
+}
+
+/// The disparity over the field of view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Disparity {
+    /// The cells with enough decoded pixels.
+    pub cells: Vec<Cell>,
+    /// Side of a cell in camera pixels.
+    pub side: usize,
+    /// The median length of the cells' displacements, in projector pixels.
+    pub median: f64,
+    /// The 95th percentile of these lengths.
+    pub upper: f64,
+    /// The standard error of one cell's displacement along an axis.
+    pub error: f64,
+}
+
+/// A cell of the camera's raster, with its displacement on the projector's raster.
+struct Patch {
+    /// The cell's centre in camera pixels.
+    at: [f64; 2],
+    /// The projector position that the map predicts for it.
+    expected: [f64; 2],
+    /// The mean displacement of its codes from there, and their standard deviation along an axis.
+    off: [f64; 2],
+    scatter: f64,
+}
+
+/// Compares the codes with the map, cell by cell.
+pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
+    let (map, camera) = (&fit.map, fit.map.camera);
+    let step = decoded.step as f64;
+    let scale = photo_axes(map, [0.5 * camera.width as f64, 0.5 * camera.height as f64]).1;
+    let side = ((SIDE * step / scale).ceil() as usize).clamp(2, camera.width.min(camera.height).max(2));
+    let mut patches = patches(decoded, map, side);
+    // The rounding of codes is the same along a projector line, and a cell covers `SIDE` lines.
+    let within = percentile(patches.iter().map(|patch| patch.scatter), 0.5) / SIDE.sqrt();
+    let fit_error = refine(&mut patches, map, within.max(LEAST)).unwrap_or(fit.error);
+    let cells: Vec<Cell> = patches
+        .iter()
+        .map(|patch| {
+            let axes = photo_axes(map, patch.at).0;
+            Cell { at: patch.at, off: axes.map(|row| row[0] * patch.off[0] + row[1] * patch.off[1]) }
+        })
+        .collect();
+    let lengths = || cells.iter().map(|cell| cell.off[0].hypot(cell.off[1]));
+    let (median, upper) = (percentile(lengths(), 0.5), percentile(lengths(), 0.95));
+    // Where there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
+    let error = within.min(median / 1.18).hypot(fit_error);
+    Disparity { side, median, upper, error, cells }
+}
+
+/// The usable cells of `side` × `side` camera pixels.
+fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
+    let (camera, step) = (map.camera, decoded.step as f64);
+    let field = [map.projector.width as f64, map.projector.height as f64];
+    let (across, down) = (camera.width.div_ceil(side), camera.height.div_ceil(side));
+    let mut members: Vec<Vec<[f64; 2]>> = vec![Vec::new(); across * down];
+    for seen in decoded.all() {
+        // A pixel that looks across the field's border is lit only in part, which shifts its centroid.
+        if (0..2).any(|axis| seen.at[axis] < step || seen.at[axis] > field[axis] - step) {
+            continue;
+        }
+        let (x, y) = (seen.pixel % camera.width, seen.pixel / camera.width);
+        let expected = map.to_projector([x as f64 + 0.5, y as f64 + 0.5]);
+        members[y / side * across + x / side].push([seen.fine[0] - expected[0], seen.fine[1] - expected[1]]);
+    }
+    let patch = |(number, members): (usize, &Vec<[f64; 2]>)| {
+        let middle = [0, 1].map(|axis| percentile(members.iter().map(|off| off[axis]), 0.5));
+        let near = |off: &&[f64; 2]| (off[0] - middle[0]).hypot(off[1] - middle[1]) <= APART * step;
+        let kept: Vec<[f64; 2]> = members.iter().filter(near).copied().collect();
+        let count = kept.len() as f64;
+        if count < (FILLED * (side * side) as f64).max(2.0) {
+            return None;
+        }
+        let off = [0, 1].map(|axis| kept.iter().map(|off| off[axis]).sum::<f64>() / count);
+        let squares: f64 = kept.iter().map(|at| (at[0] - off[0]).powi(2) + (at[1] - off[1]).powi(2)).sum();
+        let corner = [number % across * side, number / across * side];
+        let end = [(corner[0] + side).min(camera.width), (corner[1] + side).min(camera.height)];
+        let at = [0, 1].map(|axis| 0.5 * (corner[axis] + end[axis]) as f64);
+        Some(Patch {
+            at,
+            expected: map.to_projector(at),
+            off,
+            scatter: (squares / (2.0 * (count - 1.0))).sqrt(),
+        })
+    };
+    members.iter().enumerate().filter_map(patch).collect()
+}
+
+/// Refits the common map to the cells and updates their displacements: a map fitted to single codes, which are rounded to pixels,
+/// may lie between two depths. Returns the map's standard error, or none where there are too few cells to fit one.
+fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
+    let seen = |patch: &Patch| [patch.expected[0] + patch.off[0], patch.expected[1] + patch.off[1]];
+    let matches: Vec<Match> =
+        patches.iter().map(|patch| Match { camera: patch.expected, projector: seen(patch) }).collect();
+    let fit = Fit::of(&matches, map.projector, map.projector, spread).ok()?;
+    for patch in patches {
+        let [seen, expected] = [seen(patch), fit.map.to_projector(patch.expected)];
+        patch.off = [seen[0] - expected[0], seen[1] - expected[1]];
+    }
+    Some(fit.error)
+}
+
+/// The matrix that turns a displacement on the projector's raster to the photo's axes, and the projector pixels per camera pixel.
+fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
+    let [west, east] = [-0.5, 0.5].map(|by| map.to_projector([x + by, y]));
+    let [north, south] = [-0.5, 0.5].map(|by| map.to_projector([x, y + by]));
+    let [[a, c], [b, d]] =
+        [[east[0] - west[0], east[1] - west[1]], [south[0] - north[0], south[1] - north[1]]];
+    let determinant = a * d - b * c;
+    let scale = determinant.abs().sqrt().max(f64::MIN_POSITIVE);
+    let by = scale / determinant;
+    ([[d * by, -b * by], [-c * by, a * by]], scale)
+}
+
+// The camera offset, estimated from the cells that are displaced from the common map.
+
+/// A cell counts as displaced beyond this many standard errors, …
+const SIGMAS: f64 = 4.0;
+
+/// … and beyond this many projector pixels, the accuracy that calibration promises for a map. Indirect light shifts codes by up
+/// to 0.07 pixels where surfaces meet, even in an aligned rig.
+const LEAST_OFF: f64 = 0.1;
+
+/// The least number of displaced cells, and their least share of all cells.
+const CELLS: (usize, f64) = (3, 0.01);
+
+/// The share of the displacement that must point to one side before that side is called certain.
+const ONE_SIDED: f64 = 0.8;
+
+/// `tan 22.5°`: a direction's component below this multiple of the other one is not mentioned.
+const ASIDE: f64 = 0.414;
+
+/// The camera's offset as seen from the projector.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct CameraOffset {
+    /// The direction, of length 1, to the right and down in the photo.
+    pub toward: [f64; 2],
+    /// The typical displacement of the displaced cells, in projector pixels.
+    pub size: f64,
+    /// The standard error of `size`.
+    pub error: f64,
+    /// Whether the side is certain; if not, the camera may equally be on the opposite side.
+    pub is_certain: bool,
+    /// The share of displaced cells in the field.
+    pub share: f64,
+}
+
+/// The least displacement, in projector pixels, that counts as different from the map.
+pub(crate) fn least(disparity: &Disparity) -> f64 {
+    (SIGMAS * disparity.error).max(LEAST_OFF)
+}
+
+/// The offset by the displaced cells; none where there are too few.
+pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
+    let least = least(disparity);
+    let out: Vec<&Cell> =
+        disparity.cells.iter().filter(|cell| cell.off[0].hypot(cell.off[1]) > least).collect();
+    let share = out.len() as f64 / disparity.cells.len().max(1) as f64;
+    if out.len() < CELLS.0 || share < CELLS.1 {
+        return None;
+    }
+    let sum = |of: &dyn Fn(&Cell) -> f64| out.iter().map(|cell| of(cell)).sum::<f64>();
+    let [xx, xy, yy] = [
+        sum(&|cell| cell.off[0].powi(2)),
+        sum(&|cell| cell.off[0] * cell.off[1]),
+        sum(&|cell| cell.off[1].powi(2)),
+    ];
+    // The principal axis of the second moments.
+    let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+    let axis = [angle.cos(), angle.sin()];
+    let along = |cell: &Cell| cell.off[0] * axis[0] + cell.off[1] * axis[1];
+    let (net, total) = (sum(&along), sum(&|cell| along(cell).abs()));
+    let side = if net < 0.0 { -1.0 } else { 1.0 };
+    let ahead: Vec<f64> = out.iter().map(|cell| side * along(cell)).filter(|&off| off > 0.0).collect();
+    Some(CameraOffset {
+        toward: axis.map(|part| side * part),
+        size: middle(ahead),
+        // The rounding of codes does not average out from cell to cell.
+        error: disparity.error,
+        is_certain: 0.5 * (1.0 + net.abs() / total) >= ONE_SIDED,
+        share,
+    })
+}
+
+/// The displacement at which the sorted cumulative sum reaches half: cells at an object's border belong to it only in part.
+fn middle(mut displacements: Vec<f64>) -> f64 {
+    displacements.sort_by(f64::total_cmp);
+    let half = 0.5 * displacements.iter().sum::<f64>();
+    let mut below = 0.0;
+    let found = displacements.iter().find(|&&displacement| {
+        below += displacement;
+        below >= half
+    });
+    found.copied().unwrap_or(0.0)
+}
+
+impl CameraOffset {
+    /// The camera's position in words, such as `to the right of the projector and above it`.
+    pub fn place(&self) -> String {
+        let [right, down] = self.parts();
+        let sideways = right.map(|is_right| if is_right { "to the right of" } else { "to the left of" });
+        let upright = down.map(|is_down| if is_down { "below" } else { "above" });
+        match (sideways, upright) {
+            (Some(sideways), Some(upright)) => format!("{sideways} the projector and {upright} it"),
+            (Some(one), None) | (None, Some(one)) => format!("{one} the projector"),
+            // A direction of length 1 has a large component along at least one axis.
+            (None, None) => "beside the projector".into(),
+        }
+    }
+
+    /// The way to move the camera towards the projector, such as `left and down`.
+    pub fn remedy(&self) -> String {
+        let [right, down] = self.parts();
+        let ways = [
+            right.map(|is_right| if is_right { "left" } else { "right" }),
+            down.map(|is_down| if is_down { "up" } else { "down" }),
+        ];
+        ways.into_iter().flatten().collect::<Vec<_>>().join(" and ")
+    }
+
+    /// Whether the camera is to the right, and below; none for a component that is too small.
+    fn parts(&self) -> [Option<bool>; 2] {
+        let [x, y] = self.toward;
+        [(x.abs() > ASIDE * y.abs()).then_some(x > 0.0), (y.abs() > ASIDE * x.abs()).then_some(y > 0.0)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    #[test]
+    fn a_displacement_keeps_its_length_and_turns_with_the_camera() {
+        // The camera is mounted upside down and has twice as many pixels.
+        let map = LensMap {
+            camera: Resolution::new(80, 60),
+            projector: Resolution::new(40, 30),
+            homography: [-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0],
+            distortion: [0.0; 2],
+        };
+        let (axes, scale) = photo_axes(&map, [10.0, 20.0]);
+        assert!((scale - 0.5).abs() < 1e-9);
+        for (row, expected) in axes.iter().zip([[-1.0, 0.0], [0.0, -1.0]]) {
+            assert!(
+                row.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-9),
+                "{axes:?}"
+            );
+        }
+    }
+
+    /// Cells of which every tenth is displaced by `off`, and all by noise of 0.01.
+    fn disparity(off: impl Fn(usize) -> [f64; 2]) -> Disparity {
+        let cell = |number: usize| {
+            let noise = 0.01 * [1.0, -1.0][number % 2];
+            let off = if number.is_multiple_of(10) { off(number) } else { [0.0; 2] };
+            Cell { at: [0.0; 2], off: [off[0] + noise, off[1] - noise] }
+        };
+        Disparity { cells: (0..400).map(cell).collect(), side: 4, median: 0.01, upper: 0.01, error: 0.01 }
+    }
+
+    #[test]
+    fn what_is_displaced_to_one_side_tells_where_the_camera_stands() {
+        for (off, place, remedy) in [
+            ([1.0, 0.1], "to the right of the projector", "left"),
+            ([-0.3, 0.0], "to the left of the projector", "right"),
+            ([0.0, 2.0], "below the projector", "up"),
+            ([-0.5, -0.6], "to the left of the projector and above it", "right and down"),
+        ] {
+            let found = stand(&disparity(|_| off)).expect("it stands out");
+            assert!(found.is_certain && (found.share - 0.1).abs() < 1e-9);
+            assert_eq!((found.place(), found.remedy()), (place.to_owned(), remedy.to_owned()));
+            assert!((found.size - f64::hypot(off[0], off[1])).abs() < 0.02, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_displaced_in_part_does_not_count_like_the_whole() {
+        assert_eq!(middle(vec![0.25, 2.0, 0.25, 2.0, 0.25, 2.0, 0.25, 0.25]), 2.0);
+        assert_eq!(middle(Vec::new()), 0.0);
+    }
+
+    #[test]
+    fn noise_alone_stands_out_nowhere_and_both_sides_tell_none() {
+        assert_eq!(stand(&disparity(|_| [0.0; 2])), None);
+        let both = stand(&disparity(|number| [if number.is_multiple_of(20) { 1.0 } else { -1.0 }, 0.0]));
+        let found = both.expect("it stands out");
+        assert!(!found.is_certain && found.toward[0].abs() > 0.99, "{found:?}");
+    }
+}

@@ -1,0 +1,389 @@
+//! Audit: whether a source is the linear, symmetric operator that all other analyses assume.
+//!
+//! Each check compares photos of random patterns and gives a figure, its standard error from the photos' noise, and a bound:
+//!
+//! | check | what is compared | what breaks it |
+//! |---|---|---|
+//! | additivity | `A p + A (1 − p)` and `A 1` | black level, ambient light, saturation, a nonlinear camera response |
+//! | homogeneity | `A (c p)` and `c A p` | the projector's response (gamma) |
+//! | repeatability | the first and the last `A p` | drift |
+//! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, a camera with another centre than the projector |
+//! | crosstalk | each channel under red, green and blue alone | a camera channel that sees the projector's other colours |
+//! | direct light | pixels with light, but without direct light | as for symmetry: shadows |
+//!
+//! Why a check fails is told by what the devices of a rig do without being asked, which [`crate::bench::rig_check::faults`] names.
+//!
+//! O'Toole and Kutulakos, section 8.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+pub(crate) use super::audit::checks::symmetry;
+use crate::analysis::Crosstalk;
+use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade};
+use crate::image::Resolution;
+use crate::measure::{Measurement, Photo, Plane};
+use crate::operator::Operator;
+
+mod checks;
+
+/// The options of an audit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AuditOptions {
+    /// Number of random patterns; symmetry is judged from all pairs of them.
+    pub patterns: usize,
+    /// The largest relative deviation from additivity, homogeneity and repeatability that passes.
+    pub tolerance: f64,
+    /// The largest `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
+    pub asymmetry: f64,
+    /// The largest share of pixels in shadow that passes.
+    pub share: f64,
+    /// Seed of the random patterns.
+    pub seed: u64,
+}
+
+impl Default for AuditOptions {
+    fn default() -> Self {
+        Self { patterns: 6, tolerance: 0.01, asymmetry: 0.1, share: 0.01, seed: 0 }
+    }
+}
+
+/// The result of an audit.
+#[derive(Clone, Debug)]
+pub struct Audit {
+    /// The checks, in the order of the report.
+    pub checks: Vec<Finding>,
+    /// The resolution of all images.
+    pub resolution: Resolution,
+    /// The white photo; empty if it could not be taken.
+    pub white: Vec<f64>,
+    /// The share of direct light in each pixel's light under white; empty if it is not known.
+    pub direct_share: Vec<f64>,
+    /// Pixels that see light, but no direct light.
+    pub shadow: Vec<bool>,
+    /// `A p + A (1 − p) − A 1`, relative to the mean of `A 1`.
+    pub additivity: Vec<f64>,
+    /// Number of patterns photographed.
+    pub photos: usize,
+    /// What the devices of a rig do without being asked: an iris, pulses, overscan and others. Empty where there are none. They explain a check
+    /// that fails, and do not fail the audit.
+    pub devices: Vec<Finding>,
+}
+
+impl Audit {
+    /// The faults of the devices that were found.
+    pub fn faults(&self) -> impl Iterator<Item = &Finding> {
+        self.devices.iter().filter(|finding| finding.grade >= Grade::Warning)
+    }
+
+    /// The findings of the audit: its checks.
+    pub fn findings(&self) -> Vec<Finding> {
+        self.checks.clone()
+    }
+
+    /// Whether no check fails.
+    pub fn passed(&self) -> bool {
+        self.checks.iter().all(|check| check.grade != Grade::Fails)
+    }
+
+    /// The result as a sentence.
+    pub fn sentence(&self) -> String {
+        let failed: Vec<&str> = self
+            .checks
+            .iter()
+            .filter(|check| check.grade == Grade::Fails)
+            .map(|check| &*check.name)
+            .collect();
+        let faults: Vec<&str> = self.faults().map(|finding| &*finding.name).collect();
+        let faults = match faults.as_slice() {
+            [] => String::new(),
+            names => format!(" Faults of the devices: {}.", names.join(", ")),
+        };
+        if failed == [LIGHT] {
+            return format!("There is nothing to measure: white gives no light beyond its noise.{faults}");
+        }
+        if failed.is_empty() {
+            return format!("The source is a linear operator, as far as these photos tell.{faults}");
+        }
+        format!(
+            "The source is not the linear operator that it should be: {} failed.{faults}",
+            failed.join(", ")
+        )
+    }
+}
+
+/// The name of the finding that there is light to measure.
+const LIGHT: &str = "light";
+
+/// Audits `subject`. A camera that is saturated in every exposure gives a failed check, not an error.
+///
+/// # Errors
+/// [`Error::Option`] for fewer than two patterns; any error of taking photos.
+pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit> {
+    if options.patterns < 2 {
+        return Err(Error::Option {
+            option: "--patterns".into(),
+            fault: format!("{} make no pair", options.patterns),
+            help: "give 2 or more".into(),
+        });
+    }
+    let resolution = subject.resolution();
+    let mut audit = Audit {
+        checks: Vec::new(),
+        resolution,
+        white: Vec::new(),
+        direct_share: Vec::new(),
+        shadow: Vec::new(),
+        additivity: Vec::new(),
+        photos: 0,
+        devices: Vec::new(),
+    };
+    let white = match subject.photograph(&vec![1.0; resolution.pixels()]) {
+        Ok(white) => white,
+        Err(Error::Saturated { device, fault, .. }) => {
+            audit.checks.push(checks::saturated(&format!("{device}: {fault}")));
+            return Ok(audit);
+        }
+        Err(error) => return Err(error),
+    };
+    let light = subject.sight()?;
+    let is_dark = light.grade == Grade::Fails;
+    audit.checks.push(light);
+    if is_dark {
+        let names = ["additivity", "homogeneity", "repeatability", "symmetry", "direct light"];
+        audit
+            .checks
+            .extend(names.map(|name| Finding::unmeasured(name, "white gives no light beyond its noise")));
+        audit.photos = 1;
+        audit.white = white.values;
+        return Ok(audit);
+    }
+    let mask = subject.seen();
+    let mut random = Pcg64::seed_from_u64(options.seed);
+    let mut patterns: Vec<Vec<f64>> = Vec::new();
+    for _ in 0..options.patterns {
+        patterns
+            .push(mask.iter().map(|&seen| f64::from(u8::from(seen && random.random::<bool>()))).collect());
+    }
+    let photos = patterns.iter().map(|pattern| subject.photograph(pattern)).collect::<Result<Vec<_>>>()?;
+    let complement: Vec<f64> =
+        patterns[0].iter().zip(&mask).map(|(p, &seen)| if seen { 1.0 - p } else { 0.0 }).collect();
+    let rest = subject.photograph(&complement)?;
+    let mut scaled = Vec::new();
+    for share in [0.25, 0.5, 0.75] {
+        let pattern: Vec<f64> = patterns[0].iter().map(|p| share * p).collect();
+        scaled.push((share, subject.photograph(&pattern)?));
+    }
+    let again = subject.photograph(&patterns[0])?;
+    audit.photos = 3 + photos.len() + scaled.len();
+    audit.checks.push(checks::additivity(&photos[0], &rest, &white, options.tolerance));
+    audit.checks.push(checks::homogeneity(&photos[0], &scaled, options.tolerance));
+    audit.checks.push(checks::repeatability(&photos[0], &again, options.tolerance));
+    audit.checks.push(symmetry(&patterns, &photos, &white, &mask, options.asymmetry));
+    let mean = (white.values.iter().sum::<f64>() / white.values.len() as f64).max(f64::MIN_POSITIVE);
+    audit.additivity = (0..white.values.len())
+        .map(|pixel| (photos[0].values[pixel] + rest.values[pixel] - white.values[pixel]) / mean)
+        .collect();
+    if let Some(direct) = subject.direct()? {
+        let (check, shadow) = checks::shadows(&direct, &white, &mask, options.share);
+        audit.checks.push(check);
+        audit.shadow = shadow;
+        audit.direct_share = direct
+            .values
+            .iter()
+            .zip(&white.values)
+            .map(|(direct, white)| if *white > 0.0 { direct / white } else { 0.0 })
+            .collect();
+    }
+    if let Some(ambient) = subject.ambient()? {
+        audit.checks.push(checks::ambient(&ambient, &white));
+    }
+    if let Some(photos) = subject.primaries()? {
+        audit.photos += photos.len();
+        audit.checks.push(checks::crosstalk(&Crosstalk::measured(&photos)?));
+    }
+    if let Some(share) = subject.saturated()? {
+        audit.checks.push(checks::saturation(share));
+    }
+    audit.checks.push(checks::noise_floor(&white));
+    if let Some(drift) = subject.drift()? {
+        audit.checks.push(checks::drift(drift));
+    }
+    audit.white = white.values;
+    Ok(audit)
+}
+
+// The interface between an audit and a source.
+
+/// A photo of one channel, with the variance of each pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// The light of each pixel, without ambient light.
+    pub values: Vec<f64>,
+    /// The variance of each pixel; 0 where there is no noise.
+    pub variance: Vec<f64>,
+}
+
+/// A source that can be audited: one channel, with equal rasters of camera and projector.
+pub trait Audited {
+    /// The resolution of patterns and photos.
+    fn resolution(&self) -> Resolution;
+
+    /// The photo of a pattern of values in \[0, 1\].
+    ///
+    /// # Errors
+    /// Any error of taking the photo.
+    fn photograph(&mut self, pattern: &[f64]) -> Result<Seen>;
+
+    /// Whether white gives any light to measure: a finding of the name `light`. It is asked after the white photo was taken.
+    ///
+    /// # Errors
+    /// Any error of taking that photo.
+    fn sight(&mut self) -> Result<Finding>;
+
+    /// Which pixels the camera sees; the others are never lit.
+    fn seen(&self) -> Vec<bool>;
+
+    /// The direct light under white, if it is known.
+    ///
+    /// # Errors
+    /// Any error of measuring it.
+    fn direct(&mut self) -> Result<Option<Seen>>;
+
+    /// The light without a pattern, if it is known.
+    ///
+    /// # Errors
+    /// Any error of measuring it.
+    fn ambient(&mut self) -> Result<Option<Seen>>;
+
+    /// The share of the camera's samples of white that are saturated in some exposure; none where there is no camera.
+    ///
+    /// # Errors
+    /// Any error of taking the white photo.
+    fn saturated(&mut self) -> Result<Option<f64>>;
+
+    /// Photos of the projector's red, green and blue alone, in each camera channel; none if either device is monochrome.
+    ///
+    /// # Errors
+    /// Any error of taking them.
+    fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
+        Ok(None)
+    }
+
+    /// The largest relative change of the lamp's light that was measured and corrected; none if it was not monitored.
+    ///
+    /// # Errors
+    /// Any error of measuring it.
+    fn drift(&mut self) -> Result<Option<f64>>;
+}
+
+/// Operators without noise, as of a simulated scene.
+pub struct Exact<'a> {
+    /// All of the light.
+    pub full: &'a mut dyn Operator,
+    /// Direct light under white; none if unknown.
+    pub direct: Option<Vec<f64>>,
+    /// The resolution of patterns and photos.
+    pub resolution: Resolution,
+}
+
+impl Audited for Exact<'_> {
+    fn resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    fn photograph(&mut self, pattern: &[f64]) -> Result<Seen> {
+        let mut values = vec![0.0; self.full.rows()];
+        self.full.apply(pattern, &mut values)?;
+        Ok(exact(values))
+    }
+
+    fn sight(&mut self) -> Result<Finding> {
+        let mut white = vec![0.0; self.full.rows()];
+        self.full.apply(&vec![1.0; self.full.cols()], &mut white)?;
+        let lit = white.iter().filter(|light| **light > 0.0).count();
+        let grade = if lit == 0 { Grade::Fails } else { Grade::Ok };
+        let found = format!("{lit} of {} pixels have light under white", white.len());
+        let help = "light the scene, or turn the camera to it";
+        Ok(Finding::graded("light", grade, found, "one or more", help))
+    }
+
+    fn seen(&self) -> Vec<bool> {
+        vec![true; self.resolution.pixels()]
+    }
+
+    fn direct(&mut self) -> Result<Option<Seen>> {
+        Ok(self.direct.clone().map(exact))
+    }
+
+    fn ambient(&mut self) -> Result<Option<Seen>> {
+        Ok(None)
+    }
+
+    fn saturated(&mut self) -> Result<Option<f64>> {
+        Ok(None)
+    }
+
+    fn drift(&mut self) -> Result<Option<f64>> {
+        Ok(None)
+    }
+}
+
+fn exact(values: Vec<f64>) -> Seen {
+    Seen { variance: vec![0.0; values.len()], values }
+}
+
+impl Audited for Measurement {
+    fn resolution(&self) -> Resolution {
+        Self::resolution(self)
+    }
+
+    fn photograph(&mut self, pattern: &[f64]) -> Result<Seen> {
+        let samples = pattern.iter().map(|&value| value as f32).collect();
+        let image = crate::image::Image::new(Self::resolution(self), 1, samples)?;
+        first(Self::photograph(self, &image)?)
+    }
+
+    fn sight(&mut self) -> Result<Finding> {
+        Self::sight(self)
+    }
+
+    fn seen(&self) -> Vec<bool> {
+        Self::seen(self).to_vec()
+    }
+
+    fn direct(&mut self) -> Result<Option<Seen>> {
+        match self.options().direct {
+            crate::measure::DirectBy::None => Ok(None),
+            crate::measure::DirectBy::Patterns => Ok(Some(first(Self::direct(self)?)?)),
+        }
+    }
+
+    fn ambient(&mut self) -> Result<Option<Seen>> {
+        if !self.options().ambient {
+            return Ok(None);
+        }
+        Ok(Some(first(Self::ambient(self)?)?))
+    }
+
+    fn saturated(&mut self) -> Result<Option<f64>> {
+        Self::saturated(self).map(Some)
+    }
+
+    fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
+        Self::primaries(self)
+    }
+
+    fn drift(&mut self) -> Result<Option<f64>> {
+        let report = Self::drift(self)?;
+        Ok((report.sentinels.len() > 1).then_some(report.largest))
+    }
+}
+
+fn first(photo: Photo) -> Result<Seen> {
+    let plane = photo.planes.into_iter().next();
+    let Plane { values, variance } =
+        plane.ok_or_else(|| Error::Numerical("a photo without channels".into()))?;
+    Ok(Seen { values, variance })
+}

@@ -1,0 +1,171 @@
+//! The calibration of a rig from captures alone (O'Toole and Kutulakos, section 8.1): `krylux rig calibrate`.
+//!
+//! | measured | from | file |
+//! |---|---|---|
+//! | latency | white after black, after growing waits | `latency` |
+//! | exposure, saturation | white | `exposure`, `saturation` |
+//! | the camera's response, black level | an exposure series of white and black | `response` |
+//! | gain, read noise | pairs of equal frames | `transfer` |
+//! | the projector's response | a ramp of levels | `ramp` |
+//! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `map_fit`, `footprint` |
+//! | the brightness of the projector relative to the camera's | smooth patterns, by the symmetry of the light transport | `reciprocity` |
+//! | drift | the photos of white during the calibration | `stability` |
+//!
+//! While a bench is aligned and checked, [`StructuredLight`] decodes Gray codes without a whole calibration, and
+//! [`map_check`](map_check()) tests a known pixel map.
+
+mod camera;
+mod displacement;
+mod exposure;
+mod flat_field;
+mod least_squares;
+mod map_check;
+mod map_fit;
+mod pixel_map;
+mod ramp;
+mod report;
+mod response;
+mod session;
+mod stripe_fit;
+mod structured_light;
+
+pub use displacement::Displacement;
+pub use exposure::WhiteExposure;
+pub use flat_field::flat_field_of_sheet;
+pub use map_check::map_check;
+pub use map_fit::Fit;
+pub use report::{
+    CalibrationReport, CameraFigures, MapBy, MapFigures, MeasuredValue, ProjectorFigures, StabilityFigures,
+};
+pub use structured_light::{Decoded, DecodedPixel, Stripes, StructuredLight};
+
+use std::ops::ControlFlow;
+
+use ramp::Ramp;
+use session::{CalibrationSession, CameraModel};
+
+use crate::error::{Error, Result};
+use crate::measure::{Calibration, CameraResponse, FlatField, FrameSource, Stability};
+
+/// The options of a calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibrateOptions {
+    /// Frames averaged for each level of the ramp and each pattern.
+    pub takes: u32,
+    /// Levels of the projector that are shown at most, from 3 on. `None`: 257, or 33 where more than half a second passes from one frame to the
+    /// next.
+    pub levels: Option<usize>,
+    /// What the pixel map is made from. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
+    /// for each of the projector's along an axis.
+    pub map: Option<MapBy>,
+    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then their uneven brightness can
+    /// be distinguished from that of the scene.
+    pub coaxial: bool,
+}
+
+impl Default for CalibrateOptions {
+    fn default() -> Self {
+        Self { takes: 2, levels: None, map: None, coaxial: true }
+    }
+}
+
+/// The settle time is this factor times the latency that was measured.
+const SETTLE_MARGIN: f64 = 1.25;
+
+/// Measures everything that a [`Calibration`] holds. `progress` is called with the name of each step before
+/// it begins, and may stop the calibration.
+///
+/// # Errors
+/// [`Error::Rig`] when the rig fails, or when its photos cannot be evaluated; [`Error::Interrupted`] when
+/// `progress` says so.
+pub fn calibrate(
+    frames: &mut dyn FrameSource,
+    options: &CalibrateOptions,
+    progress: &mut dyn FnMut(&'static str) -> ControlFlow<()>,
+) -> Result<(Calibration, CalibrationReport)> {
+    let mut step = |name| match progress(name) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Error::Interrupted),
+    };
+    let mut session = CalibrationSession::new(frames);
+    session.set_settle(session::CAREFUL);
+    let white = session.filled(session.top());
+    step("exposure")?;
+    let exposure = exposure::fill(&mut session, &white)?;
+    step("latency")?;
+    let short = session.allowed(0.25 * exposure);
+    let latency = session::latency(&mut session, short)?;
+    let settle = latency.settle.value * SETTLE_MARGIN;
+    session.set_settle(settle);
+    step("camera")?;
+    let camera = camera::camera(&mut session, &white, exposure)?;
+    let model = CameraModel {
+        linear: &camera.linear,
+        gain: camera.figures.gain.value,
+        read_noise: camera.figures.read_noise.value,
+        limit: camera.limit,
+        exposure,
+        takes: options.takes,
+    };
+    let most_levels = options.levels.unwrap_or_else(|| ramp::levels_for(settle + exposure));
+    let mut ramps: Vec<Ramp> = Vec::new();
+    for channel in 0..session.projector().channels {
+        step("projector")?;
+        ramps.push(ramp::ramp(&mut session, &model, channel, most_levels)?);
+    }
+    step("pixel map")?;
+    let (registration, map) = pixel_map::pixel_map(&mut session, &model, options.map)?;
+    let curves: Vec<Vec<f64>> = ramps.iter().map(|ramp| ramp.curve.clone()).collect();
+    let ratio = if options.coaxial {
+        step("flat field")?;
+        Some(flat_field::ratio(&mut session, &model, &curves, (&registration, map.error))?)
+    } else {
+        None
+    };
+    let whites = ramps.iter().map(|ramp| ramp.whites.as_slice()).collect::<Vec<_>>();
+    let white_error = ramps.iter().map(|ramp| ramp.white_error).fold(0.0, f64::max);
+    let drift_per_hour = ramp::drift_per_hour(whites[0], white_error)?;
+    let watched =
+        whites[0].last().map_or(0.0, |last| last.0) - whites[0].first().map_or(0.0, |first| first.0);
+    let calibration = Calibration {
+        projector_info: session.projector().clone(),
+        camera_info: session.camera().clone(),
+        projector: curves,
+        camera: CameraResponse {
+            black: camera.linear.black,
+            saturation: camera.limit,
+            gain: camera.figures.gain.value,
+            read_noise: camera.figures.read_noise.value,
+            curve: camera.linear.curve.clone(),
+        },
+        registration,
+        flat_field: ratio.as_ref().map(|ratio| FlatField::of_ratio(&ratio.values)).transpose()?,
+        stability: Stability { settle, drift_per_hour: drift_per_hour.value },
+    };
+    let report = CalibrationReport {
+        stability: StabilityFigures {
+            settle: latency.settle,
+            drift_per_hour,
+            watched,
+            white_noise: camera.white_noise,
+            whites: whites[0].to_vec(),
+            sweep: latency.sweep,
+        },
+        camera: camera.figures,
+        projector: ramps.iter().map(figures).collect(),
+        map,
+        evenness: ratio.map(|ratio| ratio.range),
+        effort: session.effort(),
+    };
+    Ok((calibration, report))
+}
+
+/// What the report says of one channel of the projector.
+fn figures(ramp: &Ramp) -> ProjectorFigures {
+    ProjectorFigures {
+        gamma: ramp.gamma,
+        gamma_residual: ramp.gamma_residual,
+        curve_error: ramp.error,
+        black: ramp.black,
+    }
+}

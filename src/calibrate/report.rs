@@ -1,0 +1,278 @@
+//! The report of a calibration: every measured value with its standard error.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::finding::decimal;
+use crate::measure::Effort;
+use crate::measure::lens_map::LensMap;
+
+/// The report of a calibration. It is saved as `report.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationReport {
+    /// The camera.
+    pub camera: CameraFigures,
+    /// The channels of the projector.
+    pub projector: Vec<ProjectorFigures>,
+    /// The pixel map.
+    pub map: MapFigures,
+    /// The brightness of the projector relative to the camera's: the least over the largest. `None` where the rig is not coaxial.
+    #[serde(default)]
+    pub evenness: Option<MeasuredValue>,
+    /// The stability over time.
+    pub stability: StabilityFigures,
+    /// The costs of the calibration.
+    pub effort: Effort,
+}
+
+/// The measured values of a camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraFigures {
+    /// The count without light, in DN.
+    pub black: MeasuredValue,
+    /// The read noise in DN, without the noise of rounding to counts.
+    pub read_noise: MeasuredValue,
+    /// Electrons per linear DN.
+    pub gain: MeasuredValue,
+    /// The count of overexposed pixels, in DN.
+    pub plateau: f64,
+    /// Whether overexposed pixels were seen. Otherwise the plateau is the largest possible count.
+    pub plateau_reached: bool,
+    /// The plateau in electrons, from its linear DN.
+    pub full_well: MeasuredValue,
+    /// The largest departure of the response from a line beyond noise, as a share of the range.
+    pub departure: f64,
+    /// Whether the response was approximated by a line.
+    pub linear: bool,
+    /// Linear DN per second without a pattern: ambient light, the projector's black level, and dark current.
+    pub dark_rate: MeasuredValue,
+    /// The exposure at which white fills the range, in seconds.
+    pub exposure: f64,
+}
+
+/// The measured values of one channel of a projector.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProjectorFigures {
+    /// The exponent that fits the response best.
+    pub gamma: MeasuredValue,
+    /// The residual of this fit, root mean square over the levels, as a share of white.
+    pub gamma_residual: f64,
+    /// The largest standard error of the light of a level, as a share of white.
+    pub curve_error: f64,
+    /// The light at level 0, ambient light included, as a share of white.
+    pub black: MeasuredValue,
+}
+
+/// The measured values of the pixel map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapFigures {
+    /// What it was made from: `gray-code` or `checkerboard`.
+    pub by: MapBy,
+    /// The map of homography and lens. `None` when none fits; each camera pixel was then decoded by itself.
+    pub lens: Option<LensMap>,
+    /// The number of points that the map was fitted to.
+    pub points: usize,
+    /// The root mean square distance of these points from the map, in projector pixels. Gray codes give whole
+    /// pixels, so it is at least 0.41 with them.
+    pub rms: f64,
+    /// The standard error of the map, root mean square over the field, in projector pixels.
+    pub error: f64,
+    /// The share of lit camera pixels that could not be decoded, or do not agree with the map.
+    pub unreliable: f64,
+    /// The share of projector pixels that no camera pixel sees.
+    pub masked: f64,
+}
+
+/// What a pixel map is made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MapBy {
+    /// Gray codes, pixel by pixel.
+    GrayCode,
+    /// The corners of a checkerboard, which coarse Gray codes locate first.
+    Checkerboard,
+}
+
+/// The measured stability of a rig over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StabilityFigures {
+    /// Seconds from the confirmation of a frame until all of its light is there.
+    pub settle: MeasuredValue,
+    /// The relative change of the mean of the white photo, per hour.
+    pub drift_per_hour: MeasuredValue,
+    /// The seconds over which the drift was measured.
+    pub watched: f64,
+    /// The noise of one white photo at an average camera pixel, relative to its light.
+    pub white_noise: f64,
+    /// The photos of white: seconds on the rig's clock, and light relative to the first.
+    pub whites: Vec<(f64, f64)>,
+    /// The latency sweep: seconds waited, and the share of the light that was there.
+    pub sweep: Vec<(f64, f64)>,
+}
+
+// A measured number with its standard error.
+
+/// A measured number with its standard error, in the same unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredValue {
+    /// The value.
+    pub value: f64,
+    /// The standard error, as predicted by the noise of the frames.
+    pub error: f64,
+}
+
+impl MeasuredValue {
+    /// `value ± error`.
+    pub fn new(value: f64, error: f64) -> Self {
+        Self { value, error }
+    }
+
+    /// The value and its error times a factor.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { value: self.value * factor, error: self.error * factor.abs() }
+    }
+}
+
+impl fmt::Display for MeasuredValue {
+    /// Writes the value with two digits of the error: `2.2013 ± 0.0012`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = if self.error > 0.0 { self.error } else { self.value.abs() * 1e-4 };
+        let decimals = if size > 0.0 { (1.0 - size.log10().floor()).clamp(0.0, 9.0) as usize } else { 0 };
+        write!(f, "{:.decimals$} ± {:.decimals$}", self.value, self.error)
+    }
+}
+
+// A calibration's report as lines of text.
+
+/// What a line is about, and its figures. The first is empty where the line continues the one before.
+type Line = [String; 2];
+
+impl CalibrationReport {
+    /// The report as lines of text: what each line is about, and its figures. The first is empty where a line
+    /// continues the one before.
+    pub fn lines(&self) -> Vec<[String; 2]> {
+        let mut lines = camera_lines(&self.camera);
+        lines.extend(self.projector.iter().enumerate().map(projector_line));
+        lines.extend(map_lines(&self.map));
+        if let Some(evenness) = &self.evenness {
+            lines.push(line(
+                "evenness",
+                format!("projector over camera: the least is {evenness} of the largest, by the symmetry of the light transport"),
+            ));
+        }
+        lines.extend(stability_lines(&self.stability));
+        lines.push(effort_line(&self.effort));
+        lines
+    }
+}
+
+fn line(about: &str, text: String) -> Line {
+    [about.to_owned(), text]
+}
+
+fn percent(share: f64) -> f64 {
+    100.0 * share
+}
+
+fn camera_lines(camera: &CameraFigures) -> Vec<Line> {
+    let well = if camera.plateau_reached { "" } else { " at least: it was never full" };
+    let response = if camera.linear { "linear" } else { "not linear, and corrected" };
+    vec![
+        line("camera", format!("black level {} DN, read noise {} DN", camera.black, camera.read_noise)),
+        line(
+            "",
+            format!("gain {} electrons per DN, full well {} electrons{well}", camera.gain, camera.full_well),
+        ),
+        line(
+            "",
+            format!(
+                "response {response} (it departs from a line by {:.2} % of the range beyond noise)",
+                percent(camera.departure)
+            ),
+        ),
+        line(
+            "",
+            format!(
+                "{} DN/s without a pattern; white fills the range in {} s",
+                camera.dark_rate,
+                decimal(camera.exposure, 4)
+            ),
+        ),
+    ]
+}
+
+fn projector_line((channel, projector): (usize, &ProjectorFigures)) -> Line {
+    let text = format!(
+        "channel {channel}: gamma {}, with a residual of {:.3} % of white; black and ambient {} % of white",
+        projector.gamma,
+        percent(projector.gamma_residual),
+        projector.black.scaled(100.0)
+    );
+    line("projector", text)
+}
+
+fn map_lines(map: &MapFigures) -> Vec<Line> {
+    let by = match map.by {
+        MapBy::GrayCode => "Gray codes",
+        MapBy::Checkerboard => "a checkerboard",
+    };
+    let kind = if map.lens.is_some() { "homography and lens" } else { "pixel by pixel: no common map fits" };
+    vec![
+        line("pixels", format!("by {by}, {} points, {kind}", map.points)),
+        line(
+            "",
+            format!(
+                "within {:.3} pixels of the projector (points scatter by {:.2}); {:.1} % unreliable, {:.1} % unseen",
+                map.error,
+                map.rms,
+                percent(map.unreliable),
+                percent(map.masked)
+            ),
+        ),
+    ]
+}
+
+fn stability_lines(stability: &StabilityFigures) -> Vec<Line> {
+    vec![
+        line(
+            "stability",
+            format!(
+                "light settles in {} s; drifts {} % per hour (watched for {:.0} s)",
+                stability.settle,
+                stability.drift_per_hour.scaled(100.0),
+                stability.watched
+            ),
+        ),
+        line("", format!("noise of one white photo {:.3} % a pixel", percent(stability.white_noise))),
+    ]
+}
+
+fn effort_line(effort: &Effort) -> Line {
+    let refused = effort.dropped + effort.repeated + effort.late;
+    let text =
+        format!("{} taken, {refused} refused, in {:.0} s of the rig's time", effort.taken, effort.seconds);
+    line("frames", text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_written_with_two_digits_of_its_error() {
+        assert_eq!(MeasuredValue::new(2.201_34, 0.001_21).to_string(), "2.2013 ± 0.0012");
+        assert_eq!(MeasuredValue::new(64.03, 1.5).to_string(), "64.0 ± 1.5");
+        assert_eq!(MeasuredValue::new(0.0, 0.0).to_string(), "0 ± 0");
+        // Without an error, to a ten-thousandth of the value.
+        assert_eq!(MeasuredValue::new(-2.5, 0.0).to_string(), "-2.50000 ± 0.00000");
+        assert_eq!(MeasuredValue::new(2.0, 0.5).scaled(-3.0), MeasuredValue::new(-6.0, 1.5));
+    }
+
+    #[test]
+    fn frames_of_all_three_kinds_are_refused() {
+        let effort =
+            Effort { taken: 70, dropped: 4, repeated: 2, late: 1, seconds: 12.4, ..Effort::default() };
+        assert_eq!(effort_line(&effort)[1], "70 taken, 7 refused, in 12 s of the rig's time");
+    }
+}

@@ -1,0 +1,373 @@
+//! Structured light without a whole calibration: exposure, Gray codes, and single photos, as often as needed
+//! while a bench is set up.
+
+use super::camera::transfer;
+use super::exposure::{WhiteExposure, fill, search};
+use super::map_fit::{Fit, fit};
+use super::pixel_map::coarse;
+use super::session::{CalibrationSession, CameraModel, Linear, Mean};
+use crate::error::Result;
+use crate::image::{Resolution, percentile};
+use crate::measure::footprint::by_overlap;
+use crate::measure::lens_map::{Match, centre};
+use crate::measure::{CameraResponse, FrameSource, Registration};
+use crate::rig::RawFrame;
+
+/// Pairs of equal frames at each of three brightnesses, by which the noise is measured when no calibration is
+/// known.
+const PAIRS: usize = 2;
+
+/// Counts from this share of the range on are regarded as saturated when no calibration is known.
+const LIMIT: f64 = 0.98;
+
+/// Takes photos of structured light on an open rig. All photos have the same exposure; their values are
+/// linear DN, summed over the camera's channels.
+pub struct StructuredLight<'a> {
+    session: CalibrationSession<'a>,
+    linear: Linear,
+    limit: f64,
+    gain: f64,
+    read_noise: f64,
+    exposure: f64,
+}
+
+impl<'a> StructuredLight<'a> {
+    /// Takes photos from `frames` with this exposure in seconds, or with the one at which white fills the
+    /// camera's range. When the camera's response is not `known`, black level and noise are measured from a
+    /// few photos, and the response is assumed to be linear.
+    ///
+    /// # Errors
+    /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white
+    /// saturates the camera at every exposure.
+    pub fn new(
+        frames: &'a mut dyn FrameSource,
+        known: Option<&CameraResponse>,
+        exposure: Option<f64>,
+    ) -> Result<Self> {
+        let mut session = CalibrationSession::new(frames);
+        let white = session.filled(session.top());
+        let exposure = match exposure {
+            Some(exposure) => exposure,
+            None => fill(&mut session, &white)?,
+        };
+        if let Some(known) = known {
+            let linear = Linear { black: known.black, curve: known.curve.clone() };
+            let CameraResponse { saturation, gain, read_noise, .. } = *known;
+            return Ok(Self { session, linear, limit: saturation, gain, read_noise, exposure });
+        }
+        let shortest = session.camera().exposures[0];
+        let black = session.filled(0);
+        let limit = LIMIT * session.full();
+        let mut pairs: Vec<[RawFrame; 2]> = Vec::new();
+        for (frame, exposure) in [(&black, shortest), (&white, 0.25 * exposure), (&white, exposure)] {
+            for _ in 0..PAIRS {
+                let exposure = session.allowed(exposure);
+                pairs.push([session.capture(frame, exposure)?, session.capture(frame, exposure)?]);
+            }
+        }
+        let dark = percentile(pairs[0][0].counts.iter().map(|&count| count.into()), 0.5);
+        let linear = Linear { black: dark, curve: None };
+        let noise = transfer(&pairs, &linear, limit)?;
+        let (gain, read_noise) = (noise.gain.value, noise.read_noise.value);
+        Ok(Self { session, linear, limit, gain, read_noise, exposure })
+    }
+
+    /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera
+    /// has one.
+    ///
+    /// # Errors
+    /// Those of taking frames.
+    pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
+        let mut session = CalibrationSession::new(frames);
+        let white = session.filled(session.top());
+        search(&mut session, &white)
+    }
+
+    /// The exposure of all photos, in seconds.
+    pub fn exposure(&self) -> f64 {
+        self.exposure
+    }
+
+    /// The camera's pixels.
+    pub fn camera(&self) -> Resolution {
+        self.session.camera().resolution
+    }
+
+    /// The projector's pixels.
+    pub fn projector(&self) -> Resolution {
+        self.session.projector().resolution
+    }
+
+    /// Shows Gray codes, and decodes which projector pixel each camera pixel sees.
+    ///
+    /// # Errors
+    /// Those of taking frames.
+    pub fn codes(&mut self) -> Result<Decoded> {
+        let coarse = coarse(self.camera(), self.projector());
+        let Self { session, linear, limit, gain, read_noise, exposure } = self;
+        gray_code(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), coarse)
+    }
+
+    /// The map from camera to projector that most of the decoded pixels agree on.
+    ///
+    /// # Errors
+    /// [`crate::Error::Rig`] when there is no such map.
+    pub fn fit(&self, decoded: &Decoded) -> Result<Fit> {
+        let camera = self.camera();
+        let matches: Vec<Match> = decoded
+            .all()
+            .map(|seen| Match { camera: centre(seen.pixel, camera), projector: seen.fine })
+            .collect();
+        fit(&matches, camera, self.projector(), 0.41 * decoded.step as f64)
+    }
+
+    /// The photo of a pattern of the pixels (column, row) that are `lit`: one value per camera pixel.
+    ///
+    /// # Errors
+    /// Those of taking frames.
+    pub fn photograph(&mut self, lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
+        let Self { session, linear, limit, gain, read_noise, exposure } = self;
+        Ok(photo(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), lit)?.0)
+    }
+
+    /// The variance of a photo's value, in linear DN², where the light is this many linear DN.
+    pub fn variance(&self, light: f64) -> f64 {
+        let channels = self.session.camera().channels as f64;
+        light.max(0.0) / self.gain + channels * (self.read_noise.powi(2) + 1.0 / 12.0)
+    }
+}
+
+impl Fit {
+    /// The pixel map that follows from this lens map: which camera pixels see each projector pixel. Camera
+    /// pixels that are not `used` are left out.
+    pub fn footprints(&self, used: &[bool]) -> Registration {
+        by_overlap(&self.map, used)
+    }
+}
+
+fn model(linear: &Linear, limit: f64, [gain, read_noise, exposure]: [f64; 3]) -> CameraModel<'_> {
+    CameraModel { linear, gain, read_noise, limit, exposure, takes: 1 }
+}
+
+// Gray codes: which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
+//
+// The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera
+// pixel reads a bit by comparing the two photos. Global light is nearly the same in both, because it does
+// not resolve fine stripes. A pixel is left out when its direct light does not decide a bit: the difference
+// of the two photos must be a sufficient part of the direct light, which the finest stripes measure (after
+// Xu and Aliaga 2007).
+
+/// A bit is decided when the difference of pattern and inverse is at least this share of the direct light ...
+const DECIDED: f64 = 0.25;
+
+/// ... and at least this many standard deviations of its noise.
+pub(crate) const SIGMAS: f64 = 5.0;
+
+/// A camera pixel is lit when it has at least this share of the median light of all pixels that stand out
+/// from the noise.
+const LIT: f64 = 0.02;
+
+/// A decoded camera pixel: the projector coordinates that it sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DecodedPixel {
+    /// The index of the camera pixel.
+    pub pixel: usize,
+    /// The centre of the projector pixels that it may see, in pixels from the top left corner of the raster.
+    pub at: [f64; 2],
+    /// The same to fractions of a pixel: the centroid of the projector pixels that it sees, which follows
+    /// from the contrast of the stripes whose edges it sees.
+    pub fine: [f64; 2],
+}
+
+/// The result of decoding. Photos have one value per camera pixel, in linear DN summed over its channels.
+#[derive(Clone, Debug)]
+pub struct Decoded {
+    /// The camera pixels that were decoded.
+    pub seen: Vec<DecodedPixel>,
+    /// The camera pixels that see the edge between two steps, so that one bit is undecided. Their fractional
+    /// coordinates are as good as those of the others.
+    pub between: Vec<DecodedPixel>,
+    /// Which camera pixels the projector lights.
+    pub lit: Vec<bool>,
+    /// The share of lit pixels that were not decoded.
+    pub unreliable: f64,
+    /// The number of projector pixels per step of the decoded coordinates: 1, or more when fine bits were
+    /// left out.
+    pub step: usize,
+    /// The light of white less that of black.
+    pub white: Vec<f64>,
+    /// The light of black.
+    pub black: Vec<f64>,
+    /// The direct light: the part of `white` that follows the finest stripes.
+    pub direct: Vec<f64>,
+    /// The standard deviation of `white`, and of every other difference of two photos.
+    pub noise: Vec<f64>,
+    /// Which camera pixels are saturated under white.
+    pub saturated: Vec<bool>,
+    /// The photos of the two finest kinds of stripes along each axis.
+    pub stripes: Vec<Stripes>,
+}
+
+/// The photo of stripes, less that of the inverse stripes.
+#[derive(Clone, Debug)]
+pub struct Stripes {
+    /// The axis along which the stripes alternate: 0 for columns, 1 for rows.
+    pub axis: usize,
+    /// The bit of the Gray code that they show.
+    pub bit: u32,
+    /// The difference of the two photos, one value per camera pixel.
+    pub difference: Vec<f64>,
+}
+
+/// Bit `shift` of the Gray code of `index`.
+pub(crate) fn gray_bit(index: usize, shift: u32) -> bool {
+    ((index ^ (index >> 1)) >> shift) & 1 == 1
+}
+
+/// The index whose Gray code is `code`.
+pub(crate) fn from_gray(code: usize) -> usize {
+    let (mut index, mut rest) = (0, code);
+    while rest != 0 {
+        index ^= rest;
+        rest >>= 1;
+    }
+    index
+}
+
+impl Decoded {
+    /// All camera pixels with fractional coordinates.
+    pub fn all(&self) -> impl Iterator<Item = &DecodedPixel> {
+        self.seen.iter().chain(&self.between)
+    }
+}
+
+/// Shows the codes and decodes them. The `coarse` finest bits of each axis are left out.
+///
+/// # Errors
+/// Those of taking frames.
+pub(crate) fn gray_code(
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
+    coarse: u32,
+) -> Result<Decoded> {
+    let Resolution { width, height } = session.projector().resolution;
+    let (white, saturated) = photo(session, model, |_, _| true)?;
+    let black = sum(session, model, |_, _| false)?;
+    let difference: Vec<f64> = white.iter().zip(&black).map(|(white, black)| white - black).collect();
+    let bits = [width, height].map(|size| usize::BITS - (size - 1).leading_zeros());
+    let mut axes = Vec::new();
+    for (axis, &bits) in bits.iter().enumerate() {
+        let mut planes = Vec::new();
+        for shift in coarse.min(bits.saturating_sub(1))..bits {
+            let lit = |x: usize, y: usize| gray_bit([x, y][axis], shift);
+            let pattern = sum(session, model, lit)?;
+            let inverse = sum(session, model, |x, y| !lit(x, y))?;
+            planes.push((shift, pattern.iter().zip(&inverse).map(|(p, q)| p - q).collect::<Vec<f64>>()));
+        }
+        axes.push(planes);
+    }
+    let channels = session.camera().channels as f64;
+    let noise = |pixel: usize| {
+        let electrons = (white[pixel] + black[pixel]).max(0.0) / model.gain;
+        ((electrons + 2.0 * channels * model.read_noise.powi(2)) / f64::from(model.takes)).sqrt()
+    };
+    let noise: Vec<f64> = (0..difference.len()).map(noise).collect();
+    let lit = lit(&difference, |pixel| noise[pixel]);
+    let step = 1 << coarse;
+    let direct: Vec<f64> = (0..difference.len())
+        .map(|pixel| {
+            let fine = axes.iter().flat_map(|planes| planes.iter().take(2)).map(|plane| plane.1[pixel].abs());
+            fine.fold(0.0, f64::max)
+        })
+        .collect();
+    let (mut seen, mut between) = (Vec::new(), Vec::new());
+    for pixel in (0..difference.len()).filter(|&pixel| lit[pixel]) {
+        let threshold = (DECIDED * direct[pixel]).max(SIGMAS * noise[pixel]);
+        // The centre and the centroid along an axis, and whether every bit is decided.
+        let place = |axis: usize, size: usize| -> Option<(f64, f64, bool)> {
+            let (mut code, mut undecided) = (0, 0);
+            for (shift, plane) in &axes[axis] {
+                let bit = 1 << (shift - coarse.min(*shift));
+                code |= if plane[pixel] > 0.0 { bit } else { 0 };
+                undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
+            }
+            let index = from_gray(code);
+            // For a pixel that sees the edge between two steps, the one bit that distinguishes them may be
+            // undecided.
+            if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
+                return None;
+            }
+            let from = index * step;
+            let centre = 0.5 * (from + (from + step).min(size)) as f64;
+            // Each edge between two steps appears in the stripes of exactly one bit.
+            let beyond = |edge: usize| {
+                let plane = axes[axis].get(edge.trailing_zeros() as usize).filter(|_| edge > 0);
+                plane.map_or(0.0, |plane| 0.5 * (1.0 - (plane.1[pixel].abs() / direct[pixel]).min(1.0)))
+            };
+            let centroid = centre + step as f64 * (beyond(index + 1) - beyond(index));
+            (from < size).then_some((centre, centroid, undecided == 0))
+        };
+        if let (Some(x), Some(y)) = (place(0, width), place(1, height)) {
+            let found = DecodedPixel { pixel, at: [x.0, y.0], fine: [x.1, y.1] };
+            if x.2 && y.2 { seen.push(found) } else { between.push(found) }
+        }
+    }
+    let count = lit.iter().filter(|&&lit| lit).count();
+    let unreliable = if count == 0 { 1.0 } else { 1.0 - seen.len() as f64 / count as f64 };
+    let finest = |(axis, planes): (usize, Vec<(u32, Vec<f64>)>)| {
+        planes.into_iter().take(2).map(move |(bit, difference)| Stripes { axis, bit, difference })
+    };
+    let stripes = axes.into_iter().enumerate().flat_map(finest).collect();
+    let white = difference;
+    Ok(Decoded { seen, between, lit, unreliable, step, white, black, direct, noise, saturated, stripes })
+}
+
+/// The photo of a pattern: linear DN of each camera pixel, summed over its channels.
+pub(crate) fn sum(
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
+    lit: impl Fn(usize, usize) -> bool,
+) -> Result<Vec<f64>> {
+    Ok(photo(session, model, lit)?.0)
+}
+
+/// The photo of a pattern, and which camera pixels have a saturated channel.
+pub(crate) fn photo(
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
+    lit: impl Fn(usize, usize) -> bool,
+) -> Result<(Vec<f64>, Vec<bool>)> {
+    let frame = session.drawn(lit)?;
+    let Mean { counts, peaks, .. } = session.mean(&frame, model.exposure, model.takes)?;
+    let channels = session.camera().channels;
+    let values = counts
+        .chunks_exact(channels)
+        .map(|pixel| pixel.iter().map(|&count| model.linear.of(count)).sum())
+        .collect();
+    let over = |pixel: &[u16]| pixel.iter().any(|&peak| f64::from(peak) >= model.limit);
+    Ok((values, peaks.chunks_exact(channels).map(over).collect()))
+}
+
+/// Which camera pixels the projector lights: `difference` is white less black.
+fn lit(difference: &[f64], noise: impl Fn(usize) -> f64) -> Vec<bool> {
+    let above: Vec<f64> = (0..difference.len())
+        .filter(|&pixel| difference[pixel] > SIGMAS * noise(pixel))
+        .map(|pixel| difference[pixel])
+        .collect();
+    let median = percentile(above, 0.5);
+    (0..difference.len()).map(|pixel| difference[pixel] > (SIGMAS * noise(pixel)).max(LIT * median)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gray_codes_of_neighbours_differ_in_one_bit_and_decode_to_their_index() {
+        let code = |index| (0..10).fold(0, |code, shift| code | usize::from(gray_bit(index, shift)) << shift);
+        for index in 0..1000 {
+            assert_eq!(from_gray(code(index)), index);
+            assert_eq!((code(index) ^ code(index + 1)).count_ones(), 1);
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! A folder, as the system lets it be opened.
+
+/// Linux and macOS: files are opened relative to the descriptor of their folder, which was itself reached without following a link.
+#[cfg(unix)]
+pub(super) mod unix {
+    use std::fs::File;
+    use std::io;
+    use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+    use std::path::Path;
+
+    use rustix::fs::{AtFlags, CWD, FileType, Mode, OFlags, mkdirat, openat, renameat, statat, unlinkat};
+
+    use super::super::spot::{Access, FileKind};
+
+    /// An open folder; `None` is the current one.
+    pub(in crate::file) struct Folder(Option<OwnedFd>);
+
+    const FOLDER: OFlags = OFlags::DIRECTORY.union(OFlags::CLOEXEC);
+
+    impl Folder {
+        pub(in crate::file) fn current() -> Self {
+            Self(None)
+        }
+
+        pub(in crate::file) fn open(path: &Path) -> io::Result<Self> {
+            Ok(Self(Some(openat(CWD, path, FOLDER, Mode::empty())?)))
+        }
+
+        /// The folder of this name in this one.
+        pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
+            match openat(self.at(), name, FOLDER | OFlags::NOFOLLOW, Mode::empty()) {
+                Ok(folder) => Ok(Self(Some(folder))),
+                Err(error) => {
+                    let kind = self.kind(name, false)?;
+                    Err(if kind == FileKind::Folder {
+                        error.into()
+                    } else {
+                        super::super::no_folder(name, kind)
+                    })
+                }
+            }
+        }
+
+        pub(in crate::file) fn make(&self, name: &Path) -> io::Result<()> {
+            Ok(mkdirat(self.at(), name, Mode::from_raw_mode(0o777))?)
+        }
+
+        pub(in crate::file) fn kind(&self, name: &Path, follow: bool) -> io::Result<FileKind> {
+            let flags = if follow { AtFlags::empty() } else { AtFlags::SYMLINK_NOFOLLOW };
+            Ok(match FileType::from_raw_mode(statat(self.at(), name, flags)?.st_mode) {
+                FileType::RegularFile => FileKind::File,
+                FileType::Directory => FileKind::Folder,
+                FileType::Symlink => FileKind::Link,
+                _ => FileKind::Other,
+            })
+        }
+
+        /// Opens a file without waiting, also where it has become a pipe.
+        pub(in crate::file) fn open_file(
+            &self,
+            name: &Path,
+            access: Access,
+            follow: bool,
+        ) -> io::Result<File> {
+            let how = match access {
+                Access::Read => OFlags::RDONLY,
+                Access::Change => OFlags::RDWR,
+                Access::Make => OFlags::RDWR | OFlags::CREATE,
+                Access::New => OFlags::RDWR | OFlags::CREATE | OFlags::EXCL,
+            };
+            let links = if follow { OFlags::empty() } else { OFlags::NOFOLLOW };
+            let flags = how | links | OFlags::NONBLOCK | OFlags::CLOEXEC;
+            Ok(openat(self.at(), name, flags, Mode::from_raw_mode(0o666))?.into())
+        }
+
+        pub(in crate::file) fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+            Ok(renameat(self.at(), from, self.at(), to)?)
+        }
+
+        pub(in crate::file) fn remove_file(&self, name: &Path) -> io::Result<()> {
+            Ok(unlinkat(self.at(), name, AtFlags::empty())?)
+        }
+
+        fn at(&self) -> BorrowedFd<'_> {
+            self.0.as_ref().map_or(CWD, AsFd::as_fd)
+        }
+    }
+}
+
+/// Windows and other systems: every part of a path is checked before it is used. Another program could put a link there after the check; on Windows a
+/// file is then opened as the link itself, and refused.
+#[cfg(any(not(unix), test))]
+pub(super) mod any_system {
+    use std::fs::{self, File, OpenOptions};
+    use std::io;
+    use std::path::{Path, PathBuf};
+
+    use super::super::spot::{Access, FileKind};
+
+    /// A folder by its path.
+    #[cfg_attr(unix, allow(dead_code, reason = "on Unix only the tests use it"))]
+    pub(in crate::file) struct Folder(PathBuf);
+
+    #[cfg_attr(unix, allow(dead_code, reason = "on Unix only the tests use it"))]
+    impl Folder {
+        pub(in crate::file) fn current() -> Self {
+            Self(PathBuf::new())
+        }
+
+        pub(in crate::file) fn open(path: &Path) -> io::Result<Self> {
+            fs::metadata(path).map(|_| Self(path.to_path_buf()))
+        }
+
+        /// The folder of this name in this one.
+        pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
+            match self.kind(name, false)? {
+                FileKind::Folder => Ok(Self(self.0.join(name))),
+                kind => Err(super::super::no_folder(name, kind)),
+            }
+        }
+
+        pub(in crate::file) fn make(&self, name: &Path) -> io::Result<()> {
+            fs::create_dir(self.0.join(name))
+        }
+
+        pub(in crate::file) fn kind(&self, name: &Path, follow: bool) -> io::Result<FileKind> {
+            let path = self.0.join(name);
+            let about = if follow { fs::metadata(path) } else { fs::symlink_metadata(path) };
+            Ok(FileKind::of(about?.file_type()))
+        }
+
+        pub(in crate::file) fn open_file(
+            &self,
+            name: &Path,
+            access: Access,
+            follow: bool,
+        ) -> io::Result<File> {
+            let mut options = OpenOptions::new();
+            options.read(true).write(access != Access::Read).create(access == Access::Make);
+            options.create_new(access == Access::New);
+            if !follow {
+                open_links_themselves(&mut options);
+            }
+            options.open(self.0.join(name))
+        }
+
+        pub(in crate::file) fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+            fs::rename(self.0.join(from), self.0.join(to))
+        }
+
+        pub(in crate::file) fn remove_file(&self, name: &Path) -> io::Result<()> {
+            fs::remove_file(self.0.join(name))
+        }
+    }
+
+    #[cfg(windows)]
+    fn open_links_themselves(options: &mut OpenOptions) {
+        const FILE_FLAG_OPEN_REPARSE_POINT: u32 = 0x0020_0000;
+        std::os::windows::fs::OpenOptionsExt::custom_flags(options, FILE_FLAG_OPEN_REPARSE_POINT);
+    }
+
+    #[cfg(not(windows))]
+    fn open_links_themselves(_: &mut OpenOptions) {}
+}

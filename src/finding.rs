@@ -1,0 +1,448 @@
+//! What was found of a bench or of an answer, and how far that can be relied on.
+//!
+//! The colour of a page, the exit status of a verb, and the sentence that a bench can be used follow from findings, and from nothing else.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+
+/// A measured value counts as outside of its bound when it lies this many standard errors beyond it.
+pub const SIGMAS: f64 = 3.0;
+
+/// How serious a finding is, the least serious first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Grade {
+    /// As expected.
+    Ok,
+    /// Nothing could be measured. That is no confirmation.
+    Unmeasured,
+    /// It can be used, but something should be improved.
+    Warning,
+    /// It cannot be used like this.
+    Fails,
+}
+
+impl Grade {
+    /// The grade in a word; capitals for a failure.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Unmeasured => "no data",
+            Self::Warning => "warning",
+            Self::Fails => "FAILS",
+        }
+    }
+}
+
+/// What was found of one thing, what was expected, and what to do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// What was examined, in a word or two: `disk`, `pixel map`.
+    pub name: Cow<'static, str>,
+    /// How serious it is.
+    pub grade: Grade,
+    /// The value that was measured, where the grade follows from one.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub value: Option<f64>,
+    /// The standard error of the value.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub error: Option<f64>,
+    /// The bound on the value; none where nothing is judged.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub bound: Option<f64>,
+    /// What was found.
+    pub found: String,
+    /// What was expected. It is empty when the finding states no bound.
+    #[serde(skip_serializing_if = "String::is_empty", default)]
+    pub expected: String,
+    /// What to do. It is empty when nothing need be done.
+    #[serde(skip_serializing_if = "String::is_empty", default)]
+    pub help: String,
+}
+
+impl Finding {
+    /// A finding that is as expected.
+    pub fn ok(name: &'static str, found: impl Into<String>) -> Self {
+        Self::graded(name, Grade::Ok, found, "", "")
+    }
+
+    /// A finding with a grade. `help` is dropped when the grade is [`Grade::Ok`].
+    pub fn graded(
+        name: &'static str,
+        grade: Grade,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Self {
+        let help = if grade == Grade::Ok { String::new() } else { help.into() };
+        let (name, found, expected) = (name.into(), found.into(), expected.into());
+        Self { name, grade, value: None, error: None, bound: None, found, expected, help }
+    }
+
+    /// Something that cannot be measured, for this reason: a clause.
+    pub fn unmeasured(name: &'static str, because: impl fmt::Display) -> Self {
+        Self::graded(name, Grade::Unmeasured, format!("not measured, because {because}"), "", "")
+    }
+
+    /// A share of the light with its standard error, which must not exceed `bound` by more than [`SIGMAS`] of these. `sentences` say what it
+    /// means that it does not, and that it does.
+    pub fn judged(
+        name: &'static str,
+        share: Ratio,
+        error: f64,
+        bound: f64,
+        [passes, fails]: [&str; 2],
+    ) -> Self {
+        let Some(value) = share.value() else {
+            return Self::unmeasured(name, "there is no light to compare it with");
+        };
+        // An error that is NaN does not pass.
+        let within = value - SIGMAS * error <= bound;
+        let (grade, meaning) = if within { (Grade::Ok, passes) } else { (Grade::Fails, fails) };
+        let found = format!("{} % ± {} %: {meaning}", percent(value), percent(error));
+        let expected = format!("at most {} %", percent(bound));
+        Self::graded(name, grade, found, expected, "").measured(value, error, bound)
+    }
+
+    /// A share of the light that is told, but not judged.
+    pub fn told(name: &'static str, share: Ratio, error: f64, meaning: &str) -> Self {
+        let Some(value) = share.value() else {
+            return Self::unmeasured(name, "there is no light to compare it with");
+        };
+        let finding = Self::ok(name, format!("{} % ± {} %: {meaning}", percent(value), percent(error)));
+        Self { value: Some(value), error: Some(error), ..finding }
+    }
+
+    /// The same finding with the numbers that its grade follows from.
+    #[must_use]
+    pub fn measured(self, value: f64, error: f64, bound: f64) -> Self {
+        Self { value: Some(value), error: Some(error), bound: Some(bound), ..self }
+    }
+
+    /// An error that prevents the examination.
+    pub fn error(name: &'static str, error: &Error) -> Self {
+        let text = error.to_string();
+        let (found, help) = text.split_once("\n  help: ").unwrap_or((&text, ""));
+        Self::graded(name, Grade::Fails, found, "", help)
+    }
+
+    /// Fails where the finding does, as an error of the rig.
+    ///
+    /// # Errors
+    /// [`Error::Rig`].
+    pub fn require(&self) -> Result<(), Error> {
+        if self.grade != Grade::Fails {
+            return Ok(());
+        }
+        let fault = format!("{}: {} ({} expected)", self.name, self.found, self.expected);
+        Err(Error::Rig { device: "rig".into(), fault, help: self.help.clone() })
+    }
+}
+
+/// One line: `exposure      warning  found; expected: … → what to do`. The last two are left out of a finding
+/// that is as expected.
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:<13} {:<7}  {}", self.name, self.grade.word(), self.found)?;
+        if self.grade == Grade::Ok {
+            return Ok(());
+        }
+        if !self.expected.is_empty() {
+            write!(f, "; expected: {}", self.expected)?;
+        }
+        if !self.help.is_empty() {
+            write!(f, " → {}", self.help)?;
+        }
+        Ok(())
+    }
+}
+
+/// The most serious grade among findings; [`Grade::Ok`] of none.
+pub fn worst<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Grade {
+    findings.into_iter().map(|finding| finding.grade).max().unwrap_or(Grade::Ok)
+}
+
+/// Adds findings to others. Of two of one name the more serious one is kept.
+pub fn merge(into: &mut Vec<Finding>, more: impl IntoIterator<Item = Finding>) {
+    for finding in more {
+        match into.iter_mut().find(|known| known.name == finding.name) {
+            Some(known) if known.grade < finding.grade => *known = finding,
+            Some(_) => {}
+            None => into.push(finding),
+        }
+    }
+}
+
+/// A percentage of two or three digits.
+fn percent(share: f64) -> String {
+    match 100.0 * share {
+        0.0 => "0".into(),
+        value if value.abs() >= 10.0 => format!("{value:.0}"),
+        value if value.abs() >= 0.01 => format!("{value:.2}"),
+        value => format!("{value:.0e}"),
+    }
+}
+
+/// All findings of a check, in the order of the examination.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Findings {
+    /// The findings.
+    pub all: Vec<Finding>,
+    /// Whether everything was examined. A failure may prevent the rest.
+    pub complete: bool,
+}
+
+impl Findings {
+    /// How many findings have this grade.
+    pub fn count(&self, grade: Grade) -> usize {
+        self.all.iter().filter(|finding| finding.grade == grade).count()
+    }
+
+    /// Whether everything was examined that the use of the bench depends on, and nothing fails.
+    pub fn passed(&self) -> bool {
+        self.complete && self.count(Grade::Fails) == 0
+    }
+
+    /// The result of the check as a sentence.
+    pub fn sentence(&self) -> String {
+        let warnings = self.count(Grade::Warning) + self.count(Grade::Unmeasured);
+        let failures = self.count(Grade::Fails);
+        match (failures, warnings, self.complete) {
+            (0, 0, true) => "The bench is ready.".into(),
+            (0, warnings, true) => format!("The bench can be used; {warnings} warning{}.", plural(warnings)),
+            (failures, _, true) => {
+                format!("The bench is not ready: {failures} check{} failed.", plural(failures))
+            }
+            (_, _, false) => "The bench is not ready; what follows the failure was not checked.".into(),
+        }
+    }
+}
+
+fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
+/// A ratio, or nothing where the denominator is no more than [`SIGMAS`] of its standard errors: there is then nothing to measure. It is never
+/// infinite or NaN. It displays as a percentage of three digits, such as `3.14 %`, or as `–`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Ratio(Option<f64>);
+
+impl Ratio {
+    /// `numerator / denominator`, where `error` is the standard error of the denominator; 0 where it is exact.
+    pub fn of(numerator: f64, denominator: f64, error: f64) -> Self {
+        let is_measured = denominator.abs() > SIGMAS * error;
+        Self(Some(numerator / denominator).filter(|value| is_measured && value.is_finite()))
+    }
+
+    /// `numerator / ‖v‖` for measured values, each with its variance: the length without what noise adds to it. Of noise alone, which has a length
+    /// as well, there is nothing to measure: it passes for light in one case of 45 with a single value, of 246 with 64, and of 741 with many. The sum
+    /// of their squares is compared with [`SIGMAS`] of its standard errors, and it is skewed where they are few.
+    pub fn to_length(numerator: f64, measured: impl IntoIterator<Item = [f64; 2]>) -> Self {
+        let [mut excess, mut spread] = [0.0; 2];
+        for [value, variance] in measured {
+            excess += value * value - variance;
+            spread += 2.0 * variance * variance;
+        }
+        // The length is as certain as its square, whose standard error under noise alone is √spread.
+        Self::of(numerator, excess.max(0.0).sqrt(), (spread.sqrt() / SIGMAS).sqrt())
+    }
+
+    /// The ratio; `None` where there is nothing to measure.
+    pub fn value(self) -> Option<f64> {
+        self.0
+    }
+
+    /// The percentage without its unit.
+    pub fn percent(self) -> String {
+        let Some(value) = self.0 else { return "–".into() };
+        let percent = 100.0 * value;
+        let decimals = match percent.abs() {
+            100.0.. => 0,
+            10.0.. => 1,
+            _ => 2,
+        };
+        format!("{percent:.decimals$}")
+    }
+}
+
+/// A share that is known; what is infinite or NaN is none.
+impl From<f64> for Ratio {
+    fn from(share: f64) -> Self {
+        Self(Some(share).filter(|share| share.is_finite()))
+    }
+}
+
+impl fmt::Display for Ratio {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.percent())?;
+        if self.0.is_some() { f.write_str(" %") } else { Ok(()) }
+    }
+}
+
+/// A number with so many decimals, as in `0.1235`. Where that would show fewer than two of its digits, or more than nine before the point, it has so
+/// many significant digits (three or more) and a power of ten, as in `1.235e-7`: only zero is shown as zero.
+pub fn decimal(value: f64, decimals: usize) -> String {
+    let least = 10_f64.powi(1 - decimals as i32);
+    if value == 0.0 || !value.is_finite() || (least..1e9).contains(&value.abs()) {
+        return format!("{value:.decimals$}");
+    }
+    let digits = decimals.max(3) - 1;
+    format!("{value:.digits$e}")
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    use super::{decimal, *};
+
+    #[test]
+    fn an_error_is_split_into_what_was_found_and_what_to_do() {
+        let error =
+            Error::Rig { device: "camera".into(), fault: "it is off".into(), help: "switch it on".into() };
+        let finding = Finding::error("camera", &error);
+        assert_eq!(finding.to_string(), "camera        FAILS    camera: it is off → switch it on");
+        let fine = Finding::graded("disk", Grade::Ok, "3 GB free", "1 GB", "delete something");
+        assert_eq!(fine.to_string(), "disk          ok       3 GB free");
+    }
+
+    #[test]
+    fn the_sentence_counts_failures_before_warnings() {
+        let of = |grades: &[Grade], complete: bool| {
+            let all = grades.iter().map(|&grade| Finding::graded("disk", grade, "found", "bound", "help"));
+            Findings { all: all.collect(), complete }
+        };
+        let (ok, warning, fails) = (Grade::Ok, Grade::Warning, Grade::Fails);
+        let several = of(&[ok, warning, fails, fails, fails, warning], true);
+        assert_eq!([ok, warning, fails].map(|grade| several.count(grade)), [1, 2, 3]);
+        for (grades, complete, passed, sentence) in [
+            (&[ok, ok][..], true, true, "The bench is ready."),
+            (&[ok, warning], true, true, "The bench can be used; 1 warning."),
+            (&[warning, warning], true, true, "The bench can be used; 2 warnings."),
+            (&[warning, fails], true, false, "The bench is not ready: 1 check failed."),
+            (&[fails, ok, fails], true, false, "The bench is not ready: 2 checks failed."),
+            (&[fails], false, false, "The bench is not ready; what follows the failure was not checked."),
+            (&[ok], false, false, "The bench is not ready; what follows the failure was not checked."),
+        ] {
+            let found = of(grades, complete);
+            assert_eq!((found.passed(), found.sentence().as_str()), (passed, sentence));
+        }
+    }
+
+    #[test]
+    fn a_share_fails_only_beyond_what_noise_explains_and_nothing_is_no_pass() {
+        let judged =
+            |share: f64, error| Finding::judged("x", share.into(), error, 0.01, ["fine", "broken"]).grade;
+        assert_eq!(judged(0.009, 0.0), Grade::Ok);
+        assert_eq!(judged(0.02, 0.004), Grade::Ok, "within three standard errors of the bound");
+        assert_eq!(judged(0.03, 0.004), Grade::Fails);
+        assert_eq!(judged(f64::NAN, 0.0), Grade::Unmeasured);
+        assert_eq!(judged(0.0, f64::NAN), Grade::Fails);
+    }
+
+    #[test]
+    fn of_two_findings_of_one_name_the_more_serious_one_is_kept() {
+        let of = |name, grade| Finding::graded(name, grade, "found", "", "help");
+        let mut all = vec![of("drift", Grade::Ok), of("light", Grade::Warning)];
+        merge(&mut all, [of("drift", Grade::Fails), of("light", Grade::Ok), of("noise", Grade::Unmeasured)]);
+        let grades: Vec<Grade> = all.iter().map(|finding| finding.grade).collect();
+        assert_eq!(grades, [Grade::Fails, Grade::Warning, Grade::Unmeasured]);
+        assert_eq!((worst(&all), worst(&all[1..]), worst(&[])), (Grade::Fails, Grade::Warning, Grade::Ok));
+        assert!(all[0].require().is_err() && all[1].require().is_ok());
+        let text = serde_json::to_string(&all).expect("findings can be written");
+        assert_eq!(serde_json::from_str::<Vec<Finding>>(&text).expect("and read"), all);
+    }
+
+    /// Numerators and denominators of every size, zeros, infinities and NaN among them.
+    #[test]
+    fn a_ratio_is_a_number_beyond_the_error_of_its_denominator_or_nothing() {
+        let mut random = Pcg64::seed_from_u64(3);
+        let ends = [0.0, -0.0, f64::MIN_POSITIVE, 1e-310, f64::MAX, f64::INFINITY, f64::NAN];
+        let mut draw = || match random.random_range(0..3) {
+            0 => ends[random.random_range(0..ends.len())],
+            _ => 10_f64.powf(random.random_range(-200.0..200.0)) * [1.0, -1.0][random.random_range(0..2)],
+        };
+        let mut nothing = 0;
+        for _ in 0..10_000 {
+            let [numerator, denominator] = [draw(), draw()];
+            let error = draw().abs();
+            for (ratio, error) in [
+                (Ratio::of(numerator, denominator, error), error),
+                (Ratio::of(numerator, denominator, 0.0), 0.0),
+            ] {
+                match ratio.value() {
+                    Some(value) => {
+                        assert!(value.is_finite() && denominator.abs() > 3.0 * error);
+                        assert_eq!(value, numerator / denominator);
+                        assert!(ratio.to_string().ends_with(" %"));
+                    }
+                    None => {
+                        nothing += 1;
+                        assert_eq!(ratio.to_string(), "–");
+                        let is_number = (numerator / denominator).is_finite() && !error.is_nan();
+                        assert!(!is_number || denominator.abs() <= 3.0 * error);
+                    }
+                }
+            }
+        }
+        assert!((1000..19_000).contains(&nothing), "{nothing}");
+    }
+
+    #[test]
+    fn noise_alone_has_no_length() {
+        let mut random = Pcg64::seed_from_u64(5);
+        let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let found = |light: f64| -> usize {
+            let measured = |_| {
+                let values: Vec<[f64; 2]> = (0..64).map(|_| [light + normal(), 1.0]).collect();
+                Ratio::to_length(1.0, values).value().is_some()
+            };
+            (0..1000).map(measured).filter(|&is_measured| is_measured).count()
+        };
+        // A sum of 64 squares is beyond 64 + 3 √128 in 4 of 1000 cases of noise alone (χ²), in 945 where light is as strong as noise, and in
+        // all but 1e-5 where it is half as strong again (noncentral χ²). The bounds are four deviations of such counts.
+        let [noise, faint, light] = [0.0, 1.0, 1.5].map(found);
+        assert!(noise <= 12 && (916..=974).contains(&faint) && light == 1000, "{noise} {faint} {light}");
+        let exact = Ratio::to_length(2.0, [[3.0, 0.0], [4.0, 0.0]]);
+        assert_eq!((exact.value(), Ratio::to_length(0.0, [[0.0; 2]; 2]).value()), (Some(0.4), None));
+    }
+
+    #[test]
+    fn percentages_have_three_digits() {
+        let shown = |share: f64| Ratio::from(share).percent();
+        assert_eq!([1.5, 0.25, 0.0123, -0.5, f64::NAN].map(shown), ["150", "25.0", "1.23", "-50.0", "–"]);
+    }
+
+    proptest! {
+        #[test]
+        fn numbers_of_every_size_are_shown_within_their_digits(
+            mantissa in 1.0_f64..10.0, power in -30..=30, sign in prop::sample::select(vec![-1.0, 1.0]), decimals in 3_usize..9,
+        ) {
+            let value = sign * mantissa * 10_f64.powi(power);
+            let text = decimal(value, decimals);
+            let shown: f64 = text.parse().expect("a number");
+            prop_assert!(text.bytes().any(|digit| (b'1'..=b'9').contains(&digit)), "{value:e} is shown as {text}");
+            // Half of the last digit, and what the arithmetic of this test rounds.
+            let last = match text.contains('e') {
+                true => 10_f64.powi(1 - decimals as i32) * value.abs(),
+                false => 10_f64.powi(-(decimals as i32)),
+            };
+            prop_assert!((shown - value).abs() <= 0.5 * last + 1e-15 * value.abs(), "{value:e} is shown as {text}");
+            prop_assert!((shown / value - 1.0).abs() < 0.05, "{value:e} is shown as {text}");
+        }
+    }
+
+    #[test]
+    fn usual_numbers_have_their_decimals_and_others_a_power_of_ten() {
+        let shown =
+            [0.25, 0.0, -0.0123, 9.87654e-4, -3.2e-12, 12_345.678_9, f64::NAN].map(|value| decimal(value, 4));
+        assert_eq!(shown, ["0.2500", "0.0000", "-0.0123", "9.877e-4", "-3.200e-12", "12345.6789", "NaN"]);
+    }
+}

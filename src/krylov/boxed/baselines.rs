@@ -1,0 +1,258 @@
+//! The simple methods that the others are compared with: projected Jacobi, MRNSD and multiplicative updates.
+
+use super::Boxed;
+use crate::error::Result;
+use crate::krylov::basis::{axpy, dot, norm, update2};
+use crate::krylov::completeness::Status;
+use crate::krylov::linear::{Advance, SolveOptions, Solver, Tally};
+use crate::operator::Adjoint;
+
+/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
+/// `x ← clip(x + (b − A x) / D)`.
+///
+/// # Properties
+/// One product an iteration; needs neither transpose nor symmetry. For a non-negative symmetric `A` with
+/// `D = A 1` the step is a contraction where direct light dominates. At its fixed point the signs of
+/// `b − A x` fit the bounds, and not those of `Aᵀ(b − A x)`. So it ends near the least-squares optimum but
+/// not at it, and may pass a better point; the best iterate is returned.
+///
+/// # Storage
+/// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
+///
+/// # References
+/// Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and Distributed
+/// Computation*, section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and Belhumeur (2004),
+/// doi:10.1109/CVPR.2004.1315065.
+#[derive(Clone)]
+pub struct ProjectedJacobi {
+    boxed: Boxed,
+    next: Vec<f64>,
+}
+
+impl ProjectedJacobi {
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
+    /// the options; without `diagonal` the first product is `A 1`.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ,
+    /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
+    /// preconditioner or an empty box.
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        Ok(Self { boxed: Boxed::new("projected Jacobi", b, options)?, next: vec![0.0; b.len()] })
+    }
+}
+
+impl Solver for ProjectedJacobi {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let boxed = &mut self.boxed;
+        boxed.system.fits(operator)?;
+        if boxed.take_diagonal(operator)? {
+            return Ok(Advance::Continuing);
+        }
+        let bounds = boxed.bounds;
+        self.next.copy_from_slice(&boxed.system.x);
+        if !boxed.system.pending {
+            update2(&mut self.next, &boxed.system.r, &boxed.diagonal, |x, r, d| bounds.clip(x + r / d));
+            if self.next == boxed.system.x {
+                return Ok(Advance::Ended(Status::Stalled));
+            }
+        }
+        boxed.system.tally.product(operator, &self.next, &mut boxed.system.work)?;
+        boxed.system.pending = false;
+        std::mem::swap(&mut boxed.system.x, &mut self.next);
+        boxed.residual_from_work();
+        let residual = norm(&boxed.system.r);
+        boxed.system.note(residual);
+        Ok(Advance::Continuing)
+    }
+
+    fn tally(&self) -> Tally {
+        self.boxed.system.tally()
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        self.boxed.system.best()
+    }
+}
+
+/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose, by
+/// steepest descent in the metric of `1/x`, which keeps `x > 0`. A baseline.
+///
+/// # Properties
+/// `‖r‖` falls monotonically. Two products an iteration, `Aᵀ r` and `A s`. Respects only `x ≥ 0`; ignores
+/// the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised to be positive.
+///
+/// # Storage
+/// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a product.
+///
+/// # References
+/// Kaufman (1993), doi:10.1109/42.232243; Nagy and Strakoš (2000), doi:10.1117/12.402439.
+#[derive(Clone)]
+pub struct Mrnsd {
+    boxed: Boxed,
+    s: Vec<f64>,
+    /// `sᵀ Aᵀ r`.
+    gamma: f64,
+    descend: bool,
+}
+
+impl Mrnsd {
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
+    /// without `diagonal` the first product is `A 1`.
+    ///
+    /// # Errors
+    /// As [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
+        Ok(Self {
+            boxed: Boxed::new("MRNSD", b, &options)?,
+            s: vec![0.0; b.len()],
+            gamma: 0.0,
+            descend: false,
+        })
+    }
+}
+
+/// An entry that is zero stays zero, so entries of the first iterate are raised to this share of the largest.
+fn make_positive(x: &mut [f64]) {
+    let largest = x.iter().copied().fold(0.0, f64::max);
+    let floor = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
+    for value in x {
+        *value = value.max(floor);
+    }
+}
+
+impl Solver for Mrnsd {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let boxed = &mut self.boxed;
+        boxed.system.fits(operator)?;
+        if boxed.take_diagonal(operator)? {
+            return Ok(Advance::Continuing);
+        }
+        let system = &mut boxed.system;
+        if system.pending {
+            make_positive(&mut system.x);
+            system.first_residual(operator)?;
+            return Ok(Advance::Continuing);
+        }
+        if !self.descend {
+            system.tally.adjoint(operator, &system.r, &mut system.work)?;
+            update2(&mut self.s, &system.x, &system.work, |_, x, g| x * g);
+            self.gamma = dot(&self.s, &system.work);
+            if self.gamma <= 0.0 {
+                return Ok(Advance::Ended(Status::ConstrainedOptimum));
+            }
+            self.descend = true;
+            return Ok(Advance::Continuing);
+        }
+        system.tally.product(operator, &self.s, &mut system.work)?;
+        let square = dot(&system.work, &system.work);
+        let mut tau = if square > 0.0 { self.gamma / square } else { 0.0 };
+        for (x, s) in system.x.iter().zip(&self.s) {
+            if *s < 0.0 {
+                tau = tau.min(-x / s);
+            }
+        }
+        axpy(tau, &self.s, &mut system.x);
+        axpy(-tau, &system.work, &mut system.r);
+        for x in &mut system.x {
+            *x = x.max(0.0);
+        }
+        self.descend = false;
+        let residual = norm(&system.r);
+        system.note(residual);
+        Ok(if tau == 0.0 { Advance::Ended(Status::Stalled) } else { Advance::Continuing })
+    }
+
+    fn tally(&self) -> Tally {
+        self.boxed.system.tally()
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        self.boxed.system.best()
+    }
+}
+
+/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
+/// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. A baseline.
+///
+/// # Properties
+/// `‖r‖` falls monotonically for non-negative `A` and `b`. It takes one product with `Aᵀ` first, then two an
+/// iteration, `A x` and `Aᵀ(A x)`. Respects only `x ≥ 0`; ignores the bounds of the options.
+///
+/// # Storage
+/// Eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
+///
+/// # References
+/// Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for
+/// one factor.
+#[derive(Clone)]
+pub struct Multiplicative {
+    boxed: Boxed,
+    /// `Aᵀ b` with negative entries replaced by 0; empty until it is known.
+    numerator: Vec<f64>,
+    image: Vec<f64>,
+    forward: bool,
+}
+
+impl Multiplicative {
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
+    /// without `diagonal` the first product is `A 1`.
+    ///
+    /// # Errors
+    /// As [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
+        Ok(Self {
+            boxed: Boxed::new("multiplicative updates", b, &options)?,
+            numerator: Vec::new(),
+            image: vec![0.0; b.len()],
+            forward: true,
+        })
+    }
+}
+
+impl Solver for Multiplicative {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let boxed = &mut self.boxed;
+        boxed.system.fits(operator)?;
+        if boxed.take_diagonal(operator)? {
+            return Ok(Advance::Continuing);
+        }
+        if self.numerator.is_empty() {
+            let system = &mut boxed.system;
+            system.tally.adjoint(operator, &system.b, &mut system.work)?;
+            self.numerator = system.work.iter().map(|value| value.max(0.0)).collect();
+            return Ok(Advance::Continuing);
+        }
+        if self.forward {
+            let system = &mut boxed.system;
+            if system.pending {
+                make_positive(&mut system.x);
+            }
+            system.tally.product(operator, &system.x, &mut system.work)?;
+            system.pending = false;
+            self.image.copy_from_slice(&system.work);
+            boxed.residual_from_work();
+            let residual = norm(&boxed.system.r);
+            boxed.system.note(residual);
+            self.forward = false;
+            return Ok(Advance::Continuing);
+        }
+        let system = &mut boxed.system;
+        system.tally.adjoint(operator, &self.image, &mut system.work)?;
+        update2(&mut system.x, &self.numerator, &system.work, |x, above, below| {
+            if below > 0.0 { x * above / below } else { x }
+        });
+        self.forward = true;
+        Ok(Advance::Continuing)
+    }
+
+    fn tally(&self) -> Tally {
+        self.boxed.system.tally()
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        self.boxed.system.best()
+    }
+}

@@ -1,0 +1,353 @@
+//! Randomized estimators, from a few products with random vectors: low-rank approximations, traces and the
+//! diagonal.
+//!
+//! Every estimator takes a number of products that is known beforehand and a seed, and returns an error
+//! estimate. The vectors depend only on the seed, so a journal of products repeats the same result after a
+//! failure.
+//!
+//! | estimator | products | needs |
+//! |---|---|---|
+//! | [`randomized_svd`] | `2 (q + 1) l + probes` | `A v` and `Aᵀ u` |
+//! | [`hutchinson`] | `m` | `A v` |
+//! | [`hutch_plus_plus`] | `2 ⌊m/3⌋ + (m − 2 ⌊m/3⌋)` | `A v` |
+//! | [`diagonal()`] | `m` | `A v` |
+
+use faer::Mat;
+
+use super::basis::{Basis, dot, norm, orthogonalize};
+use super::start::Start;
+use crate::error::{Error, Result};
+use crate::operator;
+use crate::operator::{Adjoint, Operator, block, block_mut};
+
+/// A mean of independent random estimates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The estimate, which is unbiased.
+    pub value: f64,
+    /// Its standard error, from the spread of the single estimates.
+    pub standard_error: f64,
+    /// The number of products taken.
+    pub products: usize,
+}
+
+impl Estimate {
+    /// The mean of `samples`, at least two.
+    fn of(samples: &[f64], products: usize) -> Self {
+        let count = samples.len() as f64;
+        let value = samples.iter().sum::<f64>() / count;
+        let squares: f64 = samples.iter().map(|sample| (sample - value).powi(2)).sum();
+        Self { value, standard_error: (squares / (count - 1.0) / count).sqrt(), products }
+    }
+}
+
+/// The options of a low-rank approximation, which fix its cost.
+#[derive(Clone, Debug)]
+pub struct LowRankOptions {
+    /// Singular values wanted, `k ≥ 1`. Default 10.
+    pub rank: usize,
+    /// Vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
+    pub oversampling: usize,
+    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly.
+    /// Default 0.
+    pub power: usize,
+    /// Products spent on the error estimate, at least 2. Default 4.
+    pub probes: usize,
+    /// Seed of the random vectors.
+    pub seed: u64,
+}
+
+impl Default for LowRankOptions {
+    fn default() -> Self {
+        Self { rank: 10, oversampling: 10, power: 0, probes: 4, seed: 0 }
+    }
+}
+
+impl LowRankOptions {
+    /// Checks the options, and the sketch's width `l ≤ n`.
+    fn width(&self, n: usize) -> Result<usize> {
+        at_least(self.rank, 1, "rank")?;
+        at_least(self.probes, 2, "--probes")?;
+        Ok((self.rank + self.oversampling).min(n))
+    }
+}
+
+fn at_least(value: usize, least: usize, option: &str) -> Result<()> {
+    if value >= least {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: option.into(),
+        fault: format!("{value} is too few"),
+        help: format!("give at least {least}"),
+    })
+}
+
+fn square(operator: &dyn Operator) -> Result<usize> {
+    let (rows, n) = (operator.rows(), operator.cols());
+    if rows == n {
+        return Ok(n);
+    }
+    Err(Error::Dimension {
+        what: "the operator of an estimator",
+        expected: format!("{n}x{n}"),
+        found: format!("{rows}x{n}"),
+    })
+}
+
+/// `count` vectors of `n` random signs.
+fn signs(n: usize, count: usize, seed: u64) -> Vec<Vec<f64>> {
+    Start::Rademacher { seed }.block(n, count)
+}
+
+/// Hands `with` each of `xs` and its product `A x`, checked for NaN, in order.
+fn each_product(
+    operator: &mut dyn Operator,
+    xs: &[Vec<f64>],
+    mut with: impl FnMut(&[f64], Vec<f64>),
+) -> Result<()> {
+    operator::each_product(operator, xs.iter().cloned(), |x, y| {
+        with(x, finite(y)?);
+        Ok(())
+    })
+}
+
+/// `A x` for each of `xs`, checked for NaN.
+fn products_with(operator: &mut dyn Operator, xs: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
+    let mut ys = Vec::with_capacity(xs.len());
+    each_product(operator, xs, |_, y| ys.push(y))?;
+    Ok(ys)
+}
+
+/// `Aᵀ y` for each of `ys`, checked for NaN.
+fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
+    let (cols, size) = (operator.cols(), operator.block_size().max(1));
+    let mut xs = Vec::with_capacity(ys.len());
+    for ys in ys.chunks(size) {
+        let mut products = vec![vec![0.0; cols]; ys.len()];
+        operator.apply_adjoint_block(&block(ys), &mut block_mut(&mut products))?;
+        for x in products {
+            xs.push(finite(x)?);
+        }
+    }
+    Ok(xs)
+}
+
+fn finite(y: Vec<f64>) -> Result<Vec<f64>> {
+    if norm(&y).is_finite() {
+        return Ok(y);
+    }
+    Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
+}
+
+/// `Q R = Y`: an orthonormal basis of the span, dependent vectors left out, and for each vector its
+/// coefficients on the basis so far.
+fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
+    let mut basis = Basis::new(rows);
+    let mut coefficients = Vec::with_capacity(vectors.len());
+    for vector in vectors {
+        let length = norm(vector);
+        let mut w = vector.clone();
+        let mut removed = orthogonalize(&basis, &mut w);
+        // The rest is rounding errors of a sum of `rows` terms.
+        if removed.norm > length * f64::EPSILON * (10.0 + (rows as f64).sqrt()) {
+            basis.push_scaled(&w, removed.norm);
+            removed.coefficients.push(removed.norm);
+        }
+        coefficients.push(removed.coefficients);
+    }
+    (basis, coefficients)
+}
+
+/// `V s` over all columns.
+fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
+    let mut sum = vec![0.0; basis.rows()];
+    basis.accumulate(0, s, 1.0, &mut sum);
+    sum
+}
+
+/// `tr A` as the mean of `ωᵀAω` over `products ≥ 2` vectors `ω` of random signs; `A` of `n × n`.
+///
+/// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so that it is
+/// exact for a diagonal `A`. The standard error falls as `1/√products`.
+///
+/// # Errors
+/// [`Error::Option`](crate::Error::Option) naming `--photos`; [`Error::Dimension`](crate::Error::Dimension)
+/// when `A` is not square; [`Error::Numerical`](crate::Error::Numerical) for NaN; whatever the product fails
+/// with.
+///
+/// # References
+/// Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
+/// doi:10.1080/03610918908812806.
+pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
+    let n = square(operator)?;
+    at_least(products, 2, "--photos")?;
+    let mut samples = Vec::with_capacity(products);
+    each_product(operator, &signs(n, products, seed), |probe, photo| samples.push(dot(probe, &photo)))?;
+    Ok(Estimate::of(&samples, products))
+}
+
+/// `tr A` by Hutch++, from `products ≥ 6` products; `A` of `n × n`.
+///
+/// With `Q` an orthonormal basis of `A S` for a third of the products,
+/// `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`: the first part is exact at another third, the second is
+/// Hutchinson's with the rest. For a positive semidefinite `A` the relative error falls as `1/products`,
+/// against `1/√products`; it is without bias for any `A`. The standard error is that of the second part.
+///
+/// # Errors
+/// As [`hutchinson`].
+///
+/// # References
+/// Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
+/// doi:10.1137/1.9781611976496.16.
+pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
+    let n = square(operator)?;
+    at_least(products, 6, "--photos")?;
+    let third = (products / 3).min(n);
+    let mut probes = signs(n, products, seed);
+    let mut rest = probes.split_off(third);
+    let (basis, _) = orthonormal(&products_with(operator, &probes)?, n);
+    let mut exact = 0.0;
+    each_product(operator, basis.columns(), |column, photo| exact += dot(column, &photo))?;
+    // A sketch of lower rank leaves products over: they go to the rest.
+    let budget = products - third - basis.len();
+    rest.truncate(budget);
+    for probe in &mut rest {
+        let shares = basis.dots(0, probe);
+        basis.accumulate(0, &shares, -1.0, probe);
+    }
+    let mut samples = Vec::with_capacity(budget);
+    each_product(operator, &rest, |probe, photo| samples.push(dot(probe, &photo)))?;
+    let mut estimate = Estimate::of(&samples, products);
+    estimate.value += exact;
+    Ok(estimate)
+}
+
+/// An estimate of a diagonal.
+#[derive(Clone, Debug)]
+pub struct DiagonalEstimate {
+    /// The unbiased estimates of `A_ii` (`n` values).
+    pub values: Vec<f64>,
+    /// The standard error of each, from the spread of the samples (`n`).
+    pub standard_errors: Vec<f64>,
+    /// The number of products taken.
+    pub products: usize,
+}
+
+/// The diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random signs.
+///
+/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`: exact for a diagonal `A`, and for a transport
+/// matrix good where much of the light is direct. The standard error falls as `1/√products`.
+///
+/// # Errors
+/// As [`hutchinson`](hutchinson).
+///
+/// # References
+/// Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007),
+/// doi:10.1016/j.apnum.2007.01.003.
+pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<DiagonalEstimate> {
+    let n = square(operator)?;
+    at_least(products, 2, "--photos")?;
+    let (mut mean, mut squares) = (vec![0.0; n], vec![0.0; n]);
+    let mut taken = 0.0;
+    each_product(operator, &signs(n, products, seed), |probe, photo| {
+        taken += 1.0;
+        // Welford's update, doi:10.1080/00401706.1962.10490022: no cancellation where the diagonal is large.
+        for (i, (sign, value)) in probe.iter().zip(&photo).enumerate() {
+            let sample = sign * value;
+            let before = sample - mean[i];
+            mean[i] += before / taken;
+            squares[i] += before * (sample - mean[i]);
+        }
+    })?;
+    let degrees = (products * (products - 1)) as f64;
+    let standard_errors = squares.iter().map(|square| (square / degrees).sqrt()).collect();
+    Ok(DiagonalEstimate { values: mean, standard_errors, products })
+}
+
+/// A truncated singular value decomposition, `A ≈ U diag(σ) Wᵀ` for `A` of `rows × cols`.
+#[derive(Clone, Debug)]
+pub struct RandomizedSvd {
+    /// `σ`, descending; at most `rank` of them.
+    pub values: Vec<f64>,
+    /// `U`: as many orthonormal vectors of length `rows`.
+    pub left: Vec<Vec<f64>>,
+    /// `W`: as many orthonormal vectors of length `cols`.
+    pub right: Vec<Vec<f64>>,
+    /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole
+    /// sketch (`l` vectors).
+    pub missed_square: Estimate,
+    /// Products with `A` and with `Aᵀ` in all.
+    pub products: usize,
+}
+
+/// The leading singular values and vectors of `A` (`rows × cols`) by a random sketch: `Q` an orthonormal
+/// basis of `(A Aᵀ)^q A Ω` for `l` vectors of random signs, then the small decomposition of `QᵀA`.
+///
+/// The expected error is that of the best rank-`k` approximation times a factor near 1 where the singular
+/// values decay; where they do not, a round of subspace iteration (`power`) costs `2 l` products. Each round
+/// is orthonormalized.
+///
+/// Inputs: `A`; [`LowRankOptions`] for the rank `k`, the sketch `l = k + oversampling`, `q` and the probes.
+/// Takes `2 (q + 1) l + probes` products (less where the sketch is rank-deficient).
+///
+/// # Errors
+/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; whatever the product fails
+/// with.
+///
+/// # References
+/// Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.
+pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> Result<RandomizedSvd> {
+    let (rows, cols) = (operator.rows(), operator.cols());
+    let width = options.width(rows.min(cols))?;
+    let mut probes = signs(cols, width + options.probes, options.seed);
+    let tests = probes.split_off(width);
+    let mut sketch = products_with(operator, &probes)?;
+    let mut taken = sketch.len();
+    let (mut basis, _) = orthonormal(&sketch, rows);
+    for _ in 0..options.power {
+        let back = adjoint_products(operator, basis.columns())?;
+        let (co, _) = orthonormal(&back, cols);
+        sketch = products_with(operator, co.columns())?;
+        taken += back.len() + sketch.len();
+        basis = orthonormal(&sketch, rows).0;
+    }
+    // B = QᵀA, its rows as vectors; B = Rᵀ Pᵀ with AᵀQ = P R.
+    let rows_of_b = adjoint_products(operator, basis.columns())?;
+    taken += rows_of_b.len();
+    let (co, factor) = orthonormal(&rows_of_b, cols);
+    let small = Mat::from_fn(basis.len(), co.len(), |i, j| factor[i].get(j).copied().unwrap_or(0.0));
+    let rank = options.rank.min(co.len());
+    let (mut values, mut left, mut right) = (Vec::new(), Vec::new(), Vec::new());
+    if rank > 0 {
+        let svd = small.thin_svd().map_err(|_| {
+            Error::Numerical("the dense singular value decomposition of a sketch failed".into())
+        })?;
+        for k in 0..rank {
+            values.push(svd.S().column_vector()[k]);
+            left.push(combine(&basis, &svd.U().col(k).iter().copied().collect::<Vec<f64>>()));
+            right.push(combine(&co, &svd.V().col(k).iter().copied().collect::<Vec<f64>>()));
+        }
+    }
+    let mut missed = Vec::with_capacity(tests.len());
+    each_product(operator, &tests, |_, mut rest| {
+        let shares = basis.dots(0, &rest);
+        basis.accumulate(0, &shares, -1.0, &mut rest);
+        missed.push(norm(&rest).powi(2));
+    })?;
+    let missed_square = Estimate::of(&missed, missed.len());
+    taken += missed.len();
+    Ok(RandomizedSvd { values, left, right, missed_square, products: taken })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Estimate;
+
+    /// Deviations of −3, 0 and 3: a variance of 9 with two degrees of freedom, and a third of it for the mean.
+    #[test]
+    fn an_estimate_is_the_mean_with_its_standard_error() {
+        let found = Estimate::of(&[1.0, 4.0, 7.0], 5);
+        assert_eq!(found, Estimate { value: 4.0, standard_error: 3.0_f64.sqrt(), products: 5 });
+    }
+}

@@ -1,0 +1,365 @@
+//! The Rayleigh–Ritz method: approximate eigenpairs from a subspace, their order and their error bounds, without a product.
+
+use faer::linalg::solvers::DenseSolveCore;
+use faer::{Mat, Side, c64};
+
+use super::Expansion;
+use crate::error::{Error, Result};
+use crate::krylov::basis::norm;
+
+/// Which part of the spectrum is wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Which {
+    /// LA, LR: the largest (of largest real part), +∞ first.
+    #[default]
+    LargestAlgebraic,
+    /// SA, SR: the smallest (of smallest real part), −∞ first.
+    SmallestAlgebraic,
+    /// LM: the largest in absolute value.
+    LargestMagnitude,
+    /// SM: the smallest in absolute value. Unless they are at an end of the spectrum they converge late or
+    /// never: a Krylov space approximates the ends first, and photos cannot invert the operator.
+    SmallestMagnitude,
+    /// BE: from both ends, the largest first, then the smallest, the second largest, and so on.
+    BothEnds,
+    /// LI: the largest imaginary part in absolute value; for operators that are not symmetric.
+    LargestImaginary,
+}
+
+impl Which {
+    /// Indices of `values` (real and imaginary part), most wanted first. Of equally wanted ones (a complex
+    /// pair) that with the positive imaginary part comes first, then the first.
+    pub(in crate::krylov) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..values.len()).collect();
+        let key = |index: usize| {
+            let (re, im) = values[index];
+            match self {
+                Self::LargestAlgebraic | Self::BothEnds => -re,
+                Self::SmallestAlgebraic => re,
+                Self::LargestMagnitude => -re.hypot(im),
+                Self::SmallestMagnitude => re.hypot(im),
+                Self::LargestImaginary => -im.abs(),
+            }
+        };
+        order.sort_by(|&i, &j| key(i).total_cmp(&key(j)).then(values[j].1.total_cmp(&values[i].1)));
+        if self == Self::BothEnds {
+            let (mut first, mut last) = (0, order.len());
+            let sorted = order.clone();
+            for (turn, slot) in order.iter_mut().enumerate() {
+                if turn % 2 == 0 {
+                    *slot = sorted[first];
+                    first += 1;
+                } else {
+                    last -= 1;
+                    *slot = sorted[last];
+                }
+            }
+        }
+        order
+    }
+}
+
+/// The status of an approximate eigenpair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PairStatus {
+    /// Its residual, with the noise of the products, is within the tolerance.
+    Converged,
+    /// Its residual is within the noise of the products, which is above the tolerance: only better products
+    /// would help.
+    LimitedByNoise,
+    /// More products would make it better.
+    NotResolved,
+}
+
+/// A Ritz pair `(θ, y = V s)`: the Rayleigh–Ritz approximation of an eigenpair from the subspace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RitzPair {
+    /// `θ` (its real part), approximating an eigenvalue.
+    pub value: f64,
+    /// The imaginary part of `θ`; 0 for a symmetric operator.
+    pub imaginary: f64,
+    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products that were taken. Known without another one: for a
+    /// symmetric operator it is `|β_m s_m|`, for a general one `|h_{m+1,m} s_m|`.
+    pub residual: f64,
+    /// The distance from `θ` to the nearest other Ritz value, less the residual of that one: the gap to the
+    /// rest of the spectrum as the subspace knows it. Infinite when there is no other, 0 for a general
+    /// operator.
+    pub gap: f64,
+    /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a
+    /// defective one.
+    pub condition: f64,
+    /// Rounding errors to allow for in `θ`, a small multiple of `ε ‖A‖`.
+    pub rounding: f64,
+    /// The standard error `‖E s‖` of `A y` from the stated errors of the products
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)): 0 where they are not stated.
+    pub noise: f64,
+    /// `‖(H − T) s‖` for the symmetric part `T` of `H`, beyond what the stated errors of the products explain: the part of the operator's
+    /// systematic errors that symmetry shows. 0 for a general operator, and for one that states no errors.
+    pub asymmetric: f64,
+    /// The part of the residual outside the subspace that the errors of the products that tell of it do not explain: how far more products
+    /// may move `θ`.
+    pub unresolved: f64,
+    /// `s` (its real part), of length `m`; of norm 1 with the imaginary part.
+    pub coefficients: Vec<f64>,
+    /// The imaginary part of `s`; empty for a real pair.
+    pub imaginary_coefficients: Vec<f64>,
+}
+
+impl RitzPair {
+    /// Whether `θ` and `y` are real.
+    pub fn is_real(&self) -> bool {
+        self.imaginary_coefficients.is_empty()
+    }
+
+    /// Whether `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. By Weyl's bound an
+    /// eigenvalue is then that near; the vector is as near as the gap to the other eigenvalues allows
+    /// (Davis–Kahan).
+    pub fn is_resolved(&self, tolerance: f64, scale: f64) -> bool {
+        self.residual <= tolerance * scale
+    }
+
+    /// The status for a residual that should be at most `wanted`, when each product with a unit vector has an
+    /// error of norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s`
+    /// of norm 1), or the error that the operator states, whichever is larger.
+    pub fn status(&self, wanted: f64, noise: f64) -> PairStatus {
+        let noise = noise.max(self.noise);
+        if self.residual <= wanted && noise <= wanted {
+            PairStatus::Converged
+        } else if self.residual <= noise {
+            PairStatus::LimitedByNoise
+        } else {
+            PairStatus::NotResolved
+        }
+    }
+
+    /// The standard error of `θ`: that of noise; of measured products also that of what repeats in all of them, and what more products would
+    /// change.
+    ///
+    /// Each product with a unit vector has an error of norm `noise`, or that which the operator states, whichever is larger. `θ` changes by
+    /// `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly over the `n` entries has the component `‖E s‖/√n` along `y`.
+    ///
+    /// What repeats in all products, such as a projector that is not quite as even as its calibration says, averages out nowhere. Its
+    /// symmetric part changes `θ`, and cannot be seen. Its other part can, as [`RitzPair::asymmetric`], and is of the same size where
+    /// projector and camera err alike: it stands for both.
+    ///
+    /// More products would change `θ` by [`RitzPair::unresolved`] at most, or by the square of that over the gap ([`temple_kato`]): where eigenvalues
+    /// are dense, as those of direct light are, a few dozen products leave more than noise does. A bound `a` about which nothing more is known counts
+    /// as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of uncertainty in measurement*, 4.3.7). Without
+    /// noise, [`RitzPair::bound`] tells it.
+    pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
+        let noise = noise.max(self.noise);
+        if noise == 0.0 {
+            return self.asymmetric;
+        }
+        let unresolved = temple_kato(self.unresolved, self.gap) / 3.0_f64.sqrt();
+        evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
+    }
+
+    /// The part of the residual that the stated errors of the products do not explain, and the component of these errors along any one
+    /// direction of `n` entries: how far the true operator's residual may be along the directions that matter. The residual itself where
+    /// no errors are stated.
+    pub fn beyond_noise(&self, n: usize) -> f64 {
+        let unexplained = (self.residual * self.residual - self.noise * self.noise).max(0.0);
+        (unexplained + evenly(self.noise, n).powi(2)).sqrt()
+    }
+
+    /// Whether more products would gain nothing: the residual is within the noise of the products (`noise` for each
+    /// with a unit vector, or what the operator states), and `θ` would change by less than the standard error that
+    /// this noise leaves in it. An eigenvalue averages over all `n` entries, so that its error is far below that of
+    /// the vector, and is still worth improving when the residual is within the noise.
+    pub(in crate::krylov) fn is_settled(&self, noise: f64, n: usize) -> bool {
+        let noise = noise.max(self.noise);
+        self.residual <= noise && temple_kato(self.residual, self.gap) <= evenly(noise, n)
+    }
+
+    /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a
+    /// unit vector has an error of norm `noise` at most. Then `‖E s‖ ≤ noise · ‖s‖₁` (Simoncini and Szyld,
+    /// doi:10.1137/S1064827502406415), in any case. Errors that the operator states are standard errors of
+    /// independent products: two of them are added.
+    pub fn true_residual(&self, noise: f64) -> f64 {
+        let parts =
+            self.coefficients.iter().zip(self.imaginary_coefficients.iter().chain(std::iter::repeat(&0.0)));
+        let sum: f64 = parts.map(|(re, im)| re.hypot(*im)).sum();
+        self.residual + noise * sum + 2.0 * self.noise
+    }
+
+    /// A bound on the distance of `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous
+    /// (there is an eigenvalue within the residual norm: Weyl; Parlett, theorem 4.5.1). For a general one it
+    /// is the first-order estimate condition × (residual + rounding).
+    pub fn bound(&self, noise: f64) -> f64 {
+        self.condition * (self.true_residual(noise) + self.rounding)
+    }
+
+    /// The Temple–Kato bound `ρ²/gap` on the same distance, where it is smaller than [`RitzPair::bound`]. It
+    /// holds if the subspace has missed no eigenvalue within the gap, which nothing but the problem itself
+    /// can promise (Kato, doi:10.1143/JPSJ.4.334; Parlett, theorem 11.7.1).
+    pub fn gap_bound(&self, noise: f64) -> f64 {
+        let residual = self.true_residual(noise);
+        if self.gap > residual {
+            (residual * residual / self.gap + self.rounding).min(self.bound(noise))
+        } else {
+            self.bound(noise)
+        }
+    }
+}
+
+/// How far a Ritz value may be from an eigenvalue: its residual, or by Temple and Kato the square of that over the distance to the rest of the
+/// spectrum, whichever is less (see [`RitzPair::gap_bound`]).
+pub fn temple_kato(residual: f64, gap: f64) -> f64 {
+    if gap > residual { residual * (residual / gap) } else { residual }
+}
+
+/// The component, along any one direction, of an error of this norm that is spread evenly over `n` entries.
+fn evenly(norm: f64, n: usize) -> f64 {
+    norm / (n.max(1) as f64).sqrt()
+}
+
+/// The wanted Ritz pairs, of the symmetric part `T` of `H = Vᵀ A V` ([`Expansion::symmetric`]); the other part, which noise and
+/// a rig's departures from symmetry leave, is part of the residuals. Both triangles hold a measurement of the
+/// same number, and their mean has less noise than either.
+pub(super) fn ritz_of_symmetric(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+    let mut pairs = all_of_symmetric(state, which)?;
+    let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();
+    pairs.truncate(count);
+    for (index, pair) in pairs.iter_mut().enumerate() {
+        let others = residuals.iter().enumerate().filter(|(other, _)| *other != index);
+        pair.gap = others.fold(f64::INFINITY, |gap, (_, (value, residual))| {
+            gap.min((value - pair.value).abs() - residual)
+        });
+    }
+    Ok(pairs)
+}
+
+/// Thick restart from the `keep` wanted pairs.
+pub(super) fn shrink_symmetric(state: &mut Expansion, which: Which, keep: usize) -> Result<()> {
+    if keep >= state.steps() {
+        return Ok(());
+    }
+    let pairs = all_of_symmetric(state, which)?;
+    let kept: Vec<(f64, &[f64])> =
+        pairs.iter().take(keep).map(|pair| (pair.value, pair.coefficients.as_slice())).collect();
+    state.restart(&kept);
+    Ok(())
+}
+
+fn all_of_symmetric(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
+    let m = state.steps();
+    if which == Which::LargestImaginary {
+        return Err(Error::Option {
+            option: "--which".into(),
+            fault: "the eigenvalues of a symmetric operator have no imaginary part".into(),
+            help: "use the Arnoldi method, or ask for another end of the spectrum".into(),
+        });
+    }
+    if m == 0 {
+        return Ok(Vec::new());
+    }
+    let projected = Mat::from_fn(m, m, |i, j| state.symmetric(i, j));
+    let decomposition = projected.self_adjoint_eigen(Side::Lower).map_err(|_| {
+        Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} symmetric matrix"))
+    })?;
+    let values: Vec<(f64, f64)> =
+        decomposition.S().column_vector().iter().map(|value| (*value, 0.0)).collect();
+    let (rounding, asymmetric) = (rounding(state), state.asymmetric_part());
+    Ok(which
+        .order(&values)
+        .into_iter()
+        .map(|k| {
+            let coefficients: Vec<f64> = decomposition.U().col(k).iter().copied().collect();
+            let outside = state.outside(&coefficients, &asymmetric);
+            let residual = norm(&outside.known).hypot(norm(&outside.waiting)).hypot(outside.asymmetric);
+            RitzPair {
+                value: values[k].0,
+                imaginary: 0.0,
+                residual,
+                gap: f64::INFINITY,
+                condition: 1.0,
+                rounding,
+                noise: state.noise(&coefficients, &[]),
+                unresolved: state.unresolved(&outside, &coefficients),
+                asymmetric: state.beyond_errors(outside.asymmetric, &coefficients),
+                coefficients,
+                imaginary_coefficients: Vec::new(),
+            }
+        })
+        .collect())
+}
+
+/// Rounding of products of `n` terms, of orthogonalization, and of the dense eigensolver on `m × m`.
+fn rounding(state: &Expansion) -> f64 {
+    let terms = 10.0 + (state.n() as f64).sqrt() + state.steps() as f64;
+    f64::EPSILON * state.scale() * terms
+}
+
+/// The wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first;
+/// `count` may cut it in two.
+pub(super) fn ritz_of_general(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+    let m = state.steps();
+    if m == 0 || count == 0 {
+        return Ok(Vec::new());
+    }
+    let projected = Mat::from_fn(m, m, |i, j| state.entry(i, j));
+    let decomposition = projected.eigen().map_err(|_| {
+        Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} Hessenberg matrix"))
+    })?;
+    let values: Vec<(f64, f64)> =
+        decomposition.S().column_vector().iter().map(|value| (value.re, value.im)).collect();
+    let right = decomposition.U();
+    let left = right.to_owned().partial_piv_lu().inverse();
+    let rounding = rounding(state);
+    Ok(which
+        .order(&values)
+        .into_iter()
+        .take(count)
+        .map(|k| {
+            let (value, imaginary) = values[k];
+            let column: Vec<c64> = right.col(k).iter().copied().collect();
+            let length = length_of(&column);
+            let condition = length * length_of(&(0..m).map(|j| left[(k, j)]).collect::<Vec<c64>>());
+            // The phase at which the entry of largest magnitude is real and positive.
+            let largest =
+                column.iter().fold(c64::new(0.0, 0.0), |a, &b| if size(b) > size(a) { b } else { a });
+            let unit = c64::new(largest.re / size(largest), -largest.im / size(largest));
+            let turned = column.iter().map(|&entry| {
+                let turned = entry * unit;
+                (turned.re / length, turned.im / length)
+            });
+            let (coefficients, mut imaginary_coefficients): (Vec<f64>, Vec<f64>) = turned.unzip();
+            if imaginary == 0.0 {
+                imaginary_coefficients.clear();
+            }
+            let residual = outside(state, &coefficients).hypot(if imaginary == 0.0 {
+                0.0
+            } else {
+                outside(state, &imaginary_coefficients)
+            });
+            RitzPair {
+                value,
+                imaginary,
+                residual,
+                gap: 0.0,
+                condition: if condition.is_finite() { condition.max(1.0) } else { f64::INFINITY },
+                rounding,
+                noise: state.noise(&coefficients, &imaginary_coefficients),
+                asymmetric: 0.0,
+                unresolved: 0.0,
+                coefficients,
+                imaginary_coefficients,
+            }
+        })
+        .collect())
+}
+
+/// `‖A V s − V H s‖`.
+fn outside(state: &Expansion, s: &[f64]) -> f64 {
+    let [known, waiting] = state.beyond(s);
+    norm(&known).hypot(norm(&waiting))
+}
+
+fn length_of(column: &[c64]) -> f64 {
+    column.iter().map(|entry| entry.re * entry.re + entry.im * entry.im).sum::<f64>().sqrt()
+}
+
+fn size(entry: c64) -> f64 {
+    entry.re.hypot(entry.im)
+}

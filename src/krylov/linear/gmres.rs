@@ -1,0 +1,366 @@
+//! The generalized minimal residual method, and its flexible form.
+
+use std::sync::Arc;
+
+use super::system::{System, Tally, rotation, square};
+use super::{Advance, Side, SolveOptions, Solver, precondition, refuse_left};
+use crate::error::Result;
+use crate::krylov::basis::{Basis, axpy, norm, orthogonalize};
+use crate::krylov::completeness::Status;
+use crate::krylov::precondition::Preconditioner;
+use crate::operator::Adjoint;
+
+/// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
+///
+/// Preconditioned from the right (`A M⁻¹ u = b`) it minimizes the true residual. From the left
+/// (`M⁻¹ A x = M⁻¹ b`) it minimizes `‖M⁻¹ r‖`; it then keeps the products too, so that it can report the true
+/// residual without a further product. The flexible form ([`Gmres::flexible`], FGMRES) keeps each
+/// preconditioned vector, and `M` may differ from step to step.
+///
+/// # Properties
+/// `‖r‖` (from the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. No transpose. One product a
+/// step; a restart takes none. The basis is orthonormal to working precision. Ends with [`Status::Breakdown`]
+/// when the Krylov space is invariant and contains no solution (a singular `A`).
+///
+/// # Storage
+/// After `k` steps since the last restart: `k + 1` basis vectors; `k` more from the left or flexible;
+/// `b, x, r` and three work vectors.
+///
+/// # References
+/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Saad and Schultz (1986),
+/// doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028.
+#[derive(Clone)]
+pub struct Gmres {
+    system: System,
+    preconditioner: Option<Arc<dyn Preconditioner>>,
+    side: Side,
+    flexible: bool,
+    restart: usize,
+    cycle: Cycle,
+    hat: Vec<f64>,
+    /// The largest `‖A M⁻¹ v‖` so far.
+    scale: f64,
+    started: bool,
+}
+
+const SINGULAR: Status =
+    Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
+
+/// A correction whose rounding errors are at least this share of the first residual is not made: the reported
+/// residual would no longer be the true one.
+const MEANINGLESS: f64 = 1e-9;
+
+impl Gmres {
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and
+    /// `restart` of the options.
+    ///
+    /// # Errors
+    /// As [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        Self::build(b, options, false)
+    }
+
+    /// FGMRES, preconditioned from the right by an `M` that may change.
+    ///
+    /// # Errors
+    /// As [`Gmres::new`]; a preconditioner on the left is refused.
+    pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        refuse_left("FGMRES", options)?;
+        Self::build(b, options, options.preconditioner.is_some())
+    }
+
+    fn build(b: &[f64], options: &SolveOptions, flexible: bool) -> Result<Self> {
+        let system = System::new(b.len(), b, options)?;
+        let side = if options.preconditioner.is_some() { options.side } else { Side::Right };
+        let restart = options.restart.unwrap_or(usize::MAX);
+        let steps = options.products.min(restart).min(b.len());
+        let kept = if flexible || side == Side::Left { steps } else { 0 };
+        Ok(Self {
+            system,
+            preconditioner: options.preconditioner.clone(),
+            side,
+            flexible,
+            restart,
+            cycle: Cycle::new(b.len(), steps, kept),
+            hat: vec![0.0; b.len()],
+            scale: 0.0,
+            started: false,
+        })
+    }
+
+    /// The number of basis vectors and kept vectors at present, of length `n` each.
+    pub fn stored(&self) -> usize {
+        self.cycle.basis.len() + self.cycle.kept.len()
+    }
+
+    /// Starts a cycle from the residual.
+    fn start(&mut self) -> Result<bool> {
+        if self.side == Side::Left {
+            precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.hat)?;
+        } else {
+            self.hat.copy_from_slice(&self.system.r);
+        }
+        let length = norm(&self.hat);
+        self.cycle.start(&self.hat, length);
+        self.started = length > 0.0;
+        Ok(self.started)
+    }
+
+    /// Whether `V y` must be preconditioned to become a correction of `x`.
+    fn is_hatted(&self) -> bool {
+        !self.flexible && self.side == Side::Right && self.preconditioner.is_some()
+    }
+
+    /// Overwrites `r`, the cycle's first residual, by the true residual of this cycle's iterate, without a
+    /// product.
+    fn residual(&self, r: &mut [f64]) {
+        if self.side == Side::Left {
+            self.cycle.combine(true, -1.0, r);
+        } else {
+            self.cycle.residual(r);
+        }
+    }
+
+    /// Ends the cycle: updates `x` and `r`, without a product.
+    fn close(&mut self) -> Result<()> {
+        let mut sum = std::mem::take(&mut self.hat);
+        sum.fill(0.0);
+        self.cycle.combine(self.flexible, 1.0, &mut sum);
+        let hatted = self.is_hatted();
+        let mut made = Ok(());
+        if hatted {
+            made = precondition(self.preconditioner.as_ref(), &sum, &mut self.system.work);
+        }
+        if made.is_ok() {
+            axpy(1.0, if hatted { &self.system.work } else { &sum }, &mut self.system.x);
+            let mut r = std::mem::take(&mut self.system.r);
+            self.residual(&mut r);
+            self.system.r = r;
+            self.started = false;
+        }
+        self.hat = sum;
+        made
+    }
+}
+
+impl Solver for Gmres {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        self.system.fits(operator)?;
+        square(self.system.b.len(), self.system.x.len())?;
+        if self.system.pending {
+            self.system.first_residual(operator)?;
+            return Ok(Advance::Continuing);
+        }
+        if self.started && self.cycle.len() >= self.restart {
+            self.close()?;
+        }
+        if !self.started && !self.start()? {
+            return Ok(Advance::Ended(Status::ReachedTolerance));
+        }
+        let Some(v) = self.cycle.basis.columns().last() else {
+            return Ok(Advance::Ended(Status::SpaceExhausted));
+        };
+        let right = self.side == Side::Right;
+        if right {
+            precondition(self.preconditioner.as_ref(), v, &mut self.hat)?;
+        } else {
+            self.hat.copy_from_slice(v);
+        }
+        self.system.tally.product(operator, &self.hat, &mut self.system.work)?;
+        // The new direction overwrites the product; from the left it overwrites the basis vector, since the
+        // product is kept.
+        let w = if right {
+            &mut self.system.work
+        } else {
+            precondition(self.preconditioner.as_ref(), &self.system.work, &mut self.hat)?;
+            &mut self.hat
+        };
+        let length = norm(w);
+        let removed = orthogonalize(&self.cycle.basis, w);
+        // Orthogonalization leaves only rounding errors of a vector in the span.
+        let tiny = 10.0 * f64::EPSILON * length;
+        let invariant = removed.norm <= tiny;
+        let below = if invariant { 0.0 } else { removed.norm };
+        let Some(left) = self.cycle.append(removed.coefficients, below, tiny) else {
+            return Ok(Advance::Ended(SINGULAR));
+        };
+        self.scale = self.scale.max(length);
+        if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
+            > MEANINGLESS * self.cycle.first_residual()
+        {
+            // The rounding errors of such a correction would be larger than the residual that it corrects.
+            self.cycle.undo();
+            return Ok(Advance::Ended(SINGULAR));
+        }
+        if self.flexible {
+            self.cycle.kept.push_scaled(&self.hat, 1.0);
+        } else if !right {
+            self.cycle.kept.push_scaled(&self.system.work, 1.0);
+        }
+        if !invariant {
+            self.cycle.basis.push_scaled(if right { &self.system.work } else { &self.hat }, removed.norm);
+        }
+        let residual = if right {
+            left
+        } else {
+            let mut r = std::mem::take(&mut self.hat);
+            r.copy_from_slice(&self.system.r);
+            self.residual(&mut r);
+            self.hat = r;
+            norm(&self.hat)
+        };
+        self.system.tally.residual = residual;
+        self.system.tally.best = residual;
+        Ok(if invariant { Advance::Ended(Status::SpaceExhausted) } else { Advance::Continuing })
+    }
+
+    fn tally(&self) -> Tally {
+        self.system.tally()
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        let mut x = self.system.x.clone();
+        if !self.started {
+            return self.system.undivided(x);
+        }
+        if !self.is_hatted() {
+            self.cycle.combine(self.flexible, 1.0, &mut x);
+            return self.system.undivided(x);
+        }
+        let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        self.cycle.combine(self.flexible, 1.0, &mut sum);
+        // If the preconditioner fails, the answer is the iterate of the last restart.
+        if precondition(self.preconditioner.as_ref(), &sum, &mut hat).is_ok() {
+            axpy(1.0, &hat, &mut x);
+        }
+        self.system.undivided(x)
+    }
+}
+
+/// A cycle from a first residual `r_0`: an orthonormal `V`, and `H = Qᵀ R` by Givens rotations.
+#[derive(Clone)]
+struct Cycle {
+    basis: Basis,
+    /// `M⁻¹ v_j` if flexible, `A v_j` if preconditioned from the left, else empty.
+    kept: Basis,
+    /// The columns of `R`, upper triangular.
+    triangle: Vec<Vec<f64>>,
+    rotations: Vec<(f64, f64)>,
+    /// `Q ‖r_0‖ e_1`: one entry more than `R` has columns.
+    rotated: Vec<f64>,
+}
+
+impl Cycle {
+    /// An empty cycle with memory for `steps` steps and `kept` kept vectors, so that no step allocates any.
+    fn new(n: usize, steps: usize, kept: usize) -> Self {
+        let mut cycle = Self {
+            basis: Basis::new(n),
+            kept: Basis::new(n),
+            triangle: Vec::new(),
+            rotations: Vec::new(),
+            rotated: Vec::new(),
+        };
+        cycle.basis.reserve(steps + 1);
+        cycle.kept.reserve(kept);
+        cycle
+    }
+
+    /// Starts from `r`, whose norm is `length`; memory is reused.
+    fn start(&mut self, r: &[f64], length: f64) {
+        self.clear();
+        self.rotated.push(length);
+        if length > 0.0 {
+            self.basis.push_scaled(r, length);
+        }
+    }
+
+    /// Removes all columns.
+    fn clear(&mut self) {
+        self.basis.clear();
+        self.kept.clear();
+        self.triangle.clear();
+        self.rotations.clear();
+        self.rotated.clear();
+    }
+
+    /// Columns of `H` so far.
+    fn len(&self) -> usize {
+        self.triangle.len()
+    }
+
+    /// `‖r_0‖`, which rotations do not change.
+    fn first_residual(&self) -> f64 {
+        norm(&self.rotated)
+    }
+
+    /// Appends a column of `H` with `below` under it, and returns the residual norm after it. Returns `None`,
+    /// and appends nothing, when the diagonal entry of `R` would be no larger than `tiny`.
+    fn append(&mut self, mut column: Vec<f64>, below: f64, tiny: f64) -> Option<f64> {
+        for (k, (c, s)) in self.rotations.iter().enumerate() {
+            let (a, b) = (column[k], column[k + 1]);
+            column[k] = c * a + s * b;
+            column[k + 1] = c * b - s * a;
+        }
+        let last = column.len() - 1;
+        let (c, s, diagonal) = rotation(column[last], below);
+        if diagonal <= tiny {
+            return None;
+        }
+        column[last] = diagonal;
+        self.rotations.push((c, s));
+        self.triangle.push(column);
+        let top = self.rotated[last];
+        self.rotated[last] = c * top;
+        self.rotated.push(-s * top);
+        Some((s * top).abs())
+    }
+
+    /// Removes the last column.
+    fn undo(&mut self) {
+        let (Some((c, s)), Some(under)) = (self.rotations.pop(), self.rotated.pop()) else { return };
+        self.triangle.pop();
+        if let Some(top) = self.rotated.last_mut() {
+            *top = c * *top - s * under;
+        }
+    }
+
+    /// `y = R⁻¹ (Q ‖r_0‖ e_1)`, one coefficient for each column.
+    fn coefficients(&self) -> Vec<f64> {
+        let count = self.triangle.len();
+        let mut y = self.rotated[..count.min(self.rotated.len())].to_vec();
+        for column in (0..count).rev() {
+            y[column] /= self.triangle[column][column];
+            let value = y[column];
+            for (row, entry) in self.triangle[column][..column].iter().enumerate() {
+                y[row] -= value * entry;
+            }
+        }
+        y
+    }
+
+    /// Adds `sign · Σ y_j v_j` to `sum`, over the basis vectors or the kept ones.
+    fn combine(&self, of_kept: bool, sign: f64, sum: &mut [f64]) {
+        let columns = if of_kept { &self.kept } else { &self.basis };
+        let mut y = self.coefficients();
+        // The last basis vector has no coefficient yet.
+        y.resize(columns.len(), 0.0);
+        columns.accumulate(0, &y, sign, sum);
+    }
+
+    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate, by the inverse rotations from last to
+    /// first.
+    fn residual(&self, r: &mut [f64]) {
+        let count = self.triangle.len();
+        let mut coordinates = vec![0.0; count + 1];
+        coordinates[count] = self.rotated[count];
+        for (k, (c, s)) in self.rotations.iter().enumerate().rev() {
+            let below = coordinates[k + 1];
+            coordinates[k] = -s * below;
+            coordinates[k + 1] = c * below;
+        }
+        // An invariant space has no last vector, and no residual along it.
+        coordinates.truncate(self.basis.len());
+        r.fill(0.0);
+        self.basis.accumulate(0, &coordinates, 1.0, r);
+    }
+}

@@ -1,0 +1,486 @@
+//! The page as one file, which holds the matrix and needs no server.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use flate2::Compression;
+use half::f16;
+use rand::{RngExt, SeedableRng};
+use serde_json::{Value, json};
+
+use super::canvas::{Canvas, Columns, Light};
+use super::page::{WORKER, describe, page};
+use super::question::Answer;
+use crate::analysis::planes::{Planes, difference, norm};
+use crate::error::{Error, Result};
+use crate::report::content::{self as array, Content};
+use crate::report::web::{bundle, deflated};
+use crate::sparse::Csr;
+
+/// How the file is made.
+#[derive(Clone, Debug)]
+pub struct EmbedOptions {
+    /// How the matrix's values are stored.
+    pub precision: Precision,
+    /// The most bytes of the file. A matrix that takes more is thinned: small entries are left out by chance, and others made larger, so that
+    /// every photo stays right on average. `None` for any size.
+    pub max_bytes: Option<usize>,
+    /// What the page shows without asking: groups and eigenvectors that are known.
+    pub kept: Kept,
+}
+
+/// Answers that are kept in the file. Their planes have the camera's pixels.
+#[derive(Clone, Debug, Default)]
+pub struct Kept {
+    /// Labels, one plane for each number of groups.
+    pub groups: Option<Answer>,
+    /// Eigenvectors, one plane each, with their eigenvalues.
+    pub eigenvectors: Option<Answer>,
+}
+
+impl Kept {
+    /// What the page shows of an answer: labels, if it has any.
+    pub fn of(answer: &impl crate::lab::Answer, content: &Content<'_>) -> Self {
+        let mut groups = Answer { status: answer.sentence(), ..Answer::default() };
+        for array in &content.arrays {
+            match (array.name, array.key, &array.values) {
+                ("labels", Some(count), array::Values::U8(labels)) => {
+                    groups.groups.push(count);
+                    groups.planes.push(labels.iter().map(|&label| f64::from(label)).collect());
+                }
+                ("eigenvalues", None, array::Values::F64(values)) => groups.values = values.to_vec(),
+                _ => {}
+            }
+        }
+        Self { groups: (!groups.groups.is_empty()).then_some(groups), eigenvectors: None }
+    }
+}
+
+/// A finished page.
+#[derive(Clone, Debug)]
+pub struct Embedded {
+    html: String,
+    /// What storing the matrix changes: the relative difference of the photos of white, of a checkerboard and of random patterns, at most.
+    pub error: f64,
+    /// The share of the matrix's entries that the page has.
+    pub kept: f64,
+}
+
+/// How well the bytes are packed: a better level takes several times as long, and saves a few per cent.
+const LEVEL: Compression = Compression::new(6);
+
+/// The least share of the entries that is tried where the whole matrix is too large, and how many shares are.
+const LEAST_SHARE: f64 = 0.02;
+const TRIALS: usize = 6;
+
+impl Embedded {
+    /// Makes the page of a canvas whose matrix is in memory.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming `-o` where there is no matrix, and `--max-size` where no thinned one is small enough; those of
+    /// [`Canvas::photo`].
+    pub fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
+        if canvas.layers().is_empty() {
+            return Err(Error::Option {
+                option: "-o".into(),
+                fault: "a page without server holds the light transport matrix, and this source has none in memory"
+                    .into(),
+                help: "give a scene or a matrix, or serve the page".into(),
+            });
+        }
+        let most = options.max_bytes.unwrap_or(usize::MAX);
+        let parts = Parts::new(canvas, options)?;
+        let (mut share, mut too_much, mut best) = (1.0, f64::INFINITY, None);
+        for _ in 0..TRIALS {
+            let layers = thinned(canvas.layers(), share);
+            let html = parts.html(&layers)?;
+            let bytes = html.len();
+            // What is not of the matrix does not shrink; a little less than what should fit.
+            let fitting = share * 0.97 * most as f64 / bytes as f64;
+            if bytes > most {
+                if share <= LEAST_SHARE {
+                    return Err(too_large(bytes, most));
+                }
+                too_much = share;
+                share = fitting.max(LEAST_SHARE);
+            } else {
+                let is_near = share >= 1.0 || bytes as f64 > 0.9 * most as f64;
+                best = Some((html, layers));
+                if is_near {
+                    break;
+                }
+                share = fitting.min(0.5 * (share + too_much));
+            }
+        }
+        let Some((html, layers)) = best else { return Err(too_large(most, most)) };
+        let error = error(canvas, &layers, options.precision)?;
+        let count = |layers: &[(Light, Columns)]| layers.iter().map(|(_, of)| of.nonzeros()).sum::<usize>();
+        let kept = count(&layers) as f64 / count(canvas.layers()).max(1) as f64;
+        Ok(Self { html, error, kept })
+    }
+
+    /// Bytes of the file.
+    pub fn bytes(&self) -> usize {
+        self.html.len()
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        crate::io::atomic::write_bytes(path, self.html.as_bytes())
+    }
+}
+
+fn too_large(bytes: usize, most: usize) -> Error {
+    let mebibytes = |bytes: usize| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
+    Error::Option {
+        option: "--max-size".into(),
+        fault: format!(
+            "the page takes {} with {} % of the matrix's entries, more than {}",
+            mebibytes(bytes),
+            100.0 * LEAST_SHARE,
+            mebibytes(most)
+        ),
+        help: "use a smaller --size, or allow more".into(),
+    }
+}
+
+/// The relative difference that storing makes to photos, the largest of four.
+fn error(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], precision: Precision) -> Result<f64> {
+    let (pixels, camera, width) =
+        (canvas.projector().pixels(), canvas.camera().pixels(), canvas.projector().width);
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(1);
+    let checker = |pixel: usize| ((pixel % width / 3 + pixel / width / 3) % 2) as f64;
+    let patterns: [Vec<f64>; 4] = [
+        vec![1.0; pixels],
+        (0..pixels).map(checker).collect(),
+        (0..pixels).map(|_| random.random::<f64>()).collect(),
+        (0..pixels).map(|_| f64::from(u8::from(random.random::<f64>() < 0.01))).collect(),
+    ];
+    let mut worst = 0.0_f64;
+    for pattern in &patterns {
+        let [mut exact, mut stored] = [0, 1].map(|_| vec![vec![0.0; camera]; canvas.channels()]);
+        for (light, columns) in canvas.layers() {
+            let of_light = layers.iter().find(|(of, _)| of == light).map(|(_, columns)| columns);
+            for channel in 0..exact.len() {
+                columns.multiply(channel, pattern, &mut exact[channel]);
+                if let Some(of_light) = of_light {
+                    multiply_rounded(&of_light.channels()[channel], precision, pattern, &mut stored[channel]);
+                }
+            }
+        }
+        worst = worst.max(norm(&difference(&exact, &stored)) / norm(&exact).max(f64::MIN_POSITIVE));
+    }
+    Ok(worst)
+}
+
+fn multiply_rounded(columns: &Csr, precision: Precision, pattern: &[f64], photo: &mut [f64]) {
+    let scale = scale_of(columns);
+    for (pixel, &value) in pattern.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+        let (places, values) = columns.row(pixel);
+        for (&place, entry) in places.iter().zip(values) {
+            photo[place as usize] += value * scale * precision.rounded(entry / scale);
+        }
+    }
+}
+
+/// What is in the page whatever layers it has.
+struct Parts {
+    info: Value,
+    sections: Sections,
+    precision: Precision,
+}
+
+impl Parts {
+    fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
+        let mut sections = Sections::default();
+        let mut info = describe(canvas)?;
+        info["isEmbedded"] = json!(true);
+        info["welcome"] = json!("The light transport matrix is in this page");
+        let ambient = canvas.ambient_of(Light::All).map(floats).unwrap_or_default();
+        info["ambient"] = json!(sections.add(&ambient));
+        info["kept"] = json!({});
+        let mut keep = |ask: &str, answer: &Answer, bytes: &[u8]| {
+            info["kept"][ask] = json!(answer);
+            info["kept"][ask]["section"] = json!(sections.add(bytes));
+        };
+        if let Some(groups) = &options.kept.groups {
+            let labels: Vec<u8> = groups.planes.iter().flatten().map(|&label| label as u8).collect();
+            keep("groups", groups, &labels);
+        }
+        if let Some(eigenvectors) = &options.kept.eigenvectors {
+            keep("eigenvectors", eigenvectors, &floats(&eigenvectors.planes));
+        }
+        Ok(Self { info, sections, precision: options.precision })
+    }
+
+    /// The page with these layers.
+    fn html(&self, layers: &[(Light, Columns)]) -> Result<String> {
+        let (mut info, mut sections) = (self.info.clone(), self.sections.clone());
+        let layer = |(light, columns): &(Light, Columns)| {
+            // Each row of these matrices is a column of the layer.
+            let of_channels = columns.channels();
+            let packed = pack(of_channels, self.precision);
+            json!({
+                "light": light,
+                "rows": of_channels[0].cols(),
+                "columns": of_channels[0].rows(),
+                "symmetric": packed.is_symmetric,
+                "precision": self.precision,
+                "scales": packed.scales,
+                "positions": sections.add(&packed.positions),
+                "values": packed.values.iter().map(|bytes| sections.add(bytes)).collect::<Vec<_>>(),
+            })
+        };
+        info["layers"] = layers.iter().map(layer).collect();
+        let data = format!(
+            "{}<script type=\"text/plain\" id=\"worker\">\n{}</script>\n",
+            sections.html,
+            bundle(&WORKER)
+        );
+        let about =
+            "This file holds the light transport matrix and needs no server: it sends nothing anywhere.";
+        page(&info, about, None, &data)
+    }
+}
+
+fn floats(planes: &Planes) -> Vec<u8> {
+    planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()).collect()
+}
+
+/// Elements that hold deflated bytes as text.
+#[derive(Clone, Default)]
+struct Sections {
+    html: String,
+    count: usize,
+}
+
+impl Sections {
+    /// Adds one; returns its number.
+    fn add(&mut self, bytes: &[u8]) -> usize {
+        let (number, text) = (self.count, deflated(bytes, LEVEL));
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.html, "<script type=\"text/plain\" id=\"section-{number}\">{text}</script>");
+        self.count += 1;
+        number
+    }
+}
+
+/// How values are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 16 bits: eleven of precision.
+    #[default]
+    Half,
+    /// 32 bits.
+    Single,
+}
+
+/// A packed layer: positions, and the values of each channel.
+struct PackedLayer {
+    pub(super) positions: Vec<u8>,
+    pub(super) values: Vec<Vec<u8>>,
+    /// What the values are multiplied by, one for each channel.
+    pub(super) scales: Vec<f32>,
+    pub(super) is_symmetric: bool,
+}
+
+impl Precision {
+    /// A value, relative to the largest, as it is read back.
+    pub(super) fn rounded(self, value: f64) -> f64 {
+        match self {
+            Self::Half => f16::from_f64(value).to_f64(),
+            Self::Single => f64::from(value as f32),
+        }
+    }
+
+    fn put(self, value: f64, bytes: &mut Vec<u8>) {
+        match self {
+            Self::Half => bytes.extend(f16::from_f64(value).to_le_bytes()),
+            Self::Single => bytes.extend((value as f32).to_le_bytes()),
+        }
+    }
+}
+
+/// The largest size of a channel's entries, by which the stored values are relative.
+fn scale_of(columns: &Csr) -> f64 {
+    let largest = columns.weights().iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    if largest > 0.0 { f64::from(largest as f32) } else { 1.0 }
+}
+
+/// Packs the columns of all channels of a layer, which have the same positions.
+fn pack(columns: &[Csr], precision: Precision) -> PackedLayer {
+    let is_symmetric = columns.iter().all(Csr::is_symmetric);
+    let first = &columns[0];
+    let kept = |column: usize| {
+        let (places, _) = first.row(column);
+        let from = if is_symmetric { places.partition_point(|&place| (place as usize) < column) } else { 0 };
+        from..places.len()
+    };
+    let mut positions = Vec::new();
+    (0..first.rows()).for_each(|column| put_number(kept(column).len() as u32, &mut positions));
+    for column in 0..first.rows() {
+        let mut last = 0;
+        for &place in &first.row(column).0[kept(column)] {
+            put_number(place - last, &mut positions);
+            last = place;
+        }
+    }
+    let scales: Vec<f64> = columns.iter().map(scale_of).collect();
+    let values = columns.iter().zip(&scales).map(|(columns, scale)| {
+        let mut bytes = Vec::new();
+        for column in 0..columns.rows() {
+            let values = &columns.row(column).1[kept(column)];
+            values.iter().for_each(|value| precision.put(value / scale, &mut bytes));
+        }
+        bytes
+    });
+    let values = values.collect();
+    PackedLayer {
+        positions,
+        values,
+        scales: scales.iter().map(|&scale| scale as f32).collect(),
+        is_symmetric,
+    }
+}
+
+fn put_number(mut value: u32, bytes: &mut Vec<u8>) {
+    while value > 127 {
+        bytes.push((value & 127) as u8 | 128);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+/// Keeps about this share of the entries of all layers together: those above a threshold `τ` as they are, a smaller one `a` with the probability
+/// `|a| / τ` as `±τ`. The mean of every entry stays what it was. Both halves of a symmetric matrix are thinned alike.
+pub(super) fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Columns)> {
+    if share >= 1.0 {
+        return layers.to_vec();
+    }
+    // Channels share positions: an entry counts by its largest size relative to its channel's largest.
+    let channels = layers.first().map_or(0, |(_, columns)| columns.channels().len());
+    let largest = |channel: usize| {
+        layers.iter().map(|(_, columns)| scale_of(&columns.channels()[channel])).fold(0.0, f64::max)
+    };
+    let scales: Vec<f64> = (0..channels).map(largest).collect();
+    let sizes = layers.iter().flat_map(|(_, columns)| sizes(columns, &scales)).collect();
+    let threshold = threshold(sizes, share);
+    layers.iter().map(|(light, columns)| (*light, without_small(columns, &scales, threshold))).collect()
+}
+
+/// The size of each entry of a layer, column by column.
+fn sizes(columns: &Columns, scales: &[f64]) -> Vec<f64> {
+    let mut sizes = vec![0.0_f64; columns.nonzeros()];
+    for (of, scale) in columns.channels().iter().zip(scales) {
+        sizes.iter_mut().zip(of.weights()).for_each(|(size, value)| *size = size.max(value.abs() / scale));
+    }
+    sizes
+}
+
+/// A layer whose entries below the threshold are left out, or made larger, by chance.
+fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
+    let sizes = sizes(columns, scales);
+    let first = &columns.channels()[0];
+    let mut row_start = vec![0];
+    let mut places_kept = Vec::new();
+    let mut values_kept: Vec<Vec<f64>> = vec![Vec::new(); scales.len()];
+    for column in 0..first.rows() {
+        let of_column = first.row_start()[column]..first.row_start()[column + 1];
+        for (at, size) in of_column.clone().zip(&sizes[of_column]) {
+            let place = first.columns()[at];
+            let probability = (size / threshold).min(1.0);
+            if probability < 1.0 && chance(column, place as usize) >= probability {
+                continue;
+            }
+            places_kept.push(place);
+            for (values, of) in values_kept.iter_mut().zip(columns.channels()) {
+                values.push(of.weights()[at] / probability);
+            }
+        }
+        row_start.push(places_kept.len());
+    }
+    let thin = |values: Vec<f64>| Csr::new(first.cols(), row_start.clone(), places_kept.clone(), values).ok();
+    // The positions are a part of those of a valid matrix.
+    Columns::new(values_kept.into_iter().filter_map(thin).collect())
+}
+
+/// The threshold above which entries count whole, so that `Σ min(1, size / τ)` is this share of them.
+fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
+    sizes.sort_by(f64::total_cmp);
+    let wanted = share * sizes.len() as f64;
+    let mut below = sizes.iter().sum::<f64>();
+    // From the largest down: with `k` whole ones, τ is what the others must share.
+    for (whole, &size) in sizes.iter().rev().enumerate() {
+        let threshold = below / (wanted - whole as f64).max(f64::MIN_POSITIVE);
+        if size <= threshold {
+            return threshold.max(f64::MIN_POSITIVE);
+        }
+        below -= size;
+    }
+    f64::MIN_POSITIVE
+}
+
+/// A number from 0 to 1 by chance, the same for both halves of a symmetric matrix.
+fn chance(column: usize, place: usize) -> f64 {
+    let (low, high) = (column.min(place) as u64, column.max(place) as u64);
+    rand_pcg::Pcg64Mcg::seed_from_u64(high << 32 | low).random()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Result;
+    use crate::lab::Lab;
+
+    fn options(max_bytes: Option<usize>) -> EmbedOptions {
+        EmbedOptions { precision: Precision::Half, max_bytes, kept: Kept::default() }
+    }
+
+    #[test]
+    fn a_matrix_that_is_too_large_is_thinned_and_says_how_far_its_photos_are_off() -> Result<()> {
+        let mut lab = Lab::builder("assets/scenes/cornell/scene.glb").size(32, 32).samples(64).open()?;
+        let mut canvas = Canvas::new(&mut lab)?;
+        let whole = Embedded::new(&mut canvas, &options(None))?;
+        assert!(whole.kept == 1.0 && whole.error < 5e-4, "{}", whole.error);
+        let page = whole.bytes() - 100_000;
+        let thin = Embedded::new(&mut canvas, &options(Some(page)))?;
+        assert!(thin.bytes() <= page && thin.kept < 1.0);
+        // Direct light is the largest entries: they are all there.
+        assert!(thin.error > whole.error && thin.error < 0.05, "{}", thin.error);
+        // The page itself takes more than this.
+        let refused = Embedded::new(&mut canvas, &options(Some(10_000)));
+        assert!(refused.is_err_and(|error| error.to_string().contains("--max-size")));
+        Ok(())
+    }
+
+    #[test]
+    fn thinning_keeps_the_mean_of_every_photo_and_symmetry() -> Result<()> {
+        let entries = |row: usize| (0..60).map(move |column| 1.0 + ((row * column) % 7) as f64);
+        let weights: Vec<f64> = (0..60).flat_map(entries).collect();
+        let columns: Vec<u32> = (0..60).flat_map(|_| 0..60).collect();
+        let matrix = Csr::new(60, (0..=60).map(|row| 60 * row).collect(), columns, weights)?;
+        let sum = |of: &Csr| of.weights().iter().sum::<f64>();
+        let thin = thinned(&[(Light::All, Columns::new(vec![matrix.clone()]))], 0.3);
+        let thin = &thin[0].1.channels()[0];
+        assert!(thin.is_symmetric());
+        let share = thin.weights().len() as f64 / matrix.weights().len() as f64;
+        // 1,830 independent choices: three standard deviations are 3.5 % of the share and about 5 % of the sum.
+        assert!((share / 0.3 - 1.0).abs() < 0.15, "{share}");
+        assert!((sum(thin) / sum(&matrix) - 1.0).abs() < 0.1);
+        Ok(())
+    }
+
+    #[test]
+    fn the_threshold_keeps_the_share_that_is_wanted() {
+        let sizes: Vec<f64> = (1..=1000).map(|size| f64::from(size).powi(2)).collect();
+        for share in [0.9, 0.5, 0.1] {
+            let threshold = threshold(sizes.clone(), share);
+            let kept: f64 = sizes.iter().map(|size| (size / threshold).min(1.0)).sum();
+            assert!((kept / 1000.0 - share).abs() < 1e-9, "{share}: {kept}");
+        }
+    }
+}

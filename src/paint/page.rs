@@ -1,0 +1,128 @@
+//! The page as HTML: one that asks the server, or one file that holds the matrix.
+
+use askama::Template;
+use hyper::body::Bytes;
+use serde_json::{Value, json};
+
+use super::canvas::Canvas;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io::raster;
+use crate::report::colormap::signed_color;
+use crate::report::palette::label_color;
+use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VALUES, VIEW, bundle, embedded_json};
+
+pub use super::embedded::{EmbedOptions, Embedded, Kept, Precision};
+
+/// The modules of the page, each after those that it imports.
+const MODULES: [Module; 18] = [
+    FORMAT,
+    COLOR,
+    VIEW,
+    PICTURE,
+    NUMPY,
+    VALUES,
+    ("brush.js", include_str!("web/brush.js")),
+    ("history.js", include_str!("web/history.js")),
+    ("exr.js", include_str!("web/exr.js")),
+    ("files.js", include_str!("web/files.js")),
+    ("served.js", include_str!("web/served.js")),
+    ("embedded.js", include_str!("web/embedded.js")),
+    ("conductor.js", include_str!("web/conductor.js")),
+    ("display.js", include_str!("web/display.js")),
+    ("easel.js", include_str!("web/easel.js")),
+    ("pointing.js", include_str!("web/pointing.js")),
+    ("questions.js", include_str!("web/questions.js")),
+    ("page.js", include_str!("web/page.js")),
+];
+
+/// The modules of the worker of a page without server.
+pub(super) const WORKER: [Module; 4] = [
+    VALUES,
+    ("matrix.js", include_str!("web/matrix.js")),
+    ("solver.js", include_str!("web/solver.js")),
+    ("worker.js", include_str!("web/worker.js")),
+];
+
+/// The page of a server.
+#[derive(Clone, Debug)]
+pub struct Served(Bytes);
+
+impl Served {
+    /// The page for a canvas; its scripts bear the mark `nonce`.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`]; [`Error::Numerical`] where the page cannot be filled.
+    pub(super) fn new(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Self> {
+        let info = describe(canvas)?;
+        let about =
+            "Everything that is painted here stays on this machine and the server that printed this address.";
+        Ok(Self(Bytes::from(page(&info, about, Some(nonce), "")?)))
+    }
+
+    /// The page.
+    pub(super) fn html(&self) -> Bytes {
+        self.0.clone()
+    }
+}
+
+/// What the page is filled with.
+#[derive(Template)]
+#[template(path = "paint.html", config = "src/report/askama.toml")]
+struct Page<'a> {
+    title: &'a str,
+    /// A sentence at the end.
+    about: &'a str,
+    /// The attribute that lets the page's own scripts and styles run; empty for a page that forbids none.
+    nonce: String,
+    style: &'static str,
+    info: String,
+    /// Elements with the matrix, and the worker.
+    data: &'a str,
+    script: String,
+}
+
+/// The page as HTML. `info` is what its scripts know of the source, `data` the elements with the matrix.
+pub(super) fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<String> {
+    let page = Page {
+        title: info["name"].as_str().unwrap_or_default(),
+        about,
+        nonce: nonce.map(|nonce| format!(" nonce=\"{nonce}\"")).unwrap_or_default(),
+        style: include_str!("web/paint.css"),
+        info: embedded_json(info),
+        data,
+        script: bundle(&MODULES),
+    };
+    page.render().map_err(|error| Error::Numerical(format!("the painting page's template: {error}")))
+}
+
+/// What the page's scripts know of the source.
+pub(super) fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
+    let channels = canvas.channels();
+    let white = Image::from_planes(canvas.camera(), canvas.white()?)?;
+    let size = |of: crate::image::Resolution| [of.width, of.height];
+    const SIGNED: i32 = 128;
+    let signed_colors: Vec<u8> =
+        (-SIGNED..=SIGNED).flat_map(|step| signed_color(f64::from(step) / f64::from(SIGNED))).collect();
+    let welcome = match (canvas.is_live(), canvas.layers().is_empty()) {
+        (true, _) => "Live: each photo is taken by the rig",
+        (false, true) => "Photos come from a model, or are traced anew",
+        (false, false) => "The light transport matrix is in memory",
+    };
+    Ok(json!({
+        "name": canvas.lab().name(),
+        "unit": canvas.lab().unit(),
+        "projector": size(canvas.projector()),
+        "camera": size(canvas.camera()),
+        "channels": channels,
+        "lights": canvas.lights(),
+        "isSigned": canvas.is_signed(),
+        "isLinear": !canvas.is_live(),
+        "isSquare": canvas.projector() == canvas.camera(),
+        "isEmbedded": false,
+        "white": 1.0 / f64::from(raster::exposure(&white)),
+        "welcome": welcome,
+        "signedColors": signed_colors,
+        "labelColors": (0..=u8::MAX).flat_map(label_color).collect::<Vec<u8>>(),
+    }))
+}

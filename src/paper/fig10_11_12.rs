@@ -1,0 +1,286 @@
+//! Figures 10, 11 and 12: compensation in focus after five photos, with a defocused projector after 8 and 12, and the photos of the latter in order.
+
+use super::bench::{Bench, Set, Stage};
+use super::contest::{
+    Contest, Entry, TargetLight, at_equal_costs, clamped, enter, frames_taken, line, optimum, panels,
+    percent, picture,
+};
+use super::figure::{Check, Figure, Reproduced, Strip};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::krylov::Method;
+use crate::transport::Part;
+
+const SIDE_IN_FOCUS: usize = 100;
+/// Photos besides the white one.
+const PHOTOS_IN_FOCUS: usize = 5;
+/// Photos of the longer curves.
+const MORE_IN_FOCUS: usize = 10;
+/// Products with the true matrix for the optimum; no rig takes them as photos.
+const OPTIMUM_IN_FOCUS: usize = 600;
+
+pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
+    let side = bench.side(SIDE_IN_FOCUS);
+    let stage = bench.stage(Set::Corner, side)?;
+    let contest =
+        Contest::hold(bench, &stage, &picture(side), Method::Minres, MORE_IN_FOCUS, OPTIMUM_IN_FOCUS)?;
+    let Contest { target_light, recipe, scaled, boxed, jacobi, .. } = &contest;
+    let entries =
+        [("MINRES, then clamped", recipe), ("Krylov inside the box", boxed), ("projected Jacobi", jacobi)];
+    let mut checks = vec![
+        Check::at_most(
+            "residual without a box, 5 photos of MINRES, %",
+            percent(recipe.answered_at(PHOTOS_IN_FOCUS)),
+            1.0,
+        ),
+        Check::stated("the same scaled by the white photo, %", percent(scaled.answered_at(PHOTOS_IN_FOCUS))),
+        Check::at_most(
+            "residual displayed, 5 photos inside the box, over the optimum",
+            boxed.displayed_at(PHOTOS_IN_FOCUS) / contest.bound,
+            1.02,
+        ),
+        Check::stated(
+            "residual displayed, 5 photos inside the box, %",
+            percent(boxed.displayed_at(PHOTOS_IN_FOCUS)),
+        ),
+        Check::stated(
+            "residual displayed by the recipe that clamps, 5 photos, %",
+            percent(recipe.displayed_at(PHOTOS_IN_FOCUS)),
+        ),
+        Check::stated(
+            "residual displayed by projected Jacobi, 5 photos, %",
+            percent(jacobi.displayed_at(PHOTOS_IN_FOCUS)),
+        ),
+        Check::stated("optimum inside the box, % (proven from below)", percent(contest.bound)),
+        Check::stated("uncompensated, %", percent(contest.uncompensated)),
+    ];
+    checks.extend(frames_taken(&entries, PHOTOS_IN_FOCUS));
+    let lines = vec![
+        line("MINRES, not clamped", &recipe.answered),
+        line("MINRES, then clamped", &recipe.displayed),
+        line("Krylov inside the box", &boxed.displayed),
+        line("projected Jacobi", &jacobi.displayed),
+    ];
+    let operator = &mut bench.photos(&stage, Part::Full)?;
+    let short = enter(&stage, operator, target_light, (Method::KrylovBox, false), PHOTOS_IN_FOCUS)?;
+    Ok(Reproduced {
+        setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
+        checks,
+        panels: panels(&stage, target_light, &contest.plain, &short),
+        plots: at_equal_costs(lines, &entries, contest.uncompensated, contest.optimum),
+        photos: 1 + PHOTOS_IN_FOCUS,
+        ..Reproduced::of(Figure::Fig11, bench.rig())
+    })
+}
+
+pub(super) const SIDE: usize = 128;
+/// Photos besides the white one.
+pub(super) const PHOTOS: usize = 12;
+/// Photos by which it is seen whether more of them would do.
+const MORE: usize = 36;
+/// The wanted residual over the optimum.
+const NEARLY: f64 = 1.05;
+/// Products with matrix and transpose for the optimum; it converges slowly out of focus.
+const OPTIMUM: usize = 2000;
+
+pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Defocused, side)?;
+    let target = picture(side);
+    let contest = Contest::hold(bench, &stage, &target, Method::Gmres, PHOTOS, OPTIMUM)?;
+    let Contest { target_light, recipe, scaled, boxed, jacobi, .. } = &contest;
+    let worst = |clamped: &Entry| {
+        (1..=PHOTOS)
+            .map(|k| boxed.displayed_at(k) / clamped.displayed_at(k))
+            .fold(f64::NEG_INFINITY, f64::max)
+    };
+    let pattern = clamped(&boxed.pattern);
+    let sharper = edges(&pattern, stage.resolution) / edges(&contest.plain, stage.resolution);
+    let mut within = Check::at_most(
+        "residual displayed, 12 photos inside the box, over the optimum",
+        boxed.displayed_at(PHOTOS) / contest.bound,
+        NEARLY,
+    );
+    if !within.is_met() {
+        within = within.because(transpose_is_missing(bench, &stage, &target, contest.bound)?);
+    }
+    let mut checks = vec![
+        within,
+        Check::at_most(
+            "the same over what clamping displays, the worst of 1 to 12 photos",
+            worst(recipe),
+            1.0,
+        ),
+        Check::stated(
+            "the same over clamping what is scaled by the white photo (both begin alike), the worst of 1 to 12",
+            worst(scaled),
+        ),
+        Check::at_least("strength of edges in what is projected, over the picture's", sharper, 1.2),
+    ];
+    for photos in [8, PHOTOS] {
+        checks.push(Check::stated(
+            format!("residual displayed, {photos} photos inside the box, %"),
+            percent(boxed.displayed_at(photos)),
+        ));
+        checks.push(Check::stated(
+            format!("residual displayed by GMRES and clamping, {photos} photos, %"),
+            percent(recipe.displayed_at(photos)),
+        ));
+    }
+    checks.extend([
+        Check::stated("optimum inside the box, % (proven from below)", percent(contest.bound)),
+        Check::stated("uncompensated, %", percent(contest.uncompensated)),
+    ]);
+    checks.push(Check::at_most(
+        "with the camera out of focus, too: residual displayed, 12 photos inside the box, over the optimum",
+        both_lenses(bench, &target)?,
+        NEARLY,
+    ));
+    let entries = [
+        ("GMRES, then clamped", recipe),
+        ("GMRES scaled by the white photo, then clamped", scaled),
+        ("Krylov inside the box", boxed),
+        ("projected Jacobi", jacobi),
+    ];
+    checks.extend(frames_taken(&entries, PHOTOS));
+    let lines = vec![
+        line("GMRES, not clamped", &recipe.answered),
+        line("GMRES, then clamped", &recipe.displayed),
+        line("GMRES scaled by the white photo, then clamped", &scaled.displayed),
+        line("Krylov inside the box", &boxed.displayed),
+        line("projected Jacobi", &jacobi.displayed),
+    ];
+    Ok(Reproduced {
+        setting: format!(
+            "corner by a projector lens of 70 mm focused at 2.4 m, {}, 12 photos beside the white one",
+            stage.resolution
+        ),
+        checks,
+        panels: panels(&stage, target_light, &contest.plain, boxed),
+        plots: at_equal_costs(lines, &entries, contest.uncompensated, contest.optimum),
+        photos: 2 * (1 + PHOTOS),
+        ..Reproduced::of(Figure::Fig12, bench.rig())
+    })
+}
+
+/// Why twelve photos may not be enough, by runs on the matrix itself: as many products, more of them, and as many with the transpose, too.
+fn transpose_is_missing(bench: &mut Bench, stage: &Stage, target: &[f64], bound: f64) -> Result<String> {
+    let operator = &mut bench.truth(stage, Part::Full)?;
+    let light = TargetLight::new(stage, operator, target)?;
+    let boxed = enter(stage, operator, &light, (Method::KrylovBox, false), MORE)?;
+    let from = (1..=MORE).find(|&photos| boxed.displayed_at(photos) <= NEARLY * bound);
+    let (_, with_transpose) = optimum(operator, stage, &light, 2 * MORE)?;
+    Ok(format!(
+        "No photo is one of the transpose, which the gradient of the residual needs; a mixture of blurs that is fitted to the photos stands for \
+         it. On the matrix itself, without any device, the method displays {:.3} times the optimum after {PHOTOS} photos, and {} within 5 %. \
+         Accelerated gradients with the true transpose display {:.3} times it after {MORE} products of either kind.",
+        boxed.displayed_at(PHOTOS) / bound,
+        from.map_or(format!("{MORE} photos are not enough to come"), |photos| format!(
+            "{photos} photos come"
+        )),
+        with_transpose / bound,
+    ))
+}
+
+/// Ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
+fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
+    let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
+    let operator = &mut bench.photos(&stage, Part::Full)?;
+    let target_light = TargetLight::new(&stage, operator, target)?;
+    let boxed = enter(&stage, operator, &target_light, (Method::KrylovBox, false), PHOTOS)?;
+    let (bound, _) = optimum(&mut bench.truth(&stage, Part::Full)?, &stage, &target_light, OPTIMUM)?;
+    Ok(boxed.displayed_at(PHOTOS) / bound)
+}
+
+/// Root mean square of the differences between neighbours, relative to the mean value.
+fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
+    let mean = image.iter().sum::<f64>() / image.len() as f64;
+    let pixels = (1..height).flat_map(|y| (1..width).map(move |x| y * width + x));
+    let (mut squares, mut count) = (0.0, 0_usize);
+    for at in pixels {
+        squares += (image[at] - image[at - 1]).powi(2) + (image[at] - image[at - width]).powi(2);
+        count += 1;
+    }
+    (squares / count.max(1) as f64).sqrt() / mean
+}
+
+/// The photos of the paper's shorter run, which are to suffice.
+const FEWER: usize = 8;
+/// As good as all photos: a residual that is at most this share above theirs.
+const ENOUGH: f64 = 0.05;
+
+pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Defocused, side)?;
+    let target = picture(side);
+    let mut strips = Vec::new();
+    let mut checks = Vec::new();
+    for (name, method, caption) in [
+        (
+            "the method inside the box",
+            Method::KrylovBox,
+            "Inside the box: candidates between 0 and 1, and residuals of both signs where a gradient is wanted.",
+        ),
+        (
+            "GMRES",
+            Method::Gmres,
+            "GMRES: above what is projected, below its photo; blue is negative. Each is made from the photos before it.",
+        ),
+    ] {
+        let operator = &mut bench.photos(&stage, Part::Full)?;
+        let target_light = TargetLight::new(&stage, operator, &target)?;
+        let entry = enter(&stage, operator, &target_light, (method, false), PHOTOS)?;
+        if method == Method::KrylovBox {
+            checks.push(Check::at_most(
+                format!("photos until {name} displays what is within 5 % of the residual after {PHOTOS}"),
+                enough(&entry) as f64,
+                FEWER as f64,
+            ));
+        }
+        checks.push(Check::stated(
+            format!("residual displayed by {name} after {PHOTOS} photos, %"),
+            percent(entry.displayed_at(PHOTOS)),
+        ));
+        strips.push(Strip { caption: caption.into(), resolution: stage.resolution, photos: entry.shots });
+    }
+    Ok(Reproduced {
+        setting: format!("corner out of focus, {}, the runs of figure 12", stage.resolution),
+        checks,
+        strips,
+        photos: 2 * (1 + PHOTOS),
+        ..Reproduced::of(Figure::Fig10, bench.rig())
+    })
+}
+
+/// The number of photos from which on the displayed residual is nearly that of all.
+fn enough(entry: &Entry) -> usize {
+    let wanted = (1.0 + ENOUGH) * entry.displayed_at(PHOTOS);
+    let worse =
+        |&photos: &usize| entry.displayed_at(photos).partial_cmp(&wanted).is_none_or(|order| order.is_gt());
+    (1..=PHOTOS).rev().find(worse).map_or(1, |last| last + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_grow_with_their_height_and_not_with_brightness() {
+        let resolution = Resolution::new(4, 4);
+        let step = |low: f64, high: f64| -> Vec<f64> {
+            (0..16).map(|pixel| if pixel % 4 < 2 { low } else { high }).collect()
+        };
+        let soft = edges(&step(1.0, 1.2), resolution);
+        assert!(edges(&step(1.0, 2.0), resolution) > 3.0 * soft);
+        assert!((edges(&step(10.0, 12.0), resolution) - soft).abs() < 1e-12, "rounding");
+        assert_eq!(edges(&[3.0; 16], resolution), 0.0);
+    }
+
+    #[test]
+    fn photos_are_enough_after_the_last_that_were_not() {
+        let of = |residuals: Vec<f64>| enough(&Entry { displayed: residuals, ..Entry::default() });
+        assert_eq!(of(vec![0.5, 0.1, 0.3, 0.104, 0.1]), 4);
+        assert_eq!(of(vec![0.1; 12]), 1);
+        assert_eq!(of(vec![0.2, f64::NAN, 0.1]), 3);
+    }
+}

@@ -1,0 +1,379 @@
+//! Figures 4 and 5: segmentation of the zigzag, and its pixels as points in the space of eigenvectors.
+//!
+//! Figure 4 has two groups that exchange no light, and horizontal cuts at six and ten groups.
+//!
+//! The folded sheets are the zigzag's, whose creases are sharp at every scale. There the light has only four separated eigenvalues: two
+//! groups, each cut in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands ([`super::fold`]); the
+//! value of the cut measures that. Bent sheets, as paper is where one looks closely, are cut into bands.
+
+use std::ops::ControlFlow;
+
+use super::bench::{Bench, Set, Stage};
+use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
+use super::groups::{bands, continuous, panels, purity, straight_bands};
+use crate::analysis::segment::{evidence, segment};
+use crate::analysis::{Capture, SegmentOptions, Segmentation};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::observer::{OnStep, Step};
+use crate::operator::{Observed, Operator};
+use crate::report::plot::{LinePlot, Series};
+use crate::transport::Part;
+
+pub(super) const SIDE: usize = 100;
+pub(super) const PHOTOS: usize = 50;
+const PURE: f64 = 0.99;
+/// Required share of pixels in their row's majority group: borders are noisy and may be bent.
+const HORIZONTAL: f64 = 0.9;
+/// Group counts for the zigzag: the paper's, and four for its halves.
+const FOLDED: [usize; 4] = [2, 4, 6, 10];
+const BENT: [usize; 2] = [6, 10];
+/// The angle between the faces of one of the zigzag's folds, in radians: 0.2 m to the side on 0.3 m of depth.
+const OPENING: f64 = 2.0 * 0.588_002_603_547_567_5;
+
+pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Zigzag, side)?;
+    let (found, curve) = segment_step_by_step(&mut bench.photos(&stage, Part::Global)?, &stage)?;
+    let bent_stage = bench.stage(Set::TwoSheets, side)?;
+    let bent = segment(&mut bench.photos(&bent_stage, Part::Global)?, &asked(&BENT, bent_stage.resolution))?;
+    let [mut light, mut bent_light] =
+        [bench.truth(&stage, Part::Global)?, bench.truth(&bent_stage, Part::Global)?];
+
+    let mut checks = vec![
+        Check::at_least("purity of two groups at 50 photos", purity(labels(&found, 2), &stage.truth), PURE),
+        Check::at_most("fewest photos from which on the purity stays there", fewest(&curve), 12.0),
+    ];
+    for groups in BENT {
+        checks.extend(are_bands("bent sheets", groups, &bent, &bent_stage));
+        checks.push(is_cheap("bent sheets", groups, &bent, (&bent_stage, &mut bent_light))?);
+    }
+    checks.extend(are_bands("folded sheets", 4, &found, &stage));
+    let edge = continuous(OPENING, 0.0);
+    for groups in BENT {
+        let cheap = is_cheap("folded sheets", groups, &found, (&stage, &mut light))?;
+        let forbidden = format!(
+            "The crease forbids it: no eigenvalue below {edge:.3} is separate, so that there are no {groups} to tell bands by (the \
+             derivation stands below the eigenvalues), and the groups that are found cut {:.2} of the light that straight bands do.",
+            cheap.value
+        );
+        checks.push(cheap);
+        let [bands, rows] = are_bands("folded sheets", groups, &found, &stage);
+        let both = format!("{forbidden} What the devices' noise adds to that was not measured apart.");
+        checks.extend([bands.because(forbidden), rows.because(both)]);
+    }
+    let value = |index: usize| found.eigenvalues.get(index).copied().unwrap_or(f64::NAN);
+    checks.extend([
+        Check::stated("folded sheets: second eigenvalue of the normalized cut", value(1)),
+        Check::stated("edge of the continuous spectrum of a sharp crease, derived", edge),
+        Check::at_least("fourth eigenvalue, of the halves, over that edge", value(3) / edge, 1.0),
+        Check::at_most("fifth eigenvalue over that edge: it is not separate", value(4) / edge, 1.0),
+    ]);
+    let bent_panels = bent.labels.iter().map(|(groups, labels)| {
+        let caption = format!("{groups} groups of sheets that are bent instead of folded");
+        bent_stage.panel(format!("bent-groups-{groups}"), caption, Content::Labels(labels.clone()))
+    });
+    Ok(Reproduced {
+        setting: format!(
+            "zigzag and two-sheets, {}, {PHOTOS} photos and 10 eigenvectors each",
+            stage.resolution
+        ),
+        checks,
+        panels: panels(&stage, &found, 4).into_iter().map(folded).chain(bent_panels).collect(),
+        plots: vec![purity_plot(curve), spectra(&found, &bent, edge)],
+        photos: found.photos + bent.photos,
+        ..Reproduced::of(Figure::Fig4, bench.rig())
+    })
+}
+
+/// Marks the captions of group images as those of the folded sheets.
+fn folded(mut panel: Panel) -> Panel {
+    if matches!(panel.content, Content::Labels(_)) {
+        panel.caption += " of folded sheets";
+    }
+    panel
+}
+
+/// The resolution lets a noisy rig low-pass its directions, as `krylux segment` does.
+fn asked(groups: &[usize], resolution: Resolution) -> SegmentOptions {
+    SegmentOptions {
+        photos: PHOTOS,
+        tolerance: 0.0,
+        starts: Some(1),
+        resolution: Some(resolution),
+        groups: groups.to_vec(),
+        ..SegmentOptions::default()
+    }
+}
+
+fn labels(found: &Segmentation, groups: usize) -> &[u8] {
+    found.labels.iter().find(|(of, _)| *of == groups).map_or(&[], |(_, labels)| labels)
+}
+
+/// Checks that each group spans a sheet's width and that the borders run along the rows.
+fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Stage) -> [Check; 2] {
+    let found = bands(labels(segmentation, groups), &stage.truth, stage.resolution);
+    [
+        Check::at_least(
+            format!("{what}: groups that are horizontal bands, of {groups}"),
+            found.count as f64,
+            groups as f64,
+        ),
+        Check::at_least(
+            format!("{what}: share of pixels in the group of most of their row, {groups} groups"),
+            found.share,
+            HORIZONTAL,
+        ),
+    ]
+}
+
+/// Checks that the groups solve the stated problem: their cut costs no more than the cut of straight bands.
+fn is_cheap(
+    what: &str,
+    groups: usize,
+    found: &Segmentation,
+    (stage, light): (&Stage, &mut dyn Operator),
+) -> Result<Check> {
+    let straight = straight_bands(&found.degree, &found.mask, &stage.truth, groups, stage.resolution);
+    let mut cut = |labels: &[u8]| -> Result<f64> { Ok(evidence(light, labels)?.cut()) };
+    let ratio = cut(labels(found, groups))? / cut(&straight)?;
+    Ok(Check::at_most(format!("{what}: the cut of {groups} groups over that of straight bands"), ratio, 1.0))
+}
+
+/// The segmentation at the full number of photos, and the purity of two groups after 4 to 20 photos and at the end. All come from
+/// one capture that is interrupted, evaluated and continued.
+fn segment_step_by_step(
+    operator: &mut dyn Operator,
+    stage: &Stage,
+) -> Result<(Segmentation, Vec<(f64, f64)>)> {
+    let mut capture = Capture::new(asked(&FOLDED, stage.resolution))?;
+    let mut curve = Vec::new();
+    for photos in 4..=20 {
+        let observer =
+            OnStep::new(
+                |step: &Step<'_>| {
+                    if step.done >= photos { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                },
+            );
+        capture.run(&mut Observed::new(operator, &observer))?;
+        let two = capture.regrouped(&[2])?;
+        curve.push((two.photos as f64, purity(labels(&two, 2), &stage.truth)));
+    }
+    capture.run(operator)?;
+    let found = capture.segmentation()?;
+    curve.push((found.photos as f64, purity(labels(&found, 2), &stage.truth)));
+    Ok((found, curve))
+}
+
+/// The eigenvalues of both kinds of sheets, and what those of a sharp crease follow from.
+fn spectra(folded: &Segmentation, bent: &Segmentation, edge: f64) -> Plot {
+    let line = |name: &str, found: &Segmentation| Series {
+        name: name.into(),
+        points: found.eigenvalues.iter().enumerate().map(|(k, &value)| (k as f64 + 1.0, value)).collect(),
+    };
+    let [quarter, half] = [0.25, 0.5].map(|frequency| continuous(OPENING, frequency));
+    Plot {
+        caption: format!(
+            "Why a sharp crease forbids bands. A strip at distance s of one face sends to that at t of the other the share K(s,t) = s t \
+             sin²φ / (2 (s² + t² − 2 s t cos φ)^(3/2)), at φ = 67.4° here. K is homogeneous of degree −1: s^(−a) is its eigenfunction, \
+             with κ(a) = ∫ K(1,t) t^(−a) dt, and all a = ½ + iω give a continuum. With g(κ) = κ + 0.8 κ² + … + 0.8⁴ κ⁵ for up to six \
+             bounces, the normalized cut has λ(ω) = g(κ(½ + iω)) / g(κ(0)): {edge:.3} at ω = 0, the edge, {quarter:.3} at ¼ and \
+             {half:.3} at ½. Only eigenvalues above the edge are separate: those of the two sheets and of their halves. Below it \
+             eigenvectors are those of the crease's tip at the size of a pixel. A bent sheet has one for each half wave from top to \
+             bottom, which are the bands."
+        ),
+        lines: LinePlot {
+            x_label: "eigenvector".into(),
+            y_label: "eigenvalue λ".into(),
+            series: vec![line("folded sheets", folded), line("bent sheets", bent)],
+            marks: vec![(edge, "edge of a sharp crease".into())],
+            ..LinePlot::default()
+        },
+    }
+}
+
+/// The smallest number of photos from which on the purity stays sufficient; infinite if the last one is insufficient.
+fn fewest(curve: &[(f64, f64)]) -> f64 {
+    let from = curve.iter().rposition(|&(_, purity)| purity.is_nan() || purity < PURE).map_or(0, |at| at + 1);
+    curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
+}
+
+fn purity_plot(points: Vec<(f64, f64)>) -> Plot {
+    Plot {
+        caption: "Purity of two groups if the photos had ended there.".into(),
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: "purity".into(),
+            series: vec![Series { name: "two groups".into(), points }],
+            marks: vec![(PURE, "wanted".into())],
+            ..LinePlot::default()
+        },
+    }
+}
+
+/// Chosen pixels: name and position in the photo, 0 to 1.
+const CHOSEN: [(&str, [f64; 2]); 4] = [
+    ("A: left sheet, its left face, above", [0.12, 0.25]),
+    ("B: left sheet, its right face, above", [0.38, 0.25]),
+    ("C: left sheet, its left face, below", [0.12, 0.75]),
+    ("D: right sheet, its left face, above", [0.62, 0.25]),
+];
+
+pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Zigzag, side)?;
+    let options = SegmentOptions {
+        photos: PHOTOS,
+        tolerance: 0.0,
+        starts: Some(1),
+        resolution: Some(stage.resolution),
+        ..SegmentOptions::default()
+    };
+    let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
+    let features: Vec<Vec<f64>> = (0..stage.pixels()).map(|pixel| found.feature(pixel)).collect();
+    let chosen = CHOSEN.map(|(name, [x, y])| {
+        let at = |share: f64| (share * side as f64) as usize;
+        (name, at(y) * side + at(x))
+    });
+    let distances = chosen.map(|(_, pixel)| distances(&features, pixel));
+    let ranks: Vec<f64> =
+        chosen.iter().zip(&distances).map(|((_, pixel), from)| ranked(from, &stage.truth, *pixel)).collect();
+    let separate = ranked_by_separate(&found, &stage, &chosen.map(|(_, pixel)| pixel));
+    let between = |a: usize, b: usize| distances[a][chosen[b].1];
+    let checks = vec![
+        Check::at_least(
+            "share of pixel pairs of which the one on the same sheet is nearer, the least of four pixels",
+            ranks.iter().copied().fold(f64::INFINITY, f64::min),
+            0.99,
+        )
+        .because(format!(
+            "Noise in the eigenvectors of the crease is the cause: below {:.3} no eigenvalue is separate (figure 4), and those vectors are \
+             resolved by no number of photos. In the separate eigenvectors alone the share is {separate:.4}.",
+            edge()
+        )),
+        Check::stated("the same in the eigenvectors of separate eigenvalues alone", separate),
+        Check::at_most(
+            "distance from A to B, which faces it, over that to D, beside B but on the other sheet",
+            between(0, 1) / between(0, 3),
+            0.5,
+        ),
+        Check::at_most(
+            "distance from A to B, which faces it, over that to C, on the same face but below",
+            between(0, 1) / between(0, 2),
+            1.0,
+        ),
+    ];
+    let lines = chosen.iter().map(|&(name, pixel)| Series {
+        name: name.into(),
+        points: features[pixel].iter().enumerate().map(|(k, &entry)| (k as f64 + 2.0, entry)).collect(),
+    });
+    Ok(Reproduced {
+        setting: format!("zigzag, {}, {PHOTOS} photos, 10 eigenvectors", stage.resolution),
+        checks,
+        panels: distance_maps(&stage, &chosen, &distances),
+        plots: vec![Plot {
+            caption: "What each pixel has in the eigenvectors, weighted as for the groups. A and B are alike, though \
+                      they are apart in the photo."
+                .into(),
+            lines: LinePlot {
+                x_label: "eigenvector".into(),
+                y_label: "entry / √(1 − λ)".into(),
+                series: lines.collect(),
+                ..LinePlot::default()
+            },
+        }],
+        photos: found.photos,
+        ..Reproduced::of(Figure::Fig5, bench.rig())
+    })
+}
+
+/// The edge of the continuous spectrum of the zigzag's creases.
+fn edge() -> f64 {
+    continuous(OPENING, 0.0)
+}
+
+/// The least rank of the pixels by the coordinates of separate eigenvalues only.
+fn ranked_by_separate(found: &Segmentation, stage: &Stage, pixels: &[usize]) -> f64 {
+    // The first eigenvector is the same in all pixels and no coordinate.
+    let count = found.eigenvalues.iter().skip(1).filter(|value| **value > edge()).count();
+    let feature = |pixel| found.feature(pixel).into_iter().take(count).collect();
+    let features: Vec<Vec<f64>> = (0..stage.pixels()).map(feature).collect();
+    let rank = |&pixel: &usize| ranked(&distances(&features, pixel), &stage.truth, pixel);
+    pixels.iter().map(rank).fold(f64::INFINITY, f64::min)
+}
+
+/// Distances from `pixel` to all pixels in feature space.
+fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
+    let square = |(other, own): (&f64, &f64)| (other - own).powi(2);
+    let distance = |other: &Vec<f64>| other.iter().zip(&features[pixel]).map(square).sum::<f64>().sqrt();
+    features.iter().map(distance).collect()
+}
+
+/// The probability that a random pixel of `pixel`'s region is nearer to it than a random pixel of another region (area under the
+/// ROC curve; Mann–Whitney statistic).
+fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
+    let mut order: Vec<usize> = (0..distances.len()).collect();
+    order.sort_by(|&a, &b| distances[a].total_cmp(&distances[b]));
+    let (mut inside, mut nearer) = (0_u64, 0_u64);
+    for other in order {
+        if truth[other] == truth[pixel] {
+            inside += 1;
+        } else {
+            nearer += inside;
+        }
+    }
+    let outside = distances.len() as u64 - inside;
+    nearer as f64 / (inside * outside) as f64
+}
+
+fn distance_maps(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]) -> Vec<Panel> {
+    let maps = chosen.iter().zip(distances).map(|((name, _), from)| {
+        let caption = format!("Distance of each pixel from {name}");
+        stage.panel(format!("from-{}", &name[..1].to_lowercase()), caption, Content::Amounts(from.clone()))
+    });
+    // The chosen pixels are marked in the photo by values above its brightest one.
+    let white = stage.white();
+    let brightest = white.iter().copied().fold(0.0, f64::max);
+    let mut marked: Vec<f64> = white.iter().map(|value| 0.6 * value).collect();
+    let width = stage.resolution.width;
+    for &(_, pixel) in chosen {
+        for step in [-2_isize, -1, 0, 1, 2] {
+            for at in [pixel.checked_add_signed(step), pixel.checked_add_signed(step * width as isize)] {
+                if let Some(value) = at.and_then(|at| marked.get_mut(at)) {
+                    *value = brightest;
+                }
+            }
+        }
+    }
+    let photo = stage.panel(
+        "chosen",
+        "The pixels looked at: A and B above on the left sheet, C below, D on the right sheet",
+        Content::Light { values: marked, white: Some(brightest) },
+    );
+    std::iter::once(photo).chain(maps).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fewest_photos_are_those_after_the_last_impure_ones() {
+        assert_eq!(fewest(&[(4.0, 0.5), (5.0, 1.0), (6.0, 0.9), (7.0, 0.99), (50.0, 1.0)]), 7.0);
+        assert_eq!(fewest(&[(4.0, 1.0), (50.0, 1.0)]), 4.0);
+        assert_eq!(fewest(&[(4.0, 1.0), (50.0, 0.7)]), f64::INFINITY);
+    }
+
+    #[test]
+    fn ranks_are_one_when_all_of_the_region_is_nearer_and_a_half_without_order() {
+        let truth = [0, 0, 0, 1, 1, 1];
+        assert_eq!(ranked(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0], &truth, 0), 1.0);
+        assert_eq!(ranked(&[0.0, 4.0, 5.0, 1.0, 2.0, 3.0], &truth, 0), 3.0 / 9.0);
+    }
+
+    #[test]
+    fn distances_are_euclidean() {
+        let features = [vec![0.0, 0.0], vec![3.0, 4.0]];
+        assert_eq!(distances(&features, 0), [0.0, 5.0]);
+    }
+}

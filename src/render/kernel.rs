@@ -1,0 +1,274 @@
+//! The kernels that trace a scene: their compilation for the features of a scene and its rig, and their parameters.
+
+use std::borrow::Cow;
+
+use glam::Vec3;
+use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, ShaderStages};
+
+use crate::error::Result;
+use crate::gpu::{Gpu, shader};
+
+/// A compiled kernel. Bind group 0 holds parameters and scene; group 1 holds the results, the photon map and
+/// the light buffer.
+pub(super) struct Pipeline {
+    pub(super) pipeline: wgpu::ComputePipeline,
+    pub(super) scene_layout: wgpu::BindGroupLayout,
+    pub(super) output_layout: wgpu::BindGroupLayout,
+}
+
+impl Pipeline {
+    /// Composes and compiles the shader `name` for a scene and rig with these features. Its entry point has
+    /// the same name.
+    pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
+        let kernel = shader::kernel(name, &features.constants())?;
+        gpu.guarded(name, || {
+            let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Naga(Cow::Owned(kernel)),
+            });
+            let scene_layout = bind_group_layout(
+                gpu,
+                "scene",
+                &[
+                    BindingType::Buffer {
+                        ty: BufferBindingType::Uniform,
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
+                    TEXEL_ARRAY,
+                    TEXEL_ARRAY,
+                    TEXEL_ARRAY,
+                    TEXEL_ARRAY,
+                    storage(true),
+                    TEXEL_ARRAY,
+                    storage(true),
+                ],
+            );
+            let output_layout =
+                bind_group_layout(gpu, "output", &[storage(false), TEXEL_ARRAY, storage(true), TEXEL_ARRAY]);
+            let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(name),
+                bind_group_layouts: &[Some(&scene_layout), Some(&output_layout)],
+                immediate_size: 0,
+            });
+            let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(name),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: gpu.pipeline_cache(),
+            });
+            Self { pipeline, scene_layout, output_layout }
+        })
+    }
+}
+
+/// The photon map of an endpoint's specular chains, as the shaders read it.
+#[derive(Clone)]
+pub(super) struct PhotonBuffers {
+    pub(super) photons: wgpu::TextureView,
+    pub(super) buckets: wgpu::Buffer,
+}
+
+/// A read-only storage texture, which serves as an array of texels.
+pub(super) const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
+    access: wgpu::StorageTextureAccess::ReadOnly,
+    format: wgpu::TextureFormat::Rgba32Uint,
+    view_dimension: wgpu::TextureViewDimension::D2,
+};
+
+/// A storage buffer.
+fn storage(read_only: bool) -> BindingType {
+    BindingType::Buffer {
+        ty: BufferBindingType::Storage { read_only },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    }
+}
+
+/// The layout with these bindings. It is explicit, because an automatic layout omits the bindings that a
+/// kernel does not use.
+fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = (0..)
+        .zip(types)
+        .map(|(binding, &ty)| BindGroupLayoutEntry {
+            binding,
+            visibility: ShaderStages::COMPUTE,
+            ty,
+            count: None,
+        })
+        .collect();
+    gpu.device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+}
+
+/// The values of the overrides of `shaders/shared/features.wgsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Features {
+    pub(super) scene: SceneFeatures,
+    /// The scene emits light, and the paths record it.
+    pub(super) ambient: bool,
+    /// The camera or the projector has an aperture.
+    pub(super) lenses: bool,
+    /// Camera and projector are one pinhole.
+    pub(super) coaxial_pinhole: bool,
+    /// Paths may end by Russian roulette.
+    pub(super) roulette: bool,
+    /// Texels in a row of the light buffer, where rays from and to the pinhole use it
+    /// ([`crate::render::light_buffer`]); else 0.
+    pub(super) light_buffer_side: u32,
+    /// One invocation traces several paths, one after the other.
+    pub(super) several_paths: bool,
+}
+
+/// The features that the scene's surfaces decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct SceneFeatures {
+    /// Every surface is plain Lambertian.
+    pub(super) matte: bool,
+    /// Some surfaces have textures, or normals and colours at their corners.
+    pub(super) corners: bool,
+    /// Some surfaces are rough, and neither plain Lambertian nor smooth.
+    pub(super) facets: bool,
+    /// Some surfaces transmit light.
+    pub(super) transmits: bool,
+    /// Some surfaces reflect or refract into single directions.
+    pub(super) chains: bool,
+    /// Some surfaces let light pass straight through.
+    pub(super) passable: bool,
+    /// Some surfaces border on a medium.
+    pub(super) media: bool,
+    /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for
+    /// a node's index.
+    pub(super) small_tree: bool,
+    /// The number of pairs of triangles, where rays test each of them; 0 where rays traverse the search tree.
+    pub(super) few_pairs: u32,
+}
+
+impl Features {
+    /// The values by the names of the shader's overrides.
+    fn constants(&self) -> [(&'static str, f64); 15] {
+        let SceneFeatures {
+            matte,
+            corners,
+            facets,
+            transmits,
+            chains,
+            passable,
+            media,
+            small_tree,
+            few_pairs,
+        } = self.scene;
+        let flag = |set: bool| f64::from(u8::from(set));
+        [
+            ("MATTE", flag(matte)),
+            ("CORNERS", flag(corners)),
+            ("FACETS", flag(facets)),
+            ("TRANSMITS", flag(transmits)),
+            ("CHAINS", flag(chains)),
+            ("PASSABLE", flag(passable)),
+            ("MEDIA", flag(media)),
+            ("AMBIENT", flag(self.ambient)),
+            ("LENSES", flag(self.lenses)),
+            ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
+            ("ROULETTE", flag(self.roulette)),
+            ("LIGHT_BUFFER_SIDE", f64::from(self.light_buffer_side)),
+            ("SEVERAL_PATHS", flag(self.several_paths)),
+            ("SMALL_TREE", flag(small_tree)),
+            ("FEW_PAIRS", f64::from(few_pairs)),
+        ]
+    }
+}
+
+/// An endpoint of the rig, in the layout of `Endpoint` in `shaders/shared/parameters.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct GpuEndpoint {
+    pub(super) right: Vec3,
+    pub(super) radius: f32,
+    pub(super) up: Vec3,
+    pub(super) focus: f32,
+    pub(super) back: Vec3,
+    pub(super) padding: f32,
+    pub(super) position: Vec3,
+    pub(super) padding2: f32,
+    pub(super) tangent: [f32; 2],
+    pub(super) resolution: [u32; 2],
+}
+
+/// The parameters of a dispatch, in the layout of `Parameters` in `shaders/shared/parameters.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct Parameters {
+    pub(super) start: GpuEndpoint,
+    pub(super) end: GpuEndpoint,
+    pub(super) first_pixel: u32,
+    pub(super) first_sample: u32,
+    pub(super) paths: u32,
+    pub(super) samples: u32,
+    pub(super) max_bounces: u32,
+    pub(super) seed: u32,
+    pub(super) mark: u32,
+    pub(super) end_to_start: f32,
+    pub(super) scale: f32,
+    pub(super) gather_radius: f32,
+    pub(super) inverse_cell: f32,
+    pub(super) bucket_mask: u32,
+    pub(super) stride: u32,
+    pub(super) sampling: u32,
+    pub(super) paths_per_invocation: u32,
+    pub(super) photons: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::size_of;
+
+    use super::*;
+    use crate::gpu::layout::{assert_layout, offsets};
+
+    #[test]
+    fn exactly_the_shaders_overrides_are_set() {
+        let scene = SceneFeatures {
+            matte: true,
+            corners: true,
+            facets: true,
+            transmits: true,
+            chains: true,
+            passable: true,
+            media: true,
+            small_tree: true,
+            few_pairs: 4,
+        };
+        let features = Features {
+            scene,
+            ambient: true,
+            lenses: true,
+            coaxial_pinhole: true,
+            roulette: true,
+            light_buffer_side: 128,
+            several_paths: true,
+        };
+        let module = shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
+        let mut declared: Vec<_> =
+            module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();
+        let mut set: Vec<_> = features.constants().iter().map(|(name, _)| (*name).to_owned()).collect();
+        declared.sort();
+        set.sort();
+        assert_eq!(declared, set);
+    }
+
+    #[test]
+    fn parameters_have_the_layout_of_the_shader() {
+        let members = offsets!(
+            Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
+            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_per_invocation, photons
+        );
+        assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
+        let members = offsets!(
+            GpuEndpoint: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
+        );
+        assert_layout("trace_paths", "Endpoint", members, size_of::<GpuEndpoint>());
+    }
+}

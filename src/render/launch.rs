@@ -1,0 +1,390 @@
+//! The launch of one strategy: its kernel is bound, dispatches are submitted, awaited in their order, and handed on as batches.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::time::Instant;
+
+use wgpu::BufferUsages;
+
+use super::batch::{Batch, Layout};
+use super::device_merge::{DeviceMerge, MergeInFlight, MergeRequest, MergedView, Merging, agree, host_terms};
+use super::dispatch::{DispatchSizer, Dispatches, Work, unfinished_paths};
+use super::geometry::GpuScene;
+use super::kernel::{Parameters, PhotonBuffers, Pipeline};
+use super::settings::TraceSummary;
+use super::strategy::Strategy;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::gpu::buffers::{Readback, Results};
+
+/// A compiled kernel, and the sizer of its dispatches.
+pub(super) struct Kernel {
+    pub(super) pipeline: Pipeline,
+    pub(super) sizer: DispatchSizer,
+}
+
+/// A dispatch in flight: the device has it, and its results have not been read yet.
+struct InFlight {
+    /// Index of its output.
+    output: usize,
+    readback: Readback,
+    start: Instant,
+    first_path: u64,
+    parameters: Parameters,
+    /// Its contributions are being sorted and summed.
+    merge: Option<MergeInFlight>,
+}
+
+/// The host sums dispatches as well, until one of at least this many paths agrees with the device's sums. So many paths fill more than one block of
+/// the device's kernels.
+const CHECKED_PATHS: u32 = 2048;
+
+/// One strategy while its paths are traced.
+pub(super) struct StrategyRun<'a> {
+    gpu: &'a Gpu,
+    scene: &'a GpuScene,
+    strategy: &'a Strategy,
+    kernel: &'a mut Kernel,
+    dispatches: &'a mut Dispatches,
+    /// One for each dispatch that may be in flight.
+    outputs: Vec<Output>,
+    /// The device sorts and sums contributions: one for each output.
+    merges: Vec<DeviceMerge>,
+    merging: Option<Merging<'a>>,
+    staging: Vec<StagingBuffers>,
+    /// The most paths of one dispatch.
+    capacity: u32,
+    /// The oldest first.
+    in_flight: VecDeque<InFlight>,
+    /// The numbers of the paths that are not launched yet.
+    left: Range<u64>,
+    /// When the dispatch before the oldest one was done.
+    idle_since: Instant,
+}
+
+impl<'a> StrategyRun<'a> {
+    /// Prepares buffers and bindings for the paths of these numbers. The buffers of `staging` that are large enough are used again.
+    pub(super) fn new(
+        gpu: &'a Gpu,
+        scene: &'a GpuScene,
+        strategy: &'a Strategy,
+        paths: Range<u64>,
+        kernel: &'a mut Kernel,
+        dispatches: &'a mut Dispatches,
+        (mut staging, mut merging): (Vec<StagingBuffers>, Option<Merging<'a>>),
+    ) -> Result<Self> {
+        let stride = u64::from(strategy.parameters.stride);
+        let total = paths.end - paths.start;
+        let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, total);
+        let bytes = record_bytes(&strategy.parameters, capacity);
+        kernel.sizer.begin(Work::of(&strategy.parameters));
+        // While the host reads the records of one dispatch, the device writes those of the next one to a
+        // second buffer. Where the device is the processor itself, one buffer is faster: the host then has
+        // all cores while it reads. A dispatch in flight would keep them busy: the driver gives each core an
+        // equal part of it, and all would wait for the core that the host uses, too.
+        let wanted = if gpu.shares_memory { 1 } else { 2 };
+        staging.retain(|buffers| buffers.bytes() >= bytes);
+        staging.truncate(wanted);
+        while staging.len() < wanted {
+            staging.push(StagingBuffers::new(gpu, bytes)?);
+        }
+        let output = |buffers: &StagingBuffers| {
+            let (chains, light_buffer) = (&strategy.chains.buffers, &strategy.light_buffer);
+            Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, buffers.clone())
+        };
+        let outputs = staging.iter().map(output).collect::<Result<_>>()?;
+        let mut merges = Vec::new();
+        if let Some(merging) = &merging {
+            let of = (&strategy.layout, strategy.parameters.end.pixels());
+            let merge =
+                |buffers: &StagingBuffers| DeviceMerge::new(gpu, merging, of, capacity, buffers.buffer());
+            // Where the device has no room for it, the host sorts and sums.
+            let made: Result<Option<Vec<DeviceMerge>>> = staging.iter().map(merge).collect();
+            merges = made.ok().flatten().unwrap_or_default();
+        }
+        if merges.is_empty() {
+            merging = None;
+        }
+        let in_flight = VecDeque::new();
+        let idle_since = Instant::now();
+        Ok(Self {
+            gpu,
+            scene,
+            strategy,
+            kernel,
+            dispatches,
+            outputs,
+            merges,
+            merging,
+            staging,
+            capacity,
+            in_flight,
+            left: paths,
+            idle_since,
+        })
+    }
+
+    /// Whether paths are left to be launched, and the device should have one more dispatch.
+    pub(super) fn can_launch(&self) -> bool {
+        let most = self.kernel.sizer.max_in_flight().min(self.outputs.len());
+        !self.left.is_empty() && self.in_flight.len() < most
+    }
+
+    /// Launches the next dispatch.
+    pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
+        let Self { strategy, left, kernel: Kernel { pipeline, sizer }, .. } = self;
+        let samples = u64::from(strategy.parameters.samples);
+        let merging = self.merging.as_ref().filter(|merging| !*merging.is_lost);
+        // Not more than the capacity, which has 32 bits.
+        let first_path = left.start;
+        let mut paths = u64::from(sizer.paths(self.capacity));
+        if merging.is_some() {
+            // All paths of each pixel.
+            paths = (paths / samples * samples).max(samples);
+        }
+        let paths = paths.min(left.end - first_path) as u32;
+        let parameters = Parameters {
+            first_pixel: (first_path / samples) as u32,
+            first_sample: (first_path % samples) as u32,
+            paths,
+            mark: self.dispatches.mark(),
+            paths_per_invocation: sizer.paths_per_invocation(paths, strategy.max_paths_per_invocation),
+            ..strategy.parameters
+        };
+        let output = summary.dispatches as usize % self.outputs.len();
+        let start = Instant::now();
+        // Of merged paths the host reads the heads of the records, and ambient light, which is at their end.
+        let needs_all = merging.is_none_or(|merging| !*merging.is_checked) || strategy.layout.ambient;
+        let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
+        let merge = merging.map(|merging| (&self.merges[output], merging.request, &strategy.layout));
+        let (readback, submission) =
+            self.outputs[output].launch(self.gpu, pipeline, &parameters, bytes, merge)?;
+        let merge = merge.map(|(merge, ..)| merge.request(submission, parameters.first_pixel));
+        self.in_flight.push_back(InFlight { output, readback, start, first_path, parameters, merge });
+        left.start += u64::from(paths);
+        summary.dispatches += 1;
+        Ok(())
+    }
+
+    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`.
+    /// Returns `false` where no dispatch is in flight.
+    ///
+    /// # Errors
+    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) where the driver dropped paths; [`Device`](crate::Error::Device) where it failed; and
+    /// errors of `visit`.
+    pub(super) fn finish_oldest(
+        &mut self,
+        summary: &mut TraceSummary,
+        visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
+    ) -> Result<bool> {
+        let Some(oldest) = self.in_flight.pop_front() else { return Ok(false) };
+        let InFlight { output: index, readback, start, first_path, mut parameters, mut merge } = oldest;
+        let output = &self.outputs[index];
+        let layout = self.strategy.layout;
+        let paths = parameters.paths as usize;
+        let mut view = output.wait(self.gpu, readback)?;
+        let counted = |view: &wgpu::BufferView, mark: u32| {
+            Batch::merged(first_path, layout, paths, (bytemuck::cast_slice(view), None))
+                .unfinished_and_rays(mark)
+        };
+        let (mut unfinished, mut rays) = counted(&view, parameters.mark);
+        if unfinished > 0 && parameters.paths_per_invocation > 1 {
+            // The invocations looped more often than the driver allows: trace the paths again, one for each
+            // invocation.
+            self.kernel.sizer.one_path_each();
+            parameters = Parameters { paths_per_invocation: 1, mark: self.dispatches.mark(), ..parameters };
+            drop(view);
+            output.release();
+            let bytes = record_bytes(&parameters, parameters.paths);
+            view = output.run(self.gpu, &self.kernel.pipeline, &parameters, bytes)?;
+            (unfinished, rays) = counted(&view, parameters.mark);
+            // The host sums what was traced again.
+            if let Some(merge) = merge.take() {
+                drop(self.merges[index].wait(self.gpu, merge)?);
+                self.merges[index].release();
+            }
+        }
+        if unfinished > 0 {
+            return Err(unfinished_paths(unfinished, paths as u64, self.scene));
+        }
+        let merged = merge.map(|merge| self.merges[index].wait(self.gpu, merge)).transpose()?;
+        // A dispatch that waited for the one before it began when that was done.
+        let elapsed = start.max(self.idle_since).elapsed();
+        self.idle_since = Instant::now();
+        let records = bytemuck::cast_slice(&view);
+        let mut terms = merged.as_ref().map(MergedView::merged);
+        if let (Some(found), Some(merging)) = (&terms, &mut self.merging)
+            && !*merging.is_checked
+        {
+            let batch = Batch::merged(first_path, layout, paths, (records, None));
+            *merging.is_lost = !agree(found, &host_terms(&batch, merging.request));
+            *merging.is_checked = *merging.is_lost || parameters.paths >= CHECKED_PATHS;
+        }
+        if self.merging.as_ref().is_some_and(|merging| *merging.is_lost) {
+            terms = None;
+        }
+        summary.merged += u32::from(terms.is_some());
+        let batch = Batch::merged(first_path, layout, paths, (records, terms));
+        visit(&batch)?;
+        summary.rays += rays;
+        summary.paths += batch.len() as u64;
+        summary.longest = summary.longest.max(elapsed);
+        summary.tracing += elapsed;
+        drop(view);
+        output.release();
+        if merged.is_some() {
+            drop(merged);
+            self.merges[index].release();
+        }
+        self.kernel.sizer.adapt(parameters.paths, elapsed);
+        Ok(true)
+    }
+
+    /// The staging buffers, for the next trace.
+    pub(super) fn into_staging(self) -> Vec<StagingBuffers> {
+        self.staging
+    }
+}
+
+/// Bytes of the records that so many paths leave.
+fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
+    u64::from(paths) * u64::from(parameters.stride) * 16
+}
+
+/// The staging buffers of one dispatch: its parameters, and its results. Clones share them.
+#[derive(Clone)]
+pub(super) struct StagingBuffers {
+    parameters: wgpu::Buffer,
+    results: Results,
+}
+
+impl StagingBuffers {
+    /// Room for `bytes` of results.
+    pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
+        let results = Results::new(gpu, "path records", bytes)?;
+        let uniform_bytes = size_of::<Parameters>() as u64;
+        let parameters =
+            gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
+        Ok(Self { parameters, results })
+    }
+
+    /// The buffer of the results.
+    pub(super) fn buffer(&self) -> &wgpu::Buffer {
+        &self.results.buffer
+    }
+
+    /// The room for results, in bytes.
+    pub(super) fn bytes(&self) -> u64 {
+        self.results.buffer.size()
+    }
+}
+
+/// The bindings of a kernel: its staging buffers, and everything that it reads. It serves one dispatch at a
+/// time.
+pub(super) struct Output {
+    staging: StagingBuffers,
+    scene_group: wgpu::BindGroup,
+    output_group: wgpu::BindGroup,
+}
+
+impl Output {
+    /// Binds `scene`, the photon map `chains`, the light buffer and `staging` to `kernel`.
+    pub(super) fn new(
+        gpu: &Gpu,
+        kernel: &Pipeline,
+        scene: &GpuScene,
+        chains: &PhotonBuffers,
+        light_buffer: &wgpu::TextureView,
+        staging: StagingBuffers,
+    ) -> Result<Self> {
+        gpu.guarded("bindings", || {
+            let view = wgpu::BindingResource::TextureView;
+            let scene_group = bind_group(
+                gpu,
+                &kernel.scene_layout,
+                [
+                    staging.parameters.as_entire_binding(),
+                    view(&scene.nodes),
+                    view(&scene.pairs),
+                    view(&scene.materials),
+                    view(&scene.corners),
+                    scene.textures.as_entire_binding(),
+                    view(&scene.texels),
+                    scene.srgb_table.as_entire_binding(),
+                ],
+            );
+            let output_group = bind_group(
+                gpu,
+                &kernel.output_layout,
+                [
+                    staging.results.buffer.as_entire_binding(),
+                    view(&chains.photons),
+                    chains.buckets.as_entire_binding(),
+                    view(light_buffer),
+                ],
+            );
+            Self { staging: staging.clone(), scene_group, output_group }
+        })
+    }
+
+    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each
+    /// invocation, and requests the first `bytes` of its results. With `merge`, their contributions become terms.
+    pub(super) fn launch(
+        &self,
+        gpu: &Gpu,
+        kernel: &Pipeline,
+        parameters: &Parameters,
+        bytes: u64,
+        merge: Option<(&DeviceMerge, &MergeRequest<'_>, &Layout)>,
+    ) -> Result<(Readback, wgpu::SubmissionIndex)> {
+        let submission = gpu.guarded("dispatch", || {
+            gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&kernel.pipeline);
+            pass.set_bind_group(0, &self.scene_group, &[]);
+            pass.set_bind_group(1, &self.output_group, &[]);
+            pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
+            drop(pass);
+            if let Some((merge, request, layout)) = merge {
+                merge.record(gpu, &mut encoder, request, layout, parameters.paths);
+            }
+            self.staging.results.submit(gpu, encoder, bytes)
+        })?;
+        Ok((self.staging.results.request(bytes, submission.clone()), submission))
+    }
+
+    /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call
+    /// [`Output::release`] before the next launch.
+    pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
+        self.staging.results.wait(gpu, in_flight)
+    }
+
+    /// Launches a dispatch and waits for it.
+    pub(super) fn run(
+        &self,
+        gpu: &Gpu,
+        kernel: &Pipeline,
+        parameters: &Parameters,
+        bytes: u64,
+    ) -> Result<wgpu::BufferView> {
+        let (readback, _) = self.launch(gpu, kernel, parameters, bytes, None)?;
+        self.wait(gpu, readback)
+    }
+
+    /// Makes the results writable again for the device, after their view has been dropped.
+    pub(super) fn release(&self) {
+        self.staging.results.release();
+    }
+}
+
+/// The resources as bindings 0, 1, and so on.
+fn bind_group<const N: usize>(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    resources: [wgpu::BindingResource<'_>; N],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> =
+        (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}

@@ -1,0 +1,254 @@
+//! Sparse matrices in compressed rows with `f64` values: the form in which matrices are exchanged with files
+//! and callers.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::operator::{Adjoint, Operator, Symmetry};
+
+/// Rows of one task of a product.
+const ROWS_PER_TASK: usize = 256;
+
+/// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at
+/// the columns `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly. The arrays never change, and copies of a
+/// matrix share them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Csr {
+    cols: usize,
+    row_start: Arc<Vec<usize>>,
+    columns: Arc<Vec<u32>>,
+    weights: Arc<Vec<f64>>,
+}
+
+impl Csr {
+    /// The matrix of these three arrays, with `cols` columns and `row_start.len() − 1` rows.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when they do not describe such a matrix.
+    pub fn new(cols: usize, row_start: Vec<usize>, columns: Vec<u32>, weights: Vec<f64>) -> Result<Self> {
+        let mismatch =
+            |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
+        if columns.len() != weights.len() {
+            let found = columns.len().to_string();
+            return mismatch("columns of a sparse matrix", weights.len().to_string(), found);
+        }
+        let ends = (row_start.first(), row_start.last());
+        if ends != (Some(&0), Some(&weights.len())) || !row_start.is_sorted() {
+            let expected = format!("ascending from 0 to {}", weights.len());
+            return mismatch("row starts of a sparse matrix", expected, format!("{ends:?}"));
+        }
+        let (row_start, columns, weights) = (Arc::new(row_start), Arc::new(columns), Arc::new(weights));
+        let matrix = Self { cols, row_start, columns, weights };
+        for row in 0..matrix.rows() {
+            let columns = matrix.row(row).0;
+            let ascends = columns.is_sorted_by(|a, b| a < b);
+            if !ascends || columns.last().is_some_and(|&last| last as usize >= cols) {
+                let expected = format!("strictly ascending below {cols}");
+                return mismatch("columns of a sparse matrix", expected, format!("others in row {row}"));
+            }
+        }
+        Ok(matrix)
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.row_start.len() - 1
+    }
+
+    /// Number of columns.
+    pub fn cols(&self) -> usize {
+        self.cols
+    }
+
+    /// The offset of each row, then the number of entries.
+    pub fn row_start(&self) -> &[usize] {
+        &self.row_start
+    }
+
+    /// Column of each entry.
+    pub fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// Value of each entry.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// Columns and values of one row.
+    pub fn row(&self, row: usize) -> (&[u32], &[f64]) {
+        let range = self.row_start[row]..self.row_start[row + 1];
+        (&self.columns[range.clone()], &self.weights[range])
+    }
+
+    /// Entries as (row, column, value), row by row.
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        (0..self.rows()).flat_map(move |row| {
+            let (columns, values) = self.row(row);
+            columns.iter().zip(values).map(move |(&column, &value)| (row, column as usize, value))
+        })
+    }
+
+    /// The transpose.
+    pub fn transposed(&self) -> Self {
+        let mut row_start = vec![0; self.cols + 1];
+        for &column in &*self.columns {
+            row_start[column as usize + 1] += 1;
+        }
+        for row in 0..self.cols {
+            row_start[row + 1] += row_start[row];
+        }
+        let mut next = row_start.clone();
+        let mut columns = vec![0; self.columns.len()];
+        let mut weights = vec![0.0; self.columns.len()];
+        // Rows are visited in order, so each row of the transpose is filled from left to right.
+        for (row, column, value) in self.entries() {
+            let at = next[column];
+            next[column] += 1;
+            columns[at] = row as u32;
+            weights[at] = value;
+        }
+        let (row_start, columns, weights) = (Arc::new(row_start), Arc::new(columns), Arc::new(weights));
+        Self { cols: self.rows(), row_start, columns, weights }
+    }
+
+    /// The diagonal: an entry for each row, 0 where none is stored.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let own = |row: usize| {
+            let (columns, weights) = self.row(row);
+            columns.binary_search(&(row as u32)).map_or(0.0, |at| weights[at])
+        };
+        (0..self.rows()).map(own).collect()
+    }
+
+    /// Whether the matrix is square and equals its transpose to the last bit.
+    pub fn is_symmetric(&self) -> bool {
+        self.rows() == self.cols
+            && self.entries().all(|(row, column, value)| {
+                let (columns, values) = self.row(column);
+                columns.binary_search(&(row as u32)).is_ok_and(|at| values[at].to_bits() == value.to_bits())
+            })
+    }
+}
+
+/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows, in a fixed order, so that results do
+/// not depend on the number of threads.
+#[derive(Clone, Debug)]
+pub struct SparseOperator {
+    matrix: Csr,
+    /// `None` where the matrix is symmetric.
+    transpose: Option<Csr>,
+}
+
+impl SparseOperator {
+    /// The operator of `matrix`. Checks whether the matrix is symmetric to the last bit; if not, keeps its
+    /// transpose too.
+    pub fn new(matrix: Csr) -> Self {
+        let transpose = (!matrix.is_symmetric()).then(|| matrix.transposed());
+        Self { matrix, transpose }
+    }
+
+    /// The matrix.
+    pub fn matrix(&self) -> &Csr {
+        &self.matrix
+    }
+}
+
+impl Operator for SparseOperator {
+    fn rows(&self) -> usize {
+        self.matrix.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.matrix.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        if self.transpose.is_none() { Symmetry::Symmetric } else { Symmetry::General }
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        multiply(&self.matrix, x, y)
+    }
+
+    fn confirming(&mut self, _: bool) -> bool {
+        true
+    }
+}
+
+impl Adjoint for SparseOperator {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        multiply(self.transpose.as_ref().unwrap_or(&self.matrix), y, x)
+    }
+}
+
+fn multiply(matrix: &Csr, x: &[f64], y: &mut [f64]) -> Result<()> {
+    Error::check_size("entries of the vector to multiply", matrix.cols(), x.len())?;
+    Error::check_size("entries of the product", matrix.rows(), y.len())?;
+    y.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, rows)| {
+        for (row, value) in (task * ROWS_PER_TASK..).zip(rows) {
+            let (columns, weights) = matrix.row(row);
+            *value = columns.iter().zip(weights).map(|(&column, weight)| weight * x[column as usize]).sum();
+        }
+    });
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn symmetric(cols: usize, start: &[usize], columns: &[u32], weights: &[f64]) -> Option<bool> {
+        let matrix = Csr::new(cols, start.to_vec(), columns.to_vec(), weights.to_vec());
+        matrix.ok().map(|matrix| matrix.is_symmetric())
+    }
+
+    #[test]
+    fn symmetry_is_exact() {
+        assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.5]), Some(true));
+        assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.500_000_000_000_000_1]), Some(false));
+        assert_eq!(symmetric(2, &[0, 1], &[1], &[1.0]), Some(false), "not square");
+    }
+
+    #[test]
+    fn a_missing_entry_of_the_diagonal_is_zero() -> Result<()> {
+        let matrix = Csr::new(2, vec![0, 2, 3, 4], vec![0, 1, 0, 1], vec![2.0, 0.5, 0.5, 7.0])?;
+        assert_eq!(matrix.diagonal(), [2.0, 0.0, 0.0]);
+        Ok(())
+    }
+
+    #[test]
+    fn inconsistent_arrays_are_refused() {
+        assert_eq!(symmetric(3, &[0, 1, 2], &[2, 0], &[1.0, 1.0]), Some(false), "this one is fine");
+        assert_eq!(symmetric(3, &[0, 2, 1], &[0, 1], &[1.0, 1.0]), None, "descending");
+        assert_eq!(symmetric(3, &[0, 5, 2], &[0, 1], &[1.0, 1.0]), None, "beyond the end");
+        assert_eq!(symmetric(3, &[0, 1, 2], &[3, 0], &[1.0, 1.0]), None, "column out of range");
+        assert_eq!(symmetric(3, &[0, 2, 2], &[1, 1], &[1.0, 1.0]), None, "column twice");
+        assert_eq!(symmetric(3, &[0, 1, 2], &[0, 1], &[1.0]), None, "a value is missing");
+        assert_eq!(symmetric(3, &[], &[], &[]), None, "not even zero rows");
+    }
+
+    /// [[1, 0, 2], [0, 3, 0]]
+    fn rectangular() -> SparseOperator {
+        let matrix = Csr::new(3, vec![0, 2, 3], vec![0, 2, 1], vec![1.0, 2.0, 3.0]);
+        SparseOperator::new(matrix.unwrap_or_else(|error| unreachable!("{error}")))
+    }
+
+    #[test]
+    fn products_equal_those_of_the_dense_matrix() {
+        let mut operator = rectangular();
+        let (mut y, mut x) = ([0.0; 2], [0.0; 3]);
+        assert!(operator.apply(&[1.0, 10.0, 100.0], &mut y).is_ok());
+        assert!(operator.apply_adjoint(&[1.0, 10.0], &mut x).is_ok());
+        assert_eq!((y, x), ([201.0, 30.0], [1.0, 30.0, 2.0]));
+        assert_eq!(operator.symmetry(), Symmetry::General);
+    }
+
+    #[test]
+    fn vectors_of_another_length_are_refused() {
+        assert!(rectangular().apply(&[1.0; 2], &mut [0.0; 2]).is_err());
+        assert!(rectangular().apply_adjoint(&[1.0; 2], &mut [0.0; 2]).is_err());
+    }
+}

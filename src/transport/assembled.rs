@@ -1,0 +1,352 @@
+//! The light transport matrix of a scene: its light paths are traced, summed pixel by pixel, and combined into rows. Photos are products with it,
+//! on the processor or on a device.
+
+use std::sync::Arc;
+
+use super::layer::{Bounces, Layer};
+use super::merging::{Combined, combine};
+use super::noise::{Estimates, Noise, relative};
+use super::share::Share;
+use super::squares::EntrySquares;
+use super::tiles::Tiles;
+use super::{
+    Channels, GpuMatrix, MatrixOperator, Part, RigShape, Transport, TransportMatrix, from_planes, spread,
+};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::image::{Image, Resolution};
+use crate::operator::Operator;
+use crate::render::{TraceSettings, TraceSummary, Tracer};
+
+/// A traced scene.
+#[derive(Debug)]
+pub struct Assembled {
+    /// The light transport matrix.
+    pub matrix: TransportMatrix,
+    /// The photo without projector light, in W/(m² sr): light that the scene itself emits.
+    pub ambient: Image,
+    /// The noise of the matrix; `None` where an endpoint has only one path per pixel, from which noise cannot
+    /// be estimated.
+    pub noise: Option<Noise>,
+    /// The cost of tracing.
+    pub summary: TraceSummary,
+    /// The matrix in the memory of a GPU, if products are computed there; see [`Assembled::place`].
+    pub(crate) gpu_matrix: Option<GpuMatrix>,
+}
+
+/// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal
+/// bits. The tracer's observer sees the steps.
+///
+/// # Errors
+/// As [`Tracer::trace`].
+pub fn assemble(tracer: &mut Tracer, settings: &TraceSettings, channels: Channels) -> Result<Assembled> {
+    assemble_layers(tracer, settings, channels, false)
+}
+
+/// As [`assemble()`]. If `split` is set, the second bounce and all later ones are separate layers.
+///
+/// # Errors
+/// As [`Tracer::trace`].
+pub fn assemble_layers(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    channels: Channels,
+    split: bool,
+) -> Result<Assembled> {
+    match channels {
+        Channels::Luma => run::<1>(tracer, settings, channels, split),
+        Channels::Rgb => run::<3>(tracer, settings, channels, split),
+    }
+}
+
+/// [`assemble_layers`] for `C` channels.
+fn run<const C: usize>(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    channels: Channels,
+    split: bool,
+) -> Result<Assembled> {
+    if tracer.remote().is_some() {
+        return spread::assemble::<C>(tracer, settings, channels, split);
+    }
+    let all = tracer.start_pixels(settings);
+    let share = Share::<C>::trace(tracer, settings, &all, split, None)?;
+    whole(share, shape(tracer, settings), channels, split)
+}
+
+/// The matrix of all light paths.
+pub(super) fn whole<const C: usize>(
+    share: Share<C>,
+    rig: RigShape,
+    channels: Channels,
+    split: bool,
+) -> Result<Assembled> {
+    let Share { found, direct, ambient, has_halves, summary } = share;
+    let rows = 0..rig.camera.pixels();
+    let combined = combine(found, rig, rows.clone(), classes(split).len(), &direct);
+    let Combined { layers, rows: sums, squares } = combined;
+    let mut layers = of_classes(layers, split);
+    // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
+    layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
+    let matrix = TransportMatrix { rig, channels, direct: planes(&direct), layers, rows, spread: None };
+    finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
+}
+
+/// The shape of the matrix of these settings.
+pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
+    RigShape {
+        camera: settings.resolution,
+        projector: tracer.projector_resolution(settings),
+        symmetric: tracer.symmetric(settings),
+    }
+}
+
+/// The bounces of each class of contributions.
+pub(super) fn classes(split: bool) -> &'static [Bounces] {
+    if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
+}
+
+/// The tiles of each class as layers by number of bounces.
+pub(super) fn of_classes(tiles: Vec<Tiles>, split: bool) -> Vec<Layer> {
+    let layer = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
+    classes(split).iter().zip(tiles).map(layer).collect()
+}
+
+/// The diagonal, `[channel][pixel]`.
+pub(super) fn planes<const C: usize>(direct: &[Estimates<C>]) -> Vec<Vec<f32>> {
+    let plane = |channel: usize| direct.iter().map(|estimate| estimate[channel][0] as f32).collect();
+    (0..C).map(plane).collect()
+}
+
+/// The traced scene of a matrix, the ambient light of each camera pixel, and the sums over all rows and entries if the noise is known.
+pub(super) fn finish<const C: usize>(
+    matrix: TransportMatrix,
+    ambient: &[Estimates<C>],
+    sums: Option<(&Vec<Estimates<C>>, &EntrySquares)>,
+    summary: TraceSummary,
+) -> Result<Assembled> {
+    let camera = matrix.rig.camera;
+    let ambient = image::<C>(camera, |pixel, channel| ambient[pixel][channel][0])?;
+    let noise = sums.map(|(rows, squares)| noise(camera, rows, squares)).transpose()?;
+    Ok(Assembled { matrix, ambient, noise, summary, gpu_matrix: None })
+}
+
+/// The noise of the matrix, from the sums over its rows and entries.
+fn noise<const C: usize>(camera: Resolution, rows: &[Estimates<C>], squares: &EntrySquares) -> Result<Noise> {
+    let sum = |of: usize| {
+        let of_row = |row: &Estimates<C>| row.iter().map(|value| value[of] * value[of]).sum::<f64>();
+        rows.iter().map(of_row).sum::<f64>()
+    };
+    let of_entries = |[mean, error]: [f64; 2]| relative(error, mean);
+    Ok(Noise {
+        white: image::<C>(camera, |pixel, channel| rows[pixel][channel][1].abs())?,
+        white_relative: relative(sum(1), sum(0)),
+        operator: of_entries(squares.whole()),
+        global: of_entries(squares.global()),
+    })
+}
+
+/// An image of `C` channels, from a function of pixel and channel.
+fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Result<Image> {
+    let plane = |channel| (0..resolution.pixels()).map(|pixel| value(pixel, channel)).collect();
+    let planes: Vec<Vec<f64>> = (0..C).map(plane).collect();
+    from_planes(resolution, &planes)
+}
+
+/// A traced scene as a rig, which several may share. It is linear, so patterns may be signed and of any magnitude.
+impl Transport for Arc<Assembled> {
+    fn pattern_resolution(&self) -> Resolution {
+        self.matrix.projector_resolution()
+    }
+
+    fn photo_resolution(&self) -> Resolution {
+        self.matrix.resolution()
+    }
+
+    fn channels(&self) -> Channels {
+        self.matrix.channels()
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        let matrix = &self.matrix;
+        let lit = super::planes(pattern, matrix.projector_resolution(), matrix.channels())?;
+        let mut photo = vec![vec![0.0; matrix.resolution().pixels()]; lit.len()];
+        for (channel, (pattern, plane)) in lit.iter().zip(&mut photo).enumerate() {
+            self.operator(Part::Full, channel).apply(pattern, plane)?;
+            for (value, ambient) in plane.iter_mut().zip(self.ambient.plane(channel)) {
+                *value += ambient;
+            }
+        }
+        from_planes(matrix.resolution(), &photo)
+    }
+}
+
+/// Entries from which a product is worth sending to a GPU: a few cores multiply them in about the time of the
+/// transfers, some 0.2 ms. This is an estimate that was not measured on a GPU.
+const WORTHWHILE: usize = 1 << 20;
+
+/// Where products with the traced matrix are taken: on the processor, or on the device that traced the paths.
+///
+/// [`Backend::Auto`] takes the device where all of these hold: it is a GPU (discrete, integrated or virtual); the matrix has enough entries to be
+/// worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share of its memory that may be
+/// used. Otherwise it takes the processor; if a GPU lacked something, the reason is returned. On software Vulkan, which runs on the processor,
+/// products take ten times as long as by the processor itself. Each process of a team multiplies its rows of a matrix on its processor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backend {
+    /// On the device if it is a suitable GPU, else on the processor.
+    #[default]
+    Auto,
+    /// On the processor.
+    Cpu,
+    /// On the device, of whatever kind.
+    Gpu,
+}
+
+impl Assembled {
+    /// Products with one part and channel of the matrix, on its backend. On each backend they repeat to the bit; between backends they differ by
+    /// the rounding of sums only.
+    pub fn operator(&self, part: Part, channel: usize) -> MatrixOperator<'_> {
+        MatrixOperator::new(&self.matrix, part, channel).on(self.gpu_matrix.as_ref())
+    }
+
+    /// Chooses the backend of all later products; the device is the one that `tracer` traces on. Returns what
+    /// a GPU lacked, where [`Backend::Auto`] therefore chose the processor.
+    ///
+    /// # Errors
+    /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory; [`Error::Option`] for it where several
+    /// processes have the matrix.
+    pub fn place(&mut self, tracer: &Tracer, place: Backend) -> Result<Option<String>> {
+        self.place_on(tracer.gpu(), place, WORTHWHILE)
+    }
+
+    /// Whether products are taken on a device.
+    pub fn is_on_gpu(&self) -> bool {
+        self.gpu_matrix.is_some()
+    }
+
+    /// As [`Assembled::place`], with `worthwhile` in place of [`WORTHWHILE`].
+    fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
+        self.gpu_matrix = None;
+        let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
+        if self.matrix.processes() > 1 && place == Backend::Gpu {
+            return Err(Error::Option {
+                option: "--products".into(),
+                fault: "each process multiplies its rows of the matrix on its processor".into(),
+                help: "leave it out, or start one process".into(),
+            });
+        }
+        let suits = suits && self.matrix.processes() == 1;
+        if place == Backend::Cpu || (place == Backend::Auto && !suits) {
+            return Ok(None);
+        }
+        match GpuMatrix::on(gpu, &self.matrix) {
+            Ok(gpu_matrix) => self.gpu_matrix = Some(gpu_matrix),
+            Err(error) if gpu.require_working().is_err() => return Err(error),
+            Err(Error::Device { fault, .. }) if place == Backend::Auto => return Ok(Some(fault)),
+            Err(Error::Device { fault, .. }) => {
+                let help = "take the products on the processor (--products cpu), or use another --adapter";
+                return Err(Error::Device { fault, help: help.into() });
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::AdapterSummary;
+    use crate::transport::gpu_matrix::tests::{coaxial, gpu};
+
+    /// Software Vulkan that claims to be a discrete GPU.
+    fn card() -> Gpu {
+        let mut gpu = gpu();
+        gpu.summary.kind = "discrete GPU".into();
+        gpu
+    }
+
+    fn placed(
+        traced: &mut Assembled,
+        gpu: &Gpu,
+        place: Backend,
+        worthwhile: usize,
+    ) -> (Option<String>, bool) {
+        let why = traced.place_on(gpu, place, worthwhile).unwrap_or_else(|error| unreachable!("{error}"));
+        (why, traced.is_on_gpu())
+    }
+
+    #[test]
+    fn products_are_taken_on_the_chosen_backend() {
+        let (software, card, mut traced) = (gpu(), card(), coaxial());
+        assert!(software.summary.is_processor(), "the tests run on software Vulkan");
+        let entries = traced.matrix.nonzeros();
+        assert_eq!(placed(&mut traced, &software, Backend::Gpu, 0), (None, true));
+        assert_eq!(placed(&mut traced, &software, Backend::Auto, 0), (None, false));
+        assert_eq!(placed(&mut traced, &card, Backend::Auto, entries), (None, true));
+        assert_eq!(placed(&mut traced, &card, Backend::Auto, entries + 1), (None, false));
+        assert_eq!(placed(&mut traced, &card, Backend::Gpu, entries + 1), (None, true));
+        assert_eq!(placed(&mut traced, &card, Backend::Cpu, 0), (None, false));
+    }
+
+    #[test]
+    fn a_gpu_without_f64_or_memory_is_not_chosen_and_an_error_where_it_is_required() {
+        let mut traced = coaxial();
+        let pixels = traced.matrix.resolution().pixels();
+        let (white, mut expected) = (vec![1.0; pixels], vec![f64::NAN; pixels]);
+        traced.matrix.apply(Part::Full, 0, &white, &mut expected);
+        type Taken = fn(&mut AdapterSummary);
+        let lacking: [(&str, Taken); 2] = [
+            ("f64", |summary| summary.double_precision = false),
+            ("MiB", |summary| summary.max_buffer = 1000),
+        ];
+        for (lack, take) in lacking {
+            let mut card = card();
+            take(&mut card.summary);
+            let forced = traced.place_on(&card, Backend::Gpu, 0);
+            let error = forced.map_or_else(|error| error.to_string(), |_| String::new());
+            assert!(error.contains(lack) && error.contains("--products cpu"), "{error}");
+            let (why, is_on_gpu) = placed(&mut traced, &card, Backend::Auto, 0);
+            assert!(why.is_some_and(|why| why.contains(lack)) && !is_on_gpu);
+            let mut y = vec![f64::NAN; pixels];
+            assert!(traced.operator(Part::Full, 0).apply(&white, &mut y).is_ok() && y == expected);
+        }
+    }
+
+    #[test]
+    fn photos_and_operators_use_the_backend_of_the_matrix() {
+        let [here, mut there] = [coaxial(), coaxial()];
+        assert_eq!(placed(&mut there, &gpu(), Backend::Gpu, 0), (None, true));
+        let [mut here, mut there] = [here, there].map(Arc::new);
+        let resolution = here.photo_resolution();
+        let pattern = Image::filled(resolution, 3, 0.5);
+        let photos = [&mut here, &mut there].map(|rig| rig.photograph(&pattern));
+        let [Ok(expected), Ok(found)] = photos else { unreachable!("{photos:?}") };
+        for (expected, found) in expected.samples().iter().zip(found.samples()) {
+            // Equal to 1e-13, then rounded to `f32`, down or up.
+            assert!((expected - found).abs() <= f32::EPSILON * expected, "{expected} and {found}");
+        }
+        let pixels = resolution.pixels();
+        let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
+        let product = |mut operator: MatrixOperator<'_>| {
+            let mut y = vec![f64::NAN; pixels];
+            operator.apply(&x, &mut y).expect("the vector fits");
+            y
+        };
+        let placed = product(there.operator(Part::Global, 1));
+        let matrix = product(MatrixOperator::new(&there.matrix, Part::Global, 1));
+        assert!(placed != matrix, "sums are taken in another order there");
+        assert!(placed == product(there.operator(Part::Global, 1)));
+        assert!(matrix == product(here.operator(Part::Global, 1)));
+    }
+
+    /// Does not compile for a type that may not move to another thread.
+    const fn assert_send<T: Send>() {}
+
+    const _: () = {
+        assert_send::<Tracer>();
+        assert_send::<Assembled>();
+        assert_send::<GpuMatrix>();
+        assert_send::<super::super::Retraced<'_>>();
+    };
+}

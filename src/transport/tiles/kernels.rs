@@ -1,0 +1,173 @@
+//! The inner loop of a product: its elements, and the choice of the fastest instructions of this processor.
+
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use bytemuck::{Pod, Zeroable};
+
+/// Rows of a slice. Their sums are computed at the same time, one per SIMD lane.
+pub(super) const LANES: usize = 8;
+
+/// Eight rows of a tile with about equally many entries.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::transport) struct Slice {
+    /// Row within the tile for each lane; one past the last row for a lane without a row.
+    pub(super) rows: [u16; LANES],
+    /// Steps: the number of entries of the longest row.
+    pub(super) steps: u32,
+}
+
+/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of
+/// each row in order.
+///
+/// The steps of a slice are taken one after the other. Every row must be below `to.len()`, and every column
+/// below `from.len()`.
+pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);
+
+/// Vectors that are multiplied at once: their four numbers fill one vector register.
+pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
+
+/// The entries of four vectors at one row or column, in one cache line.
+#[repr(C, align(32))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(in crate::transport) struct Interleaved(pub(in crate::transport) [f64; BLOCK_WIDTH]);
+
+/// An element that a product multiplies by weights and sums.
+pub(in crate::transport) trait Value: Pod + Default + Send + Sync + 'static {
+    /// The element times `weight`.
+    fn times(self, weight: f64) -> Self;
+
+    /// The sum of two elements.
+    fn plus(self, other: Self) -> Self;
+}
+
+impl Value for f64 {
+    fn times(self, weight: f64) -> Self {
+        weight * self
+    }
+
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+}
+
+impl Value for Interleaved {
+    fn times(self, weight: f64) -> Self {
+        Self(self.0.map(|value| weight * value))
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self(std::array::from_fn(|vector| self.0[vector] + other.0[vector]))
+    }
+}
+
+/// Elements that have kernels.
+pub(in crate::transport) trait Summable: Value {
+    /// The kernels that use instructions which not every processor has; none where it lacks them. They prefetch what comes next.
+    fn special() -> Vec<Kernel<Self>>;
+
+    /// The fastest kernel, measured once per process.
+    fn sums() -> Sums<Self>;
+}
+
+impl Summable for f64 {
+    fn special() -> Vec<Kernel<Self>> {
+        #[cfg(target_arch = "x86_64")]
+        return super::gather::of_one();
+        #[cfg(not(target_arch = "x86_64"))]
+        Vec::new()
+    }
+
+    fn sums() -> Sums<Self> {
+        static FASTEST: OnceLock<Sums<f64>> = OnceLock::new();
+        *FASTEST.get_or_init(Sums::fastest)
+    }
+}
+
+impl Summable for Interleaved {
+    fn special() -> Vec<Kernel<Self>> {
+        #[cfg(target_arch = "x86_64")]
+        return super::gather::of_four();
+        #[cfg(not(target_arch = "x86_64"))]
+        Vec::new()
+    }
+
+    fn sums() -> Sums<Self> {
+        static FASTEST: OnceLock<Sums<Interleaved>> = OnceLock::new();
+        *FASTEST.get_or_init(Sums::fastest)
+    }
+}
+
+/// A kernel of the inner loop. All kernels give the same bits.
+#[derive(Clone, Copy)]
+pub(in crate::transport) struct Sums<V>(Kernel<V>);
+
+impl<V: Summable> Sums<V> {
+    /// The kernel that takes the least time now, which depends on the processor's maker and generation. The entries that are timed lie in the
+    /// first cache, and those of a matrix come from memory. There the portable kernel, which prefetches nothing, was slower than the others
+    /// on the one processor where this was measured (AMD Zen 4). It is taken only where there is no other.
+    fn fastest() -> Self {
+        let timed = V::special().into_iter().map(|kernel| (Self(kernel).time(), Self(kernel)));
+        timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)
+    }
+
+    /// All kernels that this processor can run.
+    #[cfg(test)]
+    pub(super) fn all() -> Vec<Self> {
+        let mut all = vec![Self(portable)];
+        all.extend(V::special().into_iter().map(Self));
+        all
+    }
+
+    pub(super) fn add(
+        self,
+        slices: &[Slice],
+        columns: &[[u16; LANES]],
+        weights: &[[f32; LANES]],
+        from: &[V],
+        to: &mut [V],
+    ) {
+        (self.0)(slices, columns, weights, from, to);
+    }
+
+    /// The shortest of several measured times for a few thousand entries.
+    fn time(self) -> Duration {
+        const STEPS: usize = 512;
+        const COLUMNS: usize = 4096;
+        let slices = [Slice { rows: [0, 1, 2, 3, 4, 5, 6, 7], steps: 32 }; STEPS / 32];
+        let column = |entry: usize| (entry * 1597 % COLUMNS) as u16;
+        let columns: Vec<_> =
+            (0..STEPS).map(|step| std::array::from_fn(|lane| column(LANES * step + lane))).collect();
+        let (weights, from, mut to) =
+            (vec![[0.5; LANES]; STEPS], vec![V::default(); COLUMNS], [V::default(); LANES]);
+        let once = || {
+            let start = Instant::now();
+            self.add(&slices, &columns, &weights, &from, &mut to);
+            std::hint::black_box(&mut to);
+            start.elapsed()
+        };
+        std::iter::repeat_with(once).take(10).min().unwrap_or(Duration::MAX)
+    }
+}
+
+fn portable<V: Value>(
+    slices: &[Slice],
+    mut columns: &[[u16; LANES]],
+    mut weights: &[[f32; LANES]],
+    from: &[V],
+    to: &mut [V],
+) {
+    for slice in slices {
+        let (steps, columns_left) = columns.split_at(slice.steps as usize);
+        let (step_weights, weights_left) = weights.split_at(slice.steps as usize);
+        let mut sums = slice.rows.map(|row| to[usize::from(row)]);
+        for (columns, weights) in steps.iter().zip(step_weights) {
+            for lane in 0..LANES {
+                sums[lane] =
+                    sums[lane].plus(from[usize::from(columns[lane])].times(f64::from(weights[lane])));
+            }
+        }
+        slice.rows.iter().zip(sums).for_each(|(&row, sum)| to[usize::from(row)] = sum);
+        (columns, weights) = (columns_left, weights_left);
+    }
+}

@@ -1,0 +1,343 @@
+//! Eigenvalues and eigenvectors, or singular values and vectors, of the light transport matrix.
+
+mod pairs;
+mod singular;
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+use super::options::{LightPart, check_vectors, count, defaults, number};
+use crate::analysis::segment::possible;
+use crate::error::Result;
+use crate::finding::{Finding, Grade, Ratio};
+use crate::image::Resolution;
+use crate::krylov::{
+    self, Completeness, Confirm, EigsMethod, EigsOptions, HistoryRow, PairStatus, SingularOptions, Start,
+    Which, eigs, singular,
+};
+use crate::lab::{Answer, Lab, LabOperator, RunFolder, SourceKind, Verb, Verified};
+use crate::operator::Operator;
+use crate::report::content::Content;
+use crate::transport::Part;
+
+pub use pairs::Eigenpairs;
+pub use singular::SingularTriplets;
+
+/// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
+#[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(
+    after_help = "Examples:\n  krylux eigs scene.glb --count 6 --method block-lanczos -o out/eigs\n  krylux eigs matrix.npz --count 4 --photos 400 --tolerance 1e-6\n  krylux eigs apart.glb --singular --count 4     # camera and projector apart: patterns and their photos"
+)]
+pub struct Eigs {
+    /// How many eigenpairs
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = count::<usize>)]
+    pub count: usize,
+    /// Which light of a scene or rig
+    #[arg(long, value_enum, default_value = "full")]
+    pub part: LightPart,
+    /// At which end of the spectrum
+    #[arg(long, value_enum, default_value = "la")]
+    pub which: End,
+    /// Photos (products with the matrix) to take at most [default: 50, or the budget of the run that is SOURCE]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
+    pub photos: Option<usize>,
+    /// Done when each residual norm is at most this share of the matrix norm; exit with 1 if that is not reached. Without
+    /// it, the photos end where they would tell no more: at 1e-8, or where the noise of the photos is larger
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
+    pub tolerance: Option<f64>,
+    /// The method
+    #[arg(long, value_enum, default_value = "lanczos")]
+    pub method: Method,
+    /// Vectors in the block of block-lanczos: as many copies of a repeated eigenvalue are found
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count::<usize>)]
+    pub block: usize,
+    /// Basis vectors of lanczos and block-lanczos to keep at most, by restarts [default: all]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
+    pub max_basis: Option<usize>,
+    /// Confirm that no eigenvalue was missed that lies beyond the last one by more than this share of the spectrum's spread. On a rig it
+    /// takes further photos: 28 at 128×128 pixels for 0.05, 62 for 0.01. Matrices and traced scenes, whose products cost no photo, are
+    /// confirmed in any case [default there: 0.01]
+    #[arg(long, value_name = "SHARE", value_parser = number::<f64>)]
+    pub confirm: Option<f64>,
+    /// Compute singular values and vectors in place of eigenvalues: they exist for any matrix. Each step takes one photo, and one of the
+    /// transpose, with camera and projector exchanged
+    #[arg(long, conflicts_with_all = ["method", "block", "which", "max_basis"])]
+    pub singular: bool,
+}
+
+/// A method for eigenpairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The paper's Algorithm 1: one pair, of largest magnitude
+    Power,
+    /// Symmetric matrices: the best in nearly all cases
+    Lanczos,
+    /// Symmetric matrices with repeated eigenvalues
+    BlockLanczos,
+    /// Any square matrix: complex pairs
+    Arnoldi,
+}
+
+/// An end of the spectrum, named as in ARPACK.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum End {
+    /// Largest (largest real part)
+    #[serde(alias = "LA")]
+    La,
+    /// Smallest (smallest real part)
+    #[serde(alias = "SA")]
+    Sa,
+    /// Largest magnitude
+    #[serde(alias = "LM")]
+    Lm,
+    /// Smallest magnitude
+    #[serde(alias = "SM")]
+    Sm,
+    /// Both ends in turn
+    #[serde(alias = "BE")]
+    Be,
+    /// Largest imaginary part
+    #[serde(alias = "LI")]
+    Li,
+}
+
+/// Eigenpairs, or singular values with their vectors.
+#[derive(Clone, Debug)]
+pub enum Spectrum {
+    /// Eigenpairs.
+    Pairs(Eigenpairs),
+    /// Singular values with their vectors.
+    Triplets(SingularTriplets),
+}
+
+impl Default for Eigs {
+    fn default() -> Self {
+        defaults()
+    }
+}
+
+impl Verb for Eigs {
+    const NAME: &'static str = "eigs";
+    type Answer = Spectrum;
+
+    fn check_on(&self, lab: &Lab) -> Result<()> {
+        check_vectors("--block", self.block, lab.projector_resolution().pixels())
+    }
+
+    fn answer(&self, lab: &mut Lab) -> Result<Spectrum> {
+        let seed = lab.seed();
+        if let Some(run) = lab.run() {
+            run.manifest.seed = Some(seed);
+        }
+        Ok(match self.singular {
+            true => Spectrum::Triplets(self.triplets(lab)?),
+            false => Spectrum::Pairs(self.pairs(lab)?),
+        })
+    }
+}
+
+impl Eigs {
+    /// The options of the method; `seed` is for the starting vector, `photos_of_run` the default budget of a run that is asked again.
+    pub fn options(&self, seed: u64, photos_of_run: Option<usize>) -> EigsOptions {
+        EigsOptions {
+            count: self.count,
+            which: match self.which {
+                End::La => Which::LargestAlgebraic,
+                End::Sa => Which::SmallestAlgebraic,
+                End::Lm => Which::LargestMagnitude,
+                End::Sm => Which::SmallestMagnitude,
+                End::Be => Which::BothEnds,
+                End::Li => Which::LargestImaginary,
+            },
+            products: self.photos.or(photos_of_run).unwrap_or(50),
+            tolerance: self.tolerance.unwrap_or(EigsOptions::default().tolerance),
+            method: match self.method {
+                Method::Power => EigsMethod::Power,
+                Method::Lanczos => EigsMethod::Lanczos,
+                Method::BlockLanczos => EigsMethod::BlockLanczos { block: self.block },
+                Method::Arnoldi => EigsMethod::Arnoldi,
+            },
+            max_basis: self.max_basis,
+            start: Start::Random { seed },
+            confirm: self.confirm.map(|share| Confirm { share, ..Confirm::default() }),
+            ..EigsOptions::default()
+        }
+    }
+
+    /// Eigenpairs of one part of the light transport matrix. Where a model of a run's photos answers, their standard errors are the bounds.
+    ///
+    /// # Errors
+    /// As [`eigs()`] and [`Lab::operator`].
+    pub fn pairs(&self, lab: &mut Lab) -> Result<Eigenpairs> {
+        let mut options = self.options(lab.seed(), lab.photos_of_run());
+        options.noise = self.noise(lab)?;
+        lab.allow_photos(options.products);
+        let mut operator = lab.operator(self.part.into())?;
+        let (confirm, photos) = confirm_within(options.confirm, &operator);
+        lab.expect(options.products + photos);
+        let options = &EigsOptions { confirm, ..options };
+        let mut found = lab.photos(|_| eigs(&mut operator, options))?;
+        // What a model misses is no noise that averages out over the pixels: it makes all large eigenvalues smaller.
+        if lab.is_model()? {
+            found.standard_errors.clone_from(&found.bounds);
+        }
+        let finding = possible_of(lab, self.part.into(), &found)?;
+        lab.add_findings(finding);
+        Ok(Eigenpairs::new(found, self, picture(lab, lab.projector_resolution())))
+    }
+
+    /// Singular values of one part of the light transport matrix, with the patterns and their photos. Every second photo is one of the transpose.
+    ///
+    /// # Errors
+    /// As [`singular()`] and [`Lab::operator`]; a rig that is not coaxial takes no photos of its transpose ([`crate::operator::Exchanged`]).
+    pub fn triplets(&self, lab: &mut Lab) -> Result<SingularTriplets> {
+        let EigsOptions { count, products, tolerance, start, confirm, .. } =
+            self.options(lab.seed(), lab.photos_of_run());
+        let noise = self.noise(lab)?;
+        lab.allow_photos(products);
+        let mut operator = lab.operator(self.part.into())?;
+        let (confirm, photos) = confirm_within(confirm, &operator);
+        lab.expect(products + 2 * photos);
+        let options = &SingularOptions { count, products, tolerance, noise, start, confirm };
+        let found = lab.photos(|_| singular(&mut operator, options))?;
+        let sizes = picture(lab, lab.resolution()).map(|of_photos| [of_photos, lab.projector_resolution()]);
+        Ok(SingularTriplets::new(found, self, sizes))
+    }
+
+    /// The noise of products that ends the search where no tolerance is asked for.
+    fn noise(&self, lab: &mut Lab) -> Result<f64> {
+        if self.tolerance.is_some() {
+            return Ok(0.0);
+        }
+        Ok(lab.product_noise(self.part.into())?.unwrap_or(0.0))
+    }
+}
+
+/// Vectors are pictures of this size, unless the source is a matrix.
+fn picture(lab: &Lab, size: Resolution) -> Option<Resolution> {
+    (lab.kind() != SourceKind::Matrix).then_some(size)
+}
+
+/// Whether the eigenvalues of a rig's light are possible: none is larger than the largest row sum, which white tells.
+fn possible_of(lab: &mut Lab, part: Part, found: &krylov::Eigs) -> Result<Option<Finding>> {
+    let most = lab.with_measurement(|measurement| {
+        let mut sums = measurement.white()?.planes.swap_remove(0).values;
+        if part != Part::Full {
+            let direct = measurement.direct()?.planes.swap_remove(0).values;
+            let rest = |(sum, direct): (&mut f64, f64)| {
+                *sum = if part == Part::Direct { direct } else { *sum - direct }
+            };
+            sums.iter_mut().zip(direct).for_each(rest);
+        }
+        Ok(sums.into_iter().fold(0.0, f64::max))
+    })?;
+    let Some(most) = most else { return Ok(None) };
+    let pairs = found.values.iter().zip(&found.imaginary_values).zip(&found.standard_errors);
+    let sizes = pairs.map(|((real, imaginary), error)| [real.hypot(*imaginary), *error]);
+    let [size, error] = sizes.fold([0.0; 2], |most, one| if one[0] > most[0] { one } else { most });
+    Ok(Some(match Ratio::of(size, most, 0.0).value() {
+        Some(largest) => possible(largest, error / most),
+        None => Finding::unmeasured("eigenvalues", "there is no light of this part"),
+    }))
+}
+
+/// How an answer is confirmed by photos, and how many more it takes at most.
+fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Confirm>, usize) {
+    let confirm =
+        asked.map(|confirm| if operator.is_free() { confirm } else { confirm.on_rig(operator.cols()) });
+    let photos = confirm.filter(|_| !operator.is_free()).map_or(0, |confirm| confirm.products);
+    (confirm, photos)
+}
+
+/// What is known of values that were missed.
+fn missing(completeness: Completeness, (found, wanted): (usize, usize), products: usize) -> String {
+    if found < wanted && completeness == Completeness::Exact {
+        format!("missing   there are only {found}, and {wanted} were asked for")
+    } else if products > 0 {
+        format!("missing   {completeness} ({products} further products confirm it)")
+    } else {
+        format!("missing   {completeness}")
+    }
+}
+
+/// Whether all wanted pairs or triplets were found and are within the tolerance; or, unless it is `strict`, within the noise of the photos.
+fn converged(name: &'static str, statuses: &[PairStatus], wanted: usize, strict: bool) -> Finding {
+    let is_good = |status: &&PairStatus| match status {
+        PairStatus::Converged => true,
+        PairStatus::LimitedByNoise => !strict,
+        PairStatus::NotResolved => false,
+    };
+    let count = statuses.iter().filter(is_good).count();
+    let grade = if count == wanted { Grade::Ok } else { Grade::Fails };
+    let within = if strict { "converged" } else { "converged, or are within the noise" };
+    let help = "give more --photos, or ask for fewer";
+    Finding::graded(name, grade, format!("{count} of {wanted} {within}"), "all that are wanted", help)
+}
+
+/// The status of each pair or triplet in words.
+fn in_words(statuses: &[PairStatus]) -> Vec<&'static str> {
+    let word = |status: &PairStatus| match status {
+        PairStatus::Converged => "converged",
+        PairStatus::LimitedByNoise => "limited by noise",
+        PairStatus::NotResolved => "not resolved",
+    };
+    statuses.iter().map(word).collect()
+}
+
+/// The shape of vectors: `k×H×W` for pictures of `size`, otherwise `k×n`.
+fn shape(size: Option<Resolution>, vectors: &[Vec<f64>]) -> Vec<usize> {
+    match size {
+        Some(Resolution { width, height }) => vec![vectors.len(), height, width],
+        None => vec![vectors.len(), vectors.first().map_or(0, Vec::len)],
+    }
+}
+
+/// `(photos, values, residuals)` after each photo.
+fn history(rows: &[HistoryRow]) -> Vec<(usize, &[f64], &[f64])> {
+    rows.iter().map(|row| (row.products, row.values.as_slice(), row.residuals.as_slice())).collect()
+}
+
+impl Spectrum {
+    fn inner(&self) -> &dyn Answer {
+        match self {
+            Self::Pairs(found) => found,
+            Self::Triplets(found) => found,
+        }
+    }
+}
+
+impl Answer for Spectrum {
+    fn verb(&self) -> &'static str {
+        Eigs::NAME
+    }
+
+    fn photos(&self) -> usize {
+        self.inner().photos()
+    }
+
+    fn sentence(&self) -> String {
+        self.inner().sentence()
+    }
+
+    fn content(&self) -> Content<'_> {
+        self.inner().content()
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        self.inner().findings()
+    }
+
+    fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
+        match self {
+            Self::Pairs(found) => found.verify(lab),
+            Self::Triplets(_) => Ok(None),
+        }
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        self.inner().write(lab, run, seconds)
+    }
+}

@@ -1,0 +1,219 @@
+//! Eigenpairs: arrays, facts and the report page.
+
+use serde_json::json;
+
+use super::{Eigs, converged, history, in_words, missing, shape};
+use crate::analysis::EigenpairEstimate;
+use crate::error::Result;
+use crate::finding::Finding;
+use crate::image::{Image, Resolution};
+use crate::io::exr;
+use crate::krylov;
+use crate::lab::text::{percent, rounded, signed, with_error};
+use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::report::content::Content;
+use crate::report::html::{Block, Report, Section};
+use crate::report::run::{Files, Run};
+use crate::report::spectrum;
+use crate::transport::Part;
+
+/// Eigenpairs, and how many were wanted.
+#[derive(Clone, Debug)]
+pub struct Eigenpairs {
+    /// The eigenpairs.
+    pub found: krylov::Eigs,
+    /// How many were wanted.
+    pub wanted: usize,
+    /// The eigenpairs of the scene by independent light, one for each that was found; empty before [`Answer::verify`].
+    pub estimates: Vec<EigenpairEstimate>,
+    /// The pixels of a vector, where vectors are pictures.
+    pub size: Option<Resolution>,
+    part: Part,
+    /// Whether a tolerance was asked for, which is not met by what is within the noise.
+    is_strict: bool,
+}
+
+impl Eigenpairs {
+    /// Eigenpairs that `asked` has found; vectors are pictures of `size`, where there is one.
+    pub fn new(found: krylov::Eigs, asked: &Eigs, size: Option<Resolution>) -> Self {
+        let (part, is_strict) = (asked.part.into(), asked.tolerance.is_some());
+        Self { found, wanted: asked.count, estimates: Vec::new(), size, part, is_strict }
+    }
+
+    fn is_complex(&self) -> bool {
+        self.found.imaginary_values.iter().any(|&value| value != 0.0)
+    }
+
+    fn lines(&self, content: &mut Content<'_>) {
+        let found = &self.found;
+        content.line(format_args!("photos    {}: {}", found.stats.products, found.stats.status));
+        content.line(missing(found.completeness, (found.values.len(), self.wanted), found.confirming));
+        if found.asymmetry > 1e-12 {
+            content.line(format_args!("symmetry  {} % off, as measured", percent(found.asymmetry)));
+        }
+        if !self.estimates.is_empty() {
+            content.line("  of the scene, by light paths of another seed as well:");
+            content.line("           eigenvalue            residual");
+            for (index, of) in self.estimates.iter().enumerate() {
+                let residual = of.residual.map(|residual| format!("{residual:.1e}")).unwrap_or_default();
+                let value = with_error(of.value, of.standard_error);
+                content.line(format_args!("  {:>6}   {value:<20}  {residual}", index + 1));
+            }
+            content.line("  of the matrix, whose noise is the same in all photos:");
+        }
+        content.line("           eigenvalue            residual   error at most");
+        for (index, status) in in_words(&found.statuses).iter().enumerate() {
+            let imaginary = match found.imaginary_values[index] {
+                0.0 => String::new(),
+                value => format!(" {} i", signed(value, 8)),
+            };
+            let value = match self.estimates.get(index) {
+                // The estimate above has the error.
+                Some(of) => rounded(found.values[index], of.standard_error).to_string(),
+                None => with_error(found.values[index], found.standard_errors[index]) + &imaginary,
+            };
+            content.line(format_args!(
+                "  {:>6}   {value:<20}  {:.1e}    {:.1e}   {status}",
+                index + 1,
+                found.residuals[index],
+                found.bounds[index]
+            ));
+        }
+    }
+
+    fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::of(run.folder, &self.content())?;
+        let mut pictures = Vec::new();
+        if let Some(size) = self.size {
+            let layers = spectrum::layers(size, &self.found.vectors)?;
+            let layers: Vec<(&str, &Image)> =
+                layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
+            exr::write_exr(&files.path("eigenvectors.exr"), &layers)?;
+            pictures = spectrum::pictures(size, &self.found.vectors, &self.found.values, None, None)?;
+            for (name, figure) in &pictures {
+                files.picture(name, figure)?;
+            }
+        }
+        let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
+        files.finish(self.page(run, Block::Figures(figures))?)
+    }
+
+    fn page(&self, run: &Run<'_>, figures: Block) -> Result<Report> {
+        let found = &self.found;
+        let sentence =
+            format!("{} photos: {}; {}.", found.stats.products, found.stats.status, found.completeness);
+        let statuses = in_words(&found.statuses).into_iter().map(String::from).collect();
+        let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
+        let mut columns = vec![("error at most", bounds), ("verdict", statuses)];
+        if !self.estimates.is_empty() {
+            let of_scene = |of: &EigenpairEstimate| with_error(of.value, of.standard_error);
+            columns.insert(0, ("of the scene", self.estimates.iter().map(of_scene).collect()));
+        }
+        if self.is_complex() {
+            let imaginary = found.imaginary_values.iter().map(|&value| signed(value, 6) + " i").collect();
+            columns.insert(0, ("imaginary part", imaginary));
+        }
+        let mut sections = Vec::new();
+        if self.size.is_some() {
+            sections.push(Section {
+                title: "Eigenvectors".into(),
+                text: "Signed images of norm 1. Projected (as far as signs can be), each would come back as a photo of itself.".into(),
+                blocks: vec![figures],
+            });
+        }
+        sections.push(Section {
+            title: "Spectrum and convergence".into(),
+            text: sentence.clone(),
+            blocks: vec![
+                spectrum::stems(&found.values, &found.residuals, "Eigenvalues; bars are residual norms."),
+                spectrum::convergence(&found.history, 1),
+                spectrum::table((&found.values, &found.standard_errors), &found.residuals, &columns),
+            ],
+        });
+        sections.extend(run.photos("")?);
+        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
+    }
+}
+
+impl Answer for Eigenpairs {
+    fn verb(&self) -> &'static str {
+        Eigs::NAME
+    }
+
+    fn photos(&self) -> usize {
+        self.found.stats.products
+    }
+
+    fn sentence(&self) -> String {
+        format!("{} photos: {}", self.found.stats.products, self.found.stats.status)
+    }
+
+    fn content(&self) -> Content<'_> {
+        let (mut content, found) = (Content::default(), &self.found);
+        let (count, length) = (found.values.len(), found.vectors.first().map_or(0, Vec::len));
+        content.array("eigenvalues", &[count], &found.values);
+        content.array("residuals", &[count], &found.residuals);
+        content.array("bounds", &[count], &found.bounds);
+        if !self.estimates.is_empty() {
+            let pairs = self.estimates.iter().flat_map(|of| [of.value, of.standard_error]);
+            content.array("eigenvalues-of-scene", &[count, 2], pairs.collect::<Vec<f64>>());
+        }
+        content.array("eigenvectors", &shape(self.size, &found.vectors), found.vectors.concat());
+        if self.is_complex() {
+            // Real eigenpairs have empty imaginary vectors.
+            let padded = found.imaginary_vectors.iter().map(|vector| match vector.is_empty() {
+                true => vec![0.0; length],
+                false => vector.clone(),
+            });
+            let vectors: Vec<Vec<f64>> = padded.collect();
+            content.array("eigenvalues-imaginary", &[count], &found.imaginary_values);
+            content.array("eigenvectors-imaginary", &shape(self.size, &vectors), vectors.concat());
+        }
+        content.attribute("gap_bounds", &[count], &found.gap_bounds);
+        content.attribute("standard_errors", &[count], &found.standard_errors);
+        content.fact("photos", found.stats.products);
+        content.fact("status", found.stats.status.to_string());
+        let values = found.values.iter().zip(&found.standard_errors);
+        content.fact("eigenvalues", values.map(|(&value, &error)| rounded(value, error)).collect::<Vec<_>>());
+        content.fact("imaginary_parts", &found.imaginary_values);
+        content.fact("residuals", &found.residuals);
+        content.fact("bounds", &found.bounds);
+        content.fact("standard_errors", &found.standard_errors);
+        content.fact("statuses", in_words(&found.statuses));
+        content.fact("asymmetry", found.asymmetry);
+        content.fact("completeness", found.completeness);
+        content.fact("confirming", found.confirming);
+        let of_scene = self.estimates.iter().map(|of| {
+            json!({
+                "eigenvalue": rounded(of.value, of.standard_error),
+                "standard_error": of.standard_error,
+                "residual": of.residual,
+            })
+        });
+        content.fact("of_scene", of_scene.collect::<Vec<_>>());
+        content.detail("completeness_in_words", found.completeness.to_string());
+        content.detail("history", history(&found.history));
+        self.lines(&mut content);
+        content
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        let finding = |is_strict| converged("eigenpairs", &self.found.statuses, self.wanted, is_strict);
+        vec![finding(self.is_strict)]
+    }
+
+    fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
+        let Some(verified) = lab.verify_eigenpairs(self.part, &self.found)? else { return Ok(None) };
+        for (index, estimate) in verified.estimates.iter().enumerate() {
+            self.found.standard_errors[index] = estimate.error_of(self.found.values[index]);
+        }
+        self.estimates.clone_from(&verified.estimates);
+        Ok(Some(Verified { estimates: verified.estimates, ..verified.verification.into() }))
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        let run = lab.page("eigenpairs", run, seconds);
+        let strip = run.strip.filter(|_| self.size.is_some());
+        self.write_page(&Run { strip, ..run })
+    }
+}

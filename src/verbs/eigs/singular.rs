@@ -1,0 +1,151 @@
+//! Singular values with their vectors: arrays, facts and the report page.
+
+use super::{Eigs, converged, history, in_words, missing, shape};
+use crate::error::Result;
+use crate::finding::{Finding, decimal};
+use crate::image::Resolution;
+use crate::krylov::Singular;
+use crate::lab::text::{percent, rounded, with_error};
+use crate::lab::{Answer, Lab, RunFolder, Verb};
+use crate::report::content::Content;
+use crate::report::html::{Block, Figure, Report, Section};
+use crate::report::run::{Files, Run};
+use crate::report::spectrum;
+
+/// Singular triplets, and how many were wanted.
+#[derive(Clone, Debug)]
+pub struct SingularTriplets {
+    /// The triplets.
+    pub found: Singular,
+    /// How many were wanted.
+    pub wanted: usize,
+    /// The pixels of photos and of patterns, where vectors are pictures.
+    pub sizes: Option<[Resolution; 2]>,
+    /// Whether a tolerance was asked for, which is not met by what is within the noise.
+    is_strict: bool,
+}
+
+impl SingularTriplets {
+    pub(super) fn new(found: Singular, asked: &Eigs, sizes: Option<[Resolution; 2]>) -> Self {
+        Self { found, wanted: asked.count, sizes, is_strict: asked.tolerance.is_some() }
+    }
+
+    fn lines(&self, content: &mut Content<'_>) {
+        let found = &self.found;
+        content.line(format_args!("photos    {}: {}", found.stats.products, found.stats.status));
+        content.line(missing(found.completeness, (found.values.len(), self.wanted), found.confirming));
+        if found.disagreement > 1e-12 {
+            content.line(format_args!(
+                "transpose the photos of the transpose differ from the other photos transposed by {} %",
+                percent(found.disagreement)
+            ));
+        }
+        content.line("           singular value        residual");
+        for (index, status) in in_words(&found.statuses).iter().enumerate() {
+            let value = with_error(found.values[index], found.standard_errors[index]);
+            let residual = found.residuals[index];
+            content.line(format_args!("  {:>6}   {value:<20}  {residual:.1e}   {status}", index + 1));
+        }
+    }
+
+    fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::of(run.folder, &self.content())?;
+        let found = &self.found;
+        let mut figures = Vec::new();
+        for (side, what, file, vectors) in
+            [(1, "pattern", "right", &found.right), (0, "photo", "left", &found.left)]
+        {
+            let Some(size) = self.sizes.map(|sizes| sizes[side]) else { continue };
+            let pictures = spectrum::pictures(size, vectors, &found.values, None, None)?;
+            for (index, (_, figure)) in pictures.into_iter().enumerate() {
+                let figure = figure
+                    .named(format!("{what} {}", index + 1), format!("{file}-vectors.npy[{index}]"))
+                    .in_series(what);
+                let caption = format!("{what} {}: σ = {}", index + 1, decimal(found.values[index], 5));
+                let figure = Figure { caption, ..figure };
+                files.picture(&format!("{file}-{:02}", index + 1), &figure)?;
+                figures.push(figure);
+            }
+        }
+        files.finish(self.page(run, figures)?)
+    }
+
+    fn page(&self, run: &Run<'_>, figures: Vec<Figure>) -> Result<Report> {
+        let found = &self.found;
+        let sentence = format!(
+            "{} photos there and back: {}; {}.",
+            found.stats.products, found.stats.status, found.completeness
+        );
+        let mut sections = Vec::new();
+        if !figures.is_empty() {
+            sections.push(Section {
+                title: "Patterns and their photos".into(),
+                text: "Signed images of norm 1. Each pattern (right singular vector), projected as far as signs can be, comes back as its photo (left singular vector), σ times as bright; the photo, projected by the exchanged devices, comes back as the pattern.".into(),
+                blocks: vec![Block::Figures(figures)],
+            });
+        }
+        sections.push(Section {
+            title: "Singular values and convergence".into(),
+            text: sentence.clone(),
+            blocks: vec![
+                spectrum::stems(&found.values, &found.residuals, "Singular values; bars are residual norms."),
+                spectrum::convergence(&found.history, 1),
+                spectrum::table(
+                    (&found.values, &found.standard_errors),
+                    &found.residuals,
+                    &[("verdict", in_words(&found.statuses).into_iter().map(String::from).collect())],
+                ),
+            ],
+        });
+        sections.extend(run.photos("")?);
+        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
+    }
+}
+
+impl Answer for SingularTriplets {
+    fn verb(&self) -> &'static str {
+        Eigs::NAME
+    }
+
+    fn photos(&self) -> usize {
+        self.found.stats.products
+    }
+
+    fn sentence(&self) -> String {
+        format!("{} photos there and back: {}", self.found.stats.products, self.found.stats.status)
+    }
+
+    fn content(&self) -> Content<'_> {
+        let (mut content, found) = (Content::default(), &self.found);
+        let count = found.values.len();
+        let [of_photos, of_patterns] = [0, 1].map(|side| self.sizes.map(|sizes| sizes[side]));
+        content.array("singular-values", &[count], &found.values);
+        content.array("residuals", &[count], &found.residuals);
+        content.array("standard-errors", &[count], &found.standard_errors);
+        content.array("left-vectors", &shape(of_photos, &found.left), found.left.concat());
+        content.array("right-vectors", &shape(of_patterns, &found.right), found.right.concat());
+        content.fact("photos", found.stats.products);
+        content.fact("status", found.stats.status.to_string());
+        let values = found.values.iter().zip(&found.standard_errors);
+        let values = values.map(|(&value, &error)| rounded(value, error));
+        content.fact("singular_values", values.collect::<Vec<_>>());
+        content.fact("residuals", &found.residuals);
+        content.fact("standard_errors", &found.standard_errors);
+        content.fact("statuses", in_words(&found.statuses));
+        content.fact("disagreement", found.disagreement);
+        content.fact("completeness", found.completeness);
+        content.fact("confirming", found.confirming);
+        content.detail("completeness_in_words", found.completeness.to_string());
+        content.detail("history", history(&found.history));
+        self.lines(&mut content);
+        content
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        vec![converged("singular values", &self.found.statuses, self.wanted, self.is_strict)]
+    }
+
+    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
+        self.write_page(&lab.page("singular values", run, seconds))
+    }
+}
