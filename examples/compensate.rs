@@ -2,20 +2,15 @@
 //!
 //! `cargo run --release --example compensate`
 
-use krylux::analysis::CompensateOptions;
 use krylux::image::Image;
-use krylux::lab::{CompensateRequest, Lab};
+use krylux::lab::Lab;
+use krylux::verbs::Compensate;
 
 fn main() -> krylux::Result<()> {
     let mut lab = Lab::builder("assets/scenes/corner/scene.glb").size(48, 48).open()?;
-    let request = CompensateRequest {
-        // Values from 0 to 1; by default 1 stands for half the median of the white photo.
-        target: Image::filled(lab.resolution(), 1, 0.5),
-        options: CompensateOptions { photos: 20, ..CompensateOptions::default() },
-        colors: None,
-        compare_methods: false,
-    };
-    let found = lab.compensate(&request)?.found;
+    // Values from 0 to 1; by default 1 stands for half the median of the white photo.
+    let target = Some(Image::filled(lab.resolution(), 1, 0.5).into());
+    let found = lab.ask(&Compensate { target, photos: Some(20), ..Compensate::default() })?.found;
     println!("{} photos: {}", found.photos, found.status);
     println!("residual: {:.4} of the target", found.residual);
     println!("residual without compensation: {:.4}", found.uncompensated_residual);

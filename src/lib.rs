@@ -93,10 +93,10 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, paint, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
+//! cli       → paint, paper, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
 //! paint     → verbs, lab, report, analysis, transport, krylov, io, sparse, operator, image, error
-//! paper     → verbs, lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
-//! verbs     → lab, report, analysis, transport, krylov, io, operator, finding, image, error
+//! paper     → lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
+//! verbs     → lab, report, bench, analysis, measure, transport, scene, krylov, io, sparse, operator, finding, image, machine, error
 //! lab       → report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
 //! report    → bench, analysis, calibrate, measure, rig, krylov, io, finding, image, file, error
 //! bench     → analysis, calibrate, measure, rig, io, operator, finding, image, error

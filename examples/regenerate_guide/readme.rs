@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use krylux::analysis::SegmentOptions;
 use krylux::analysis::segment::segment;
-use krylux::analysis::{CompensateOptions, SegmentOptions};
 use krylux::error::Result;
 use krylux::image::{Image, Resolution};
-use krylux::lab::{CompensateRequest, Lab};
+use krylux::lab::Lab;
 use krylux::report::palette::paint_labels;
 use krylux::transport::Part;
+use krylux::verbs::Compensate;
 
 use crate::panels;
 
@@ -24,13 +25,8 @@ pub fn first_look(path: &Path) -> Result<()> {
     let resolution = Resolution::new(SIDE, SIDE);
 
     let mut corner = Lab::builder("assets/scenes/corner/scene.glb").size(SIDE, SIDE).samples(256).open()?;
-    let request = CompensateRequest {
-        target: rings(resolution),
-        options: CompensateOptions { photos: 40, ..CompensateOptions::default() },
-        colors: None,
-        compare_methods: false,
-    };
-    let found = corner.compensate(&request)?.found;
+    let target = Some(rings(resolution).into());
+    let found = corner.ask(&Compensate { target, photos: Some(40), ..Compensate::default() })?.found;
     println!("residual {:.4}, without compensation {:.4}", found.residual, found.uncompensated_residual);
     let pictures = [
         panels::photo(&white),

@@ -1,4 +1,5 @@
 from collections.abc import Iterable, Sequence
+from os import PathLike
 from typing import Literal
 
 from numpy.typing import ArrayLike
@@ -41,6 +42,27 @@ class Asking(Lighting):
         compare: bool = False,
         max_error: float | None = None,
     ) -> answers.Separation: ...
+    def compensate(
+        self,
+        target: ArrayLike | str | PathLike[str],
+        *,
+        method: str | None = None,
+        photos: int | None = None,
+        rtol: float | None = None,
+        floor: float = 0.0,
+        lift: float | None = None,
+        peak: float | None = None,
+        precondition: Literal[
+            "none", "diagonal", "multiscale", "direct", "geometry", "defocus"
+        ] | None = None,
+        defocus: float | None = None,
+        out_of_focus: bool = False,
+        paper: bool = False,
+        crosstalk: ArrayLike | Literal["measure"] | None = None,
+        unmix: bool = False,
+        compare_methods: bool = False,
+        model: str | PathLike[str] | None = None,
+    ) -> answers.Compensation: ...
     def eigs(
         self,
         count: int = 6,

@@ -8,7 +8,10 @@ import textwrap
 from . import _checks, _krylux, answers
 
 #: The class of each verb's answer.
-_ANSWERS = {"eigs": answers.Eigenpairs, "segment": answers.Segmentation, "separate": answers.Separation}
+_ANSWERS = {
+    "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "segment": answers.Segmentation,
+    "separate": answers.Separation,
+}
 
 
 def add_verbs(cls):
@@ -23,17 +26,28 @@ def _method(cls, verb, about, parameters):
         for index, (name, default, _, _) in enumerate(parameters)
     )])
 
+    named = [name for name, _, kind, _ in parameters if kind.startswith("ArrayLike")]
+
     def method(*arguments, **options):
-        lab, *given = signature.bind(*arguments, **options).arguments.items()
-        arrays, facts, native = lab[1]._native.ask(verb, asked(dict(given)))
-        is_singular = dict(given).get("singular", False)
-        answer = answers.SingularTriplets if is_singular else _ANSWERS[verb]
-        return answer(arrays, facts, native, lab[1])
+        (_, lab), *given = signature.bind(*arguments, **options).arguments.items()
+        given, pictures = pictures_apart(lab, dict(given), named)
+        arrays, facts, native = lab._native.ask(verb, asked(given), pictures)
+        answer = answers.SingularTriplets if given.get("singular", False) else _ANSWERS[verb]
+        return answer(arrays, facts, native, lab)
 
     method.__name__, method.__qualname__, method.__module__ = verb, f"{cls.__qualname__}.{verb}", cls.__module__
     method.__signature__ = signature
     method.__doc__ = _documentation(verb, about, parameters)
     return method
+
+
+def pictures_apart(lab, options, names):
+    """The options, and the pictures among them that are arrays and no files, which have the camera's pixels."""
+    pictures = {
+        name: _checks.picture(options[name], name, lab.shape, lab.channels)
+        for name in names if options.get(name) is not None and not isinstance(options[name], (str, os.PathLike))
+    }
+    return {name: value for name, value in options.items() if name not in pictures}, pictures
 
 
 def asked(options):

@@ -3,12 +3,9 @@
 import inspect
 import os
 
-import numpy as np
-
 from . import _checks, answers
 from ._asking import Asking
-from ._declared import asked as as_json
-from ._questions import compensate_question
+from ._declared import asked as as_json, pictures_apart
 
 
 class OnRigs(Asking):
@@ -56,13 +53,10 @@ class OnRigs(Asking):
         planned = {"segment": self._native.plan_segment, "eigs": self._native.plan_eigs}
         if verb in planned:
             return answers.Plan(planned[verb](as_json(bound.arguments), trials))
-        bound.apply_defaults()
-        asked = bound.arguments
-        _refuse_beside(verb, asked)
-        target, question = compensate_question(self, asked)
-        if target.ndim == 3:
+        given, pictures = pictures_apart(self, bound.arguments, ("target",))
+        if any(picture.ndim == 3 for picture in pictures.values()):
             raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
-        found = self._native.plan_compensate(target, question, trials)
+        found = self._native.plan_compensate(as_json(given), pictures, trials)
         return answers.Plan(found)
 
     def through_rig(self, rig, *, folder=None, resume=False, overwrite=False):
@@ -144,16 +138,3 @@ class OnRigs(Asking):
         found = self._native.calibrate(_checks.count(takes, "takes"), map, bool(flat_field))
         self._is_calibrated = True
         return Report(found)
-
-
-#: Arguments of a verb that a plan has no use for.
-_BESIDE = {
-    "compensate": ("peak", "crosstalk", "unmix", "compare_methods", "model"),
-}
-
-
-def _refuse_beside(verb, asked):
-    for option in _BESIDE[verb]:
-        given = asked[option]
-        if given is not None and np.size(given) > 0 and (np.ndim(given) > 0 or bool(given)):
-            raise _checks.refuse(option, f"it is no part of a plan of {verb}", "leave it out")

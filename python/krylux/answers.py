@@ -9,6 +9,11 @@ from . import _display
 from ._answer import Answer
 
 
+def _numbers(values):
+    """Numbers that JSON may have no form for: infinite ones come as ``None``."""
+    return np.array([np.inf if value is None else value for value in values])
+
+
 class Segmentation(Answer):
     """Groups of pixels that exchange light: the answer of :meth:`krylux.Lab.segment`.
 
@@ -196,6 +201,24 @@ class Compensation(Answer):
     good : bool
         Whether it is better than no compensation, and as good as was asked for.
     """
+
+    unclipped = None
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        super().__init__({**facts, **arrays}, native, lab)
+        self.pattern = arrays["compensation"]
+        self.photos, self.preparation, self.status = (facts[of] for of in ("photos_of_method", "photos_before", "ended"))
+        self.residual = facts["relative_residual"]
+        self.unclipped_residual = facts["relative_residual_unclipped"]
+        self.uncompensated_residual = facts["relative_residual_uncompensated"]
+        self.similarity, self.uncompensated_similarity = facts["likeness"], facts["likeness_uncompensated"]
+        self.methods = {
+            of["method"]: {
+                "photos": of["photos"], "frames": of["frames"], "residual": of["relative_residual"], "ssim": of["ssim"],
+                "history": _numbers(of["residuals"]), "displayed": _numbers(of["residuals_displayed"]),
+            }
+            for of in facts["methods"]
+        }
 
     def _repr_html_(self):
         pictures = [

@@ -5,10 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use krylux::bench::audit::Audit;
 use krylux::finding::Finding;
 use krylux::krylov::{Method, Solution};
-use krylux::lab::{
-    CompensateAnswer, CompensateRequest, Compensated, Lab, ProbedLight, Saved, Solved, Verified,
-    VerifiedCompensation,
-};
+use krylux::lab::{Lab, ProbedLight, Saved, Solved, Verified};
 use pyo3::prelude::*;
 
 /// An answer as krylux has it.
@@ -18,7 +15,6 @@ pub(crate) struct Answer(Mutex<Kept>);
 /// Each kind of answer, with what its report shows beside it.
 pub(crate) enum Kept {
     Audit(Audit),
-    Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
     Probe(ProbedLight),
     Asked(Box<dyn krylux::lab::Answer + Send>),
     Solve { found: Box<Solution>, method: Method },
@@ -29,10 +25,6 @@ impl Kept {
     fn shown<T>(&self, work: impl FnOnce(&dyn krylux::lab::Answer) -> T) -> T {
         match self {
             Self::Audit(found) => work(found),
-            Self::Compensate(request, answer) => {
-                let shown = Compensated::new(&answer.found, &request.options);
-                work(&Compensated { methods: &answer.methods, ..shown })
-            }
             Self::Probe(found) => work(found),
             Self::Asked(found) => work(&**found),
             Self::Solve { found, method } => work(&Solved { found, method: *method }),
@@ -58,17 +50,8 @@ impl Answer {
 
     /// Compares the photos that the answer predicts with independent ones: `None` where there are none, or where the answer predicts no photos.
     pub(crate) fn check(&self, lab: &mut Lab) -> krylux::Result<Option<Verified>> {
-        let of_compensation = |found: VerifiedCompensation| Verified {
-            residual: Some(found.residual),
-            photo: Some([found.photo, found.standard_error]),
-            ..found.verification.into()
-        };
         Ok(match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Asked(found) => found.verify(lab)?,
-            // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
-            Kept::Compensate(request, answer) if request.colors.is_none() => {
-                lab.verify_compensation(&answer.found)?.map(of_compensation)
-            }
             _ => None,
         })
     }
@@ -77,7 +60,6 @@ impl Answer {
     pub(crate) fn verb(&self) -> &'static str {
         match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Audit(_) => "audit",
-            Kept::Compensate(..) => "compensate",
             Kept::Probe(_) => "probe",
             Kept::Asked(found) => found.verb(),
             Kept::Solve { .. } => "solve",

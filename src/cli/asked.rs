@@ -11,7 +11,7 @@ use super::options::{CheckArgs, RunArgs, SourceArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
-use crate::lab::{Answer, Lab, SourceKind, Verb};
+use crate::lab::{Answer, Lab, Verb};
 use crate::paint::page::Kept;
 
 /// The command line of a verb.
@@ -65,12 +65,11 @@ impl<V: Verb> Asked<V> {
         let Self { request, common } = self;
         // Wrong options should show before anything is written or traced.
         request.check()?;
-        let kind = SourceKind::of(&common.source.source);
+        let channels = request.channels(&common.source.source)?;
         let opening = Opening {
             split_bounces: request.splits_bounces(),
-            ..Opening::new(&common.source, &common.trace).operator(&common.operator)
+            ..Opening::new(&common.source, &common.trace).operator(&common.operator).channels(channels)
         };
-        let opening = opening.channels(request.channels(kind));
         let mut lab = opening.open_shown(&common.live, console)?;
         request.check_on(&lab)?;
         in_run(&mut lab, &common.run, V::NAME, |lab| self.answer(lab, console))

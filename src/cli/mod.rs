@@ -7,7 +7,6 @@ mod audit;
 mod bar;
 mod cache;
 mod compare;
-mod compensate;
 mod completions;
 mod console;
 mod drawing;
@@ -45,7 +44,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Eigs, Relight, Segment, Separate, pattern};
+use crate::verbs::{Compensate, Eigs, Relight, Segment, Separate, pattern};
 use console::Console;
 use options::GlobalArgs;
 
@@ -65,7 +64,7 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 enum Verb {
     Photo(photo::Args),
     Segment(asked::Asked<Segment>),
-    Compensate(compensate::Args),
+    Compensate(asked::Asked<Compensate>),
     Separate(asked::Asked<Separate>),
     Relight(asked::Asked<Relight>),
     Paint(paint::Args),
@@ -130,7 +129,7 @@ pub fn main() -> ExitCode {
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console),
         Verb::Segment(args) => args.run(&console),
-        Verb::Compensate(args) => compensate::run(args, &console),
+        Verb::Compensate(args) => args.run(&console),
         Verb::Separate(args) => args.run(&console),
         Verb::Relight(args) => args.run(&console),
         Verb::Paint(args) => paint::run(args, &console),

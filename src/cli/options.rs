@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::krylov::{METHODS, Method};
 pub(super) use crate::transport::Channels as ChannelsArg;
-pub(super) use crate::verbs::options::{count, number, time};
+pub(super) use crate::verbs::options::{count, method, number, time};
 
 /// Which source of photos.
 #[derive(Args, Clone)]
@@ -141,12 +140,4 @@ pub(super) fn free_file(name: &str, extension: &str) -> PathBuf {
     // Of one stem more than there are files one is free.
     let stem = stems.into_iter().find(is_free).unwrap_or_else(|| name.to_owned());
     PathBuf::from(stem + &ending)
-}
-
-/// `--method`: any that solves `A x = b`.
-pub(super) fn method(name: &str) -> Result<Method, String> {
-    Method::from_name(name).map_err(|_| {
-        let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
-        format!("expected one of {}", names.join(", "))
-    })
 }

@@ -7,14 +7,14 @@ use super::console::Console;
 use super::opening::Opening;
 use super::options::{SourceArgs, count, number};
 use super::trace::TraceArgs;
-use super::{Outcome, compensate, plan_ranks};
+use super::{Outcome, plan_ranks};
 use crate::analysis::plan::Cost;
 use crate::error::{Error, Result};
 use crate::finding::decimal;
 use crate::io::name::Name;
 use crate::lab::{ChannelChoice, Lab, Plan, PlanRequest, RigSource, SourceKind};
 use crate::transport::Channels;
-use crate::verbs::{Eigs, Segment};
+use crate::verbs::{Compensate, Eigs, Segment};
 
 /// Predict photos, time and error of a verb on a rig, from its virtual twin; or memory and time of a scene on several machines
 #[derive(clap::Args)]
@@ -49,7 +49,7 @@ enum Question {
     Segment(Segment),
     /// Plan `krylux compensate`: how much larger the residual is than that of the best pattern
     #[command(after_help = "Example:\n  krylux plan rig.toml compensate --target target.png --photos 20")]
-    Compensate(compensate::Question),
+    Compensate(Compensate),
     /// Plan `krylux eigs`: how far the eigenvalues are off
     #[command(after_help = "Example:\n  krylux plan rig.toml eigs --count 4 --photos 30")]
     Eigs(Eigs),
@@ -116,9 +116,10 @@ fn request(question: &Question, lab: &Lab) -> Result<PlanRequest> {
             PlanRequest::Segment(question.part(), question.options(seed, None))
         }
         Question::Compensate(question) => {
+            question.check_plan()?;
             let target = question.target(lab.resolution(), Channels::Luma)?;
             let is_symmetric = lab.rig().is_none_or(RigSource::is_symmetric);
-            PlanRequest::Compensate(target, question.options_on(is_symmetric, None))
+            PlanRequest::Compensate(target, question.options(is_symmetric, None))
         }
         Question::Eigs(question) => PlanRequest::Eigs(question.part.into(), question.options(seed, None)),
     })

@@ -50,9 +50,9 @@ macro_rules! methods {
     ($($method:ident $name:literal [$transpose:literal, $symmetry:literal] $constraint:ident [$images:literal, $more:literal]
         [$start:literal, $products:literal] $new:expr;)*) => {
         /// A method for `A x = b`.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
         pub enum Method {
-            $(#[doc = concat!("`", $name, "` on the command line.")] $method),*
+            $(#[doc = concat!("`", $name, "` on the command line.")] #[serde(rename = $name)] $method),*
         }
 
         /// One row per method.

@@ -5,7 +5,6 @@ use crate::bench::audit::Audit;
 use crate::error::Result;
 use crate::finding::Finding;
 use crate::report;
-use crate::report::compensation::Compensated;
 use crate::report::probing::ProbedLight;
 use crate::report::solution::Solved;
 
@@ -33,35 +32,6 @@ impl Answer for Audit {
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
         report::audit::write(self, &lab.page("audit", run, seconds))
-    }
-}
-
-impl Answer for Compensated<'_> {
-    fn verb(&self) -> &'static str {
-        "compensate"
-    }
-
-    fn photos(&self) -> usize {
-        let compared: usize = self.methods.iter().map(|run| run.photos).sum();
-        self.found.photos + self.found.preparation + compared
-    }
-
-    fn sentence(&self) -> String {
-        Self::sentence(self)
-    }
-
-    fn findings(&self) -> Vec<Finding> {
-        Self::findings(self)
-    }
-
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        const WHAT: &str = "light transport compensation";
-        let mut run = lab.page(WHAT, run, seconds);
-        if let Some((name, unit)) = self.model {
-            (run.title, run.unit) = (format!("{name} · {WHAT}"), unit);
-        }
-        run.strip = run.strip.filter(|_| self.has_photos);
-        Self::write(self, &run)
     }
 }
 

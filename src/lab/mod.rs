@@ -65,22 +65,22 @@ pub use look::look;
 pub(crate) use observing::Log;
 pub use observing::SharedObserver;
 pub use operator::LabOperator;
+pub(crate) use run_model::model_shape;
 pub use run_model::open_model;
 pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
 pub use verbs::{
-    Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, JoinedShards, MatrixRequest, Plan,
-    PlanRequest, Scaling, SinglePhoto, TracedShard, join_shards,
+    Calibrated, JoinedShards, MatrixRequest, Plan, PlanRequest, Scaling, SinglePhoto, TracedShard,
+    join_shards,
 };
-pub use verification::{VerifiedCompensation, VerifiedEigenpairs};
+pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
 use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
-pub use crate::report::compensation::Compensated;
 use crate::report::contact_sheet::ContactSheet;
 pub use crate::report::probing::ProbedLight;
 pub use crate::report::solution::Solved;

@@ -3,13 +3,15 @@
 use std::path::Path;
 
 use super::layout::journal_folder;
-use super::source::{RunPhotos, RunSource};
-use super::{Log, SharedObserver};
+use super::source::{RunPhotos, RunSource, Source};
+use super::{Lab, Log, SharedObserver};
 use crate::analysis::low_rank::{SavedModel, estimated_direct, from_products};
 use crate::error::{Error, Result};
+use crate::image::Resolution;
 use crate::io::model;
 use crate::journal::Journal;
 use crate::operator::Product;
+use crate::transport::Channels;
 
 /// The low-rank model in the folder of a run: the one that the run left, or one from all the photos that it took. No photo is taken.
 ///
@@ -19,8 +21,58 @@ pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel
     if model::is_in(folder) {
         return SavedModel::read(folder);
     }
+    from_photos(&run_with_photos(folder)?, observer)
+}
+
+/// The channels of the model that [`open_model`] gives, and the pixels of its photos and patterns.
+///
+/// # Errors
+/// [`Error::Data`] where there is neither a model nor photos.
+pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> {
+    if model::is_in(folder) {
+        let model = SavedModel::read(folder)?;
+        return Ok((Channels::of(model.channels.len()), [model.resolution, model.projector]));
+    }
+    let note = run_with_photos(folder)?.note;
+    Ok((Channels::of(note.channels), [note.photos, note.patterns]))
+}
+
+impl Lab {
+    /// The low-rank model of the light transport: the one that a run left, or one from all the photos that a run took. No photo is taken.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where the source is not the folder of a run; [`Error::Journal`] where its photos do not suffice.
+    pub fn model(&self) -> Result<SavedModel> {
+        match &self.source {
+            Source::Model(source) => Ok(source.model.clone()),
+            Source::Run(run) => open_model(&run.folder, &self.observer),
+            _ => Err(Error::Data {
+                path: self.name().into(),
+                fault: "it holds no model, and no photos to make one of".into(),
+                help: "give the folder of a `krylux relight` run, or of another run that kept its photos"
+                    .into(),
+            }),
+        }
+    }
+
+    /// Whether a model answers without further photos: whether the source is the folder of a run.
+    pub fn has_model(&self) -> bool {
+        matches!(self.source, Source::Model(_) | Source::Run(_))
+    }
+
+    /// Whether the run that is the source left a model.
+    pub fn has_saved_model(&self) -> bool {
+        match &self.source {
+            Source::Model(_) => true,
+            Source::Run(run) => model::is_in(&run.folder),
+            _ => false,
+        }
+    }
+}
+
+fn run_with_photos(folder: &Path) -> Result<RunSource> {
     if Journal::is_in(&journal_folder(folder)) {
-        return from_photos(&RunSource::open(folder)?, observer);
+        return RunSource::open(folder);
     }
     Err(Error::Data {
         path: folder.to_path_buf(),

@@ -1,10 +1,10 @@
 //! Questions to a laboratory and their answers.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{ChannelChoice, Lab, RunFolder, SourceKind};
+use super::{ChannelChoice, Lab, RunFolder};
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::Finding;
@@ -21,11 +21,6 @@ pub trait Verb: Serialize {
 
     /// What is found.
     type Answer: Answer;
-
-    /// Gray or coloured photos of a source of this kind.
-    fn channels(&self, _kind: SourceKind) -> ChannelChoice {
-        ChannelChoice::Luma
-    }
 
     /// Whether the bounces of a scene's light must be kept apart.
     fn splits_bounces(&self) -> bool {
@@ -46,6 +41,14 @@ pub trait Verb: Serialize {
     /// As [`Verb::check`].
     fn check_on(&self, _lab: &Lab) -> Result<()> {
         Ok(())
+    }
+
+    /// Gray or coloured photos of a source that is opened for the request.
+    ///
+    /// # Errors
+    /// Those of reading a model, where it decides.
+    fn channels(&self, _source: &Path) -> Result<ChannelChoice> {
+        Ok(ChannelChoice::Luma)
     }
 
     /// Takes the photos and answers; the request was checked.

@@ -44,6 +44,7 @@ pub enum Values<'a> {
     F32(Cow<'a, [f32]>),
     U8(Cow<'a, [u8]>),
     Bool(Cow<'a, [bool]>),
+    Image(&'a Image),
 }
 
 macro_rules! values {
@@ -103,6 +104,13 @@ impl<'a> Content<'a> {
         let shape = [image.resolution().height, image.resolution().width, image.channels()];
         let shape = if image.channels() == 1 { &shape[..2] } else { &shape };
         self.push(name, key, shape, image.samples().into(), false);
+    }
+
+    /// Adds an image that is written to `NAME.npy` and `NAME.exr`.
+    pub fn image(&mut self, name: &'static str, image: &'a Image) {
+        let Resolution { width, height } = image.resolution();
+        let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
+        self.push(name, None, shape, Values::Image(image), true);
     }
 
     /// Adds an array that programs can use and that no file holds.

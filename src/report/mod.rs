@@ -5,7 +5,7 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the arrays, pictures and page of one command | [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
@@ -18,7 +18,6 @@ pub mod audit;
 mod axis;
 pub mod calibration;
 pub mod colormap;
-pub mod compensation;
 pub mod contact_sheet;
 pub mod content;
 pub(crate) mod figure;
@@ -31,7 +30,7 @@ pub(crate) mod planes;
 pub mod plot;
 pub mod preview;
 pub mod probing;
-mod residuals;
+pub(crate) mod residuals;
 pub mod run;
 pub mod scatter;
 pub mod solution;

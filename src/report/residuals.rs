@@ -6,10 +6,10 @@ use super::html::Block;
 use super::plot::{LinePlot, Series};
 
 /// Number of photos, and the residual after them.
-pub(super) type Row = (usize, f64);
+pub(crate) type Row = (usize, f64);
 
 /// Content of `residuals.csv`; `count` is the header of the first column.
-pub(super) fn csv(count: &str, history: &[Row]) -> String {
+pub(crate) fn csv(count: &str, history: &[Row]) -> String {
     let mut text = format!("{count},relative_residual\n");
     for (photo, residual) in history {
         // Writing to a string cannot fail.
@@ -19,12 +19,12 @@ pub(super) fn csv(count: &str, history: &[Row]) -> String {
 }
 
 /// A plot with one named line per method and dashed horizontal marks.
-pub(super) fn plot(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>, caption: &str) -> Block {
+pub(crate) fn plot(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>, caption: &str) -> Block {
     Block::Plot { svg: lines_of(count, lines, marks).render(), caption: caption.into() }
 }
 
 /// A small plot for each method, over the `count` of photos or frames.
-pub(super) fn multiples(
+pub(crate) fn multiples(
     count: &str,
     lines: &[(&str, &[Row])],
     marks: Vec<(f64, String)>,

@@ -128,6 +128,7 @@ impl<'a> Files<'a> {
                 Values::F32(values) => files.array(&name, shape, values)?,
                 Values::U8(values) => files.array(&name, shape, values)?,
                 Values::Bool(values) => files.array(&name, shape, values)?,
+                Values::Image(image) => files.image(&name, image)?,
             }
         }
         Ok(files)

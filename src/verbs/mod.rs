@@ -4,6 +4,7 @@
 //! Python and the record in `run.json` come from them. An [answer](crate::lab::Answer) is named arrays and named facts: files, summary,
 //! attributes in Python and lines on the terminal come from them.
 
+pub mod compensate;
 pub mod eigs;
 pub mod options;
 pub mod pattern;
@@ -18,6 +19,7 @@ mod tests_of_verification;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+pub use compensate::{Compensate, Compensated};
 pub use eigs::{Eigs, Spectrum};
 pub use options::{from_json, signature};
 pub use relight::{Relight, Relighting};

@@ -5,7 +5,9 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::compensate::Picture;
 use crate::error::{Error, Result};
+use crate::krylov::{METHODS, Method};
 use crate::transport::Part;
 
 /// The default of a request: what its declaration says of each option.
@@ -15,7 +17,9 @@ use crate::transport::Part;
 )]
 pub(super) fn defaults<T: clap::Args>() -> T {
     let name = clap::Command::new("defaults");
-    let parsed = T::augment_args(name).try_get_matches_from(["defaults"]);
+    // A file that must be given has no default; the request's own check asks for it.
+    let command = T::augment_args(name).mut_args(|arg| arg.required(false));
+    let parsed = command.try_get_matches_from(["defaults"]);
     match parsed.and_then(|matches| T::from_arg_matches(&matches)) {
         Ok(request) => request,
         Err(error) => panic!("a request whose options all have defaults: {error}"),
@@ -46,6 +50,26 @@ pub(crate) fn count<T: TryFrom<u64>>(text: &str) -> std::result::Result<T, Strin
     let count = text.trim().parse().ok().filter(|&count: &u64| count <= MAX_COUNT);
     let count = count.and_then(|count| T::try_from(count).ok());
     count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
+}
+
+/// A method that solves `A x = b`.
+pub(crate) fn method(name: &str) -> std::result::Result<Method, String> {
+    Method::from_name(name).map_err(|_| {
+        let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
+        format!("expected one of {}", names.join(", "))
+    })
+}
+
+/// Refuses the options of a verb that are given and that a plan of it cannot know.
+pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
+    match given.iter().find(|(is_given, _)| *is_given) {
+        None => Ok(()),
+        Some((_, option)) => Err(Error::Option {
+            option: (*option).into(),
+            fault: format!("it is no part of a plan of {verb}"),
+            help: "leave it out".into(),
+        }),
+    }
 }
 
 /// A part of the light.
@@ -142,12 +166,12 @@ pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let of = |arg: &clap::Arg| {
         let name = arg.get_id().to_string();
-        let default = &defaults[&name];
+        // An option that only opens the source is no field of the record.
+        let default = defaults.get(&name)?;
         let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
-        Parameter { kind: kind(arg, default), default: default.to_string(), name, help }
+        Some(Parameter { kind: kind(arg, default), default: default.to_string(), name, help })
     };
-    let is_recorded = |arg: &&clap::Arg| defaults.get(arg.get_id().as_str()).is_some();
-    (about, command.get_arguments().filter(is_recorded).map(of).collect())
+    (about, command.get_arguments().filter_map(of).collect())
 }
 
 /// The type of an option's value in Python.
@@ -161,6 +185,8 @@ fn kind(arg: &clap::Arg, default: &Value) -> String {
         of if of == TypeId::of::<f64>() => "float".to_owned(),
         of if of == TypeId::of::<usize>() => "int".to_owned(),
         of if of == TypeId::of::<std::path::PathBuf>() => "str | PathLike[str]".to_owned(),
+        of if of == TypeId::of::<Picture>() => "ArrayLike | str | PathLike[str]".to_owned(),
+        of if of == TypeId::of::<Method>() => "str".to_owned(),
         _ if names.is_empty() => "Any".to_owned(),
         _ => format!("Literal[{}]", names.join(", ")),
     };

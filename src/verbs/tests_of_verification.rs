@@ -1,12 +1,13 @@
 //! Answers are checked with light that they were not computed from.
 
+use crate::analysis::compensate::compensate;
 use crate::analysis::segment::{Cut, segment};
-use crate::analysis::{CompensateOptions, SegmentOptions};
+use crate::analysis::{CompensateOptions, Compensation, SegmentOptions, Target};
 use crate::error::{Error, Result};
 use crate::finding::Grade;
 use crate::image::Image;
 use crate::io::manifest::{CheckVerdict, Independent, Verification};
-use crate::lab::{Answer, CompensateRequest, Lab, RunOptions};
+use crate::lab::{Answer, Lab, RunOptions};
 use crate::measure::RigFile;
 use crate::scene::builtin;
 use crate::transport::Part;
@@ -111,20 +112,28 @@ fn a_segmentation_is_checked_pair_by_pair() -> Result<()> {
     Ok(())
 }
 
+/// The compensation of a dark gray target by six photos.
+fn compensated(lab: &mut Lab) -> Result<Compensation> {
+    let target = Target::new(&Image::filled(lab.resolution(), 1, 0.3), &lab.ambient()?)?;
+    let options =
+        CompensateOptions { photos: 6, baseline: lab.is_simulated()?, ..CompensateOptions::default() };
+    let mut channels = lab.operators(Part::Full)?;
+    lab.photos(|_| compensate(&mut channels, &target, &options))
+}
+
 /// The deviations of a compensated photo from that of `exact`, in stated standard errors, root mean square.
 fn deviation(lab: &mut Lab, exact: &mut Lab) -> Result<f64> {
     let white = Image::filled(lab.projector_resolution(), 1, 1.0);
-    let target = Image::filled(lab.resolution(), 1, 0.3);
-    let options = CompensateOptions { photos: 6, ..CompensateOptions::default() };
-    let request = CompensateRequest { target, options, colors: None, compare_methods: false };
-    let answer = lab.compensate(&request)?;
-    let Some(checked) = lab.verify_compensation(&answer.found)? else { unreachable!("there is other light") };
+    let found = compensated(lab)?;
+    let Some([photo, errors]) = lab.verify_compensation(&found)?.and_then(|checked| checked.photo) else {
+        unreachable!("there is other light")
+    };
     // The units of a rig and of the scene differ by a factor.
     let [seen, known] =
         [&mut *lab, &mut *exact].map(|lab| lab.single_photo(&white).map(|photo| photo.photo.plane(0)));
     let unit = seen?.iter().sum::<f64>() / known?.iter().sum::<f64>();
-    let truth = exact.single_photo(&answer.found.pattern)?.photo.plane(0);
-    let (photo, errors) = (checked.photo.plane(0), checked.standard_error.plane(0));
+    let truth = exact.single_photo(&found.pattern)?.photo.plane(0);
+    let (photo, errors) = (photo.plane(0), errors.plane(0));
     let ambient = lab.ambient()?.plane(0);
     let z = |at: usize| (photo[at] - ambient[at] - unit * truth[at]) / errors[at];
     let squares: Vec<f64> = (0..photo.len()).filter(|&at| errors[at] > 0.0).map(|at| z(at).powi(2)).collect();
@@ -187,16 +196,11 @@ fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     places.iter().zip(&seen).for_each(|(&to, &from)| labels[to] = before[from]);
     let wrong_groups = of_groups(&mut zigzag, &groups)?;
     assert!(wrong_groups.as_ref().is_some_and(|of| of.supported[0].1 == 0.0), "no label is sure");
-    let compensated = |lab: &mut Lab| {
-        let target = Image::filled(lab.resolution(), 1, 0.3);
-        let options = CompensateOptions { photos: 6, ..CompensateOptions::default() };
-        lab.compensate(&CompensateRequest { target, options, colors: None, compare_methods: false })
-    };
     let of_photo =
         |lab: &mut Lab, found| lab.verify_compensation(found).map(|of| of.map(|of| of.verification));
-    let right = compensated(&mut zigzag)?.found;
+    let right = compensated(&mut zigzag)?;
     let right_photo = of_photo(&mut zigzag, &right)?;
-    let wrong = compensated(&mut lab(builtin::corner().to_scene())?)?.found;
+    let wrong = compensated(&mut lab(builtin::corner().to_scene())?)?;
     let wrong_photo = of_photo(&mut zigzag, &wrong)?;
     let verdict = |of: Option<Verification>| of.map_or(CheckVerdict::TooWeak, |of| of.verdict);
     let of_groups = |of: Option<crate::lab::VerifiedEigenpairs>| verdict(of.map(|of| of.verification));

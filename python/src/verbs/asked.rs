@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use krylux::Error;
 use krylux::lab::{Answer as Answering, Verb};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Eigs, Request, Segment, Separate, from_json, signature};
+use krylux::verbs::{Compensate, Eigs, Request, Segment, Separate, from_json, signature};
 use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{Element, IntoPyArray};
+use numpy::{Element, IntoPyArray, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::answers::{Answer, Kept};
-use crate::arrays::Fields;
+use crate::arrays::{self, Fields};
 use crate::errors::{self, in_python};
 use crate::lab::Lab;
 
@@ -22,7 +22,7 @@ type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 /// The verbs that [`Lab::ask`] knows.
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
-    vec![described::<Eigs>(), described::<Segment>(), described::<Separate>()]
+    vec![described::<Compensate>(), described::<Eigs>(), described::<Segment>(), described::<Separate>()]
 }
 
 fn described<V: Request>() -> Signature {
@@ -31,12 +31,28 @@ fn described<V: Request>() -> Signature {
     (V::NAME, in_python(&about), parameters.collect())
 }
 
+/// Pictures that are asked about, by the names of their keyword arguments.
+pub(super) type Pictures<'py> = BTreeMap<String, PyReadonlyArrayDyn<'py, f32>>;
+
 /// The request of keyword arguments whose values are JSON.
 pub(crate) fn request<V: Request>(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<V> {
     let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
     let fields = parsed.collect::<Result<_, serde_json::Error>>();
     let fields = fields.map_err(|why| Error::Numerical(why.to_string()));
     fields.and_then(from_json).map_err(|error| errors::raise(py, &error))
+}
+
+/// The request of a compensation, whose target may be an array.
+pub(super) fn compensation(
+    py: Python<'_>,
+    asked: BTreeMap<String, String>,
+    pictures: &Pictures<'_>,
+) -> PyResult<Compensate> {
+    let asked: Compensate = request(py, asked)?;
+    match pictures.get("target") {
+        Some(target) => Ok(Compensate { target: Some(arrays::image(target)?.into()), ..asked }),
+        None => Ok(asked),
+    }
 }
 
 #[pymethods]
@@ -47,11 +63,13 @@ impl Lab {
         py: Python<'py>,
         verb: &str,
         asked: BTreeMap<String, String>,
+        pictures: Pictures<'py>,
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)> {
         match verb {
-            Eigs::NAME => self.answered::<Eigs>(py, asked),
-            Segment::NAME => self.answered::<Segment>(py, asked),
-            Separate::NAME => self.answered::<Separate>(py, asked),
+            Compensate::NAME => self.answered(py, &compensation(py, asked, &pictures)?),
+            Eigs::NAME => self.answered(py, &request::<Eigs>(py, asked)?),
+            Segment::NAME => self.answered(py, &request::<Segment>(py, asked)?),
+            Separate::NAME => self.answered(py, &request::<Separate>(py, asked)?),
             other => Err(errors::option(py, "verb", &format!("there is no {other}"), "see krylux.Lab")),
         }
     }
@@ -61,13 +79,12 @@ impl Lab {
     fn answered<'py, V>(
         &self,
         py: Python<'py>,
-        asked: BTreeMap<String, String>,
+        request: &V,
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)>
     where
         V: Request + Verb<Answer: Send + 'static> + Sync,
     {
-        let request: V = request(py, asked)?;
-        let found = self.with(py, |lab| lab.ask(&request))?;
+        let found = self.with(py, |lab| lab.ask(request))?;
         let (arrays, facts) = attributes(py, &found)?;
         Ok((arrays, facts, Answer::new(Kept::Asked(Box::new(found)))))
     }
@@ -83,11 +100,11 @@ pub(crate) fn attributes<'py>(
         facts.json(name, value)?;
     }
     facts.put("photos", found.photos())?.put("status", found.sentence())?;
-    Ok((arrays(py, &content)?, facts.0))
+    Ok((arrays_of(py, &content)?, facts.0))
 }
 
 /// The arrays by name; those that share a name are a dictionary by their number.
-fn arrays<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, PyDict>> {
+fn arrays_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for array in &content.arrays {
         let values = match &array.values {
@@ -95,6 +112,7 @@ fn arrays<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, Py
             Values::F32(values) => shaped(py, &array.shape, values)?,
             Values::U8(values) => shaped(py, &array.shape, values)?,
             Values::Bool(values) => shaped(py, &array.shape, values)?,
+            Values::Image(image) => arrays::array(py, image)?.into_any(),
         };
         match array.key {
             None => all.set_item(array.name, values)?,

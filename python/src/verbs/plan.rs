@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use krylux::lab::{Plan, PlanRequest, RigSource};
+use krylux::transport::Channels;
 use krylux::verbs::{Eigs, Segment};
-use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::compensate::CompensateQuestion;
-use crate::arrays::{self, Fields};
+use super::asked::{Pictures, compensation};
+use crate::arrays::Fields;
 use crate::lab::Lab;
 
 /// The attributes of a plan.
@@ -54,14 +54,17 @@ impl Lab {
     fn plan_compensate<'py>(
         &self,
         py: Python<'py>,
-        target: PyReadonlyArrayDyn<'py, f32>,
-        question: CompensateQuestion,
+        asked: BTreeMap<String, String>,
+        pictures: Pictures<'py>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let target = arrays::image(&target)?;
-        let is_symmetric = self.with(py, |lab| Ok(lab.rig().is_none_or(RigSource::is_symmetric)))?;
-        let options = question.options(py, is_symmetric, false)?;
-        self.plan(py, &PlanRequest::Compensate(target, options), trials)
+        let request = compensation(py, asked, &pictures)?;
+        let (target, is_symmetric) = self.with(py, |lab| {
+            request.check_plan()?;
+            let target = request.target(lab.resolution(), Channels::Luma)?;
+            Ok((target, lab.rig().is_none_or(RigSource::is_symmetric)))
+        })?;
+        self.plan(py, &PlanRequest::Compensate(target, request.options(is_symmetric, None)), trials)
     }
 
     /// The plan of eigenpairs.

@@ -35,21 +35,23 @@ pub struct CompensateOptions {
     pub baseline: bool,
 }
 
-/// An approximate inverse from prior knowledge of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// An approximate inverse from prior knowledge of the scene: [`Prior`](super::Prior), or further photos.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
 pub enum Precondition {
-    /// No preconditioner.
+    /// Nothing
     None,
-    /// Division by the white photo, `D = A 1`.
+    /// Division by the white photo
     Diagonal,
-    /// As `Diagonal`, with a gain per scale of an image pyramid, by one more photo:
-    /// [`Multiscale::measured`](crate::krylov::Multiscale::measured).
+    /// That, and a gain for each scale, measured by one photo more
     Multiscale,
-    /// Division by the direct image: [`Prior::direct`](super::Prior::direct), or measured by 16 photos of shifted squares.
+    /// Division by the direct image: the simulator's, or measured by 16 photos of shifted squares
     Direct,
-    /// Division by the direct image predicted from the scene's shape alone: [`Prior::geometry`](super::Prior::geometry).
+    /// Division by the direct image that the scene's shape predicts, whatever its colours
     Geometry,
-    /// Division by the white photo and the frequencies of an unfocused lens; its width is given or measured by one more photo.
+    /// Division by the white photo and by the frequencies that a lens out of focus leaves
     Defocus,
 }
 

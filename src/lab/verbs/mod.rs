@@ -2,7 +2,6 @@
 
 mod audit;
 mod calibrate;
-mod compensate;
 mod flat_field;
 mod machines;
 mod matrix;
@@ -13,7 +12,6 @@ mod probe;
 mod solve;
 
 pub use calibrate::Calibrated;
-pub use compensate::{ColorMixing, CompensateAnswer, CompensateRequest};
 pub use machines::{JoinedShards, Scaling, TracedShard, join_shards};
 pub use matrix::MatrixRequest;
 pub use photo::SinglePhoto;

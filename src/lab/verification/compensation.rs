@@ -6,31 +6,19 @@ use super::{Predicted, photos_compared};
 use crate::analysis::Compensation;
 use crate::error::Result;
 use crate::image::Image;
-use crate::io::manifest::{Independent, Verification};
-use crate::lab::Lab;
+use crate::io::manifest::Independent;
 use crate::lab::lock::lock;
 use crate::lab::source::Source;
+use crate::lab::{Lab, Verified};
 use crate::transport::{EstimatedProduct, Part, pooled};
 
-/// What independent light says of a compensation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VerifiedCompensation {
-    /// How well the photo is predicted.
-    pub verification: Verification,
-    /// The relative distance of the photo from the target, `‖y − b‖ / ‖b‖` without noise.
-    pub residual: f64,
-    /// The photo of the compensation by independent light, with ambient light, in W/(m² sr) or the rig's unit.
-    pub photo: Image,
-    /// The standard error of each of its samples.
-    pub standard_error: Image,
-}
-
 impl Lab {
-    /// Checks a compensation: takes the photo of its pattern by independent light. Not for a rig whose colours mix.
+    /// Checks a compensation: takes the photo of its pattern by independent light. The photo has the ambient light in it, and the residual is that
+    /// of the photo without noise. Not for a rig whose colours mix.
     ///
     /// # Errors
     /// As [`Lab::operator`].
-    pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<VerifiedCompensation>> {
+    pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<Verified>> {
         let ambient = self.ambient()?;
         let mut predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);
         let target = self.predicted(&[(&found.pattern, &found.target)], &ambient);
@@ -61,11 +49,10 @@ impl Lab {
         let compared = photos_compared(by, &predicted, &products);
         let verification = self.checked(by, "the photo of the compensation", &compared, |_| None);
         let residual = (off.max(0.0) / size).sqrt();
-        Ok(verification.map(|verification| VerifiedCompensation {
-            verification,
-            residual,
-            photo,
-            standard_error,
+        Ok(verification.map(|verification| Verified {
+            residual: Some(residual),
+            photo: Some([photo, standard_error]),
+            ..verification.into()
         }))
     }
 

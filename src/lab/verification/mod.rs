@@ -7,8 +7,6 @@
 
 mod compensation;
 
-pub use compensation::VerifiedCompensation;
-
 use super::Lab;
 use super::source::Source;
 use crate::analysis::Segmentation;

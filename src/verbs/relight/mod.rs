@@ -83,11 +83,11 @@ impl Verb for Relight {
     type Answer = Relighting;
 
     /// A run has the channels of its photos; others that were asked for are refused once it is open.
-    fn channels(&self, kind: SourceKind) -> ChannelChoice {
-        match (self.channels, kind) {
+    fn channels(&self, source: &Path) -> Result<ChannelChoice> {
+        Ok(match (self.channels, SourceKind::of(source)) {
             (_, SourceKind::Run) => ChannelChoice::Native,
             (channels, _) => channels.unwrap_or(Channels::Luma).into(),
-        }
+        })
     }
 
     fn check_on(&self, lab: &Lab) -> Result<()> {

@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::options::{count, defaults, number};
+use super::options::{count, defaults, not_planned, number};
 use crate::analysis::segment::{Capture, feature_view};
 use crate::analysis::{
     Blurred, Cut, DirectMethod, SegmentOptions, WithoutDirect, measure_direct, segment::evidence,
@@ -195,14 +195,7 @@ impl Segment {
             (matches!(self.direct, Direct::Patterns | Direct::Estimator), "--direct"),
             (self.min_rand_index.is_some(), "--min-rand-index"),
         ];
-        match given.iter().find(|(is_given, _)| *is_given) {
-            None => Ok(()),
-            Some((_, option)) => Err(Error::Option {
-                option: (*option).into(),
-                fault: "it is no part of a plan of segment".into(),
-                help: "leave it out".into(),
-            }),
-        }
+        not_planned(Self::NAME, &given)
     }
 
     /// Takes all photos with `operator` (`n × n`), which contains the light of [`Segment::part`].

@@ -3,6 +3,8 @@
 mod answer;
 mod page;
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
 use super::options::{check_vectors, count, defaults, number};
@@ -93,8 +95,8 @@ impl Verb for Separate {
     const NAME: &'static str = "separate";
     type Answer = Separated;
 
-    fn channels(&self, _: SourceKind) -> ChannelChoice {
-        self.channels.into()
+    fn channels(&self, _: &Path) -> Result<ChannelChoice> {
+        Ok(self.channels.into())
     }
 
     fn splits_bounces(&self) -> bool {
