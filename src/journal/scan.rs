@@ -234,7 +234,7 @@ mod tests {
             let kept: Vec<Entry> =
                 entries.iter().filter(|entry| **entry != entries[index]).cloned().collect();
             assert_eq!(found.entries, kept);
-            let [damage] = &found.damages[..] else { panic!("one damage, not {:?}", found.damages) };
+            let [damage] = &found.damages[..] else { unreachable!("one damage, not {:?}", found.damages) };
             let extent = (damage.offset, damage.bytes, damage.record.as_str());
             assert_eq!(extent, (entries[index].offset, entries[index].end() - entries[index].offset, said));
             assert!(damage.entry.is_none() && found.torn.is_none());
@@ -251,7 +251,7 @@ mod tests {
         let offsets: Vec<u64> = found.entries.iter().map(|entry| entry.offset).collect();
         let moved = |index: usize| entries[index].offset - lost as u64;
         assert_eq!(offsets, [entries[0].offset, moved(2), moved(3)]);
-        let [damage] = &found.damages[..] else { panic!("one damage, not {:?}", found.damages) };
+        let [damage] = &found.damages[..] else { unreachable!("one damage, not {:?}", found.damages) };
         let extent = (damage.offset, damage.bytes, damage.record.as_str());
         assert_eq!(extent, (entries[1].offset, moved(2) - entries[1].offset, "photo 2"));
         assert_eq!(damage.entry.as_ref(), Some(&entries[1]));

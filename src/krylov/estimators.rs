@@ -166,8 +166,8 @@ fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
 /// exact for a diagonal `A`. The standard error falls as `1/√products`.
 ///
 /// # Errors
-/// [`Error::Option`](crate::Error::Option) naming `--photos`; [`Error::Dimension`](crate::Error::Dimension)
-/// when `A` is not square; [`Error::Numerical`](crate::Error::Numerical) for NaN; the error of a product
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`]
+/// when `A` is not square; [`Error::Numerical`] for NaN; the error of a product
 /// with.
 ///
 /// # References

@@ -5,7 +5,7 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the arrays, pictures and page of one command | [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |

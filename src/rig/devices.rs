@@ -100,7 +100,7 @@ impl std::ops::Add for Losses {
     }
 }
 
-/// The clock of a rig, in seconds: real time ([`WallClock`](crate::rig::WallClock)) for hardware, simulated time for virtual
+/// The clock of a rig, in seconds: real time ([`WallClock`]) for hardware, simulated time for virtual
 /// devices. A projector's confirmations and a camera's frames carry times of this clock.
 pub trait Clock: Send {
     /// Seconds since the rig was opened; a session that continues an earlier one counts on from its end.

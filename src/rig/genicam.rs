@@ -2,7 +2,7 @@
 //! the crate `viva-genicam` implements the protocols.
 //!
 //! Each trigger gives one frame, which has a number and a time. An [`Anchor`] relates the camera's clock to the rig's, and [`Numbers`] increase
-//! over all sessions with a camera. [`set_up`] checks the camera's limits, switches automatics off, and reads what the camera can do.
+//! over all sessions with a camera. The function [`set_up()`](set_up::set_up) checks the camera's limits, switches automatics off, and reads what the camera can do.
 
 pub(crate) mod set_up;
 

@@ -118,10 +118,8 @@ impl PixelFormat {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, any(feature = "gige", feature = "usb3")))]
 mod tests {
-    #![cfg(any(feature = "gige", feature = "usb3"))]
-
     use super::*;
     use proptest::prelude::*;
 

@@ -131,10 +131,11 @@ fn arrays_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py,
     Ok(all)
 }
 
-fn shaped<'py, T: Element>(py: Python<'py>, shape: &[usize], values: &[T]) -> PyResult<Bound<'py, PyAny>>
-where
-    T: Copy,
-{
+fn shaped<'py, T: Element + Copy>(
+    py: Python<'py>,
+    shape: &[usize],
+    values: &[T],
+) -> PyResult<Bound<'py, PyAny>> {
     let array = ArrayD::from_shape_vec(IxDyn(shape), values.to_vec());
     let array = array.map_err(|error| pyo3::exceptions::PyValueError::new_err(error.to_string()))?;
     Ok(array.into_pyarray(py).into_any())

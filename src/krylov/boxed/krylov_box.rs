@@ -76,7 +76,7 @@ impl KrylovBox {
     ///
     /// # Errors
     /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new);
-    /// [`Error::Dimension`](crate::Error::Dimension) when the surrogate is of another size.
+    /// [`Error::Dimension`] when the surrogate is of another size.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         if let Some(surrogate) = &options.surrogate {
             Error::check_size("the surrogate's rows and columns", b.len(), surrogate.size())?;

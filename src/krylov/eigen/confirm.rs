@@ -17,7 +17,7 @@ use crate::operator::{Operator, Symmetry};
 /// for the end [`Which::SmallestMagnitude`], which is in the middle of the spectrum.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--confirm`; [`Error::Interrupted`] when the observer stops it; as [`crate::krylov::eigen::eigs()`]. `found` is then a
+/// [`crate::Error::Option`] naming `--confirm`; [`crate::Error::Interrupted`] when the observer stops it; as [`crate::krylov::eigen::eigs()`]. `found` is then a
 /// valid answer that is not confirmed.
 pub fn confirm<O: Operator + ?Sized>(
     operator: &mut O,

@@ -24,15 +24,15 @@ pub use confirm::{Beside, confirm, largest_beside};
 pub enum EigsMethod {
     /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. A baseline.
     Power,
-    /// [`Lanczos`](crate::krylov::Lanczos), for symmetric operators: the best in nearly all cases.
+    /// [`Lanczos`], for symmetric operators: the best in nearly all cases.
     #[default]
     Lanczos,
-    /// [`BlockLanczos`](crate::krylov::BlockLanczos), for symmetric operators with repeated eigenvalues.
+    /// [`BlockLanczos`], for symmetric operators with repeated eigenvalues.
     BlockLanczos {
         /// Vectors in the block, at least 1: as many copies of an eigenvalue are found.
         block: usize,
     },
-    /// [`Arnoldi`](crate::krylov::Arnoldi), for any operator: complex pairs.
+    /// [`Arnoldi`], for any operator: complex pairs.
     Arnoldi,
 }
 
@@ -54,7 +54,7 @@ pub struct EigsOptions {
     /// at least `count + 2 × block + 1`. Restarts slow convergence, but take no product. Default: no restart.
     pub max_basis: Option<usize>,
     /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its own
-    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)). Done when all residuals are down
+    /// ([`Operator::standard_errors`]). Done when all residuals are down
     /// to the noise, more products would change no eigenvalue by more than its standard error, and `½ ln n` further products have found no
     /// eigenvalue that the noise had hidden. A tolerance of 0 uses the whole budget all the same. Default 0.
     pub noise: f64,
@@ -184,12 +184,12 @@ impl EigsOptions {
 /// Eigenpairs `A y = θ y` of an operator (`n × n`) by the method of the options, within a budget of products.
 ///
 /// The operator's observer sees each product
-/// ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). Returns the best so far when the budget
+/// ([`Estimate::Eigenpairs`]). Returns the best so far when the budget
 /// ends or the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies;
 /// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of values that were missed.
 ///
 /// # Errors
-/// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
+/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
 /// or `--which` when its value cannot be used; else as [`Lanczos::new`] and
 /// [`Factorization::expand`]. To keep what was taken before an operator
 /// failed, hold the factorization yourself and use [`eigs_from`].

@@ -177,7 +177,7 @@ impl BlockLanczos {
     /// eigenvalue. What the process knows stays; vectors that lie in the span of the basis are left out.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when a length differs; [`Error::Numerical`](crate::Error::Numerical)
+    /// [`Error::Dimension`] when a length differs; [`Error::Numerical`]
     /// for NaN or an infinity.
     pub fn widen(&mut self, starts: &[Vec<f64>]) -> Result<()> {
         self.expansion.widen(starts)
@@ -191,7 +191,7 @@ impl BlockLanczos {
     /// Saves the state, as [`crate::krylov::factor::Lanczos::save`].
     ///
     /// # Errors
-    /// [`Error::Write`](crate::Error::Write) when the writer fails.
+    /// [`Error::Write`] when the writer fails.
     pub fn save(&self, writer: impl Write) -> Result<()> {
         save(ProcessKind::BlockLanczos, &self.expansion, writer)
     }
@@ -199,7 +199,7 @@ impl BlockLanczos {
     /// The state that [`BlockLanczos::save`] saved.
     ///
     /// # Errors
-    /// [`Error::Data`](crate::Error::Data) when it is damaged, of another version, or of another
+    /// [`Error::Data`] when it is damaged, of another version, or of another
     /// factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
         Ok(Self { expansion: load(ProcessKind::BlockLanczos, reader)? })

@@ -58,7 +58,7 @@ pub struct SolveOptions {
     /// `‖b − A x‖ ≤ δ ‖b‖` would fit noise, so the method stops there (the discrepancy principle: Morozov
     /// (1966); for inexact products: Simoncini and Szyld (2003), doi:10.1137/S1064827502406415). Read by all
     /// methods; CG and MINRES also tolerate this departure from symmetry. For an operator that does not state its
-    /// noise: a stated one ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)) counts as
+    /// noise: a stated one ([`Operator::standard_errors`]) counts as
     /// well, unless `rtol` and `atol` are 0. Default 0.
     pub noise: f64,
     /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. Default

@@ -29,7 +29,7 @@ pub struct TracedShard {
 }
 
 impl Lab {
-    /// Traces part `of.0` (from 1) of `of.1` of a scene's matrix into a file for [`join_shards`](crate::lab::join_shards). Where the file has this shard
+    /// Traces part `of.0` (from 1) of `of.1` of a scene's matrix into a file for [`join_shards`]. Where the file has this shard
     /// already, nothing is traced; another shard, or a damaged one, is replaced.
     ///
     /// # Errors

@@ -123,10 +123,8 @@ fn relative(path: &Path, folder: &Path) -> Result<String> {
     })
 }
 
-#[cfg(test)]
+#[cfg(all(test, unix))]
 mod tests {
-    #![cfg(unix)]
-
     use super::*;
     use std::fs;
     use std::os::unix::fs::{PermissionsExt, symlink};

@@ -59,7 +59,7 @@ impl VirtualRig {
 
     /// Opens the rig on `light`, the light transport of its [`scene`](Self::scene) with at least [`channels`](Self::channels)
     /// channels. The screen shows level 0. With `after`, the last frame of an earlier session, the rig continues as if that session
-    /// had never ended (see [`Projector::restore`](crate::rig::Projector::restore)).
+    /// had never ended (see [`Projector::restore`]).
     ///
     /// The units of the light transport do not matter: the camera's sensitivity is relative to the white photo.
     ///

@@ -63,7 +63,7 @@ impl Helper {
     }
 
     /// Declares that the running program is krylux: started with the single argument `projector`, it calls
-    /// [`serve_projector`](crate::rig::x11::serve_projector). Only such a program may call this, at the start of its `main`.
+    /// [`serve_projector`]. Only such a program may call this, at the start of its `main`.
     pub fn declare_this_program() {
         if let Ok(program) = std::env::current_exe() {
             // A second declaration says the same.
