@@ -1,6 +1,6 @@
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from os import PathLike
-from typing import Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -9,6 +9,40 @@ from ._lighting import Lighting
 
 class Asking(Lighting):
     seed: int
+    # What krylux declares, as krylux._declared.stub() writes it: a test holds it.
+    def compensate(
+        self,
+        target: ArrayLike | str | PathLike[str] | None = None,
+        *,
+        paper: bool = False,
+        method: str | None = None,
+        photos: int | None = None,
+        rtol: float | None = None,
+        lift: float | None = None,
+        floor: float = 0.0,
+        precondition: Literal["none", "diagonal", "multiscale", "direct", "geometry", "defocus"] | None = None,
+        out_of_focus: bool = False,
+        defocus: float | None = None,
+        peak: float | None = None,
+        model: str | PathLike[str] | None = None,
+        crosstalk: Any | None = None,
+        unmix: bool = False,
+        compare_methods: bool = False,
+    ) -> answers.Compensation: ...
+    def eigs(
+        self,
+        count: int = 6,
+        *,
+        part: Literal["full", "direct", "global"] = "full",
+        which: Literal["la", "sa", "lm", "sm", "be", "li"] = "la",
+        photos: int | None = None,
+        tolerance: float | None = None,
+        method: Literal["power", "lanczos", "block-lanczos", "arnoldi"] = "lanczos",
+        block: int = 2,
+        max_basis: int | None = None,
+        confirm: float | None = None,
+        singular: bool = False,
+    ) -> answers.Eigenpairs: ...
     def segment(
         self,
         groups: int | Sequence[int] = (),
@@ -18,14 +52,16 @@ class Asking(Lighting):
         eigenvectors: int = 10,
         cut: Literal["normalized", "average"] = "normalized",
         mu: float = 0.0,
+        keep_direct: bool = False,
         mask_below: float = 0.01,
+        confirm: float | None = None,
         direct: Literal["source", "patterns", "estimator", "keep"] = "source",
         direct_photos: int = 16,
         direct_square: int = 4,
         blur: float | None = None,
-        features: Iterable[tuple[int, int]] = (),
+        features: tuple[int, int] | Sequence[tuple[int, int]] = (),
         evidence: bool = False,
-        confirm: float | None = None,
+        min_rand_index: float | None = None,
     ) -> answers.Segmentation: ...
     def separate(
         self,
@@ -42,40 +78,7 @@ class Asking(Lighting):
         compare: bool = False,
         max_error: float | None = None,
     ) -> answers.Separation: ...
-    def compensate(
-        self,
-        target: ArrayLike | str | PathLike[str],
-        *,
-        method: str | None = None,
-        photos: int | None = None,
-        rtol: float | None = None,
-        floor: float = 0.0,
-        lift: float | None = None,
-        peak: float | None = None,
-        precondition: Literal[
-            "none", "diagonal", "multiscale", "direct", "geometry", "defocus"
-        ] | None = None,
-        defocus: float | None = None,
-        out_of_focus: bool = False,
-        paper: bool = False,
-        crosstalk: ArrayLike | Literal["measure"] | None = None,
-        unmix: bool = False,
-        compare_methods: bool = False,
-        model: str | PathLike[str] | None = None,
-    ) -> answers.Compensation: ...
-    def eigs(
-        self,
-        count: int = 6,
-        *,
-        part: Literal["full", "direct", "global"] = "full",
-        which: Literal["la", "sa", "lm", "sm", "be", "li"] = "la",
-        photos: int | None = None,
-        tolerance: float | None = None,
-        method: Literal["lanczos", "block-lanczos", "arnoldi", "power"] = "lanczos",
-        block: int = 2,
-        max_basis: int | None = None,
-        confirm: float | None = None,
-    ) -> answers.Eigenpairs: ...
+    # Wrappers, by hand.
     def singular(
         self,
         count: int = 6,

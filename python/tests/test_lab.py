@@ -4,6 +4,7 @@ import gc
 import json
 import pickle
 import weakref
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -224,3 +225,11 @@ def test_a_notebook_shows_labels_photos_and_spectra(zigzag):
     assert zigzag._repr_html_().count("data:image/png") == 1
     pairs = zigzag.eigs(2, part="global", photos=8)
     assert pairs._repr_html_().count("<img") == 2 and "<svg" in pairs._repr_html_()
+
+
+def test_the_stub_describes_the_verbs_as_krylux_declares_them():
+    from krylux import _declared
+
+    stub = Path(krylux.__file__).with_name("_asking.pyi").read_text()
+    assert _declared.stub() in stub
+    assert "groups" in krylux.Lab.segment.__doc__ and "Numbers of groups" in krylux.Lab.segment.__doc__

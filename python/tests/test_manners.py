@@ -161,7 +161,7 @@ def test_a_forked_child_has_threads_of_its_own_and_no_laboratory_of_its_parent()
     out = in_another_process("""
 import os, sys, numpy as np, krylux
 parent = krylux.open('assets/scenes/zigzag/scene.glb', size=16, spp=16, progress=False)
-true = parent.eigs(2, part='global', photos=10).values
+true = parent.eigs(2, part='global', photos=10, tolerance=1e-8).values
 matrix = parent.matrix('global')
 child = os.fork()
 if child == 0:
@@ -169,17 +169,17 @@ if child == 0:
         try:
             parent.white
         except krylux.errors.ForkedError:
-            own = krylux.open(matrix, progress=False).eigs(2, photos=10).values
+            own = krylux.open(matrix, progress=False).eigs(2, photos=10, tolerance=1e-8).values
             assert np.allclose(own, true, rtol=1e-12), (own, true)
             del parent
             again = krylux.open('assets/scenes/zigzag/scene.glb', size=16, spp=16, progress=False)
-            assert np.array_equal(again.eigs(2, part='global', photos=10).values, true)
+            assert np.array_equal(again.eigs(2, part='global', photos=10, tolerance=1e-8).values, true)
             print('child', flush=True)
             os._exit(0)
     finally:
         os._exit(1)
 assert os.waitpid(child, 0)[1] == 0
-assert np.array_equal(parent.eigs(2, part='global', photos=10).values, true)
+assert np.array_equal(parent.eigs(2, part='global', photos=10, tolerance=1e-8).values, true)
 print('parent')
 """, timeout=60)
     assert out.split() == ["child", "parent"]

@@ -16,19 +16,25 @@ use crate::paint::page::Kept;
 
 /// The command line of a verb.
 pub(super) struct Asked<V> {
+    before: Before,
     request: V,
-    common: Common,
+    after: After,
 }
 
-/// The options beside the request.
+/// The options before those of the request.
 #[derive(clap::Args)]
-struct Common {
+struct Before {
     #[command(flatten)]
     source: SourceArgs,
     #[command(flatten)]
     trace: TraceArgs,
     #[command(flatten)]
     operator: OperatorArgs,
+}
+
+/// The options after those of the request.
+#[derive(clap::Args)]
+struct After {
     #[command(flatten)]
     check: CheckArgs,
     #[command(flatten)]
@@ -39,19 +45,31 @@ struct Common {
 
 impl<V: clap::Args> FromArgMatches for Asked<V> {
     fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
-        Ok(Self { request: V::from_arg_matches(matches)?, common: Common::from_arg_matches(matches)? })
+        Ok(Self {
+            before: Before::from_arg_matches(matches)?,
+            request: V::from_arg_matches(matches)?,
+            after: After::from_arg_matches(matches)?,
+        })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
-        self.request.update_from_arg_matches(matches)?;
-        self.common.update_from_arg_matches(matches)
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
     }
 }
 
 impl<V: clap::Args> clap::Args for Asked<V> {
     fn augment_args(command: Command) -> Command {
-        // The request's own comment and examples are those of the verb.
-        V::augment_args(<Common as clap::Args>::augment_args(command))
+        let verb = V::augment_args(Command::new(""));
+        // Groups of options bring their own comments. Those of the request are the verb's.
+        let command = After::augment_args(V::augment_args(Before::augment_args(command)));
+        let command = match verb.get_long_about() {
+            Some(text) => command.long_about(text.clone()),
+            None => command.long_about(None::<String>),
+        };
+        command
+            .about(verb.get_about().cloned().unwrap_or_default())
+            .after_help(verb.get_after_help().cloned().unwrap_or_default())
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -62,30 +80,30 @@ impl<V: clap::Args> clap::Args for Asked<V> {
 impl<V: Verb> Asked<V> {
     /// Opens the source, asks, and writes the answer in a run of its own.
     pub(super) fn run(&self, console: &Console) -> Result<Outcome> {
-        let Self { request, common } = self;
+        let Self { before, request, after } = self;
         // Wrong options should show before anything is written or traced.
         request.check()?;
-        let channels = request.channels(&common.source.source)?;
+        let channels = request.channels(&before.source.source)?;
         let opening = Opening {
             split_bounces: request.splits_bounces(),
-            ..Opening::new(&common.source, &common.trace).operator(&common.operator).channels(channels)
+            ..Opening::new(&before.source, &before.trace).operator(&before.operator).channels(channels)
         };
-        let mut lab = opening.open_shown(&common.live, console)?;
+        let mut lab = opening.open_shown(&after.live, console)?;
         request.check_on(&lab)?;
-        in_run(&mut lab, &common.run, V::NAME, |lab| self.answer(lab, console))
+        in_run(&mut lab, &after.run, V::NAME, |lab| self.answer(lab, console))
     }
 
     fn answer(&self, lab: &mut Lab, console: &Console) -> Result<Outcome> {
         let mut answer = lab.ask(&self.request)?;
         console.go_on()?;
-        if self.common.check.is_on() {
+        if self.after.check.is_on() {
             answer.verify(lab)?;
         }
         let content = answer.content();
         content.lines.iter().try_for_each(|line| console.say(line))?;
         content.notes.iter().for_each(|note| console.note(note));
         let (summary, kept) = (json!(content), Kept::of(&answer, &content));
-        let ending = Ending { run: &self.common.run, demands: Vec::new(), summary, kept };
+        let ending = Ending { run: &self.after.run, demands: Vec::new(), summary, kept };
         Ok(finish(lab, console, &answer, ending)?.1)
     }
 }

@@ -184,6 +184,7 @@ fn kind(arg: &clap::Arg, default: &Value) -> String {
         of if of == TypeId::of::<bool>() => "bool".to_owned(),
         of if of == TypeId::of::<f64>() => "float".to_owned(),
         of if of == TypeId::of::<usize>() => "int".to_owned(),
+        of if of == TypeId::of::<super::segment::Pixel>() => "tuple[int, int]".to_owned(),
         of if of == TypeId::of::<std::path::PathBuf>() => "str | PathLike[str]".to_owned(),
         of if of == TypeId::of::<Picture>() => "ArrayLike | str | PathLike[str]".to_owned(),
         of if of == TypeId::of::<Method>() => "str".to_owned(),
