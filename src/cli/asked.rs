@@ -1,5 +1,6 @@
 //! A verb on the command line: its request with the options that all such verbs have, from the source to the end of the run.
 
+use clap::builder::{Resettable, StyledStr};
 use clap::{ArgMatches, Command, FromArgMatches};
 use serde_json::json;
 
@@ -63,13 +64,11 @@ impl<V: clap::Args> clap::Args for Asked<V> {
         let verb = V::augment_args(Command::new(""));
         // Groups of options bring their own comments. Those of the request are the verb's.
         let command = After::augment_args(V::augment_args(Before::augment_args(command)));
-        let command = match verb.get_long_about() {
-            Some(text) => command.long_about(text.clone()),
-            None => command.long_about(None::<String>),
-        };
+        let text = |text: Option<&StyledStr>| Resettable::from(text.cloned());
         command
-            .about(verb.get_about().cloned().unwrap_or_default())
-            .after_help(verb.get_after_help().cloned().unwrap_or_default())
+            .about(text(verb.get_about()))
+            .long_about(text(verb.get_long_about()))
+            .after_help(text(verb.get_after_help()))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
