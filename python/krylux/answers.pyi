@@ -4,8 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._answer import Answer as Answer
+from ._krylux import Answer as _Native
 
 class Segmentation(Answer):
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        facts: dict[str, Any],
+        native: _Native | None = None,
+        lab: object | None = None,
+    ) -> None: ...
     labels: dict[int, NDArray[np.uint8]]
     confidence: dict[int, NDArray[np.float64]]
     eigenvalues: NDArray[np.float64]
@@ -24,6 +32,13 @@ class Segmentation(Answer):
     history: list[tuple[int, list[float], list[float]]]
 
 class Eigenpairs(Answer):
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        facts: dict[str, Any],
+        native: _Native | None = None,
+        lab: object | None = None,
+    ) -> None: ...
     values: NDArray[np.float64]
     imaginary: NDArray[np.float64]
     vectors: NDArray[np.float64]
@@ -41,6 +56,13 @@ class Eigenpairs(Answer):
     def picture(self, index: int) -> NDArray[np.float64]: ...
 
 class SingularTriplets(Answer):
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        facts: dict[str, Any],
+        native: _Native | None = None,
+        lab: object | None = None,
+    ) -> None: ...
     values: NDArray[np.float64]
     patterns: NDArray[np.float64]
     photographs: NDArray[np.float64]
@@ -53,6 +75,13 @@ class SingularTriplets(Answer):
     history: list[tuple[int, list[float], list[float]]]
 
 class Compensation(Answer):
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        facts: dict[str, Any],
+        native: _Native | None = None,
+        lab: object | None = None,
+    ) -> None: ...
     pattern: NDArray[np.float32]
     target: NDArray[np.float32]
     observed: NDArray[np.float32]
@@ -71,9 +100,17 @@ class Compensation(Answer):
     good: bool
 
 class Separation(Answer):
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        facts: dict[str, Any],
+        native: _Native | None = None,
+        lab: object | None = None,
+    ) -> None: ...
     direct: NDArray[np.float64]
     global_: NDArray[np.float64]
     standard_error: NDArray[np.float64] | None
+    global_error: NDArray[np.float64] | None
     truth: NDArray[np.float64] | None
     second: NDArray[np.float64] | None
     rest: NDArray[np.float64] | None
@@ -95,6 +132,13 @@ class Probing(Answer):
     error: float | None
 
 class Relighting(Answer):
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        facts: dict[str, Any],
+        native: _Native | None = None,
+        lab: object | None = None,
+    ) -> None: ...
     relit: dict[str, NDArray[np.float32]]
     duals: dict[str, NDArray[np.float32]]
     direct: dict[str, NDArray[np.float32]]

@@ -64,16 +64,18 @@ fn generic(term: String) -> String {
     }
 }
 
-/// The names of a record's values, `noise.white`; measurement options are left out, since they are keys of rig files.
+/// The names of a record's values, `noise.white`. Options are left out: those of the measurement are keys of rig files, and those of the
+/// request are in the reference of the command line.
 fn keys(value: &Value, before: &str, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(fields) => {
             for (name, value) in fields {
                 let key = format!("{before}{name}");
-                if key != "rig.measurement" {
+                let holds_options = ["rig.measurement", "request"].contains(&key.as_str());
+                if !holds_options {
                     keys(value, &format!("{key}."), found);
                 }
-                if !value.is_object() || key == "rig.measurement" {
+                if !value.is_object() || holds_options {
                     found.insert(key);
                 }
             }
