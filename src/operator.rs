@@ -30,8 +30,7 @@ pub enum Direction {
     Adjoint,
 }
 
-/// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a
-/// rig can be unplugged).
+/// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a rig can be unplugged).
 pub trait Operator {
     /// The length of `y` in `y = A x`.
     fn rows(&self) -> usize;
@@ -42,63 +41,63 @@ pub trait Operator {
     /// `y ← A x`; every entry of `y` is overwritten.
     ///
     /// # Errors
-    /// The error that kept the product from being taken; `y` is unspecified then.
+    /// The error that stopped the product; `y` is then unspecified.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()>;
 
-    /// `y_k ← A x_k` for each of `xs`, in order: the same bits as single products, and each counts as one
-    /// product. There are as many `ys` as `xs`. By default the products are taken one by one.
+    /// `y_k ← A x_k` for each of `xs`, in order. The results are bitwise equal to those of single products, and each counts as one product.
+    /// `xs` and `ys` have the same length. The default takes the products one by one.
     ///
     /// # Errors
-    /// As [`Operator::apply`]; all of `ys` are unspecified then.
+    /// The errors of [`Operator::apply`]; all of `ys` are then unspecified.
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(xs.len(), ys.len());
         xs.iter().zip(ys).try_for_each(|(x, y)| self.apply(x, y))
     }
 
-    /// The number of products of a block that take about as long as one. A method that knows several vectors beforehand
-    /// asks for blocks of this size. By default 1, which is right wherever a product is a photo: no photo is
-    /// then taken before it is needed.
+    /// The number of products of a block that together take about as long as one. A method that knows several vectors in advance asks for
+    /// blocks of this size. The default is 1, which is right where a product is a photo: no photo is then taken before it is needed.
     fn block_size(&self) -> usize {
         1
     }
 
-    /// The observer of the computations with this operator, which sees each step and may stop them; by
-    /// default `()`, which does nothing. An operator around another one returns the observer of that one.
+    /// The observer of the computations with this operator. It sees each step and may stop the computation. The default `()` does nothing.
+    /// A wrapper returns the observer of the operator that it wraps.
     fn observer(&self) -> &dyn Observer {
         &()
     }
 
-    /// The standard errors of the products that were taken last, in order: the expected `‖y − A x‖₂` due to noise
-    /// for each vector of the last [`Operator::apply`] or [`Operator::apply_block`], or of the same with the
-    /// transpose. Empty by default: the products are exact, or their errors are not known.
+    /// The standard errors of the last products, in order: for each vector of the last [`Operator::apply`] or [`Operator::apply_block`] (or
+    /// the same with the transpose), the expected `‖y − A x‖₂` due to noise. The default is empty: the products are exact, or their errors
+    /// are unknown.
     fn standard_errors(&self) -> Vec<f64> {
         Vec::new()
     }
 
-    /// The frames that a camera has taken so far for the rig behind this operator: those of exposures, takes, signs, bit planes, black and
-    /// white and sentinels among them, and those that a journal had. `None` by default: products are computed, and cost no frames.
+    /// The number of frames that a camera has taken so far for the rig behind this operator. It includes the frames of exposures, takes,
+    /// signs, bit planes, black and white and sentinels, and the frames that came from a journal. The default `None` means that products
+    /// are computed and cost no frames.
     fn frames(&self) -> Option<u64> {
         None
     }
 
-    /// The standard error of `xᵀ A x` that all products share, and which no number of them averages out, where it is known; 0 by default. A
-    /// rig that subtracts direct light has one: it measures this light once.
+    /// The standard error of `xᵀ A x` that all products share and that averaging over products does not reduce, if it is known; the default
+    /// is 0. A rig that subtracts direct light has such an error, because it measures this light once.
     ///
     /// # Errors
-    /// As [`Operator::apply`]: what all products need may still have to be photographed.
+    /// The errors of [`Operator::apply`]: a photo that all products need may still have to be taken.
     fn common_error(&mut self, x: &[f64]) -> Result<f64> {
         let _ = x;
         Ok(0.0)
     }
 
-    /// Says whether products cost nothing, as those with a matrix in memory. Where they do, the products that follow while `on` only
-    /// confirm an answer: they are not counted and not shown as photos. By default false: every product is a photo.
+    /// Returns true if products cost nothing, for example with a matrix in memory. In that case the products that follow while `on` is set
+    /// only confirm an answer: they are not counted and not shown as photos. The default is false: every product is a photo.
     fn confirming(&mut self, on: bool) -> bool {
         let _ = on;
         false
     }
 
-    /// The standard error of the last product, where a single one was taken; 0 where it is exact or not known.
+    /// The standard error of the last product, if it was a single one; 0 if it is exact or the error is unknown.
     fn standard_error(&self) -> f64 {
         self.standard_errors().first().copied().unwrap_or(0.0)
     }
@@ -109,22 +108,22 @@ pub trait Adjoint: Operator {
     /// `x ← Aᵀ y`; every entry of `x` is overwritten.
     ///
     /// # Errors
-    /// As [`Operator::apply`].
+    /// The errors of [`Operator::apply`].
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()>;
 
-    /// `x_k ← Aᵀ y_k` for each of `ys`, in order, as [`Operator::apply_block`].
+    /// `x_k ← Aᵀ y_k` for each of `ys`, in order. The rules of [`Operator::apply_block`] hold.
     ///
     /// # Errors
-    /// As [`Operator::apply_block`].
+    /// The errors of [`Operator::apply_block`].
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(xs.len(), ys.len());
         ys.iter().zip(xs).try_for_each(|(y, x)| self.apply_adjoint(y, x))
     }
 
-    /// The products of a block in either direction.
+    /// Takes the products of a block in either direction.
     ///
     /// # Errors
-    /// [`Operator::apply_block`] has them.
+    /// The errors of [`Operator::apply_block`].
     fn products(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         match direction {
             Direction::Forward => self.apply_block(from, to),
@@ -133,17 +132,17 @@ pub trait Adjoint: Operator {
     }
 }
 
-/// The vectors as a block for [`Operator::apply_block`].
+/// Borrows the vectors as a block for [`Operator::apply_block`].
 pub(crate) fn block(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
     vectors.iter().map(Vec::as_slice).collect()
 }
 
-/// The vectors as a block that [`Operator::apply_block`] writes to.
+/// Borrows the vectors as a block that [`Operator::apply_block`] writes to.
 pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
 }
 
-/// References and boxes of operators are operators.
+/// Implements the traits for references to operators and boxes of operators.
 macro_rules! forward {
     ($($pointer:ty),*) => { $(
         impl<O: Operator + ?Sized> Operator for $pointer {
@@ -206,8 +205,8 @@ macro_rules! forward {
 
 forward!(&mut O, Box<O>);
 
-/// Methods of [`Operator`] that an operator around another one forwards to it: in the `impl`, the field that holds the other
-/// operator, and the names of the methods. `apply` is both products of [`Operator`], `adjoint` both of [`Adjoint`].
+/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
+/// the methods. `apply` means both products of [`Operator`], `adjoint` both products of [`Adjoint`].
 macro_rules! delegate {
     ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
     (@rows $field:tt) => {
@@ -275,14 +274,14 @@ macro_rules! delegate {
 
 pub(crate) use delegate;
 
-/// The largest block that is asked for at once, so that few vectors are in memory at the same time.
+/// The largest block that is requested at once. It limits the number of vectors in memory.
 const LARGEST_BLOCK: usize = 8;
 
-/// Multiplies with each of `xs` (`cols` entries each), in blocks of [`Operator::block_size`], and hands
-/// `with` each vector and its product, in order.
+/// Multiplies each of `xs` (`cols` entries each), in blocks of [`Operator::block_size`], and passes each vector with its product to `with`,
+/// in order.
 ///
 /// # Errors
-/// The error of the first product, or call of `with`, that fails; no further block is taken then.
+/// The first error of a product or of `with`; no further block is taken after it.
 pub fn each_product(
     operator: &mut dyn Operator,
     xs: impl IntoIterator<Item = Vec<f64>>,
@@ -301,7 +300,7 @@ pub fn each_product(
     }
 }
 
-/// An operator whose product is a closure: a matrix or a function of your own.
+/// An operator whose product is a closure, for example a user's matrix or function.
 ///
 /// ```
 /// use krylux::krylov::{EigsOptions, eigs};
@@ -330,8 +329,8 @@ pub struct Closure<F> {
 }
 
 impl<F: FnMut(&[f64], &mut [f64]) -> Result<()>> Closure<F> {
-    /// `product(x, y)` writes `A x` (`rows` entries) to every entry of `y`, for `x` of `cols` entries.
-    /// `symmetry` is taken on trust.
+    /// Makes an operator from `product(x, y)`, which takes `x` of `cols` entries and writes `A x` to all `rows` entries of `y`. `symmetry`
+    /// is not verified.
     pub fn new(rows: usize, cols: usize, symmetry: Symmetry, product: F) -> Self {
         Self { rows, cols, symmetry, product }
     }

@@ -1,7 +1,7 @@
-//! Randomized estimators, from a few products with random vectors: low-rank approximations, traces and the
+//! Randomized estimators that use a few products with random vectors: low-rank approximations, traces and the
 //! diagonal.
 //!
-//! Every estimator takes a number of products that is known beforehand and a seed, and returns an error
+//! Every estimator takes a seed and a number of products that is known in advance, and returns an error
 //! estimate. The vectors depend only on the seed, so a journal of products repeats the same result after a
 //! failure.
 //!
@@ -25,14 +25,14 @@ use crate::operator::{Adjoint, Operator, block, block_mut};
 pub struct Estimate {
     /// The estimate, which is unbiased.
     pub value: f64,
-    /// Its standard error, from the spread of the single estimates.
+    /// The standard error of the estimate, from the spread of the samples.
     pub standard_error: f64,
     /// The number of products taken.
     pub products: usize,
 }
 
 impl Estimate {
-    /// The mean of `samples`, at least two.
+    /// Computes the mean of `samples`, at least two.
     fn of(samples: &[f64], products: usize) -> Self {
         let count = samples.len() as f64;
         let value = samples.iter().sum::<f64>() / count;
@@ -41,19 +41,18 @@ impl Estimate {
     }
 }
 
-/// The options of a low-rank approximation, which fix its cost.
+/// The options of a low-rank approximation. They fix its cost.
 #[derive(Clone, Debug)]
 pub struct LowRankOptions {
-    /// Singular values wanted, `k ≥ 1`. Default 10.
+    /// The number of singular values, `k ≥ 1`. Default 10.
     pub rank: usize,
-    /// Vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
+    /// The number of vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
     pub oversampling: usize,
-    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly.
-    /// Default 0.
+    /// The rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly. Default 0.
     pub power: usize,
-    /// Products spent on the error estimate, at least 2. Default 4.
+    /// The number of products for the error estimate, at least 2. Default 4.
     pub probes: usize,
-    /// Seed of the random vectors.
+    /// The seed of the random vectors.
     pub seed: u64,
 }
 
@@ -64,7 +63,7 @@ impl Default for LowRankOptions {
 }
 
 impl LowRankOptions {
-    /// Checks the options, and the sketch's width `l ≤ n`.
+    /// Checks the options, and returns the width of the sketch, `l ≤ n`.
     fn width(&self, n: usize) -> Result<usize> {
         at_least(self.rank, 1, "rank")?;
         at_least(self.probes, 2, "--probes")?;
@@ -94,7 +93,7 @@ fn signs(n: usize, count: usize, seed: u64) -> Vec<Vec<f64>> {
     Start::Rademacher { seed }.block(n, count)
 }
 
-/// Hands `with` each of `xs` and its product `A x`, checked for NaN, in order.
+/// Passes each of `xs` with its product `A x`, checked for NaN, to `with`, in order.
 fn each_product(
     operator: &mut dyn Operator,
     xs: &[Vec<f64>],
@@ -134,7 +133,7 @@ fn finite(y: Vec<f64>) -> Result<Vec<f64>> {
     Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
-/// `Q R = Y`: an orthonormal basis of the span, dependent vectors left out, and for each vector its
+/// `Q R = Y`: an orthonormal basis of the span, without dependent vectors, and for each vector its
 /// coefficients on the basis so far.
 fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
     let mut basis = Basis::new(rows);
@@ -143,7 +142,7 @@ fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
         let length = norm(vector);
         let mut w = vector.clone();
         let mut removed = orthogonalize(&basis, &mut w);
-        // The rest is rounding errors of a sum of `rows` terms.
+        // A smaller remainder is rounding error of a sum of `rows` terms.
         if removed.norm > length * f64::EPSILON * (10.0 + (rows as f64).sqrt()) {
             basis.push_scaled(&w, removed.norm);
             removed.coefficients.push(removed.norm);
@@ -160,15 +159,14 @@ fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// `tr A` as the mean of `ωᵀAω` over `products ≥ 2` vectors `ω` of random signs; `A` of `n × n`.
+/// Estimates `tr A` for `A` of `n × n` as the mean of `ωᵀAω` over `products ≥ 2` vectors `ω` of random signs.
 ///
-/// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so that it is
+/// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so the estimate is
 /// exact for a diagonal `A`. The standard error falls as `1/√products`.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`]
-/// when `A` is not square; [`Error::Numerical`] for NaN; the error of a product
-/// with.
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `A` is not square; [`Error::Numerical`] for
+/// NaN; the error of a product.
 ///
 /// # References
 /// Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
@@ -181,12 +179,13 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
     Ok(Estimate::of(&samples, products))
 }
 
-/// `tr A` by Hutch++, from `products ≥ 6` products; `A` of `n × n`.
+/// Estimates `tr A` for `A` of `n × n` by Hutch++, from `products ≥ 6` products.
 ///
-/// With `Q` an orthonormal basis of `A S` for a third of the products,
-/// `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`: the first part is exact at another third, the second is
-/// Hutchinson's with the rest. For a positive semidefinite `A` the relative error falls as `1/products`,
-/// against `1/√products`; it is without bias for any `A`. The standard error is that of the second part.
+/// `Q` is an orthonormal basis of `A S`, from a third of the products, and `tr A = tr QᵀAQ + tr (I − QQᵀ) A
+/// (I − QQᵀ)`. Another third gives the first part exactly. The rest gives Hutchinson's estimate of the second
+/// part. For a positive semidefinite `A` the relative error falls as `1/products`, against `1/√products` for
+/// Hutchinson's estimate alone. The estimate is unbiased for any `A`. The standard error is the standard
+/// error of the second part.
 ///
 /// # Errors
 /// The errors of [`hutchinson`].
@@ -203,7 +202,7 @@ pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) 
     let (basis, _) = orthonormal(&products_with(operator, &probes)?, n);
     let mut exact = 0.0;
     each_product(operator, basis.columns(), |column, photo| exact += dot(column, &photo))?;
-    // A sketch of lower rank leaves products over: they go to the rest.
+    // A sketch of lower rank leaves products over, which the second part uses.
     let budget = products - third - basis.len();
     rest.truncate(budget);
     for probe in &mut rest {
@@ -222,16 +221,17 @@ pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) 
 pub struct DiagonalEstimate {
     /// The unbiased estimates of `A_ii` (`n` values).
     pub values: Vec<f64>,
-    /// The standard error of each, from the spread of the samples (`n`).
+    /// The standard error of each value, from the spread of the samples (`n`).
     pub standard_errors: Vec<f64>,
     /// The number of products taken.
     pub products: usize,
 }
 
-/// The diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random signs.
+/// Estimates the diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random
+/// signs.
 ///
-/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`: exact for a diagonal `A`, and for a transport
-/// matrix good where much of the light is direct. The standard error falls as `1/√products`.
+/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`. The estimate is therefore exact for a diagonal
+/// `A`, and good for a transport matrix with mostly direct light. The standard error falls as `1/√products`.
 ///
 /// # Errors
 /// The errors of [`hutchinson`].
@@ -246,7 +246,8 @@ pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Resu
     let mut taken = 0.0;
     each_product(operator, &signs(n, products, seed), |probe, photo| {
         taken += 1.0;
-        // Welford's update, doi:10.1080/00401706.1962.10490022: no cancellation where the diagonal is large.
+        // Welford's update, doi:10.1080/00401706.1962.10490022, avoids cancellation where the diagonal is
+        // large.
         for (i, (sign, value)) in probe.iter().zip(&photo).enumerate() {
             let sample = sign * value;
             let before = sample - mean[i];
@@ -262,32 +263,32 @@ pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Resu
 /// A truncated singular value decomposition, `A ≈ U diag(σ) Wᵀ` for `A` of `rows × cols`.
 #[derive(Clone, Debug)]
 pub struct RandomizedSvd {
-    /// `σ`, descending; at most `rank` of them.
+    /// `σ`, descending; at most `rank` values.
     pub values: Vec<f64>,
-    /// `U`: as many orthonormal vectors of length `rows`.
+    /// `U`: one orthonormal vector of length `rows` for each value.
     pub left: Vec<Vec<f64>>,
-    /// `W`: as many orthonormal vectors of length `cols`.
+    /// `W`: one orthonormal vector of length `cols` for each value.
     pub right: Vec<Vec<f64>>,
     /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole
     /// sketch (`l` vectors).
     pub missed_square: Estimate,
-    /// Products with `A` and with `Aᵀ` in all.
+    /// The number of products with `A` and `Aᵀ` together.
     pub products: usize,
 }
 
-/// The leading singular values and vectors of `A` (`rows × cols`) by a random sketch: `Q` an orthonormal
-/// basis of `(A Aᵀ)^q A Ω` for `l` vectors of random signs, then the small decomposition of `QᵀA`.
+/// Computes the leading singular values and vectors of `A` (`rows × cols`) from a random sketch. `Q` is an
+/// orthonormal basis of `(A Aᵀ)^q A Ω` for `l` vectors of random signs; a small decomposition of `QᵀA`
+/// follows.
 ///
-/// The expected error is that of the best rank-`k` approximation times a factor near 1 where the singular
-/// values decay; where they do not, a round of subspace iteration (`power`) costs `2 l` products. Each round
-/// is orthonormalized.
+/// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a
+/// factor near 1. If they do not, a round of subspace iteration (`power`) helps and costs `2 l` products.
+/// Each round is orthonormalized.
 ///
-/// Inputs: `A`; [`LowRankOptions`] for the rank `k`, the sketch `l = k + oversampling`, `q` and the probes.
-/// Takes `2 (q + 1) l + probes` products (less where the sketch is rank-deficient).
+/// [`LowRankOptions`] has the rank `k`, the sketch `l = k + oversampling`, `q` and the probes. The function
+/// takes `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product
-/// with.
+/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product.
 ///
 /// # References
 /// Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.
@@ -306,7 +307,7 @@ pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> R
         taken += back.len() + sketch.len();
         basis = orthonormal(&sketch, rows).0;
     }
-    // B = QᵀA, its rows as vectors; B = Rᵀ Pᵀ with AᵀQ = P R.
+    // B = QᵀA with its rows as vectors; B = Rᵀ Pᵀ with AᵀQ = P R.
     let rows_of_b = adjoint_products(operator, basis.columns())?;
     taken += rows_of_b.len();
     let (co, factor) = orthonormal(&rows_of_b, cols);
@@ -338,7 +339,8 @@ pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> R
 mod tests {
     use super::Estimate;
 
-    /// Deviations of −3, 0 and 3: a variance of 9 with two degrees of freedom, and a third of it for the mean.
+    /// Deviations of −3, 0 and 3 have a variance of 9 with two degrees of freedom; the variance of the mean
+    /// is a third of it.
     #[test]
     fn an_estimate_is_the_mean_with_its_standard_error() {
         let found = Estimate::of(&[1.0, 4.0, 7.0], 5);

@@ -1,4 +1,4 @@
-//! The three processes: Lanczos and block Lanczos for symmetric operators, Arnoldi for any. Each takes one product a step.
+//! The three processes: Lanczos and block Lanczos for symmetric operators, Arnoldi for any operator. Each takes one product per step.
 
 use std::io::{Read, Write};
 
@@ -17,16 +17,15 @@ use crate::operator::{Operator, Symmetry};
 /// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
 /// ```
 ///
-/// where `Q` are known vectors (deflation): they are projected out of the start and of every new vector. For
-/// eigenvectors `Q` of `A` the process then sees `A` on the rest of the space only, and a further copy of
-/// their eigenvalue as a simple one.
+/// where `Q` are known vectors (deflation). The process projects them out of the start and of every new vector. If `Q` are eigenvectors of
+/// `A`, the process sees `A` only on the rest of the space. A further copy of one of their eigenvalues then appears as a simple eigenvalue.
 ///
-/// A step takes exactly one product. When it fails, the factorization is as before, to the bit, and the step
-/// can be taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one work vector.
+/// A step takes exactly one product. If the product fails, the factorization is bitwise unchanged and the step can be taken again. Storage:
+/// `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
 ///
-/// The coefficients of `A v_j` on all basis vectors, which reorthogonalization computes anyway, are kept.
-/// They are zero to rounding where `A` is symmetric. Otherwise they show by how much it is not
-/// ([`Lanczos::asymmetry`]), and keep the residual norms correct.
+/// Reorthogonalization computes the coefficients of `A v_j` on all basis vectors, and the process keeps them. If `A` is symmetric, the
+/// coefficients outside the tridiagonal are zero to rounding. Otherwise they measure the asymmetry ([`Lanczos::asymmetry`]) and keep the
+/// residual norms correct.
 ///
 /// # References
 /// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very
@@ -39,13 +38,12 @@ pub struct Lanczos {
 }
 
 impl Lanczos {
-    /// A process that starts from `start` (length `n`) with the vectors of `deflate` (length `n` each,
-    /// independent; they need be neither normalized nor orthogonal) projected out. A start within their span
-    /// is replaced by a random one.
+    /// Starts a process from `start` (length `n`) and projects out the vectors of `deflate`. These have length `n` each and are
+    /// independent; they need not be normalized or orthogonal. A start within their span is replaced by a random vector.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when a length differs from the start's. [`Error::Numerical`] when a vector holds
-    /// NaN or an infinity, when `n = 0`, or when a known vector is zero or depends on those before it.
+    /// [`Error::Dimension`] if a length differs from that of the start. [`Error::Numerical`] if a vector holds NaN or an infinity, if `n =
+    /// 0`, or if a known vector is zero or depends on the vectors before it.
     pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(&[start.to_vec()], deflate)? })
     }
@@ -55,9 +53,9 @@ impl Lanczos {
         (0..self.steps()).map(|j| self.expansion.entry(j, j)).collect()
     }
 
-    /// `β_1 … β_m`: the off-diagonal of `T`, and last the norm of the residual `β_m v e_mᵀ`. Zero where the
-    /// subspace was invariant. (After [`Factorization::shrink`] the kept Ritz vectors couple to the first
-    /// vector after them instead, see [`Expansion::entry`].)
+    /// `β_1 … β_m`: the off-diagonal of `T`, followed by the norm of the residual `β_m v e_mᵀ`. An entry is zero if the subspace was
+    /// invariant. After [`Factorization::shrink`], the kept Ritz vectors couple to the first vector after them instead (see
+    /// [`Expansion::entry`]).
     pub fn betas(&self) -> Vec<f64> {
         (0..self.steps()).map(|j| self.expansion.entry(j + 1, j)).collect()
     }
@@ -67,9 +65,9 @@ impl Lanczos {
         self.betas().last().copied().unwrap_or(0.0)
     }
 
-    /// Saves the state, so that the process that [`Lanczos::load`] returns continues with the same bits.
+    /// Saves the state. The process that [`Lanczos::load`] returns continues bitwise equally.
     ///
-    /// The format is the same for all factorizations. Numbers are little endian, floats IEEE 754 binary64:
+    /// All factorizations use the same format. Numbers are little endian, floats IEEE 754 binary64:
     ///
     /// | bytes | what |
     /// |---|---|
@@ -83,18 +81,18 @@ impl Lanczos {
     /// | `(k + m + p) n` f64 | `Q`, then `v_1 … v_{m+p}`, one after the other |
     /// | 32 | BLAKE3 of everything before |
     ///
-    /// A file is accepted only when the checksum is right, and a damaged length causes no large allocation.
+    /// A file is accepted only if its checksum is right. A damaged length causes no large allocation.
     ///
     /// # Errors
-    /// [`Error::Write`] when the writer fails.
+    /// [`Error::Write`] if the writer fails.
     pub fn save(&self, writer: impl Write) -> Result<()> {
         save(ProcessKind::Lanczos, &self.expansion, writer)
     }
 
-    /// The state that [`Lanczos::save`] saved.
+    /// Loads the state that [`Lanczos::save`] saved.
     ///
     /// # Errors
-    /// [`Error::Data`] when it is damaged, of another version, or of another factorization.
+    /// [`Error::Data`] if the state is damaged, of another version, or of another factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
         Ok(Self { expansion: load(ProcessKind::Lanczos, reader)? })
     }
@@ -134,18 +132,16 @@ pub(super) fn check_symmetric(operator: &dyn Operator) -> Result<()> {
 /// A V = V T + W B,    [V W]ᵀ[V W] = I,    Qᵀ[V W] = 0
 /// ```
 ///
-/// with `Q` known vectors that are projected out ([`crate::krylov::factor::Lanczos`]). A single start vector sees one vector
-/// of each eigenspace; `b` of them see `b`, so that an eigenvalue repeated up to `b` times comes with all its
-/// copies. A full round over the block costs `b` products and adds as much to the polynomial degree as one
-/// Lanczos step.
+/// where `Q` are known vectors that are projected out (see [`crate::krylov::factor::Lanczos`]). A single start vector sees one vector of
+/// each eigenspace. A block of `b` start vectors sees `b` of them, and finds all copies of an eigenvalue that is repeated up to `b` times.
+/// A full round over the block costs `b` products and raises the polynomial degree by one, like one Lanczos step.
 ///
-/// It takes one product a step (Ruhe's band form): it stops and resumes within a block as anywhere else. The
-/// products with the vectors that wait may be taken together before their steps
-/// ([`Factorization::multiply_block`]). A product in the span makes the block narrower; so do dependent start
-/// vectors. When the block is used up, the subspace is invariant, and the process goes on from `b` random
+/// A step takes one product (Ruhe's band form), so the process can stop and resume within a block. The products with the waiting vectors
+/// may be taken together before their steps ([`Factorization::multiply_block`]). The block becomes narrower if a product lies in the span
+/// or if start vectors are dependent. When the block is used up, the subspace is invariant, and the process continues from `b` random
 /// vectors.
 ///
-/// Storage: `m + p + k` vectors of `n` for `k` known ones, and one work vector.
+/// Storage: `m + p + k` vectors of `n` for `k` known vectors, and one work vector.
 ///
 /// # References
 /// Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III
@@ -157,8 +153,8 @@ pub struct BlockLanczos {
 }
 
 impl BlockLanczos {
-    /// A process that starts from the vectors of `starts` (`b ≥ 1`, length `n` each; dependent ones are left
-    /// out) with the vectors of `deflate` projected out, as [`crate::krylov::factor::Lanczos::new`].
+    /// Starts a process from the vectors of `starts` (`b ≥ 1`, length `n` each) and leaves out dependent ones. The vectors of `deflate` are
+    /// projected out, as in [`crate::krylov::factor::Lanczos::new`].
     ///
     /// # Errors
     /// The errors of [`crate::krylov::factor::Lanczos::new`].
@@ -166,41 +162,39 @@ impl BlockLanczos {
         Ok(Self { expansion: Expansion::new(starts, deflate)? })
     }
 
-    /// Filters the directions that noise dominates, from the next step on; see [`Filter`].
+    /// From the next step on, filters the directions that noise dominates; see [`Filter`].
     #[must_use]
     pub fn filtered(mut self, filter: Filter) -> Self {
         self.expansion.filter = Some(filter);
         self
     }
 
-    /// Widens the block by vectors (length `n` each) that start with the next step, to find further copies of an
-    /// eigenvalue. What the process knows stays; vectors that lie in the span of the basis are left out.
+    /// Widens the block by vectors (length `n` each) that start with the next step, to find further copies of an eigenvalue. The process
+    /// keeps its state. Vectors in the span of the basis are left out.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when a length differs; [`Error::Numerical`]
-    /// for NaN or an infinity.
+    /// [`Error::Dimension`] if a length differs; [`Error::Numerical`] for NaN or an infinity.
     pub fn widen(&mut self, starts: &[Vec<f64>]) -> Result<()> {
         self.expansion.widen(starts)
     }
 
-    /// `b`: the starting vectors so far. [`Expansion::pending`] tells how many are left.
+    /// `b`: the number of start vectors so far. [`Expansion::pending`] returns how many are left.
     pub fn block(&self) -> usize {
         self.expansion.block
     }
 
-    /// Saves the state, as [`crate::krylov::factor::Lanczos::save`].
+    /// Saves the state in the format of [`crate::krylov::factor::Lanczos::save`].
     ///
     /// # Errors
-    /// [`Error::Write`] when the writer fails.
+    /// [`Error::Write`] if the writer fails.
     pub fn save(&self, writer: impl Write) -> Result<()> {
         save(ProcessKind::BlockLanczos, &self.expansion, writer)
     }
 
-    /// The state that [`BlockLanczos::save`] saved.
+    /// Loads the state that [`BlockLanczos::save`] saved.
     ///
     /// # Errors
-    /// [`Error::Data`] when it is damaged, of another version, or of another
-    /// factorization.
+    /// [`Error::Data`] if the state is damaged, of another version, or of another factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
         Ok(Self { expansion: load(ProcessKind::BlockLanczos, reader)? })
     }
@@ -222,7 +216,7 @@ impl Factorization for BlockLanczos {
 
     fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
         check_symmetric(operator)?;
-        // A v_j lies in the span of v_{j−b} … v_{j+b}, of which the last is not there yet.
+        // A v_j lies in the span of v_{j−b} … v_{j+b}. The last of these is not in the basis yet.
         self.expansion.step(operator, 2 * self.expansion.block)
     }
 }
@@ -236,15 +230,15 @@ impl Factorization for BlockLanczos {
 /// A V = V H + h_{m+1,m} v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
 /// ```
 ///
-/// where `Q` are known vectors, projected out of the start and of every new vector. The process then sees
-/// `(I − QQᵀ) A` on the rest of the space. For a `Q` that spans an invariant subspace its eigenvalues are the
-/// others of `A`, but its Ritz vectors approximate Schur vectors and not eigenvectors, unless `Q` is
-/// invariant under `Aᵀ` too. The residual norms are those for `A`, and show the difference.
+/// where `Q` are known vectors, projected out of the start and of every new vector. The process then sees `(I − QQᵀ) A` on the rest of the
+/// space. If `Q` spans an invariant subspace, the eigenvalues there are the other eigenvalues of `A`. The Ritz vectors then approximate
+/// Schur vectors and not eigenvectors, unless `Q` is also invariant under `Aᵀ`. The residual norms are the norms for `A`, and show the
+/// difference.
 ///
-/// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the
-/// process continues from a random vector.
+/// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the process continues from a random
+/// vector.
 ///
-/// Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one work vector.
+/// Storage: `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
 ///
 /// # References
 /// With photos for products: O'Toole and Kutulakos, sections 3 and 4. Arnoldi, *The principle of minimized
@@ -256,8 +250,7 @@ pub struct Arnoldi {
 }
 
 impl Arnoldi {
-    /// A process that starts from `start` (length `n`) with the vectors of `deflate` projected out, as
-    /// [`crate::krylov::factor::Lanczos::new`].
+    /// Starts a process from `start` (length `n`) and projects out the vectors of `deflate`, as in [`crate::krylov::factor::Lanczos::new`].
     ///
     /// # Errors
     /// The errors of [`crate::krylov::factor::Lanczos::new`].
@@ -271,18 +264,18 @@ impl Arnoldi {
         if m == 0 { 0.0 } else { self.expansion.entry(m, m - 1) }
     }
 
-    /// Saves the state, as [`crate::krylov::factor::Lanczos::save`].
+    /// Saves the state in the format of [`crate::krylov::factor::Lanczos::save`].
     ///
     /// # Errors
-    /// [`Error::Write`] when the writer fails.
+    /// [`Error::Write`] if the writer fails.
     pub fn save(&self, writer: impl Write) -> Result<()> {
         save(ProcessKind::Arnoldi, &self.expansion, writer)
     }
 
-    /// The state that [`Arnoldi::save`] saved.
+    /// Loads the state that [`Arnoldi::save`] saved.
     ///
     /// # Errors
-    /// [`Error::Data`] when it is damaged, of another version, or of another factorization.
+    /// [`Error::Data`] if the state is damaged, of another version, or of another factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
         Ok(Self { expansion: load(ProcessKind::Arnoldi, reader)? })
     }

@@ -1,4 +1,4 @@
-//! The Rayleigh–Ritz method: approximate eigenpairs from a subspace, their order and their error bounds, without a product.
+//! The Rayleigh–Ritz method: approximate eigenpairs from a subspace, their order and their error bounds. It takes no product.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side, c64};
@@ -7,28 +7,28 @@ use super::Expansion;
 use crate::error::{Error, Result};
 use crate::krylov::basis::norm;
 
-/// Which part of the spectrum is wanted.
+/// The part of the spectrum that is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Which {
-    /// LA, LR: the largest (of largest real part), +∞ first.
+    /// LA, LR: the largest (or largest real part), +∞ first.
     #[default]
     LargestAlgebraic,
-    /// SA, SR: the smallest (of smallest real part), −∞ first.
+    /// SA, SR: the smallest (or smallest real part), −∞ first.
     SmallestAlgebraic,
     /// LM: the largest in absolute value.
     LargestMagnitude,
-    /// SM: the smallest in absolute value. Unless they are at an end of the spectrum they converge late or
-    /// never: a Krylov space approximates the ends first, and photos cannot invert the operator.
+    /// SM: the smallest in absolute value. Unless they are at an end of the spectrum, they converge late or never: a Krylov space
+    /// approximates the ends first, and photos cannot invert the operator.
     SmallestMagnitude,
     /// BE: from both ends, the largest first, then the smallest, the second largest, and so on.
     BothEnds,
-    /// LI: the largest imaginary part in absolute value; for operators that are not symmetric.
+    /// LI: the largest imaginary part in absolute value, for operators that are not symmetric.
     LargestImaginary,
 }
 
 impl Which {
-    /// Indices of `values` (real and imaginary part), most wanted first. Of equally wanted ones (a complex
-    /// pair) that with the positive imaginary part comes first, then the first.
+    /// Orders the indices of `values` (real and imaginary part), most wanted first. In a tie (a complex pair) the value with the larger
+    /// imaginary part comes first, then the lower index.
     pub(in crate::krylov) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
         let mut order: Vec<usize> = (0..values.len()).collect();
         let key = |index: usize| {
@@ -62,17 +62,16 @@ impl Which {
 /// The status of an approximate eigenpair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PairStatus {
-    /// Its residual, with the noise of the products, is within the tolerance.
+    /// The residual and the noise of the products are both within the tolerance.
     Converged,
-    /// Its residual is within the noise of the products, which is above the tolerance: only better products
-    /// would help.
+    /// The residual is within the noise of the products, which is above the tolerance. Only better products would help.
     LimitedByNoise,
-    /// More products would make it better.
+    /// More products would improve the pair.
     NotResolved,
 }
 
 impl PairStatus {
-    /// The status of a residual that should be at most `wanted`, of products with this error.
+    /// Finds the status of a residual that should be at most `wanted`, for products with the error `noise`.
     pub(crate) fn of(residual: f64, noise: f64, wanted: f64) -> Self {
         if residual <= wanted && noise <= wanted {
             Self::Converged
@@ -91,67 +90,64 @@ pub struct RitzPair {
     pub value: f64,
     /// The imaginary part of `θ`; 0 for a symmetric operator.
     pub imaginary: f64,
-    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products that were taken. Known without another one: for a
-    /// symmetric operator it is `|β_m s_m|`, for a general one `|h_{m+1,m} s_m|`.
+    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products already taken. For a symmetric operator it is `|β_m s_m|`, for a general one
+    /// `|h_{m+1,m} s_m|`.
     pub residual: f64,
-    /// The distance from `θ` to the nearest other Ritz value, less the residual of that one: the gap to the
-    /// rest of the spectrum as the subspace knows it. Infinite when there is no other, 0 for a general
-    /// operator.
+    /// The distance from `θ` to the nearest other Ritz value, minus the residual of that value: the gap to the rest of the spectrum as seen
+    /// from the subspace. It is infinite if there is no other value, and 0 for a general operator.
     pub gap: f64,
-    /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a
-    /// defective one.
+    /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a defective one.
     pub condition: f64,
-    /// Rounding errors to allow for in `θ`, a small multiple of `ε ‖A‖`.
+    /// An allowance for rounding errors in `θ`, a small multiple of `ε ‖A‖`.
     pub rounding: f64,
-    /// The standard error `‖E s‖` of `A y` from the stated errors of the products
-    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)): 0 where they are not stated.
+    /// The standard error `‖E s‖` of `A y`, from the stated errors of the products
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 if none are stated.
     pub noise: f64,
-    /// `‖(H − T) s‖` for the symmetric part `T` of `H`, beyond what the stated errors of the products explain: the part of the operator's
-    /// systematic errors that symmetry shows. 0 for a general operator, and for one that states no errors.
+    /// `‖(H − T) s‖` for the symmetric part `T` of `H`, beyond the part that the stated errors of the products explain. This is the part of
+    /// the operator's systematic errors that symmetry reveals. It is 0 for a general operator, and for an operator that states no errors.
     pub asymmetric: f64,
-    /// The part of the residual outside the subspace that the errors of the products that tell of it do not explain: how far more products
-    /// may move `θ`.
+    /// The part of the residual that lies outside the subspace and that the errors of the corresponding products do not explain. It limits
+    /// how far more products may move `θ`.
     pub unresolved: f64,
-    /// `s` (its real part), of length `m`; of norm 1 with the imaginary part.
+    /// `s` (its real part), of length `m`. The real and imaginary parts together have norm 1.
     pub coefficients: Vec<f64>,
     /// The imaginary part of `s`; empty for a real pair.
     pub imaginary_coefficients: Vec<f64>,
 }
 
 impl RitzPair {
-    /// Whether `θ` and `y` are real.
+    /// Returns true if `θ` and `y` are real.
     pub fn is_real(&self) -> bool {
         self.imaginary_coefficients.is_empty()
     }
 
-    /// Whether `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. By Weyl's bound an
-    /// eigenvalue is then that near; the vector is as near as the gap to the other eigenvalues allows
-    /// (Davis–Kahan).
+    /// Returns true if `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. An eigenvalue is then within this distance
+    /// (Weyl's bound). The error of the vector depends on the gap to the other eigenvalues (Davis–Kahan).
     pub fn is_resolved(&self, tolerance: f64, scale: f64) -> bool {
         self.residual <= tolerance * scale
     }
 
-    /// The status for a residual that should be at most `wanted`, when each product with a unit vector has an
-    /// error of norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s`
-    /// of norm 1), or the error that the operator states, whichever is larger.
+    /// Finds the status for a residual that should be at most `wanted`. Each product with a unit vector has an error of norm `noise`,
+    /// independent from product to product (then `‖E s‖` is about `noise` for any `s` of norm 1). If the operator states a larger error,
+    /// that one counts.
     pub fn status(&self, wanted: f64, noise: f64) -> PairStatus {
         PairStatus::of(self.residual, noise.max(self.noise), wanted)
     }
 
-    /// The standard error of `θ`: that of noise; of measured products also that of what repeats in all of them, and what more products would
-    /// change.
+    /// The standard error of `θ` due to noise. For measured products it also includes errors that repeat in all products, and the change
+    /// that more products would cause.
     ///
-    /// Each product with a unit vector has an error of norm `noise`, or that which the operator states, whichever is larger. `θ` changes by
-    /// `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly over the `n` entries has the component `‖E s‖/√n` along `y`.
+    /// Each product with a unit vector has an error of norm `noise`, or the error that the operator states, whichever is larger. `θ`
+    /// changes by `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly over the `n` entries has the component `‖E s‖/√n` along `y`.
     ///
-    /// An error that repeats in all products, such as a projector that is less even than its calibration says, never averages out. Its
-    /// symmetric part changes `θ`, and cannot be seen. Its other part can, as [`RitzPair::asymmetric`], and is of the same size where
-    /// projector and camera err alike: it stands for both.
+    /// An error that repeats in all products, such as a projector less even than its calibration says, never averages out. Its symmetric
+    /// part changes `θ` but cannot be seen. Its other part can be seen, as [`RitzPair::asymmetric`]. Both parts have the same size if
+    /// projector and camera err alike, so the visible part stands for both.
     ///
-    /// More products would change `θ` by [`RitzPair::unresolved`] at most, or by the square of that over the gap ([`temple_kato`]): where eigenvalues
-    /// are dense, as in direct light, a few dozen products leave more than noise does. A bound `a` about which nothing more is known counts
-    /// as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of uncertainty in measurement*, 4.3.7). Without
-    /// noise, [`RitzPair::bound`] tells it.
+    /// More products would change `θ` by at most [`RitzPair::unresolved`], or by its square over the gap ([`temple_kato`]). If eigenvalues
+    /// are dense, as in direct light, this exceeds the noise after a few dozen products. A bound `a` about which nothing more is known
+    /// counts as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of uncertainty in
+    /// measurement*, 4.3.7). Without noise, this term is left out, and [`RitzPair::bound`] covers it.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
         let noise = noise.max(self.noise);
         if noise == 0.0 {
@@ -161,27 +157,26 @@ impl RitzPair {
         evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
     }
 
-    /// The part of the residual that the stated errors of the products do not explain, and the component of these errors along any one
-    /// direction of `n` entries: how far the true operator's residual may be along the directions that matter. The residual itself where
-    /// no errors are stated.
+    /// A limit for the residual of the true operator along the directions that matter. It combines the part of the residual that the stated
+    /// errors of the products do not explain, and the component of these errors along any one direction of `n` entries. If no errors are
+    /// stated, it is the residual itself.
     pub fn beyond_noise(&self, n: usize) -> f64 {
         let unexplained = (self.residual * self.residual - self.noise * self.noise).max(0.0);
         (unexplained + evenly(self.noise, n).powi(2)).sqrt()
     }
 
-    /// Whether more products would gain nothing: the residual is within the noise of the products (`noise` for each
-    /// with a unit vector, or what the operator states), and `θ` would change by less than the standard error that
-    /// this noise leaves in it. An eigenvalue averages over all `n` entries, so that its error is far below that of
-    /// the vector, and is still worth improving when the residual is within the noise.
+    /// Returns true if more products would gain nothing. The residual must be within the noise of the products (`noise` for each product
+    /// with a unit vector, or the error that the operator states). `θ` must also change by less than the standard error that this noise
+    /// leaves in it. An eigenvalue averages over all `n` entries, so its error is far below the error of the vector, and it can still
+    /// improve when the residual is within the noise.
     pub(in crate::krylov) fn is_settled(&self, noise: f64, n: usize) -> bool {
         let noise = noise.max(self.noise);
         self.residual <= noise && temple_kato(self.residual, self.gap) <= evenly(noise, n)
     }
 
-    /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a
-    /// unit vector has an error of norm `noise` at most. Then `‖E s‖ ≤ noise · ‖s‖₁` (Simoncini and Szyld,
-    /// doi:10.1137/S1064827502406415), in any case. Errors that the operator states are standard errors of
-    /// independent products: two of them are added.
+    /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a unit vector has an error of
+    /// norm at most `noise`. Then `‖E s‖ ≤ noise · ‖s‖₁` always holds (Simoncini and Szyld, doi:10.1137/S1064827502406415). Errors that the
+    /// operator states are standard errors of independent products; two standard errors are added.
     pub fn true_residual(&self, noise: f64) -> f64 {
         let parts =
             self.coefficients.iter().zip(self.imaginary_coefficients.iter().chain(std::iter::repeat(&0.0)));
@@ -189,16 +184,16 @@ impl RitzPair {
         self.residual + noise * sum + 2.0 * self.noise
     }
 
-    /// A bound on the distance of `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous
-    /// (there is an eigenvalue within the residual norm: Weyl; Parlett, theorem 4.5.1). For a general one it
-    /// is the first-order estimate condition × (residual + rounding).
+    /// A bound on the distance from `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous: an eigenvalue lies within the
+    /// residual norm (Weyl; Parlett, theorem 4.5.1). For a general operator it is the first-order estimate condition × (residual +
+    /// rounding).
     pub fn bound(&self, noise: f64) -> f64 {
         self.condition * (self.true_residual(noise) + self.rounding)
     }
 
-    /// The Temple–Kato bound `ρ²/gap` on the same distance, where it is smaller than [`RitzPair::bound`]. It
-    /// holds if the subspace has missed no eigenvalue within the gap, which nothing but the problem itself
-    /// can promise (Kato, doi:10.1143/JPSJ.4.334; Parlett, theorem 11.7.1).
+    /// The Temple–Kato bound `ρ²/gap` on the same distance, if it is smaller than [`RitzPair::bound`]. It holds if the subspace has missed
+    /// no eigenvalue within the gap, and only knowledge of the problem can guarantee this (Kato, doi:10.1143/JPSJ.4.334; Parlett, theorem
+    /// 11.7.1).
     pub fn gap_bound(&self, noise: f64) -> f64 {
         let residual = self.true_residual(noise);
         if self.gap > residual {
@@ -209,20 +204,20 @@ impl RitzPair {
     }
 }
 
-/// How far a Ritz value may be from an eigenvalue: its residual, or by Temple and Kato the square of that over the distance to the rest of the
-/// spectrum, whichever is less (see [`RitzPair::gap_bound`]).
+/// Bounds the distance of a Ritz value from an eigenvalue. The bound is the residual, or by Temple and Kato its square over the gap to the
+/// rest of the spectrum, whichever is less (see [`RitzPair::gap_bound`]).
 pub fn temple_kato(residual: f64, gap: f64) -> f64 {
     if gap > residual { residual * (residual / gap) } else { residual }
 }
 
-/// The component, along any one direction, of an error of this norm that is spread evenly over `n` entries.
+/// The component, along any one direction, of an error of norm `norm` that is spread evenly over `n` entries.
 fn evenly(norm: f64, n: usize) -> f64 {
     norm / (n.max(1) as f64).sqrt()
 }
 
-/// The wanted Ritz pairs, of the symmetric part `T` of `H = Vᵀ A V` ([`Expansion::symmetric`]); the other part, which noise and
-/// a rig's departures from symmetry leave, is part of the residuals. Both triangles hold a measurement of the
-/// same number, and their mean has less noise than either.
+/// Computes the wanted Ritz pairs of the symmetric part `T` of `H = Vᵀ A V` ([`Expansion::symmetric`]). The other part comes from noise and
+/// from asymmetries of a rig, and counts in the residuals. Both triangles measure the same numbers, and their mean has less noise than
+/// either.
 pub(super) fn ritz_of_symmetric(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
     let mut pairs = all_of_symmetric(state, which)?;
     let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();
@@ -236,7 +231,7 @@ pub(super) fn ritz_of_symmetric(state: &Expansion, which: Which, count: usize) -
     Ok(pairs)
 }
 
-/// Thick restart from the `keep` wanted pairs.
+/// Restarts the process from the `keep` most wanted pairs (thick restart).
 pub(super) fn shrink_symmetric(state: &mut Expansion, which: Which, keep: usize) -> Result<()> {
     if keep >= state.steps() {
         return Ok(());
@@ -291,14 +286,14 @@ fn all_of_symmetric(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
         .collect())
 }
 
-/// Rounding of products of `n` terms, of orthogonalization, and of the dense eigensolver on `m × m`.
+/// Bounds the rounding of products of `n` terms, of orthogonalization, and of the dense eigensolver on `m × m`.
 fn rounding(state: &Expansion) -> f64 {
     let terms = 10.0 + (state.n() as f64).sqrt() + state.steps() as f64;
     f64::EPSILON * state.scale() * terms
 }
 
-/// The wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first;
-/// `count` may cut it in two.
+/// Computes the wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first; `count` may split the
+/// pair.
 pub(super) fn ritz_of_general(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
     let m = state.steps();
     if m == 0 || count == 0 {
@@ -322,7 +317,7 @@ pub(super) fn ritz_of_general(state: &Expansion, which: Which, count: usize) -> 
             let column: Vec<c64> = right.col(k).iter().copied().collect();
             let length = length_of(&column);
             let condition = length * length_of(&(0..m).map(|j| left[(k, j)]).collect::<Vec<c64>>());
-            // The phase at which the entry of largest magnitude is real and positive.
+            // At this phase, the entry of largest magnitude is real and positive.
             let largest =
                 column.iter().fold(c64::new(0.0, 0.0), |a, &b| if size(b) > size(a) { b } else { a });
             let unit = c64::new(largest.re / size(largest), -largest.im / size(largest));
