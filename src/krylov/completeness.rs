@@ -1,8 +1,8 @@
-//! How a search ends, and which eigenvalues it may have missed.
+//! The end of a search, and the eigenvalues that it may have missed.
 //!
-//! A converged eigenvalue says that the matrix has one there. It does not say that there is no other: a Krylov process finds one copy
-//! of a repeated eigenvalue, and nothing that is orthogonal to its start. Three claims are therefore kept apart: the *residual* of each
-//! value, whether *none is missed*, and whether the answer is *exact*, since all directions were spanned.
+//! A converged eigenvalue shows that the matrix has an eigenvalue there. It does not show that there is no other: a Krylov process finds
+//! one copy of a repeated eigenvalue, and nothing that is orthogonal to its start. Three claims are therefore separate: the *residual* of
+//! each value, whether *no value is missed*, and whether the answer is *exact* because all directions were spanned.
 
 use std::fmt;
 
@@ -11,29 +11,27 @@ use crate::error::{Error, Result};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
 
-/// The cost of a run, and why it ended.
+/// The cost of a run, and the reason for its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stats {
     /// The number of products with the operator.
     pub products: usize,
-    /// Why it ended.
+    /// The reason for its end.
     pub status: Status,
 }
 
-/// Why a method ended. Displays as a sentence without its full stop.
+/// The reason for which a method ended. Displays as a sentence without its full stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// Everything asked for is within the tolerance.
+    /// All requested results are within the tolerance.
     ReachedTolerance,
     /// The budget of products is spent; the result is the best so far.
     BudgetSpent,
-    /// The subspace is the whole space: every eigenpair is known to rounding, and no product could improve
-    /// it.
+    /// The subspace is the whole space: every eigenpair is known to rounding, and no product could improve it.
     SpaceExhausted,
     /// The observer stopped the method; the result is the best so far.
     Stopped,
-    /// The residual is down to the noise of the products, which is above the tolerance: further steps would
-    /// fit noise.
+    /// The residual is at the noise of the products, which is above the tolerance. Further steps would fit noise.
     NoiseFloor,
     /// No vector has a smaller residual: the system cannot be solved exactly, and this is a least-squares solution.
     LeastSquares,
@@ -41,10 +39,10 @@ pub enum Status {
     ConstrainedOptimum,
     /// The iterate no longer moves.
     Stalled,
-    /// The products show an operator that is not symmetric, and the method needs a symmetric one; the result is the best
-    /// before the asymmetry was found.
+    /// The products show an operator that is not symmetric, but the method needs a symmetric one. The result is the best before the
+    /// asymmetry was found.
     NotSymmetric,
-    /// The method cannot continue, for this reason; the result is the best so far.
+    /// The method cannot continue, for this reason. The result is the best so far.
     Breakdown(&'static str),
 }
 
@@ -65,29 +63,31 @@ impl fmt::Display for Status {
     }
 }
 
-/// Lets a search end within noise only after further steps have found nothing more.
+/// Lets a search end at the noise floor only after further steps have found nothing new.
 ///
-/// The noise of the first products may hide an eigenvector, along which a random start has a component of about `1/√n` only. All residuals are then
-/// within the noise although one of the largest eigenvalues is missing. Further steps in effect start from the noise, which is a random direction.
-/// Let the missing eigenvalue exceed the last wanted one by the share `ε`. Each step multiplies the component along its eigenvector by about
-/// `exp(2√ε)`, relative to the others (the growth of Chebyshev polynomials: Kuczyński and Woźniakowski, doi:10.1137/0613066). `½ ln n` steps raise
-/// `1/√n` to 1 for `ε = ¼`. An eigenvalue that is nearer to the last wanted one may still be missed.
+/// The noise of the first products may hide an eigenvector along which a random start has only a component of about `1/√n`. All residuals
+/// are then within the noise although one of the largest eigenvalues is missing. Further steps in effect start from the noise, which is a
+/// random direction. Let the missing eigenvalue exceed the last wanted one by the share `ε`. Each step multiplies the component along its
+/// eigenvector by about `exp(2√ε)`, relative to the others (the growth of Chebyshev polynomials: Kuczyński and Woźniakowski,
+/// doi:10.1137/0613066). `½ ln n` steps raise `1/√n` to 1 for `ε = ¼`. An eigenvalue that is nearer to the last wanted one may still be
+/// missed.
 #[derive(Debug)]
 pub(super) struct FurtherSteps {
     /// The number of further steps.
     steps: usize,
-    /// How many times in a row the end has been put off.
+    /// How many times in a row the end was postponed.
     put_off: usize,
 }
 
 impl FurtherSteps {
     pub(super) fn new(n: usize) -> Self {
         let steps = (0.5 * (n.max(1) as f64).ln()).ceil();
-        // Exact: at most 23, for the largest integer.
+        // The cast is exact: the value is at most 23, for the largest integer.
         Self { steps: steps as usize, put_off: 0 }
     }
 
-    /// The status with which the search ends after this step, given the status that the residuals have reached: an end within noise is put off.
+    /// Decides how the search ends after this step. `reached` is the status that the residuals have reached. An end at the noise floor is
+    /// postponed.
     pub(super) fn end(&mut self, reached: Option<Status>) -> Option<Status> {
         if reached != Some(Status::NoiseFloor) {
             self.put_off = 0;
@@ -101,26 +101,26 @@ impl FurtherSteps {
     }
 }
 
-/// How a search is confirmed: a Gaussian vector, orthogonal to all eigenvectors that were found, starts another Lanczos process. If
-/// an eigenvalue beyond the last one found was missed, that process finds one, too, except with a small chance.
+/// The confirmation of a search. A Gaussian vector, orthogonal to all eigenvectors found, starts another Lanczos process. If the search
+/// missed an eigenvalue beyond the last one found, this process finds one too, except with a small chance.
 ///
-/// The largest Ritz value `ξ` of `q` Lanczos steps from a direction that is uniform on the sphere of `n` dimensions fulfils
-/// `λ_max ≤ ξ + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer the largest eigenvalue
-/// on the complement of `k` vectors is at least the `k+1`st of the whole matrix, for any such vectors.
+/// The largest Ritz value `ξ` of `q` Lanczos steps, from a direction that is uniform on the sphere of `n` dimensions, satisfies `λ_max ≤ ξ
+/// + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer, the largest eigenvalue on the
+/// complement of any `k` vectors is at least the `k+1`st of the whole matrix.
 ///
 /// Kuczyński and Woźniakowski, *Estimating the largest eigenvalue by the power and Lanczos algorithms with a random start* (1992),
 /// doi:10.1137/0613066, theorem 4.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confirm {
-    /// `ε`, in (0, ½]: the share of the spectrum's spread `λ_max − λ_min` that an eigenvalue may lie beyond the last one found and
-    /// still be missed. Default 0.01.
+    /// `ε`, in (0, ½]. An eigenvalue may be missed if it lies beyond the last one found by at most this share of the spectrum's spread
+    /// `λ_max − λ_min`. Default 0.01.
     pub share: f64,
-    /// `δ`, in (0, ½]: the chance of missing one that lies further out, for each vector that is drawn. Default 0.001.
+    /// `δ`, in (0, ½]: the chance of missing an eigenvalue that lies further out, for each vector that is drawn. Default 0.001.
     pub chance: f64,
-    /// Products at most. Default: as many as it takes.
+    /// The most products. Default: no limit.
     pub products: usize,
-    /// Whether the noise that the search was told of is in the matrix itself, the same in all products, as that of a finite number of light
-    /// paths: the products then tell the matrix exactly. Default false.
+    /// True if the noise given to the search is part of the matrix itself and equal in all products, like the noise of a finite number of
+    /// light paths. The products then give the matrix exactly. Default false.
     pub is_frozen: bool,
 }
 
@@ -131,16 +131,16 @@ impl Default for Confirm {
 }
 
 impl Confirm {
-    /// The products `q` of one process in a space of `n` dimensions: 20, 28 and 62 at `n = 16,384` and `δ = 0.001` for `ε` of 0.1,
-    /// 0.05 and 0.01; never more than `n`, which span the space.
+    /// The number of products `q` of one process in a space of `n` dimensions: 20, 28 and 62 at `n = 16,384` and `δ = 0.001` for `ε` of
+    /// 0.1, 0.05 and 0.01. It is at most `n`, because `n` products span the space.
     pub fn steps(&self, n: usize) -> usize {
         let steps = 0.5 * ((1.648 * (n as f64).sqrt() / self.chance).ln() / self.share.sqrt() + 1.0);
-        // At most 10¹⁰ for the smallest share that `check` admits.
+        // The value is at most 10¹⁰, for the smallest share that `check` admits.
         (steps.ceil() as usize).clamp(1, n.max(1))
     }
 
-    /// How a search is confirmed, as far as this was `asked` for: at no cost where `is_free`; otherwise, where random vectors have continued a
-    /// search that `broke_down`, by the products that are `left`.
+    /// Chooses the confirmation of a search. If `is_free`, an `asked` or default confirmation costs nothing. Otherwise the `asked` one is
+    /// used. If none was asked for and random vectors have continued a search that `broke_down`, the products that are `left` confirm it.
     pub(super) fn of(asked: Option<Self>, is_free: bool, broke_down: bool, left: usize) -> Option<Self> {
         match (asked, is_free) {
             (asked, true) => Some(Self { is_frozen: true, ..asked.unwrap_or_default() }),
@@ -149,13 +149,13 @@ impl Confirm {
         }
     }
 
-    /// On a rig: as many products at most as two vectors take, of which the first may find an eigenvalue that the search has missed.
+    /// Limits the products on a rig to those of two vectors; the first of them may find an eigenvalue that the search has missed.
     #[must_use]
     pub fn on_rig(self, n: usize) -> Self {
         Self { products: self.products.min(2 * self.steps(n)), ..self }
     }
 
-    /// The share `ε` that this number of steps in `n` dimensions reaches.
+    /// The share `ε` that `steps` steps in `n` dimensions reach.
     pub(super) fn share_of(&self, steps: usize, n: usize) -> f64 {
         let factor = (1.648 * (n as f64).sqrt() / self.chance).ln() / (2 * steps).saturating_sub(1) as f64;
         (factor * factor).max(self.share)
@@ -177,11 +177,9 @@ impl Confirm {
     }
 }
 
-/// Lets `work` take products that only confirm an answer; it is told whether they cost nothing. Returns that as well, and what `work` found: nothing
-/// where the photos of a run answer, which hold what was asked of the run and confirm nothing else.
-///
-/// # Errors
-/// The errors of `work`.
+/// Lets `work` take products that only confirm an answer, and tells it whether they cost nothing. Returns this flag and the result of
+/// `work`. The result is `None` if recorded photos of a run answer, because they hold only the photos that the run asked for.
+/// Fails with the errors of `work`.
 pub fn confirming<O: Operator + ?Sized, T>(
     operator: &mut O,
     work: impl FnOnce(&mut O, bool) -> Result<T>,
@@ -195,17 +193,17 @@ pub fn confirming<O: Operator + ?Sized, T>(
     }
 }
 
-/// Tells the observer of a step that confirms an answer.
+/// Reports a step of a confirmation to the observer.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when the observer stops it.
+/// [`Error::Interrupted`] if the observer stops it.
 pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize) -> Result<()> {
     let (done, total) = (done as u64, total.max(done) as u64);
     let flow = observer.step(&Step { stage: "confirming", done, total, estimate: Estimate::None });
     if flow.is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// Beyond half of the spectrum's spread, a confirmation says nothing that is of use.
+/// The largest useful share: beyond half of the spectrum's spread, a confirmation says nothing.
 pub(super) const MOST: f64 = 0.5;
 
 /// The claim about eigenvalues (or singular values) that a search may have missed. Displays as a sentence without its full stop.
@@ -215,26 +213,26 @@ pub enum Completeness {
     /// Further copies of a repeated value, and values whose vectors the search has not met, are not excluded.
     #[default]
     NotExcluded,
-    /// None beyond the limits is missing, except with a small chance: see [`Confirm`].
+    /// No value beyond the limits is missing, except with a small chance: see [`Confirm`].
     Confirmed(Confirmed),
-    /// All directions were spanned, without noise: none is missing.
+    /// All directions were spanned without noise: no value is missing.
     Exact,
 }
 
-/// A search that was confirmed.
+/// The claim of a confirmed search.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Confirmed {
-    /// No value below the first or above the second is missing: `λ_k ± (ε (λ_max − λ_min) + tolerance + noise)`, with the spread as the
-    /// Ritz values show it. `None` at an end of the spectrum that was not asked for.
+    /// No value below the first limit or above the second is missing. The limits are `λ_k ± (ε (λ_max − λ_min) + tolerance + noise)`, with
+    /// the spread taken from the Ritz values. A limit is `None` at an end of the spectrum that was not requested.
     pub limits: [Option<f64>; 2],
     /// `ε` of [`Confirm`].
     pub share: f64,
-    /// The chance that this is wrong: the sum over the vectors that were drawn.
+    /// The chance that this claim is wrong: the sum over the vectors that were drawn.
     pub chance: f64,
 }
 
 impl Completeness {
-    /// The claim of the last of several vectors: the chances of the `others` add to its own.
+    /// Combines this claim, of the last of several vectors, with those of `others`: the chances add up.
     #[must_use]
     pub fn after(self, others: u64) -> Self {
         match self {
@@ -252,7 +250,7 @@ impl Completeness {
         }
     }
 
-    /// Whether nothing is missing, for certain or except with a stated chance.
+    /// Returns true if no value is missing, for certain or except with a stated chance.
     pub fn is_known(&self) -> bool {
         *self != Self::NotExcluded
     }
@@ -306,7 +304,7 @@ mod tests {
         assert_eq!([0.1, 0.05, 0.01].map(steps), [20, 28, 62]);
         let confirm = Confirm::default();
         assert_eq!((confirm.steps(5), confirm.steps(1)), (5, 1), "as many span the space");
-        // Fewer steps than it takes reach a larger share, and that share takes no more steps.
+        // Fewer steps reach a larger share, and that share needs no more steps.
         let share = confirm.share_of(28, 16_384);
         assert!((0.045..0.05).contains(&share), "{share}");
         assert!(Confirm { share, ..confirm }.steps(16_384) <= 28);

@@ -152,9 +152,7 @@ pub fn solve<O: Operator + ?Sized>(
 }
 
 /// The same as [`solve`], for an operator whose transpose can be applied.
-///
-/// # Errors
-/// The errors of [`solve`].
+/// Fails with the errors of [`solve`].
 pub fn solve_adjoint<O: Adjoint + ?Sized>(
     method: Method,
     operator: &mut O,

@@ -16,33 +16,30 @@ use crate::operator::Operator;
 
 /// An approximate inverse `M⁻¹` of `n × n`. Applying it takes no product with `A`.
 pub trait Preconditioner: Send + Sync {
-    /// The dimension `n`, or `None` where it fits any.
+    /// The dimension `n`, or `None` if the preconditioner fits any dimension.
     fn size(&self) -> Option<usize>;
     /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten.
-    ///
-    /// # Errors
-    /// The error of a preconditioner that is itself an operator.
+    /// Fails with the errors of a preconditioner that is itself an operator.
     fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()>;
-    /// Whether `M` is symmetric and positive definite, as CG, MINRES, LSQR and LSMR require.
+    /// Returns true if `M` is symmetric and positive definite, as CG, MINRES, LSQR and LSMR require.
     fn is_positive_definite(&self) -> bool;
 }
 
 /// `M = diag(d)`: `M⁻¹ r = r / d`, entry by entry.
 ///
-/// With CG and MINRES this is symmetric scaling, `D^-½ A D^-½`. `d = A 1` (the white photo) brings the
-/// spectrum of a non-negative symmetric `A` into [−1, 1]; with `d` = the direct image, `M⁻¹ A` is `I` plus
-/// scaled indirect light.
+/// With CG and MINRES this is symmetric scaling, `D^-½ A D^-½`. With `d = A 1` (the white photo), the spectrum of a non-negative symmetric
+/// `A` lies in [−1, 1]. With `d` equal to the direct image, `M⁻¹ A` is `I` plus scaled indirect light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagonal {
     entries: Vec<f64>,
 }
 
 impl Diagonal {
-    /// `M = diag(entries)`, `n` positive numbers. Entries below `1e-6` of the largest (pixels that see no
-    /// light) are raised to that, so that they do not dominate the quotient.
+    /// Makes `M = diag(entries)` from `n` non-negative numbers. Entries below `1e-6` of the largest (pixels that see no light) are raised
+    /// to this value, so that they do not dominate the quotient.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when an entry is negative, infinite or NaN, or when none is positive.
+    /// [`Error::Numerical`] if an entry is negative, infinite or NaN, or if none is positive.
     pub fn new(mut entries: Vec<f64>) -> Result<Self> {
         if let Some(index) = entries.iter().position(|entry| !entry.is_finite() || *entry < 0.0) {
             return Err(Error::Numerical(format!(
@@ -84,14 +81,13 @@ const LEAST_SHARE: f64 = 0.1;
 
 /// `M⁻¹ = S (Σ_l g_l (P_l − P_{l+1})) S` on images of `height × width`.
 ///
-/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean; `P_0 = I`. The
-/// blocks are nested, so the bands `P_l − P_{l+1}` are orthogonal projectors: band 0 contains differences
-/// between neighbours, the last band the means of the coarsest blocks. `M⁻¹` is symmetric, and positive
-/// definite because the gains are positive. `S = D^-½` with a diagonal ([`Multiscale::scaled_by`]), else `I`.
+/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean; `P_0 = I`. The blocks are nested, so the bands
+/// `P_l − P_{l+1}` are orthogonal projectors. Band 0 contains differences between neighbours, the last band the means of the coarsest
+/// blocks. `M⁻¹` is symmetric, and positive definite because the gains are positive. `S = D^-½` if there is a diagonal
+/// ([`Multiscale::scaled_by`]), otherwise `I`.
 ///
-/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse.
-/// Defocus removes the fine scales; inverting it would amplify noise, so gains that fall, or a small `g_0`,
-/// smooth instead.
+/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse. Defocus removes the fine scales.
+/// Inverting it would amplify noise, so gains that fall, or a small `g_0`, smooth instead.
 ///
 /// # References
 /// The bands form the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
@@ -105,11 +101,10 @@ pub struct Multiscale {
 }
 
 impl Multiscale {
-    /// The preconditioner with gains `g_0 … g_L` for images of `width × height`, stored row by row.
+    /// Makes the preconditioner with gains `g_0 … g_L` for images of `width × height`, stored row by row.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when there is no gain or one is not positive and finite, or the image has no
-    /// pixel.
+    /// [`Error::Numerical`] if there is no gain, if a gain is not positive and finite, or if the image has no pixel.
     pub fn new(width: usize, height: usize, gains: Vec<f64>) -> Result<Self> {
         if width == 0 || height == 0 {
             return Err(Error::Numerical("a multiscale preconditioner needs an image with pixels".into()));
@@ -122,10 +117,10 @@ impl Multiscale {
         Ok(Self { width, height, gains, scaling: Vec::new() })
     }
 
-    /// This preconditioner between two divisions by `√d`, for a diagonal `d` of `n` positive entries.
+    /// Puts this preconditioner between two divisions by `√d`, for a diagonal `d` of `n` positive entries.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when `d` has not one entry per pixel; as [`Diagonal::new`] for its values.
+    /// [`Error::Dimension`] if `d` does not have one entry per pixel; the errors of [`Diagonal::new`] for its values.
     pub fn scaled_by(mut self, diagonal: Vec<f64>) -> Result<Self> {
         let pixels = self.width * self.height;
         Error::check_size("the diagonal of a multiscale preconditioner", pixels, diagonal.len())?;
@@ -133,17 +128,15 @@ impl Multiscale {
         Ok(self)
     }
 
-    /// Gains measured by one product `y = A x` of a random `x` of `n` signs: for each band the inverse of its
-    /// share `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`, which estimates the
-    /// mean of `D^-½ A D^-½` over the band (Hutchinson's estimator). Between the two divisions by `√d`,
-    /// `d = A 1`.
+    /// Measures the gains by one product `y = A x` with a random `x` of `n` signs, between the two divisions by `√d`, `d = A 1`. The gain
+    /// of a band is the inverse of its share `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`. The share estimates
+    /// the mean of `D^-½ A D^-½` over the band (Hutchinson's estimator).
     ///
-    /// Shares are clamped to [0.1, 1], so that the noise of a band that defocus has nearly removed is not
-    /// amplified. Bands with fewer than 64 blocks, whose estimates are rough, have the gain 1.
+    /// Shares are clamped to [0.1, 1]. This avoids amplifying the noise of a band that defocus has nearly removed. Bands with fewer than 64
+    /// blocks have rough estimates and get the gain 1.
     ///
     /// # Errors
-    /// The errors of [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] when `x` or `y` is of
-    /// another length.
+    /// The errors of [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] if the length of `x` or `y` is wrong.
     pub fn measured(width: usize, height: usize, diagonal: Vec<f64>, x: &[f64], y: &[f64]) -> Result<Self> {
         let mut measured = Self::new(width, height, vec![1.0])?.scaled_by(diagonal)?;
         for vector in [x, y] {
@@ -199,7 +192,7 @@ impl Multiscale {
             .sum()
     }
 
-    /// The block means of `S r` at `level`, times `factor`, added to `z`.
+    /// Adds the block means of `S r` at `level`, times `factor`, to `z`.
     fn add_means(&self, level: usize, factor: f64, r: &[f64], z: &mut [f64]) {
         for rows in self.blocks(level) {
             let pixels: usize = rows.clone().map(|row| row.len()).sum();
@@ -249,8 +242,8 @@ impl Preconditioner for Multiscale {
 
 type Apply = dyn Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync;
 
-/// A preconditioner `M⁻¹` of the caller: a closure or an operator. Products with this operator are not
-/// counted, so it should be a cheap one, such as a model of the scene.
+/// A preconditioner `M⁻¹` from the caller: a closure or an operator. Products with this operator are not counted, so it should be cheap,
+/// for example a model of the scene.
 pub struct UserPreconditioner {
     size: Option<usize>,
     positive_definite: bool,
@@ -258,7 +251,7 @@ pub struct UserPreconditioner {
 }
 
 impl UserPreconditioner {
-    /// `M⁻¹ r` by a closure `(r, z)` that overwrites `z`. `positive_definite` is taken on trust.
+    /// Wraps a closure `(r, z)` that overwrites `z` with `M⁻¹ r`. `positive_definite` is not verified.
     pub fn closure(
         positive_definite: bool,
         apply: impl Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync + 'static,
@@ -266,10 +259,10 @@ impl UserPreconditioner {
         Self { size: None, positive_definite, apply: Box::new(apply) }
     }
 
-    /// `M⁻¹` as an operator, which must be square.
+    /// Wraps an operator `M⁻¹`, which must be square.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when it is not square.
+    /// [`Error::Dimension`] if it is not square.
     pub fn operator(positive_definite: bool, operator: impl Operator + Send + 'static) -> Result<Self> {
         let (rows, cols) = (operator.rows(), operator.cols());
         if rows != cols {
@@ -281,8 +274,7 @@ impl UserPreconditioner {
         }
         let operator = Mutex::new(operator);
         let apply = move |r: &[f64], z: &mut [f64]| {
-            // A poisoned lock means that an earlier product panicked. The operator is responsible for its own
-            // state.
+            // A poisoned lock means that an earlier product panicked. The operator must keep its state valid.
             let mut operator = operator.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             operator.apply(r, z)
         };

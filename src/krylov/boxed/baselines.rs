@@ -95,9 +95,7 @@ pub struct Mrnsd {
 impl Mrnsd {
     /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
     /// without `diagonal` the first product is `A 1`.
-    ///
-    /// # Errors
-    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// Fails with the errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         Ok(Self {
@@ -190,9 +188,7 @@ pub struct Multiplicative {
 impl Multiplicative {
     /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
     /// without `diagonal` the first product is `A 1`.
-    ///
-    /// # Errors
-    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// Fails with the errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         Ok(Self {

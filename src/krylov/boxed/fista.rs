@@ -45,9 +45,7 @@ pub struct Fista {
 impl Fista {
     /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
     /// the options; without `diagonal` the first product is `A 1`.
-    ///
-    /// # Errors
-    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// Fails with the errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {

@@ -259,9 +259,7 @@ pub struct Beside {
 /// The largest eigenvalue of a symmetric operator (`n × n`) on the complement of `known` vectors, from a Gaussian vector of this seed:
 /// by Courant and Fischer a bound on the eigenvalue after as many as are known, however exact they are. `None` where the complement is
 /// empty or the products of `confirm` are too few.
-///
-/// # Errors
-/// The errors of [`confirm`].
+/// Fails with the errors of [`confirm`].
 pub fn largest_beside(
     operator: &mut dyn Operator,
     known: &[Vec<f64>],

@@ -1,4 +1,4 @@
-//! Eigenvalues and eigenvectors: answered from a factorization, or driven to within a budget of products.
+//! Eigenvalues and eigenvectors within a budget of products, from a start vector or from a given factorization.
 
 mod confirm;
 mod power;
@@ -22,17 +22,17 @@ pub use confirm::{Beside, confirm, largest_beside};
 /// The method for eigenpairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EigsMethod {
-    /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. A baseline.
+    /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. It serves as a baseline.
     Power,
-    /// [`Lanczos`], for symmetric operators: the best in nearly all cases.
+    /// [`Lanczos`], for symmetric operators: the best method in nearly all cases.
     #[default]
     Lanczos,
     /// [`BlockLanczos`], for symmetric operators with repeated eigenvalues.
     BlockLanczos {
-        /// Vectors in the block, at least 1: as many copies of an eigenvalue are found.
+        /// The number of vectors in the block, at least 1. The method finds up to this many copies of an eigenvalue.
         block: usize,
     },
-    /// [`Arnoldi`], for any operator: complex pairs.
+    /// [`Arnoldi`], for any operator; it also finds complex pairs.
     Arnoldi,
 }
 
@@ -45,25 +45,24 @@ pub struct EigsOptions {
     pub which: Which,
     /// The most products (ARPACK's `ncv`, without restarts). Default 50.
     pub products: usize,
-    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`; 0 uses the whole budget.
-    /// Default 1e-8.
+    /// The search ends when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`; 0 uses the whole budget. Default 1e-8.
     pub tolerance: f64,
     /// The method. Default: Lanczos.
     pub method: EigsMethod,
-    /// The most basis vectors to keep, without the known ones, by thick restarts (Lanczos and block Lanczos);
-    /// at least `count + 2 × block + 1`. Restarts slow convergence, but take no product. Default: no restart.
+    /// The most basis vectors to keep, not counting known vectors, by thick restarts (Lanczos and block Lanczos); at least `count + 2 ×
+    /// block + 1`. Restarts slow convergence but take no product. Default: no restart.
     pub max_basis: Option<usize>,
-    /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its own
-    /// ([`Operator::standard_errors`]). Done when all residuals are down
-    /// to the noise, more products would change no eigenvalue by more than its standard error, and `½ ln n` further products have found no
-    /// eigenvalue that the noise had hidden. A tolerance of 0 uses the whole budget all the same. Default 0.
+    /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its errors
+    /// ([`Operator::standard_errors`]). The search ends when three conditions hold: all residuals are within the noise; more products would
+    /// change no eigenvalue by more than its standard error; and `½ ln n` further products have found no eigenvalue that the noise had
+    /// hidden. A tolerance of 0 still uses the whole budget. Default 0.
     pub noise: f64,
     /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
     pub start: Start,
-    /// Known eigenvectors, which are projected out. Default none.
+    /// Known eigenvectors to project out. Default none.
     pub deflate: Vec<Vec<f64>>,
-    /// How the search is confirmed beyond its products ([`confirm`](confirm())); Lanczos and block Lanczos only. Default none:
-    /// the products that are left confirm a search whose subspace was invariant before it ended, and no other.
+    /// The confirmation of the search by further products ([`confirm`](confirm())); Lanczos and block Lanczos only. With the default none,
+    /// the remaining products confirm only a search whose subspace became invariant before its end.
     pub confirm: Option<Confirm>,
 }
 
@@ -91,47 +90,46 @@ pub struct Eigs {
     pub values: Vec<f64>,
     /// The imaginary parts of `k` eigenvalues: zero for symmetric operators.
     pub imaginary_values: Vec<f64>,
-    /// `k` eigenvectors of length `n` and norm 1 (their real parts), with positive entry of largest
-    /// magnitude; orthogonal for a symmetric operator.
+    /// `k` eigenvectors of length `n` and norm 1 (their real parts). The entry of largest magnitude is positive. They are orthogonal for a
+    /// symmetric operator.
     pub vectors: Vec<Vec<f64>>,
-    /// The imaginary parts of `k` eigenvectors (with the real part of norm 1): empty for a real pair.
+    /// The imaginary parts of `k` eigenvectors (norm 1 together with the real part); empty for a real pair.
     pub imaginary_vectors: Vec<Vec<f64>>,
     /// `‖A y − θ y‖` of each pair, from the products taken.
     pub residuals: Vec<f64>,
-    /// The standard error of each value due to the noise of the products, that of the options or stated by the operator, and due to
-    /// systematic errors as far as the products' departure from symmetry shows them:
-    /// [`RitzPair::standard_error`](crate::krylov::RitzPair::standard_error). 0 where none is known.
+    /// The standard error of each value: [`RitzPair::standard_error`](crate::krylov::RitzPair::standard_error). It covers the noise of the
+    /// products, which the options give or the operator states, and the systematic errors that asymmetry of the products reveals. It is 0
+    /// if no error is known.
     pub standard_errors: Vec<f64>,
-    /// A bound on the distance of each value to an eigenvalue:
-    /// [`RitzPair::bound`](crate::krylov::RitzPair::bound), rigorous for symmetric operators.
+    /// A bound on the distance from each value to an eigenvalue: [`RitzPair::bound`](crate::krylov::RitzPair::bound), rigorous for
+    /// symmetric operators.
     pub bounds: Vec<f64>,
-    /// The same by Temple and Kato: [`RitzPair::gap_bound`](crate::krylov::RitzPair::gap_bound), sharper, on a
-    /// condition.
+    /// A sharper bound on this distance by Temple and Kato, which holds under a condition:
+    /// [`RitzPair::gap_bound`](crate::krylov::RitzPair::gap_bound).
     pub gap_bounds: Vec<f64>,
     /// The status of each pair.
     pub statuses: Vec<PairStatus>,
-    /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see
-    /// [`Expansion::asymmetry`](crate::krylov::Expansion::asymmetry). 0 for power iteration, which does not
-    /// measure it.
+    /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see [`Expansion::asymmetry`](crate::krylov::Expansion::asymmetry). Power
+    /// iteration does not measure it and returns 0.
     pub asymmetry: f64,
     /// A row for each product of this run.
     pub history: Vec<HistoryRow>,
-    /// The number of products in all, and why the search ended.
+    /// The total number of products, and the reason for the end of the search.
     pub stats: Stats,
     /// The claim about eigenvalues that the search may have missed.
     pub completeness: Completeness,
-    /// The products that confirmed it; `stats` counts them if the same call took them.
+    /// The number of products that confirmed the search; `stats` includes them if the same call took them.
     pub confirming: usize,
 }
 
 /// The eigenvalues after one product of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HistoryRow {
-    /// Products taken so far.
+    /// The number of products so far.
     pub products: usize,
-    /// The wanted eigenvalues, the most wanted first; fewer than asked for in the first steps.
+    /// The wanted eigenvalues, the most wanted first. The first steps have fewer than requested.
     pub values: Vec<f64>,
-    /// The residual norm `‖A y − θ y‖` of each.
+    /// The residual norm `‖A y − θ y‖` of each value.
     pub residuals: Vec<f64>,
 }
 
@@ -181,18 +179,16 @@ impl EigsOptions {
     }
 }
 
-/// Eigenpairs `A y = θ y` of an operator (`n × n`) by the method of the options, within a budget of products.
+/// Finds eigenpairs `A y = θ y` of an operator (`n × n`) by the chosen method, within a budget of products.
 ///
-/// The operator's observer sees each product
-/// ([`Estimate::Eigenpairs`]). Returns the best so far when the budget
-/// ends or the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies;
-/// [`EigsOptions::confirm`] finds the others. [`Eigs::completeness`] says what is known of values that were missed.
+/// The operator's observer sees each product ([`Estimate::Eigenpairs`]). The function returns the best pairs so far when the budget ends or
+/// the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies; [`EigsOptions::confirm`] finds
+/// the others. [`Eigs::completeness`] states which values may have been missed.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
-/// or `--which` when its value cannot be used; else as [`Lanczos::new`] and
-/// [`Factorization::expand`]. To keep what was taken before an operator
-/// failed, hold the factorization yourself and use [`eigs_from`].
+/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise` or `--which` if its value
+/// cannot be used; the errors of [`Lanczos::new`] and [`Factorization::expand`]. To keep the products taken before an operator failed, hold
+/// the factorization and use [`eigs_from`].
 pub fn eigs<O: Operator + ?Sized>(operator: &mut O, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);
     let found = eigs_of(&mut operator, options);
@@ -231,16 +227,13 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     Ok(found)
 }
 
-/// Products are taken one by one where the residuals are within this factor of their target: a few products
-/// seldom gain more.
+/// Within this factor of the target residual, products are taken one by one: a few products seldom gain more.
 const NEAR: f64 = 1e3;
 
-/// The same as [`eigs()`], going on from a factorization; `options.products` counts the products
-/// already in it, `method`, `start` and `deflate` are ignored. After an error, `factorization` holds
-/// everything up to the product that failed: call this function again to continue.
-///
-/// # Errors
-/// The errors of [`eigs()`].
+/// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in it; `method`, `start` and
+/// `deflate` are ignored. After an error, `factorization` holds everything up to the product that failed, and another call continues from
+/// there.
+/// Fails with the errors of [`eigs()`].
 pub fn eigs_from<O: Operator + ?Sized>(
     factorization: &mut dyn Factorization,
     operator: &mut O,
@@ -276,7 +269,7 @@ fn drive(
         }
         let waiting = factorization.expansion().pending();
         if factorization.steps() + waiting >= most {
-            // Half of the unwanted pairs are kept too: the next cycle converges faster from them.
+            // Half of the unwanted pairs are kept too, so that the next cycle converges faster.
             let steps = factorization.steps();
             let keep = options.count + steps.saturating_sub(options.count) / 2;
             factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
@@ -306,20 +299,20 @@ fn drive(
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
 }
 
-/// The status once all directions are spanned: the answer is exact unless the products have noise.
+/// The status when all directions are spanned: the answer is exact unless the products have noise.
 fn exhausted(factorization: &dyn Factorization, options: &EigsOptions) -> Status {
     let is_noisy = options.noise > 0.0 || factorization.expansion().largest_error() > 0.0;
     if is_noisy { Status::NoiseFloor } else { Status::SpaceExhausted }
 }
 
-/// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products
-/// are then taken one by one, so that none is taken in vain.
+/// Returns true if these pairs may reach the tolerance or the noise before a whole block is multiplied. Products are then taken one by one,
+/// so that none is wasted.
 fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
     let target = (options.tolerance * scale).max(options.noise);
     pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))
 }
 
-/// Why these pairs of an operator of this norm and of `n` rows need no further product, if they need none.
+/// The reason why these pairs need no further product, if they need none. `scale` and `n` are the norm and the rows of the operator.
 fn good_enough(pairs: &[RitzPair], options: &EigsOptions, (scale, n): (f64, usize)) -> Option<Status> {
     if pairs.len() < options.count {
         return None;
@@ -332,7 +325,7 @@ fn good_enough(pairs: &[RitzPair], options: &EigsOptions, (scale, n): (f64, usiz
     (options.tolerance > 0.0 && pairs.iter().all(is_settled)).then_some(Status::NoiseFloor)
 }
 
-/// The status of pairs for which no product is left.
+/// The status of the pairs when no product is left.
 fn spent(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Status {
     let wanted = options.tolerance * scale;
     let limited = |pair: &RitzPair| pair.status(wanted, options.noise) != PairStatus::NotResolved;
@@ -343,7 +336,7 @@ fn spent(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Status {
     }
 }
 
-/// Tells the operator's observer of each product, and records it.
+/// Reports each product to the operator's observer, and records it.
 struct Recorder {
     budget: usize,
     history: Vec<HistoryRow>,

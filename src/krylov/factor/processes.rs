@@ -155,9 +155,7 @@ pub struct BlockLanczos {
 impl BlockLanczos {
     /// Starts a process from the vectors of `starts` (`b ≥ 1`, length `n` each) and leaves out dependent ones. The vectors of `deflate` are
     /// projected out, as in [`crate::krylov::factor::Lanczos::new`].
-    ///
-    /// # Errors
-    /// The errors of [`crate::krylov::factor::Lanczos::new`].
+    /// Fails with the errors of [`crate::krylov::factor::Lanczos::new`].
     pub fn new(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(starts, deflate)? })
     }
@@ -251,9 +249,7 @@ pub struct Arnoldi {
 
 impl Arnoldi {
     /// Starts a process from `start` (length `n`) and projects out the vectors of `deflate`, as in [`crate::krylov::factor::Lanczos::new`].
-    ///
-    /// # Errors
-    /// The errors of [`crate::krylov::factor::Lanczos::new`].
+    /// Fails with the errors of [`crate::krylov::factor::Lanczos::new`].
     pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(&[start.to_vec()], deflate)? })
     }

@@ -132,9 +132,7 @@ pub struct Cgs {
 impl Cgs {
     /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the
     /// options.
-    ///
-    /// # Errors
-    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {
@@ -215,9 +213,7 @@ pub struct BiCgStab {
 impl BiCgStab {
     /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the
     /// options.
-    ///
-    /// # Errors
-    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         let shared = Shadowed::new("BiCGStab", b, options)?;

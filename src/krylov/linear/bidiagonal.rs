@@ -160,9 +160,7 @@ pub struct Lsqr {
 impl Lsqr {
     /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
     /// `preconditioner` of the options.
-    ///
-    /// # Errors
-    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self {
             process: Bidiagonal::new("LSQR", cols, b, options)?,
@@ -283,9 +281,7 @@ impl ResidualNorm {
 impl Lsmr {
     /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
     /// `preconditioner` of the options.
-    ///
-    /// # Errors
-    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self {
             process: Bidiagonal::new("LSMR", cols, b, options)?,

@@ -49,9 +49,7 @@ const MEANINGLESS: f64 = 1e-9;
 impl Gmres {
     /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and
     /// `restart` of the options.
-    ///
-    /// # Errors
-    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self::build(System::new(b.len(), b, options)?, options, false))
     }

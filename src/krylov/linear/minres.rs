@@ -65,9 +65,7 @@ pub struct Minres {
 impl Minres {
     /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge
     /// symmetry, `noise` of the options.
-    ///
-    /// # Errors
-    /// The errors of [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {

@@ -1,9 +1,8 @@
-//! Linear systems `A x = b`, one product a step.
+//! Linear systems `A x = b`, one product per step.
 //!
-//! Each method is a state ([`Solver`]) that takes at most one product a step, so that a product that fails
-//! can be taken again and loses nothing; [`solve`](super::solve) drives one until the tolerance is reached,
-//! the residual is down to the noise, or the budget is spent. The table [`METHODS`](super::METHODS) lists the
-//! needs and the storage of each.
+//! Each method is a state ([`Solver`]) that takes at most one product per step. A product that fails can be taken again, and nothing is
+//! lost. [`solve`](super::solve) takes steps until the tolerance is reached, the residual is at the noise, or the budget is spent. The
+//! table [`METHODS`](super::METHODS) lists the needs and the storage of each method.
 
 mod biconjugate;
 mod bidiagonal;
@@ -32,8 +31,8 @@ pub use minres::Minres;
 pub use system::Tally;
 pub(crate) use system::{System, square};
 
-/// The side of the preconditioner of GMRES. (CG and MINRES split theirs, which keeps the operator symmetric;
-/// CGS, BiCGStab, FGMRES, LSQR and LSMR have it on the right.)
+/// The side of the preconditioner of GMRES. CG and MINRES split the preconditioner, which keeps the operator symmetric. CGS, BiCGStab,
+/// FGMRES, LSQR and LSMR have it on the right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Side {
     /// `A M⁻¹ u = b`, `x = M⁻¹ u`: minimizes the true residual.
@@ -43,45 +42,42 @@ pub enum Side {
     Left,
 }
 
-/// The options of the solvers of `A x = b`. Each field says which methods read it; the others ignore it
-/// unless stated otherwise. By default: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
+/// The options of the solvers of `A x = b`. Each field lists the methods that read it; the others ignore it unless stated otherwise.
+/// Defaults: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
 #[derive(Clone)]
 pub struct SolveOptions {
     /// The most products, with `A` and `Aᵀ` together. Read by all methods. Default 50.
     pub products: usize,
-    /// Done when `‖b − A x‖ ≤ rtol ‖b‖ + atol`. Read by all methods; krylov-box also ends where its model
-    /// predicts no gain beyond it. Default 1e-6; 0 uses the whole budget.
+    /// A solver ends when `‖b − A x‖ ≤ rtol ‖b‖ + atol`; 0 uses the whole budget. Read by all methods; krylov-box also ends when its model
+    /// predicts no gain beyond this. Default 1e-6.
     pub rtol: f64,
     /// See `rtol`. Read by all methods. Default 0.
     pub atol: f64,
-    /// The relative noise `δ` of a product, which is within `δ ‖A v‖` of `A v`. Steps below
-    /// `‖b − A x‖ ≤ δ ‖b‖` would fit noise, so the method stops there (the discrepancy principle: Morozov
-    /// (1966); for inexact products: Simoncini and Szyld (2003), doi:10.1137/S1064827502406415). Read by all
-    /// methods; CG and MINRES also tolerate this departure from symmetry. For an operator that does not state its
-    /// noise: a stated one ([`Operator::standard_errors`]) counts as
-    /// well, unless `rtol` and `atol` are 0. Default 0.
+    /// The relative noise `δ` of a product, which is within `δ ‖A v‖` of `A v`. Steps below `‖b − A x‖ ≤ δ ‖b‖` would fit noise, so the
+    /// method stops there (the discrepancy principle: Morozov (1966); for inexact products: Simoncini and Szyld (2003),
+    /// doi:10.1137/S1064827502406415). Read by all methods; CG and MINRES also tolerate this degree of asymmetry. It is meant for an
+    /// operator that does not state its noise. Noise that the operator states ([`Operator::standard_errors`]) also counts, unless `rtol`
+    /// and `atol` are 0. Default 0.
     pub noise: f64,
-    /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. Default
-    /// `None`: zero, whose residual is `b`, or `b / diagonal` for the methods with bounds, clipped to them.
+    /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. The default `None` means zero, with the
+    /// residual `b`. For the methods with bounds it means `b / diagonal`, clipped to the bounds.
     pub x0: Option<Vec<f64>>,
     /// `M⁻¹`. Read by CG, MINRES, LSQR and LSMR (`M` must be symmetric positive definite), and by CGS,
     /// BiCGStab, GMRES and FGMRES; the methods with bounds refuse one. Default none.
     pub preconditioner: Option<Arc<dyn Preconditioner>>,
-    /// The side of the preconditioner. Read by GMRES; the other methods refuse [`Side::Left`] together with a
-    /// preconditioner. Default right.
+    /// The side of the preconditioner. Read by GMRES; the other methods refuse [`Side::Left`] together with a preconditioner. Default
+    /// right.
     pub side: Side,
-    /// Products after which the method restarts. Read by GMRES and FGMRES. Default `None`: no restart.
+    /// The number of products after which the method restarts. Read by GMRES and FGMRES. Default `None`: no restart.
     pub restart: Option<usize>,
     /// The lower bound of the box (α of the paper's [α, 1]). Read by Jacobi, FISTA and krylov-box. Default 0.
     pub lower: f64,
     /// The upper bound of the box. Read by Jacobi, FISTA and krylov-box. Default 1.
     pub upper: f64,
-    /// `D = A 1`, the white photo, of length `n`, which scales the steps and the first iterate. Read by
-    /// Jacobi, FISTA, krylov-box, MRNSD and the multiplicative method. Default `None`: the method takes it
-    /// first, for one product.
+    /// `D = A 1`, the white photo, of length `n`. It scales the steps and the first iterate. Read by Jacobi, FISTA, krylov-box, MRNSD and
+    /// the multiplicative method. With the default `None`, the method first takes it, for one product.
     pub diagonal: Option<Vec<f64>>,
-    /// The approximation of `A` on directions that no product has explored yet. Read by krylov-box. Default
-    /// none: a multiple of `D`.
+    /// The approximation of `A` on directions that no product has explored yet. Read by krylov-box. Default none: a multiple of `D`.
     pub surrogate: Option<Arc<dyn Surrogate>>,
 }
 
@@ -124,7 +120,7 @@ impl fmt::Debug for SolveOptions {
 }
 
 impl SolveOptions {
-    /// The residual norm at which the tolerance is reached, for `‖b‖`.
+    /// The residual norm that reaches the tolerance, given `‖b‖`.
     pub(crate) fn target(&self, rhs_norm: f64) -> f64 {
         self.rtol * rhs_norm + self.atol
     }
@@ -165,12 +161,11 @@ pub enum Advance {
 /// One product of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveRow {
-    /// Products taken so far.
+    /// The number of products so far.
     pub products: usize,
-    /// `‖b − A x‖ / ‖b‖` of the iterate after that product (absolute for `b = 0`; infinite until the residual
-    /// of `x0` is known).
+    /// `‖b − A x‖ / ‖b‖` of the iterate after that product. It is absolute for `b = 0`, and infinite until the residual of `x0` is known.
     pub residual: f64,
-    /// The smallest so far: that of the solution if the budget had ended here.
+    /// The smallest residual so far. It is the residual of the solution if the budget ends here.
     pub best: f64,
 }
 
@@ -179,22 +174,21 @@ pub struct SolveRow {
 pub struct Solution {
     /// The best iterate, of length `cols`.
     pub x: Vec<f64>,
-    /// Its `‖b − A x‖ / ‖b‖` (absolute for `b = 0`).
+    /// `‖b − A x‖ / ‖b‖` of `x` (absolute for `b = 0`).
     pub residual: f64,
     /// A row for each product of this run.
     pub history: Vec<SolveRow>,
-    /// The number of products in all, and why the method ended.
+    /// The total number of products, and the reason for the end.
     pub stats: Stats,
 }
 
-/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the
-/// operator's observer stops it, or the method itself ends. The observer sees each product
-/// ([`Estimate::Solution`]). `options` should be the options that the solver was made with; `products`, `rtol`,
-/// `atol` and `noise` are read here. `products` includes those already taken.
+/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the operator's observer stops it,
+/// or the method itself ends. The observer sees each product ([`Estimate::Solution`]). `options` should be the options that the solver was
+/// made with; this function reads `products`, `rtol`, `atol` and `noise`. `products` includes the products already taken.
 ///
 /// # Errors
-/// The errors of [`Solver::step`]. The solver then holds everything up to the product that failed: its
-/// [`solution`](Solver::solution) is valid, and another call continues from there.
+/// The errors of [`Solver::step`]. The solver then holds everything up to the product that failed: its [`solution`](Solver::solution) is
+/// valid, and another call continues from there.
 pub fn solve_from<O: Adjoint + ?Sized>(
     solver: &mut dyn Solver,
     operator: &mut O,
@@ -249,7 +243,7 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
     };
     let tally = solver.tally();
     let x = solver.solution();
-    // An answer that leaves the range of double precision is none.
+    // A solution outside the range of double precision is refused.
     let size = norm(&x);
     if !size.is_finite() || size < f64::MIN_POSITIVE / f64::EPSILON && tally.best < tally.rhs_norm {
         let (what, help) = if size < 1.0 { ("small", "multiply") } else { ("large", "divide") };
@@ -265,8 +259,8 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
     })
 }
 
-/// An operator without a transpose, for a caller that needs an [`Adjoint`]. A symmetric operator is its own
-/// transpose; for any other one a product with the transpose is an error.
+/// Wraps an operator without a transpose for a caller that needs an [`Adjoint`]. A symmetric operator is equal to its transpose; for any
+/// other operator, a product with the transpose is an error.
 pub struct ForwardOnly<'a>(pub &'a mut dyn Operator);
 
 impl ForwardOnly<'_> {
@@ -296,21 +290,20 @@ impl Adjoint for ForwardOnly<'_> {
     }
 }
 
-/// A method for `A x = b` as a state that takes steps.
+/// A method for `A x = b`, as a state that takes steps.
 pub trait Solver {
-    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to
-    /// step.
+    /// Takes one step: at most one product with `A` or `Aᵀ` of `operator`. The operator must be the same in every step.
     ///
     /// # Errors
-    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as
-    /// before the step, and the step can be taken again, with the same bits. [`Error::Dimension`] when the
-    /// operator does not fit; [`Error::Numerical`] when it is not declared symmetric and the method needs
-    /// that. The error of the preconditioner; a product may be lost then.
+    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as before the step, and the step
+    /// can be taken again with bitwise equal results. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
+    /// needs a symmetric operator and this one is not declared symmetric. The error of the preconditioner; in this case a product may be
+    /// lost.
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
-    /// The system, the iterate and its residual, which every method keeps in the same form.
+    /// The system, the iterate and its residual. Every method keeps them in the same form.
     #[doc(hidden)]
     fn system(&self) -> &System;
-    /// Products and residuals so far.
+    /// The products and residuals so far.
     fn tally(&self) -> Tally {
         self.system().tally()
     }

@@ -207,9 +207,7 @@ fn record(
 
 /// The same as [`confirm`](crate::krylov::confirm()), for singular values: eigenvalues `σ²` of `AᵀA`, so that none above
 /// `√(σ_k² + ε σ_1²)` is missed. Each step takes one product with `A` and one with `Aᵀ`.
-///
-/// # Errors
-/// The errors of [`confirm`](crate::krylov::confirm()).
+/// Fails with the errors of [`confirm`](crate::krylov::confirm()).
 pub fn confirm_singular(
     operator: &mut dyn Adjoint,
     found: &mut Singular,
