@@ -1,14 +1,13 @@
-//! Long vectors: a growing basis of them, sums and updates that take most of the time, and orthogonalization.
+//! Long vectors: a growing basis, orthogonalization, and the sums and updates that take most of the time.
 //!
-//! All kernels walk fixed blocks of rows in parallel and add the sums of the blocks in the order of the rows, so that results depend neither on the
-//! number of threads nor on scheduling.
+//! All kernels process fixed blocks of rows in parallel and add the sums of the blocks in the order of the rows. Results therefore depend
+//! neither on the number of threads nor on scheduling.
 
 use rayon::prelude::*;
 
 use super::kernels::{add_block, dot_block, dots_block};
 
-/// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns
-/// stream past it.
+/// The rows of a block. A block of the long vector (8 KiB) stays in the first-level cache while the columns stream past it.
 const BLOCK: usize = 1024;
 
 /// The columns of a tall matrix `V` of `rows × len`, each contiguous.
@@ -16,7 +15,7 @@ const BLOCK: usize = 1024;
 pub(super) struct Basis {
     rows: usize,
     columns: Vec<Vec<f64>>,
-    /// Allocated vectors for later columns, so that a step need not allocate.
+    /// Allocated vectors for later columns, so that a step does not allocate.
     spare: Vec<Vec<f64>>,
 }
 
@@ -50,12 +49,12 @@ impl Basis {
         self.columns.push(column);
     }
 
-    /// Removes all columns; their memory is kept for later columns.
+    /// Removes all columns, and keeps their memory for later columns.
     pub(super) fn clear(&mut self) {
         self.spare.append(&mut self.columns);
     }
 
-    /// Allocates memory for `total` columns in all. Untouched pages cost nothing on common systems.
+    /// Allocates memory for `total` columns. Untouched pages cost nothing on common systems.
     pub(super) fn reserve(&mut self, total: usize) {
         self.columns.reserve(total.saturating_sub(self.columns.len()));
         while self.columns.len() + self.spare.len() < total {
@@ -63,8 +62,8 @@ impl Basis {
         }
     }
 
-    /// Replaces the columns `first..last` by `V S` over just these columns: one new column for each column of
-    /// coefficients. Memory that becomes free is kept for later columns.
+    /// Replaces the columns `first..last` by `V S` over these columns: one new column for each column of coefficients. Freed memory is kept
+    /// for later columns.
     pub(super) fn rotate(&mut self, first: usize, last: usize, coefficients: &[&[f64]]) {
         let mut rotated = Vec::with_capacity(coefficients.len());
         let tail = self.columns.split_off(last);
@@ -80,7 +79,7 @@ impl Basis {
         self.columns.extend(tail);
     }
 
-    /// `Vᵀ w` over the columns from `first` on.
+    /// `Vᵀ w` over the columns from `first`.
     pub(super) fn dots(&self, first: usize, w: &[f64]) -> Vec<f64> {
         let columns = self.columns.get(first..).unwrap_or_default();
         let is_long = w.len() > 2 * BLOCK;
@@ -89,19 +88,19 @@ impl Basis {
         })
     }
 
-    /// `w ← w + sign · V h` over the columns from `first` on.
+    /// `w ← w + sign · V h` over the columns from `first`.
     pub(super) fn accumulate(&self, first: usize, coefficients: &[f64], sign: f64, w: &mut [f64]) {
         debug_assert_eq!(self.columns.len(), first + coefficients.len());
         accumulate(self.columns.get(first..).unwrap_or_default(), coefficients, sign, w);
     }
 
-    /// `w ← w + sign · V h` over as many of the first columns as there are coefficients.
+    /// `w ← w + sign · V h` over the first columns, one for each coefficient.
     pub(super) fn accumulate_first(&self, coefficients: &[f64], sign: f64, w: &mut [f64]) {
         accumulate(&self.columns[..coefficients.len()], coefficients, sign, w);
     }
 }
 
-/// The `count` sums that `block` makes of each block of rows, added in the order of the rows. Long vectors are summed on several threads.
+/// Computes `count` sums over blocks of rows with `block`, and adds them in the order of the rows. Long vectors use several threads.
 pub(super) fn summed<T: Send>(
     count: usize,
     is_long: bool,
@@ -138,7 +137,7 @@ fn accumulate(columns: &[Vec<f64>], coefficients: &[f64], sign: f64, w: &mut [f6
     }
 }
 
-/// `aᵀ b` of two vectors of one length, summed in an order that does not depend on the number of threads.
+/// `aᵀ b` of two vectors of equal length, summed in an order that does not depend on the number of threads.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     debug_assert_eq!(a.len(), b.len());
     if a.len() <= 2 * BLOCK {
@@ -149,15 +148,15 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     partial.iter().sum()
 }
 
-/// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or
-/// if the norm itself is beyond the largest `f64`).
+/// `‖w‖₂`, without intermediate overflow or underflow. It is infinite or NaN exactly if `w` holds such an entry or if the norm itself
+/// exceeds the largest `f64`.
 pub fn norm(w: &[f64]) -> f64 {
     norm_of_square(dot(w, w), w)
 }
 
-/// `‖w‖₂` from the computed `wᵀw`; as [`norm`].
+/// Computes [`norm`] from the known value of `wᵀw`.
 pub(super) fn norm_of_square(square: f64, w: &[f64]) -> f64 {
-    // Between these bounds, no significant square overflowed or underflowed.
+    // Between these bounds, no significant square has overflowed or underflowed.
     if (1e-280..1e300).contains(&square) {
         return square.sqrt();
     }
@@ -194,8 +193,8 @@ pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, 
     });
 }
 
-// The loops over entries are compiled for every `f`, the distribution over threads only once: it is by far the larger
-// part of the code, and one indirect call a block costs nothing.
+// The loops over entries are compiled for every `f`, the distribution over threads only once. That is by far the larger part of the code,
+// and one indirect call per block has no measurable cost.
 
 type Update<'a> = dyn Fn(&mut [f64], &[f64]) + Sync + 'a;
 
@@ -223,21 +222,19 @@ pub(super) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     update(y, x, |y, x| y + alpha * x);
 }
 
-/// After a pass that leaves more than this share of the norm, the rest is orthogonal to working precision.
-/// Otherwise cancellation has amplified the rounding errors, and another pass may be needed. 1/√2 is the choice of
-/// Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable algorithms for updating the
-/// Gram–Schmidt QR factorization*, Math. Comp. 30 (1976), doi:10.1090/S0025-5718-1976-0431641-8.
+/// If a pass leaves more than this share of the norm, the rest is orthogonal to working precision. Otherwise cancellation has amplified the
+/// rounding errors, and another pass may be needed. 1/√2 is the choice of Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and
+/// stable algorithms for updating the Gram–Schmidt QR factorization*, Math. Comp. 30 (1976), doi:10.1090/S0025-5718-1976-0431641-8.
 pub(super) const ENOUGH_LEFT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Inner products of this share of the norm are rounding errors: another pass would gain nothing.
+/// Inner products of at most this share of the norm are rounding errors, so another pass would gain nothing.
 const NEGLIGIBLE: f64 = 8.0 * f64::EPSILON;
 
-/// "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) holds for a
-/// `w` that is not in the span to working precision. A vector in the span shrinks to rounding errors, and is
-/// recognized by its norm.
+/// The most passes. "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) holds for a `w` that is
+/// not in the span to working precision. A vector in the span shrinks to rounding errors, and its norm shows this.
 pub(super) const PASSES: usize = 3;
 
-/// The components that were removed from a vector.
+/// The components removed from a vector.
 pub(super) struct Removed {
     /// `h`, so that `w_before = V h + w_after`.
     pub(super) coefficients: Vec<f64>,
@@ -248,19 +245,18 @@ pub(super) struct Removed {
 /// `w ← (I − V Vᵀ) w` by blocked classical Gram–Schmidt with a selective second pass, for `V` with orthonormal columns.
 ///
 /// A pass takes all inner products and then removes all components. The inner products of the next pass are taken in the sweep that removes
-/// these components, so that `p` passes read the basis `p + 1` times and not `2p` times.
+/// these components. `p` passes therefore read the basis `p + 1` times instead of `2p` times.
 ///
 /// # Bound
-/// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`: inner products are sums of blocks of
-/// 512 rows in four lanes, of the blocks, and of a few ends (a relative error of `(r + 10) ε/2`), and a removal rounds `m + 1` times. One
-/// pass leaves `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is
-/// skipped in two cases only:
+/// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`. Inner products are sums over blocks of 512 rows in four
+/// lanes, over the blocks, and over a few ends (a relative error of `(r + 10) ε/2`); a removal rounds `m + 1` times. One pass leaves `‖Vᵀw‖
+/// ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two cases only:
 ///
-/// * more than `1/√2` of the norm is left (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`;
-/// * the inner products with the rest, which are known by then, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.
+/// * More than `1/√2` of the norm is left (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`.
+/// * The inner products with the rest, known at this point, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.
 ///
-/// Either way, `m` columns made so have `‖I − VᵀV‖_F ≤ √(2 Σ_k ‖V_kᵀv_{k+1}‖²) ≤ m (√2 γ + 8ε)`, since the sum of `2k` over the
-/// columns is at most `m²`. A test holds hard cases to this.
+/// In both cases, `m` columns have `‖I − VᵀV‖_F ≤ √(2 Σ_k ‖V_kᵀv_{k+1}‖²) ≤ m (√2 γ + 8ε)`, since the sum of `2k` over the columns is at
+/// most `m²`. A test checks this bound on hard cases.
 pub(super) fn orthogonalize(basis: &Basis, w: &mut [f64]) -> Removed {
     let (mut next, mut length) = basis.dots_and_norm(0, w);
     let mut coefficients = vec![0.0; basis.len()];
@@ -299,13 +295,13 @@ mod tests {
         basis.accumulate(1, &dots, -1.0, &mut sum);
         for (k, column) in basis.columns()[1..].iter().enumerate() {
             let plain: f64 = column.iter().zip(&w).map(|(a, b)| a * b).sum();
-            // Two orders of summing 5127 products of size below 1/2 differ by less than 5127² · ε/2 · 1/2.
+            // Two summation orders of 5127 products of size below 1/2 differ by less than 5127² · ε/2 · 1/2.
             assert!((plain - dots[k]).abs() < 2e-9, "{plain} {}", dots[k]);
         }
         for row in [0, BLOCK - 1, BLOCK, rows - 1] {
             let expected: f64 = w[row]
                 - basis.columns()[1..].iter().zip(&dots).map(|(column, h)| column[row] * h).sum::<f64>();
-            // Coefficients reach 1300; five rounded products of that size.
+            // The coefficients reach 1300; five products of that size are rounded.
             assert!((expected - sum[row]).abs() < 1e-11);
         }
     }
@@ -325,7 +321,7 @@ mod tests {
     #[test]
     fn norm_neither_overflows_nor_underflows() {
         for scale in [1e-200, 1e200] {
-            // A rounding each in quotient, square, sum, root and product.
+            // Quotient, square, sum, root and product are each rounded once.
             assert!((norm(&[3.0 * scale, 4.0 * scale]) / (5.0 * scale) - 1.0).abs() < 5.0 * f64::EPSILON);
         }
         assert_eq!(norm(&[0.0; 3]), 0.0);
@@ -347,13 +343,11 @@ mod tests {
 
     type Entry<'a> = dyn Fn(usize, usize) -> f64 + 'a;
 
-    /// The bound of [`orthogonalize`] for `m` columns of `n` rows.
     fn bound(m: usize, n: usize) -> f64 {
         let gamma = (128.0 + n as f64 / 512.0 + 2.0 * m as f64 + 12.0) * f64::EPSILON / 2.0;
         m as f64 * (std::f64::consts::SQRT_2 * gamma + 8.0 * f64::EPSILON)
     }
 
-    /// `‖I − VᵀV‖_F`
     fn loss(basis: &Basis) -> f64 {
         let gram = basis.columns().iter().map(|column| basis.dots(0, column));
         let square = |(i, row): (usize, Vec<f64>)| -> f64 {
@@ -369,7 +363,7 @@ mod tests {
         let cases: [(&str, &Entry<'_>); 4] = [
             // Läuchli's matrix: one pass of classical Gram–Schmidt loses orthogonality like ε/1e-8.
             ("Läuchli", &|i, k| if i == 0 { 1.0 } else { f64::from(u8::from(i == k + 1)) * 1e-8 }),
-            // Powers of x: a basis as ill conditioned as any.
+            // Powers of x: an extremely ill-conditioned basis.
             ("Vandermonde", &|i, k| (i as f64 / n as f64).powi(k as i32)),
             ("large dynamic range", &|i, k| wave(k)(i) * 10.0_f64.powi(((i * 7) % 25) as i32 - 12)),
             ("nearly equal", &|i, k| 1.0 + 1e-10 * wave(k)(i)),
@@ -380,7 +374,7 @@ mod tests {
                 let mut w: Vec<f64> = (0..n).map(|i| entry(i, k)).collect();
                 let before = norm(&w);
                 let removed = orthogonalize(&basis, &mut w);
-                // Else it is in the span, to rounding.
+                // Otherwise the vector is in the span, to rounding.
                 if removed.norm > before * f64::EPSILON * (10.0 + (n as f64).sqrt()) {
                     basis.push_scaled(&w, removed.norm);
                 }

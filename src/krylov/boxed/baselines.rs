@@ -1,4 +1,4 @@
-//! The simple methods that the others are compared with: projected Jacobi, MRNSD and multiplicative updates.
+//! Simple methods for comparison: projected Jacobi, MRNSD and multiplicative updates.
 
 use super::Boxed;
 use crate::error::Result;
@@ -7,14 +7,14 @@ use crate::krylov::completeness::Status;
 use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
 use crate::operator::Adjoint;
 
-/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
-/// `x ← clip(x + (b − A x) / D)`.
+/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by `x ← clip(x + (b − A x) /
+/// D)`.
 ///
 /// # Properties
-/// One product an iteration; needs neither transpose nor symmetry. For a non-negative symmetric `A` with
-/// `D = A 1` the step is a contraction where direct light dominates. At its fixed point the signs of
-/// `b − A x` fit the bounds, and not the signs of `Aᵀ(b − A x)`. So it ends near the least-squares optimum but
-/// not at it, and may pass a better point; the best iterate is returned.
+/// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative
+/// symmetric `A` with `D = A 1`, the step is a contraction where direct light dominates. At its fixed point
+/// the signs of `b − A x` fit the bounds, but the signs of `Aᵀ(b − A x)` need not. So it ends near the
+/// least-squares optimum but not at it, and may pass a better point. The best iterate is returned.
 ///
 /// # Storage
 /// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
@@ -30,11 +30,11 @@ pub struct ProjectedJacobi {
 }
 
 impl ProjectedJacobi {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
-    /// the options; without `diagonal` the first product is `A 1`.
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and
+    /// `diagonal` of the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ,
+    /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ,
     /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
     /// preconditioner or an empty box.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
@@ -71,12 +71,13 @@ impl Solver for ProjectedJacobi {
     }
 }
 
-/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose, by
-/// steepest descent in the metric of `1/x`, which keeps `x > 0`. A baseline.
+/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose. It uses
+/// steepest descent in the metric of `1/x`, which keeps `x > 0`. It serves as a baseline.
 ///
 /// # Properties
-/// `‖r‖` falls monotonically. Two products an iteration, `Aᵀ r` and `A s`. Respects only `x ≥ 0`; ignores
-/// the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised to be positive.
+/// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only `x
+/// ≥ 0` and ignores the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised to
+/// be positive.
 ///
 /// # Storage
 /// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a product.
@@ -93,9 +94,9 @@ pub struct Mrnsd {
 }
 
 impl Mrnsd {
-    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
-    /// without `diagonal` the first product is `A 1`.
-    /// Fails with the errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
+    /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
+    /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         Ok(Self {
@@ -107,7 +108,7 @@ impl Mrnsd {
     }
 }
 
-/// An entry that is zero stays zero, so entries of the first iterate are raised to this share of the largest.
+/// Raises entries of the first iterate to a share of the largest, because an entry that is zero stays zero.
 fn make_positive(x: &mut [f64]) {
     let largest = x.iter().copied().fold(0.0, f64::max);
     let floor = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
@@ -163,12 +164,12 @@ impl Solver for Mrnsd {
     }
 }
 
-/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
-/// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. A baseline.
+/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of `n ×
+/// n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. It serves as a baseline.
 ///
 /// # Properties
-/// `‖r‖` falls monotonically for non-negative `A` and `b`. It takes one product with `Aᵀ` first, then two an
-/// iteration, `A x` and `Aᵀ(A x)`. Respects only `x ≥ 0`; ignores the bounds of the options.
+/// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, then
+/// two per iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options.
 ///
 /// # Storage
 /// Eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
@@ -186,9 +187,9 @@ pub struct Multiplicative {
 }
 
 impl Multiplicative {
-    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
-    /// without `diagonal` the first product is `A 1`.
-    /// Fails with the errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
+    /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
+    /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         Ok(Self {

@@ -11,25 +11,22 @@ use crate::krylov::completeness::Status;
 use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
 use crate::operator::{Adjoint, Symmetry};
 
-/// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that
-/// every product improves.
+/// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that every product improves.
 ///
-/// The model `M` agrees with all products so far, and is otherwise as near as possible to a multiple `θ D` of
-/// the diagonal. Each step solves the box problem for the model (dense work, no product), photographs the
-/// answer `z`, and moves to the best point between `x` and `z`, whose residual follows by linearity. When
-/// this gains less than a thousandth, the next step photographs the residual `r`: a symmetric model that
-/// knows `A r` knows the true gradient at `x`, so the method rests only at the true optimum.
+/// The model `M` agrees with all products so far, and is otherwise as near as possible to a multiple `θ D` of the diagonal. Each step
+/// solves the box problem for the model (dense work, no product) and photographs the answer `z`. It then moves to the best point between
+/// `x` and `z`; the residual there follows by linearity. If this gains less than a thousandth, the next step photographs the residual `r`.
+/// A symmetric model that knows `A r` knows the true gradient at `x`, so the method rests only at the true optimum.
 ///
 /// # Properties
-/// One product a step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the
-/// best brightness. No transpose: for an operator that is not symmetric the model is Broyden's, and the
-/// method may rest elsewhere than at the optimum; [`SolveOptions::surrogate`], which has a transpose, brings
-/// it nearer. All patterns are inside the box, except residuals, which are signed. Ends where the model knows
-/// `A r` and predicts no gain beyond `rtol`.
+/// The method takes one product per step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the best
+/// brightness. It needs no transpose. For an operator that is not symmetric the model is Broyden's, and the method may rest away from the
+/// optimum; [`SolveOptions::surrogate`], which has a transpose, brings it nearer. All patterns are inside the box, except residuals, which
+/// are signed. The method ends when the model knows `A r` and predicts no gain beyond `rtol`.
 ///
 /// # Storage
-/// After `k` products `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`,
-/// `r, D, D^½`, the candidate, a product and four work vectors (five for an operator that is not symmetric).
+/// After `k` products: `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the candidate, a
+/// product and four work vectors (five for an operator that is not symmetric).
 ///
 /// # References
 /// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for
@@ -45,9 +42,9 @@ pub struct KrylovBox {
     rtol: f64,
     /// [`SolveOptions::surrogate`].
     surrogate: Option<Arc<dyn Surrogate>>,
-    /// Products to allocate memory for.
+    /// The number of products to allocate memory for.
     capacity: usize,
-    /// Whether the model knows `A r` of the current residual.
+    /// True if the model knows `A r` of the current residual.
     gradient_known: bool,
 }
 
@@ -63,20 +60,20 @@ enum Next {
     Residual,
 }
 
-/// A step that gains less than this share of the residual is followed by a photo of the residual.
+/// After a step that gains less than this share of the residual, the residual is photographed.
 const GAIN: f64 = 1e-3;
 
-/// The same with a surrogate, which contributes most of its knowledge at once.
+/// The same share with a surrogate, which contributes most of its knowledge at once.
 const SURROGATE_GAIN: f64 = 1e-2;
 
 impl KrylovBox {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper`, `diagonal`,
-    /// `surrogate` and `rtol` of the options; without `diagonal` the first product is `A 1`. A `diagonal` in
-    /// the options must be `A 1`: it is used as a photo.
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper`, `diagonal`, `surrogate` and `rtol` of
+    /// the options. Without `diagonal` the first product is `A 1`. A `diagonal` in the options must be `A 1`, because it is used as a
+    /// photo.
     ///
     /// # Errors
-    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new);
-    /// [`Error::Dimension`] when the surrogate is of another size.
+    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new); [`Error::Dimension`] if the surrogate has
+    /// another size.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         if let Some(surrogate) = &options.surrogate {
             Error::check_size("the surrogate's rows and columns", b.len(), surrogate.size())?;
@@ -89,14 +86,13 @@ impl KrylovBox {
             next: Next::Start,
             rtol: options.rtol,
             surrogate: options.surrogate.clone(),
-            // A white photo in the options is one product more.
+            // A white photo in the options counts as one more product.
             capacity: options.products + usize::from(options.diagonal.is_some()),
             gradient_known: false,
         })
     }
 
-    /// Moves to the best point between `x` and the candidate, whose product is in `work`. Returns the
-    /// residuals before and after.
+    /// Moves to the best point between `x` and the candidate, whose product is in `work`. Returns the residuals before and after the move.
     fn move_to(&mut self) -> (f64, f64) {
         let system = &mut self.boxed.system;
         let before = system.tally.residual;
@@ -197,26 +193,26 @@ impl Solver for KrylovBox {
     }
 }
 
-/// Iterations: until the iteration rests.
+/// The most iterations; the loop ends earlier when the iterate settles.
 const ITERATIONS: usize = 400;
 
-/// The relative accuracy: the iterate is photographed next, and the photo corrects more than this.
+/// The relative step at which the iteration ends. The iterate is photographed next, and the photo corrects larger errors than this.
 const SETTLED: f64 = 1e-6;
 
 /// The most steps of a power iteration.
 const POWERS: usize = 12;
 
-/// The norms of a power iteration only grow. Where they grow by no more than this factor, the margin suffices.
+/// The norms of a power iteration only grow. If they grow by no more than this factor, the margin covers the rest.
 const GROWTH: f64 = 1.001;
 
-/// On top of the estimate of a few power iterations.
+/// The factor on the estimate of a few power iterations.
 const MARGIN: f64 = 1.1;
 
 /// The weight of Nesterov's momentum, from iteration to iteration.
 struct Momentum(f64);
 
 impl Momentum {
-    /// The next weight; `uphill` starts anew.
+    /// Returns the next weight; `uphill` restarts the momentum.
     fn next(&mut self, uphill: bool) -> f64 {
         if uphill {
             self.0 = 1.0;
@@ -231,7 +227,7 @@ impl Momentum {
 impl SecantModel {
     /// `x ← argmin ‖M x − b‖` over the box, from `x`. Returns `‖M x − b‖`.
     fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        // Moved out of the model, which is borrowed meanwhile.
+        // The work vectors are moved out, because the model is borrowed meanwhile.
         let mut work = std::mem::take(&mut self.work);
         if let Some(surrogate) = &mut self.surrogate {
             surrogate.catch_up(&self.root, &self.patterns, &self.products);
@@ -246,7 +242,8 @@ impl SecantModel {
         predicted
     }
 
-    /// One reading of patterns and products an iteration. All vectors are in the coordinates `u = D^½ x`.
+    /// Minimizes with a symmetric model, and reads patterns and products once per iteration. All vectors are in the coordinates `u = D^½
+    /// x`.
     fn minimize_symmetric(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         let WorkVectors { u, y: before, g: constant, dominant, .. } = work;
         let lipschitz = self.lipschitz_symmetric(dominant, before);
@@ -282,8 +279,8 @@ impl SecantModel {
         predicted
     }
 
-    /// A bound of `‖D^½ M̂‖²`: the estimate of a few power iterations, plus ten percent. They go on from the vector `u` of
-    /// the model before, which one more photo hardly moves, and begin from the white pattern. `v` is overwritten.
+    /// A bound on `‖D^½ M̂‖²`: the estimate of a few power iterations, plus ten percent. The iterations continue from the vector `u` of the
+    /// previous model, because one more photo changes it little. The first time they begin from the white pattern. `v` is overwritten.
     fn lipschitz_symmetric(&self, u: &mut Vec<f64>, v: &mut Vec<f64>) -> f64 {
         let mut length = norm(u);
         if length == 0.0 {
@@ -312,13 +309,13 @@ impl SecantModel {
         MARGIN * square.max(self.outside())
     }
 
-    /// Vectors outside the span are multiplied by `θ`.
+    /// The square of the factor on vectors outside the span, which the model multiplies by `θ`.
     fn outside(&self) -> f64 {
         let largest = self.root.iter().copied().fold(0.0, f64::max);
         (self.theta * largest).powi(2)
     }
 
-    /// For a model that is not symmetric. All vectors are in the coordinates `u = D^½ x`.
+    /// Minimizes with a model that is not symmetric. All vectors are in the coordinates `u = D^½ x`.
     fn minimize_general(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         let WorkVectors { u, y, next, image, g, .. } = work;
         let lipschitz = self.lipschitz_general(next, image, g);
@@ -350,7 +347,7 @@ impl SecantModel {
         norm(image)
     }
 
-    /// The same as [`SecantModel::lipschitz_symmetric`], always from the white pattern. Overwrites its arguments.
+    /// Computes the bound of [`SecantModel::lipschitz_symmetric`], always from the white pattern. Overwrites its arguments.
     fn lipschitz_general(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
         v.copy_from_slice(&self.root);
         let mut square = 0.0_f64;

@@ -1,31 +1,28 @@
-//! The model of the operator that krylov-box learns from its products, and surrogates for what no product has explored.
+//! The model of the operator that krylov-box learns from its products, and surrogates for unexplored directions.
 
 use std::sync::Arc;
 
 use super::sweep::InnerProducts;
 use crate::krylov::basis::{Basis, axpy, dot, norm, orthogonalize, update, update2};
 
-/// The model `M ≈ A`: `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal on the
-/// rest of the space.
+/// The model `M ≈ A`: `M x = A x` for every photographed `x`, and a multiple `θ D` of the diagonal on the rest of the space.
 ///
-/// With `Â = D^-½ A D^-½`, `V` an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`, the
-/// symmetric matrix that agrees with all products and is nearest to `θ I` in the Frobenius norm is
+/// Let `Â = D^-½ A D^-½`, `V` be an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`. The symmetric matrix that agrees
+/// with all products and is nearest to `θ I` in the Frobenius norm is
 ///
 /// ```text
 /// M̂ = θ I + (W − θV) Vᵀ + V (W − θV)ᵀ − V (H − θI) Vᵀ,
 /// M̂ − Â = (I − VVᵀ)(θ I − Â)(I − VVᵀ)
 /// ```
 ///
-/// (Powell's symmetric Broyden formula for a block). Indirect or blurred light is smooth, so its part outside
-/// the patterns shown vanishes after a few of them. For a general `A` the nearest matrix is Broyden's,
-/// `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh quotient `vᵀ Â v` of the newest direction, an estimate for
-/// patterns not yet shown: in focus it is the direct share of the light, and under defocus it falls towards
-/// zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
+/// (Powell's symmetric Broyden formula for a block). Indirect or blurred light is smooth, so its part outside the patterns shown vanishes
+/// after a few of them. For a general `A` the nearest matrix is Broyden's, `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh quotient `vᵀ Â v` of
+/// the newest direction, an estimate for patterns not yet shown. In focus it is the direct share of the light; under defocus it falls
+/// towards zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
 ///
-/// A surrogate is not right in its finest details, and how wrong it is shows where it is compared with the products
-/// taken: by `δ²` for each vector of norm 1 ([`Corrected::missed_square`]). The model agrees with the products
-/// themselves, so that its photo of `u` is off by about `δ ‖(I − VVᵀ)u‖`. What is minimized is the square of the residual
-/// that is then to be expected,
+/// A surrogate is wrong in its finest details. A comparison with the products taken measures the error: `δ²` for each vector of norm 1
+/// ([`Corrected::missed_square`]). The model agrees with the products themselves, so its photo of `u` has an error of about `δ ‖(I −
+/// VVᵀ)u‖`. The method minimizes the square of the residual that is then expected,
 ///
 /// ```text
 /// ‖D^½ M̂ u − b‖² + δ² ‖(I − VVᵀ) u‖²
@@ -43,8 +40,8 @@ pub(super) struct SecantModel {
     pub(super) theta: f64,
     pub(super) symmetric: bool,
     pub(super) surrogate: Option<Corrected>,
-    /// `δ²`: the square of what a product with a vector of norm 1 outside the patterns is expected to differ from the model's, measured
-    /// by what the surrogate misses of the products taken; 0 without a surrogate.
+    /// `δ²`: the expected square of the difference between a product and the model's, for a vector of norm 1 outside the patterns. It is
+    /// measured by the error of the surrogate on the products taken; 0 without a surrogate.
     pub(super) doubt: f64,
     pub(super) work: WorkVectors,
 }
@@ -54,7 +51,7 @@ pub(super) struct WorkVectors {
     pub(super) u: Vec<f64>,
     pub(super) y: Vec<f64>,
     pub(super) g: Vec<f64>,
-    /// The vector that a symmetric model's square multiplies most; zero before the first box problem. Empty for others.
+    /// The vector that a symmetric model's square multiplies most; zero before the first box problem. Empty for other models.
     pub(super) dominant: Vec<f64>,
     /// Empty for a symmetric model.
     pub(super) next: Vec<f64>,
@@ -71,13 +68,11 @@ impl WorkVectors {
     }
 }
 
-/// A direction whose part outside the span is below this share of its norm is rounding error, and adds
-/// nothing.
+/// A direction whose part outside the span is below this share of its norm is rounding error, and adds nothing.
 const NEW: f64 = 1e-8;
 
 impl SecantModel {
-    /// The model before any product, with memory for `products` of them. A model with a surrogate is not
-    /// symmetric.
+    /// Makes the model before any product, with memory for `products` products. A model with a surrogate is not symmetric.
     pub(super) fn new(
         diagonal: &[f64],
         symmetric: bool,
@@ -103,7 +98,7 @@ impl SecantModel {
         }
     }
 
-    /// Adds the product `A x = y`. False when `x` is in the span of the known patterns.
+    /// Adds the product `A x = y`. Returns false if `x` is in the span of the known patterns.
     pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) -> bool {
         let WorkVectors { u: v, y: w, .. } = &mut self.work;
         update2(v, x, &self.root, |_, x, s| x * s);
@@ -172,8 +167,7 @@ impl SecantModel {
         (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
     }
 
-    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b) + δ² (I − VVᵀ) u`, the gradient of half of what is minimized, in `u = D^½ x`
-    /// (`b = 0` if it is `None`).
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b) + δ² (I − VVᵀ) u`, the gradient of half of the objective, in `u = D^½ x`. `None` means `b = 0`.
     pub(super) fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
         self.residual(u, b, image);
         update(image, &self.root, |r, s| r * s);
@@ -196,13 +190,12 @@ impl SecantModel {
     }
 }
 
-/// A family of `n × n` operators that cost no product, one of which approximates `A`. A preconditioner
-/// approximates the inverse; a surrogate approximates the operator itself, and has a transpose, which a
-/// method without products with `Aᵀ` lacks.
+/// A family of `n × n` operators that cost no product; one of them approximates `A`. A preconditioner approximates the inverse. A surrogate
+/// approximates the operator itself, and provides a transpose to methods that take no products with `Aᵀ`.
 pub trait Surrogate: Send + Sync {
     /// The dimension `n`.
     fn size(&self) -> usize;
-    /// The member of the family that fits `A patterns[i] = products[i]` best.
+    /// Returns the member of the family that best fits `A patterns[i] = products[i]`.
     fn fitted(&self, patterns: &[Vec<f64>], products: &[Vec<f64>]) -> Arc<dyn Surrogate>;
     /// `y ← P x`; every entry of `y` is overwritten.
     fn apply(&self, x: &[f64], y: &mut [f64]);
@@ -210,7 +203,7 @@ pub trait Surrogate: Send + Sync {
     fn apply_adjoint(&self, y: &[f64], x: &mut [f64]);
 }
 
-/// A surrogate is fitted to the first products, of this number; later products correct it where it is wrong.
+/// The number of first products to which a surrogate is fitted. Later products correct it where it is wrong.
 const FITTED: usize = 16;
 
 /// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products:
@@ -251,8 +244,8 @@ impl Corrected {
         }
     }
 
-    /// The mean square of `D^½ (W − P̂ V)` per direction of `V`: what the surrogate, fitted to these products, misses of the product with a
-    /// vector of norm 1. The first direction is white, which says nothing of details.
+    /// The mean square of `D^½ (W − P̂ V)` per direction of `V`: the error of the surrogate, fitted to these products, for a product with a
+    /// vector of norm 1. The first direction is white and shows no details, so it is left out.
     pub(super) fn missed_square(&self, root: &[f64]) -> f64 {
         let details = self.excess.columns().get(1..).unwrap_or_default();
         let square = |column: &Vec<f64>| column.iter().zip(root).map(|(e, s)| (e * s).powi(2)).sum::<f64>();
@@ -283,7 +276,7 @@ impl Corrected {
 mod tests {
     use super::*;
 
-    /// Half of what is minimized is a quadratic, so that central differences are its slopes up to rounding.
+    /// The objective is quadratic, so central differences equal its slopes up to rounding.
     #[test]
     fn the_gradient_is_the_slope_of_what_is_minimized_with_and_without_doubt() {
         let entry = |i: usize, j: usize| 0.1 * ((3 * i + 5 * j) % 7) as f64 + if i == j { 1.0 } else { 0.0 };

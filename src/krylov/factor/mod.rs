@@ -1,4 +1,4 @@
-//! Krylov factorizations `A V = V⁺ H`, which eigenpairs are computed from.
+//! Krylov factorizations `A V = V⁺ H`, the source of eigenpairs.
 
 mod expansion;
 mod processes;
@@ -18,57 +18,49 @@ pub use processes::{Arnoldi, BlockLanczos, Lanczos};
 pub use ritz::{PairStatus, RitzPair, Which, temple_kato};
 pub use step::Step;
 
-/// A factorization that takes one product a step; eigenpairs are computed from it without any further
-/// product.
+/// A factorization that takes one product per step. Its eigenpairs need no further product.
 ///
-/// It can be stopped, inspected, saved and resumed after any step. When a product fails, it is as before, to
-/// the bit, and the step can be taken again.
+/// It can be stopped, inspected, saved and resumed after any step. If a product fails, the factorization is bitwise unchanged, and the step
+/// can be taken again.
 pub trait Factorization {
-    /// Basis, coefficients and counts.
+    /// Returns basis, coefficients and counts.
     fn expansion(&self) -> &Expansion;
 
-    /// The same as [`Factorization::expansion`], to allocate memory ([`Expansion::reserve`]).
+    /// Returns [`Factorization::expansion`] mutably, to allocate memory ([`Expansion::reserve`]).
     fn expansion_mut(&mut self) -> &mut Expansion;
 
-    /// One step: one product with `operator` (`n × n`), which must be the same from step to step.
+    /// Takes one step: one product with `operator` (`n × n`). The operator must be the same in every step.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when the operator is not `n × n`.
-    /// [`Error::Numerical`](crate::Error::Numerical) when it is not declared symmetric and has to be (no
-    /// product is taken then), or when the product contains NaN or an infinity. The error of the product.
-    /// After any error the factorization is as it was before the step.
+    /// [`Error::Dimension`](crate::Error::Dimension) if the operator is not `n × n`. [`Error::Numerical`](crate::Error::Numerical) if the
+    /// process needs a symmetric operator and this one is not declared symmetric (no product is taken then), or if the product contains NaN
+    /// or an infinity. The error of the product. After any error the factorization is as it was before the step.
     fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step>;
 
-    /// Takes up to `most` of the products that come next as one block, of [`Operator::block_size`]; the
-    /// following steps use them. Nothing is taken where that size is 1, where only one vector waits, or where
-    /// such products are left. For a caller that will take these steps for certain; whether it is called
-    /// changes no result. Products taken before their step do not count in [`Factorization::products`] yet,
-    /// and are not saved.
+    /// Takes up to `most` of the next products as one block, of [`Operator::block_size`]; the following steps use them. It takes nothing if
+    /// that size is 1, if only one vector waits, or if such products are left. The caller must be certain to take these steps; the call
+    /// does not change the results. Products taken before their step do not count in [`Factorization::products`] yet, and are not saved.
     ///
     /// # Errors
-    /// The errors of [`Factorization::expand`]; the factorization is then as it was before.
+    /// The errors of [`Factorization::expand`]; the factorization is then unchanged.
     fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         self.expansion_mut().multiply_block(operator, most)
     }
 
-    /// The `min(count, m)` most wanted Ritz pairs, the most wanted first. By default the pairs of a symmetric
-    /// operator.
+    /// Computes the `min(count, m)` most wanted Ritz pairs, the most wanted first. The default computes the pairs of a symmetric operator.
     ///
     /// # Errors
-    /// [`Error::Numerical`](crate::Error::Numerical) when the dense eigensolver fails on `H`.
-    /// [`Error::Option`](crate::Error::Option) naming `--which` where this factorization cannot find that end
-    /// of the spectrum.
+    /// [`Error::Numerical`](crate::Error::Numerical) if the dense eigensolver fails on `H`. [`Error::Option`](crate::Error::Option) naming
+    /// `--which` if this factorization cannot find that end of the spectrum.
     fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
         ritz_of_symmetric(self.expansion(), which, count)
     }
 
-    /// Thick restart: shrinks the subspace to the `keep` most wanted Ritz vectors, without a product; the
-    /// process continues from there (Wu and Simon, doi:10.1137/S0895479898334605). Does nothing for
-    /// `keep ≥ m`.
+    /// Thick restart: shrinks the subspace to the `keep` most wanted Ritz vectors without a product, and the process continues from there
+    /// (Wu and Simon, doi:10.1137/S0895479898334605). Does nothing for `keep ≥ m`.
     ///
     /// # Errors
-    /// The errors of [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) where restarts are not
-    /// supported.
+    /// The errors of [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) if restarts are not supported.
     fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
         shrink_symmetric(self.expansion_mut(), which, keep)
     }
@@ -78,17 +70,17 @@ pub trait Factorization {
         self.expansion().n()
     }
 
-    /// The dimension `m` of the subspace; without restarts the number of steps done.
+    /// The dimension `m` of the subspace; without restarts, the number of steps done.
     fn steps(&self) -> usize {
         self.expansion().steps()
     }
 
-    /// The number of products, one a step.
+    /// The number of products, one per step.
     fn products(&self) -> usize {
         self.expansion().products()
     }
 
-    /// Whether the subspace is the whole space without the known vectors; further steps then take no product.
+    /// Returns true if the subspace is the whole space without the known vectors. Further steps then take no product.
     fn is_exhausted(&self) -> bool {
         self.expansion().pending() == 0
     }
@@ -113,8 +105,8 @@ pub trait Factorization {
         self.expansion().asymmetry()
     }
 
-    /// The real Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of
-    /// largest magnitude positive. For a complex pair, the real part without a change of sign.
+    /// The real Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of largest magnitude positive.
+    /// For a complex pair it is the real part, with its sign unchanged.
     fn ritz_vector(&self, pair: &RitzPair) -> Vec<f64> {
         let mut vector = self.expansion().combine(&pair.coefficients);
         if pair.is_real() {
@@ -129,7 +121,7 @@ pub trait Factorization {
     }
 }
 
-/// Makes the entry of largest magnitude positive. Returns whether that changed the signs.
+/// Makes the entry of largest magnitude positive. Returns true if the signs changed.
 pub(super) fn point_upwards(vector: &mut [f64]) -> bool {
     let largest = vector.iter().fold(0.0_f64, |a, &b| if b.abs() > a.abs() { b } else { a });
     if largest < 0.0 {
@@ -140,25 +132,25 @@ pub(super) fn point_upwards(vector: &mut [f64]) -> bool {
     largest < 0.0
 }
 
-/// A function of the rest of a product and the share of noise in it; see [`Filter::new`].
+/// A function of the remainder of a product and of the share of noise in it; see [`Filter::new`].
 type Of = dyn Fn(&[f64], f64) -> Option<Vec<f64>> + Send + Sync;
 
 /// Removes noise from the next direction of a Krylov process.
 ///
-/// The next direction is what a product adds to the span. Where most of it is noise, the process goes on into noise, and finds nothing. A
-/// filter knows what noise looks like, and hands on a direction without most of it. Eigenvalues are not distorted: they come from the
-/// products themselves, projected on the directions that the process has.
+/// The next direction is the part that a product adds to the span. If it is mostly noise, the process continues into noise and finds
+/// nothing. A filter knows how noise looks, and returns a direction with most of it removed. Eigenvalues are not distorted: they come from
+/// the products themselves, projected on the directions of the process.
 #[derive(Clone)]
 pub struct Filter(Arc<Of>);
 
 impl Filter {
-    /// A filter by a function. It gets the rest of a product, of length `n`, and the expected share of noise in its norm, from 0 to 1. It
-    /// returns the direction of length `n` to go on with; `None` leaves it as it is.
+    /// Makes a filter from a function. The function receives the remainder of a product, of length `n`, and the expected share of noise in
+    /// its norm, from 0 to 1. It returns the direction of length `n` for the next step; `None` keeps the remainder.
     pub fn new(of: impl Fn(&[f64], f64) -> Option<Vec<f64>> + Send + Sync + 'static) -> Self {
         Self(Arc::new(of))
     }
 
-    /// The direction to go on with.
+    /// Returns the direction for the next step.
     pub fn apply(&self, rest: &[f64], share: f64) -> Option<Vec<f64>> {
         (self.0)(rest, share)
     }
@@ -179,7 +171,7 @@ mod tests {
     use crate::krylov::{BlockLanczos, Factorization, Which, dot, norm};
     use crate::operator::Symmetry;
 
-    /// `Σ λ_k u_k u_kᵀ` with three slow waves, and as much noise in each product as light.
+    /// `Σ λ_k u_k u_kᵀ` with three slow waves; each product has noise of norm about 0.5.
     struct Noisy {
         random: Pcg64,
     }

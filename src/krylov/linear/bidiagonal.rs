@@ -1,4 +1,4 @@
-//! LSQR and LSMR: least squares by Golub–Kahan bidiagonalization, one product a step.
+//! LSQR and LSMR: least squares by Golub–Kahan bidiagonalization, one product per step.
 
 use super::minres::LEAST_SQUARES;
 use super::system::{System, rotation};
@@ -9,7 +9,7 @@ use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
 /// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
-/// `β_{k+1}` below. It starts from the residual of its system.
+/// `β_{k+1}` below. The process starts from the residual of its system.
 ///
 /// # References
 /// Golub and Kahan (1965), doi:10.1137/0702016.
@@ -49,8 +49,8 @@ pub(super) enum Half {
 }
 
 impl Bidiagonal {
-    /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is
-    /// applied with `Aᵀ` too.
+    /// Starts the process for `b` of length `rows` and `x` of length `cols`. A preconditioner must be
+    /// symmetric, because it is also applied with `Aᵀ`.
     fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         let system = System::split(method, true, cols, b, options)?;
         Ok(Self {
@@ -66,12 +66,12 @@ impl Bidiagonal {
         })
     }
 
-    /// `M⁻¹ v`, of length `cols`: the direction in which the iterate can move.
+    /// `M⁻¹ v`, of length `cols`: the direction in which the iterate moves.
     fn direction(&self) -> &[f64] {
         if self.system.preconditioner.is_some() { &self.hat } else { &self.v }
     }
 
-    /// Takes one product. A vector that vanishes (to rounding) becomes zero, and so does its `α` or `β`.
+    /// Takes one product. A vector that vanishes (to rounding) becomes zero, with its `α` or `β`.
     fn advance(&mut self, operator: &mut dyn Adjoint) -> Result<Half> {
         self.system.fits(operator)?;
         if self.system.pending {
@@ -128,20 +128,20 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
     length
 }
 
-/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`, and finds the solution nearest to the
+/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`. It finds the solution nearest to the
 /// first iterate.
 ///
 /// With a symmetric positive definite `M` it is LSQR on `A M⁻¹`: it minimizes the true residual, and finds
-/// the solution nearest in the norm of `M²`.
+/// the nearest solution in the norm of `M²`.
 ///
 /// # Properties
-/// Equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically. It takes
-/// one product with `Aᵀ` first, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the first.
-/// Ends where `‖Aᵀ r‖` vanishes (a least-squares solution).
+/// LSQR is equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically.
+/// It first takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the
+/// first. It ends where `‖Aᵀ r‖` vanishes (a least-squares solution).
 ///
 /// # Storage
 /// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, a direction and a product of length
-/// `cols`, and with a preconditioner `M⁻¹ v`.
+/// `cols`; with a preconditioner also `M⁻¹ v`.
 ///
 /// # References
 /// Paige and Saunders (1982), doi:10.1145/355984.355989.
@@ -158,9 +158,9 @@ pub struct Lsqr {
 }
 
 impl Lsqr {
-    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
-    /// `preconditioner` of the options.
-    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
+    /// and `preconditioner` of the options. Fails with the errors of
+    /// [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self {
             process: Bidiagonal::new("LSQR", cols, b, options)?,
@@ -222,20 +222,20 @@ impl Solver for Lsqr {
 
 /// LSMR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`; each step minimizes `‖Aᵀ r‖`.
 ///
-/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead;
-/// the residual that is reported is the true one.
+/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead.
+/// The reported residual is the true one.
 ///
 /// # Properties
-/// Equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It takes one product
-/// with `Aᵀ` first, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the second. Ends where
-/// `‖Aᵀ r‖` vanishes: at the least-squares solution nearest to the first iterate.
+/// LSMR is equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It first
+/// takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the second.
+/// It ends where `‖Aᵀ r‖` vanishes, at the least-squares solution nearest to the first iterate.
 ///
 /// # Storage
 /// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product of
-/// length `cols`, and with a preconditioner `M⁻¹ v`.
+/// length `cols`; with a preconditioner also `M⁻¹ v`.
 ///
 /// # References
-/// Fong and Saunders (2011), doi:10.1137/10079687X; variables are named as there.
+/// Fong and Saunders (2011), doi:10.1137/10079687X; the variables have the same names.
 #[derive(Clone)]
 pub struct Lsmr {
     process: Bidiagonal,
@@ -263,7 +263,8 @@ struct ResidualNorm {
 }
 
 impl ResidualNorm {
-    /// The next `‖r‖`: with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this iteration.
+    /// Computes the next `‖r‖`, with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this
+    /// iteration.
     fn advance(&mut self, (c, s): (f64, f64), theta_bar: f64, rho_bar: f64, zetas: (f64, f64)) -> f64 {
         let beta_hat = c * self.beta_dd;
         self.beta_dd *= -s;
@@ -279,9 +280,9 @@ impl ResidualNorm {
 }
 
 impl Lsmr {
-    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
-    /// `preconditioner` of the options.
-    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
+    /// and `preconditioner` of the options. Fails with the errors of
+    /// [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self {
             process: Bidiagonal::new("LSMR", cols, b, options)?,
