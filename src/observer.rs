@@ -1,8 +1,8 @@
 //! Observers of long computations. They receive progress, messages and photos, and can stop the computation.
 //!
 //! Every long computation calls an [`Observer`]. The Krylov methods take it from their operator
-//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory have their
-//! own. The default everywhere is `()`, an observer that does nothing.
+//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory hold one. The default everywhere is `()`,
+//! an observer that does nothing.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -13,9 +13,8 @@ use crate::finding::decimal;
 /// An observer of long computations. The default of every method does nothing and lets the computation
 /// continue.
 pub trait Observer {
-    /// Called after each step. [`ControlFlow::Break`] stops the computation. An iterative method then returns
-    /// its best result so far; any other computation ends with
-    /// [`Error::Interrupted`](crate::Error::Interrupted).
+    /// Called after each step. [`ControlFlow::Break`] stops the computation. An iterative method then returns its best result so far; any
+    /// other computation ends with [`Error::Interrupted`](crate::Error::Interrupted).
     fn step(&self, _step: &Step<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -23,9 +22,8 @@ pub trait Observer {
     /// Called with a message for the user.
     fn log(&self, _level: Level, _message: &str) {}
 
-    /// Called after each photo. [`ControlFlow::Break`] ends the computation with
-    /// [`Error::Interrupted`](crate::Error::Interrupted). The photo is not lost: it is in the journal, if
-    /// there is one.
+    /// Called after each photo. [`ControlFlow::Break`] ends the computation with [`Error::Interrupted`](crate::Error::Interrupted). The
+    /// photo is not lost: it is in the journal, if there is one.
     fn photo(&self, _photo: &PhotoTaken<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -39,7 +37,7 @@ impl Observer for () {}
 pub struct Step<'a> {
     /// The name of the computation's stage, such as `loading`, `tracing` or `photos`.
     pub stage: &'static str,
-    /// The number of steps done so far: light paths, products with the operator, or parts of a scene that are loaded.
+    /// The number of steps so far: light paths, products with the operator, or loaded parts of a scene.
     pub done: u64,
     /// The largest possible number of steps.
     pub total: u64,
@@ -56,7 +54,7 @@ pub enum Estimate<'a> {
     Eigenpairs {
         /// The eigenvalues.
         values: &'a [f64],
-        /// The residual norm `‖A y − θ y‖` of each.
+        /// The residual norm `‖A y − θ y‖` of each eigenpair.
         residuals: &'a [f64],
     },
     /// The solution of a linear system.
@@ -120,8 +118,8 @@ pub struct PhotoTaken<'a> {
     pub pattern: &'a [f64],
     /// The photo, one value for each pixel.
     pub photo: &'a [f64],
-    /// Whether this is a dual photo (a product with the transpose): the pattern has the camera's pixels, and
-    /// the photo the projector's.
+    /// True for a dual photo (a product with the transpose): the pattern then has the camera's pixels, and the photo the projector's
+    /// pixels.
     pub is_dual: bool,
 }
 
@@ -129,7 +127,7 @@ pub struct PhotoTaken<'a> {
 pub struct OnStep<F>(RefCell<F>);
 
 impl<F: FnMut(&Step<'_>) -> ControlFlow<()>> OnStep<F> {
-    /// An observer that calls `closure` after each step.
+    /// Makes an observer that calls `closure` after each step.
     pub fn new(closure: F) -> Self {
         Self(RefCell::new(closure))
     }
@@ -139,8 +137,7 @@ impl<F: FnMut(&Step<'_>) -> ControlFlow<()>> Observer for OnStep<F> {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         match self.0.try_borrow_mut() {
             Ok(mut closure) => closure(step),
-            // The closure is running: it performs a computation with this observer. Such nested steps are not
-            // reported.
+            // The closure is running: it performs a computation with this observer. Nested steps are not reported.
             Err(_) => ControlFlow::Continue(()),
         }
     }

@@ -1,4 +1,4 @@
-//! All methods for `A x = b` as a list, and one call for any of them.
+//! A list of all methods for `A x = b`, and one function that runs any of them.
 
 use super::boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi};
 use super::linear::{
@@ -11,7 +11,7 @@ use crate::operator::{Adjoint, Operator};
 /// The constraint that all iterates of a method satisfy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Constraint {
-    /// None.
+    /// No constraint.
     None,
     /// `x ≥ 0`.
     NonNegative,
@@ -24,28 +24,28 @@ pub enum Constraint {
 pub struct MethodFacts {
     /// The method.
     pub method: Method,
-    /// Its name on the command line.
+    /// The name on the command line.
     pub name: &'static str,
-    /// Whether it takes products with `Aᵀ`. (For a symmetric operator they are products with `A`.)
+    /// True if the method takes products with `Aᵀ`. For a symmetric operator these are products with `A`.
     pub needs_transpose: bool,
-    /// Whether it refuses an operator that is not symmetric.
+    /// True if the method refuses an operator that is not symmetric.
     pub needs_symmetry: bool,
     /// The constraint on its iterates.
     pub constraint: Constraint,
-    /// Vectors of length `n` that it stores, right-hand side and solution included: a fixed number …
+    /// The fixed number of stored vectors of length `n`, including right-hand side and solution.
     pub images: usize,
-    /// … and the number that each product adds.
+    /// The number of further stored vectors per product.
     pub images_per_product: usize,
-    /// Products before the first iteration, from the default start (with [`SolveOptions::diagonal`] for the
-    /// methods with bounds).
+    /// The number of products before the first iteration, from the default start (with [`SolveOptions::diagonal`] for the methods with
+    /// bounds).
     pub products_to_start: usize,
-    /// Products per iteration.
+    /// The number of products per iteration.
     pub products_per_iteration: usize,
 }
 
-/// Declares the methods, a line each: its name here and on the command line, whether it needs `Aᵀ` and `A = Aᵀ`, its constraint, its images
-/// and those that each product adds, its products before the first iteration and in each, and how its state is made of `cols`, `b` and the
-/// options.
+/// Declares one method per line. The line has the name here and on the command line, the needs for `Aᵀ` and `A = Aᵀ`, the constraint, the
+/// images and the images per product, the products before the first iteration and per iteration. Last comes the function that makes the
+/// state from `cols`, `b` and the options.
 macro_rules! methods {
     ($($method:ident $name:literal [$transpose:literal, $symmetry:literal] $constraint:ident [$images:literal, $more:literal]
         [$start:literal, $products:literal] $new:expr;)*) => {
@@ -55,7 +55,7 @@ macro_rules! methods {
             $(#[doc = concat!("`", $name, "` on the command line.")] #[serde(rename = $name)] $method),*
         }
 
-        /// One row per method.
+        /// The facts of all methods, one row per method.
         pub const METHODS: [MethodFacts; [$($name),*].len()] = [$(MethodFacts {
             method: Method::$method,
             name: $name,
@@ -68,7 +68,7 @@ macro_rules! methods {
             products_per_iteration: $products,
         }),*];
 
-        /// The state of a method before its first step.
+        /// Makes the state of a method before its first step.
         fn state(method: Method, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
             Ok(match method {
                 $(Method::$method => {
@@ -104,10 +104,10 @@ impl Method {
         METHODS[self as usize]
     }
 
-    /// The method of this name.
+    /// Finds the method with this name.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `--method` and all names there are.
+    /// [`Error::Option`] naming `--method` and all names.
     pub fn from_name(name: &str) -> Result<Self> {
         METHODS.iter().find(|facts| facts.name == name).map(|facts| facts.method).ok_or_else(|| {
             let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
@@ -119,11 +119,11 @@ impl Method {
         })
     }
 
-    /// The method's state before its first step, for `b` and `x` of length `cols`.
+    /// Makes the method's state before its first step, for `b` and `x` of length `cols`.
     ///
     /// # Errors
-    /// The errors of the method's own `new`. [`Error::Dimension`] when `cols` differs from `b`'s length and the method
-    /// is for square systems.
+    /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `cols` differs from the length of
+    /// `b`.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             square(b.len(), cols)?;
@@ -132,15 +132,13 @@ impl Method {
     }
 }
 
-/// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of
-/// products.
+/// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of products.
 ///
-/// A method that needs `Aᵀ` takes products with `A` instead where `A` is symmetric, and fails otherwise: use
-/// [`solve_adjoint`].
+/// A method that needs `Aᵀ` takes products with `A` instead if `A` is symmetric. Otherwise it fails; use [`solve_adjoint`].
 ///
 /// # Errors
-/// The errors of [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the
-/// solver yourself and use [`solve_from`].
+/// The errors of [`Method::solver`] and [`solve_from`]. To keep the products taken before an operator failed, make the solver separately
+/// and use [`solve_from`].
 pub fn solve<O: Operator + ?Sized>(
     method: Method,
     operator: &mut O,
@@ -151,8 +149,7 @@ pub fn solve<O: Operator + ?Sized>(
     solve_adjoint(method, &mut ForwardOnly(&mut operator), b, options)
 }
 
-/// The same as [`solve`], for an operator whose transpose can be applied.
-/// Fails with the errors of [`solve`].
+/// Solves like [`solve`], for an operator whose transpose can be applied. Fails with the errors of [`solve`].
 pub fn solve_adjoint<O: Adjoint + ?Sized>(
     method: Method,
     operator: &mut O,

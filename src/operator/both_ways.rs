@@ -1,12 +1,12 @@
-//! Light that goes there and back: two arrangements of the same devices as one operator with its transpose, and `AᵀA` and `A Aᵀ`.
+//! Light in both directions: two arrangements of the same devices as one operator with its transpose, and the products `AᵀA` and `A Aᵀ`.
 
 use super::{Adjoint, Operator, Symmetry, block, block_mut, delegate};
 use crate::error::{Error, Result};
 
-/// An operator `A` whose transpose is that of another source: the same scene, with camera and projector exchanged. By Helmholtz reciprocity the
-/// light that goes from a projector's pixel to a camera's goes as well the other way, so that the second arrangement photographs `Aᵀ`.
+/// An operator `A` with a transpose from another source: the same scene, with camera and projector exchanged. By Helmholtz reciprocity,
+/// light travels from a projector's pixel to a camera's pixel and back equally well. The second arrangement therefore photographs `Aᵀ`.
 ///
-/// The two arrangements measure light in units of their own. `unit` is the factor that converts light of the second into the unit of the first.
+/// Each arrangement measures light in a separate unit. `unit` is the factor that converts light of the second into the unit of the first.
 pub struct Exchanged<F, B> {
     forth: F,
     back: B,
@@ -16,10 +16,10 @@ pub struct Exchanged<F, B> {
 }
 
 impl<F: Operator, B: Operator> Exchanged<F, B> {
-    /// `forth` photographs `A`, `back` its transpose.
+    /// Makes the operator from `forth`, which photographs `A`, and `back`, which photographs its transpose.
     ///
     /// # Errors
-    /// [`Error::Dimension`] where the second has not as many rows as the first has columns, or the reverse.
+    /// [`Error::Dimension`] if the rows of one do not match the columns of the other.
     pub fn new(forth: F, back: B, unit: f64) -> Result<Self> {
         if (forth.rows(), forth.cols()) != (back.cols(), back.rows()) {
             return Err(Error::Dimension {
@@ -31,10 +31,11 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
         Ok(Self { forth, back, unit, errors: Vec::new() })
     }
 
-    /// As [`Exchanged::new`], with the unit from one photo under white by each: `1ᵀA 1` and `1ᵀAᵀ1` are the same light. Takes two products.
+    /// Makes the operator like [`Exchanged::new`], and finds the unit from one photo under white by each arrangement: `1ᵀA 1` and `1ᵀAᵀ1`
+    /// are the same light. Takes two products.
     ///
     /// # Errors
-    /// As [`Exchanged::new`]; [`Error::Numerical`] where the second sees no light; any error of the products.
+    /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if the second arrangement sees no light; any error of the products.
     pub fn in_one_unit(mut forth: F, mut back: B) -> Result<Self> {
         let light = |operator: &mut dyn Operator| -> Result<f64> {
             let mut photo = vec![0.0; operator.rows()];
@@ -81,7 +82,7 @@ impl<F: Operator, B: Operator> Operator for Exchanged<F, B> {
         self.errors.clone()
     }
 
-    /// The frames of both arrangements.
+    /// The number of frames of both arrangements.
     fn frames(&self) -> Option<u64> {
         Some(self.forth.frames()? + self.back.frames()?)
     }
@@ -100,12 +101,12 @@ impl<F: Operator, B: Operator> Adjoint for Exchanged<F, B> {
     }
 }
 
-/// The product `AᵀA` or `A Aᵀ` of an operator `A` (`rows × cols`) with its transpose. It is symmetric and positive semidefinite for every `A`,
-/// so that the methods for symmetric operators apply to it.
+/// The product `AᵀA` or `A Aᵀ` of an operator `A` (`rows × cols`) with its transpose. It is symmetric and positive semidefinite for every
+/// `A`, so the methods for symmetric operators apply to it.
 ///
-/// On a rig whose camera and projector stand apart `A` is not symmetric, and its transpose is photographed with the two devices exchanged:
-/// each product here is two photos, one from either arrangement. The eigenvectors are the singular vectors of `A`, and the eigenvalues the
-/// squares of its singular values.
+/// On a rig with separate positions of camera and projector, `A` is not symmetric, and its transpose is photographed with the two devices
+/// exchanged. Each product here is two photos, one from each arrangement. The eigenvectors are the singular vectors of `A`, and the
+/// eigenvalues are the squares of its singular values.
 ///
 /// ```
 /// use krylux::krylov::{EigsOptions, eigs};
@@ -131,20 +132,20 @@ impl<F: Operator, B: Operator> Adjoint for Exchanged<F, B> {
 /// ```
 pub struct Gram<'a> {
     operator: &'a mut dyn Adjoint,
-    /// Whether it is `A Aᵀ`, on photos, and not `AᵀA`, on patterns.
+    /// True for `A Aᵀ`, on photos; false for `AᵀA`, on patterns.
     of_photos: bool,
-    /// The largest `‖second product‖ / ‖its pattern‖` so far: how much the second way may enlarge the errors of the first.
+    /// The largest `‖second product‖ / ‖its pattern‖` so far. It limits how much the second product may enlarge the errors of the first.
     gain: f64,
     errors: Vec<f64>,
 }
 
 impl<'a> Gram<'a> {
-    /// `AᵀA` of `cols × cols`: on the pixels of the projector.
+    /// Makes `AᵀA` of `cols × cols`, on the pixels of the projector.
     pub fn of_patterns(operator: &'a mut dyn Adjoint) -> Self {
         Self { operator, of_photos: false, gain: 0.0, errors: Vec::new() }
     }
 
-    /// `A Aᵀ` of `rows × rows`: on the pixels of the camera.
+    /// Makes `A Aᵀ` of `rows × rows`, on the pixels of the camera.
     pub fn of_photos(operator: &'a mut dyn Adjoint) -> Self {
         Self { of_photos: true, ..Self::of_patterns(operator) }
     }
@@ -153,7 +154,7 @@ impl<'a> Gram<'a> {
         if self.of_photos { self.operator.rows() } else { self.operator.cols() }
     }
 
-    /// The errors of the second products, and those of the first as far as the second may have enlarged them.
+    /// Records the errors of the second products, and those of the first products as the second may have enlarged them.
     fn note_errors(&mut self, first: &[f64], middle: &[Vec<f64>], ys: &[&mut [f64]]) {
         for (middle, y) in middle.iter().zip(ys) {
             let length = norm(middle);
@@ -207,8 +208,8 @@ impl Operator for Gram<'_> {
 
     delegate!(operator: block_size, observer, frames, confirming);
 
-    /// Standard errors of products where both of `A` and `Aᵀ` are stated: those of the first are taken as enlarged by the second as much as any
-    /// product so far, which is rather too much.
+    /// The standard errors of the products, if both `A` and `Aᵀ` state theirs. The errors of the first products are multiplied by the
+    /// largest gain of any second product so far, which overestimates them.
     fn standard_errors(&self) -> Vec<f64> {
         self.errors.clone()
     }
@@ -252,7 +253,6 @@ mod tests {
 
     type Product = dyn FnMut(&[f64], &mut [f64]) -> Result<()>;
 
-    /// A matrix that is given by its rows.
     fn dense(rows: Vec<Vec<f64>>) -> Closure<Box<Product>> {
         let (height, width) = (rows.len(), rows[0].len());
         let product: Box<Product> = Box::new(move |x, y| {

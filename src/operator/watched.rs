@@ -1,4 +1,4 @@
-//! Operators that are watched: with another observer, and with a record of their products.
+//! Operators with another observer, or with a record of their products.
 
 use std::cell::RefCell;
 use std::ops::ControlFlow;
@@ -7,7 +7,7 @@ use super::{Adjoint, Operator, delegate};
 use crate::error::Result;
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 
-/// An operator with an observer put in; everything else is the operator's own.
+/// An operator with a replaced observer; everything else is unchanged.
 ///
 /// ```
 /// use std::ops::ControlFlow;
@@ -35,7 +35,7 @@ pub struct Observed<'a, O: ?Sized> {
 }
 
 impl<'a, O: ?Sized> Observed<'a, O> {
-    /// `operator`, watched by `observer` and not by the observer it had.
+    /// Wraps `operator`; `observer` replaces its observer.
     pub fn new(operator: &'a mut O, observer: &'a dyn Observer) -> Self {
         Self { operator, observer }
     }
@@ -53,8 +53,7 @@ impl<O: Adjoint + ?Sized> Adjoint for Observed<'_, O> {
     delegate!(operator: adjoint);
 }
 
-/// An operator whose steps go through a closure, which may pass them on to the operator's own observer,
-/// changed or not.
+/// An operator that sends its steps through a closure. The closure may pass them, changed or not, to the original observer.
 pub struct Relayed<'a, O: ?Sized, F> {
     operator: &'a mut O,
     closure: RefCell<F>,
@@ -80,7 +79,7 @@ where
         let own = self.operator.observer();
         match self.closure.try_borrow_mut() {
             Ok(mut closure) => closure(own, step),
-            // The closure started a computation with this very observer: its steps pass unchanged.
+            // The closure started a computation with this observer: its steps pass unchanged.
             Err(_) => own.step(step),
         }
     }
@@ -114,14 +113,14 @@ where
     delegate!(operator: adjoint);
 }
 
-/// An operator that records its products: the vectors and their products, and how many frames a camera has taken for them.
+/// An operator that records its products, and the number of camera frames taken for them.
 pub struct Recorded<'a, O: ?Sized> {
     operator: &'a mut O,
     before: Option<u64>,
     keeps_products: bool,
-    /// Each product, in order; products with the transpose are among them.
+    /// All products in order, including products with the transpose.
     pub products: Vec<Product>,
-    /// The frames after each product, in order, counted from where this record began; empty where products are computed
+    /// The number of frames after each product, in order, counted from the start of this record. Empty if products are computed
     /// ([`Operator::frames`]).
     pub frames: Vec<u64>,
 }
@@ -136,13 +135,13 @@ pub struct Product {
 }
 
 impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
-    /// `operator`, with nothing recorded yet.
+    /// Wraps `operator` with an empty record.
     pub fn new(operator: &'a mut O) -> Self {
         let before = operator.frames();
         Self { operator, before, keeps_products: true, products: Vec::new(), frames: Vec::new() }
     }
 
-    /// `operator`, of whose products only the frames are recorded: vectors take memory.
+    /// Wraps `operator` and records only frames, because vectors take memory.
     pub fn of_frames(operator: &'a mut O) -> Self {
         Self { keeps_products: false, ..Self::new(operator) }
     }
@@ -222,7 +221,7 @@ mod tests {
         assert_eq!(stages, ["photos"; 3]);
     }
 
-    /// A rig whose products take two frames each, after seven for its references.
+    /// A rig whose products take two frames each, after seven frames for its references.
     struct TwoFrames(u64);
 
     impl Operator for TwoFrames {

@@ -1,4 +1,4 @@
-//! Confirms that a search has missed no eigenvalue, and inserts the missed ones.
+//! Confirms that a search has missed no eigenvalue, and inserts missed ones.
 
 use super::{Eigs, EigsOptions, Found};
 use crate::error::Result;
@@ -8,17 +8,16 @@ use crate::krylov::factor::{Factorization, Lanczos, PairStatus, RitzPair, Which,
 use crate::krylov::start::{seed_of, seeded};
 use crate::operator::{Operator, Symmetry};
 
-/// Confirms eigenpairs of a symmetric operator (`n × n`) that all converged, or are down to the noise: draws a Gaussian vector
-/// orthogonal to them and takes [`Confirm::steps`] products from there. Eigenvalues beyond the last one that come out are inserted, and
-/// another vector is drawn, until none comes out. `options` are the options of the search. The products are counted in
-/// [`Eigs::confirming`].
+/// Confirms eigenpairs of a symmetric operator (`n × n`) that have all converged or reached the noise. It draws a Gaussian vector
+/// orthogonal to them and takes [`Confirm::steps`] products from there. If eigenvalues beyond the last one appear, they are inserted and
+/// another vector is drawn, until none appears. `options` are the options of the search. [`Eigs::confirming`] counts the products.
 ///
-/// Nothing is taken, and `found` stays as it is, where the search did not end with all pairs, where the operator is not symmetric, and
-/// for the end [`Which::SmallestMagnitude`], which is in the middle of the spectrum.
+/// The function takes no product and leaves `found` unchanged in three cases: the search did not end with all pairs, the operator is not
+/// symmetric, or the end is [`Which::SmallestMagnitude`], which is in the middle of the spectrum.
 ///
 /// # Errors
-/// [`crate::Error::Option`] naming `--confirm`; [`crate::Error::Interrupted`] when the observer stops it; as [`crate::krylov::eigen::eigs()`]. `found` is then a
-/// valid answer that is not confirmed.
+/// [`crate::Error::Option`] naming `--confirm`; [`crate::Error::Interrupted`] if the observer stops it; the errors of
+/// [`crate::krylov::eigen::eigs()`]. `found` is then a valid answer that is not confirmed.
 pub fn confirm<O: Operator + ?Sized>(
     operator: &mut O,
     found: &mut Eigs,
@@ -42,7 +41,7 @@ pub(super) fn confirm_dyn(
     done
 }
 
-/// A pair that has come out gets this many times the steps of a confirmation to converge.
+/// A new pair may use this many times the steps of a confirmation to converge.
 const PATIENCE: usize = 10;
 
 struct Confirmation<'a> {
@@ -65,7 +64,7 @@ impl Confirmation<'_> {
             return Ok(());
         }
         self.scale = found.values.iter().fold(0.0, |scale, value| value.abs().max(scale));
-        // Each inserts one pair at least, and it takes no more than the copies that there are.
+        // Each round inserts at least one pair, so the number of rounds is at most the number of copies.
         for round in 0..4 * self.options.count as u64 + 8 {
             let mut known = self.options.deflate.clone();
             known.extend(found.vectors.iter().cloned());
@@ -110,7 +109,7 @@ impl Confirmation<'_> {
         Ok(())
     }
 
-    /// The error of a product with a unit vector, where the operator does not state it.
+    /// The error of a product with a unit vector, if the operator does not state it.
     fn noise(&self) -> f64 {
         if self.confirm.is_frozen { 0.0 } else { self.options.noise }
     }
@@ -119,7 +118,7 @@ impl Confirmation<'_> {
         self.confirm.products.saturating_sub(self.products)
     }
 
-    /// The claim once all directions are spanned by products of these errors.
+    /// The claim when products with these errors have spanned all directions.
     fn spanned(&self, error: f64) -> Completeness {
         if error > 0.0 || self.noise() > 0.0 { Completeness::NotExcluded } else { Completeness::Exact }
     }
@@ -131,7 +130,7 @@ impl Confirmation<'_> {
         confirming_step(self.operator.observer(), process.steps(), total)
     }
 
-    /// The last values at the lower and at the upper end that were asked for: beyond them, none may be missing.
+    /// The last values at the requested lower and upper ends. No value beyond them may be missing.
     fn ends(&self, found: &Eigs) -> [Option<f64>; 2] {
         let last = found.values.last().copied();
         match self.options.which {
@@ -140,17 +139,17 @@ impl Confirmation<'_> {
             Which::BothEnds => {
                 let of = |index: Option<usize>| index.and_then(|index| found.values.get(index)).copied();
                 let count = found.values.len();
-                // The values alternate, and begin with the largest.
+                // The values alternate between the ends, beginning with the largest.
                 [of((count / 2 * 2).checked_sub(1)), of(count.div_ceil(2).checked_sub(1).map(|top| 2 * top))]
             }
             _ => [None, last],
         }
     }
 
-    /// How far a Ritz value of this process may be beyond a converged one and still be the same: the tolerance, rounding, the residuals of
-    /// the pairs that were found, which bound what couples them to their complement, and noise. `m` products whose errors have the norm `e` and are spread evenly
-    /// over `n` entries change a Ritz value by about `2e √(m/n)` at most, and the operator that the process sees by about
-    /// `2e (1 + √(m/n))`.
+    /// The tolerance within which a Ritz value of this process may exceed a converged one and still be the same. It adds the tolerance,
+    /// rounding, noise, and the residuals of the pairs found, which bound their coupling to the complement. `m` products whose errors have
+    /// the norm `e` and are spread evenly over `n` entries change a Ritz value by at most about `2e √(m/n)`. They change the operator that
+    /// the process sees by about `2e (1 + √(m/n))`.
     fn slack(&self, process: &Lanczos, residuals: &[f64]) -> [f64; 2] {
         let rounding =
             f64::EPSILON * self.scale * (10.0 + (process.n() as f64).sqrt() + process.steps() as f64);
@@ -160,7 +159,7 @@ impl Confirmation<'_> {
         [0.0, 1.0].map(|operator| exact + noise * (share + operator))
     }
 
-    /// The pairs of the process beyond the ends, the most wanted first.
+    /// Finds the pairs of the process beyond the ends, the most wanted first.
     fn beyond(&self, process: &Lanczos, found: &Eigs) -> Result<Vec<RitzPair>> {
         let [slack, _] = self.slack(process, &found.residuals);
         let [low, high] = self.ends(found);
@@ -180,7 +179,7 @@ impl Confirmation<'_> {
         pairs.iter().any(|pair| pair.status(wanted, self.options.noise) == PairStatus::NotResolved)
     }
 
-    /// Goes on until the pairs beyond the ends have converged, or the products end.
+    /// Continues until the pairs beyond the ends have converged, or the products are spent.
     fn settle(&mut self, process: &mut Lanczos, found: &Eigs) -> Result<Vec<RitzPair>> {
         let mut missed = self.beyond(process, found)?;
         let most = PATIENCE * process.steps();
@@ -192,7 +191,7 @@ impl Confirmation<'_> {
         Ok(missed)
     }
 
-    /// The limits beyond which nothing is missing.
+    /// The limits beyond which no value is missing.
     fn limits(&self, process: &Lanczos, found: &Eigs, share: f64) -> Result<[Option<f64>; 2]> {
         let outermost =
             |which| -> Result<Option<f64>> { Ok(process.ritz(which, 1)?.first().map(|pair| pair.value)) };
@@ -205,7 +204,7 @@ impl Confirmation<'_> {
         Ok([low.map(|low| low - margin), high.map(|high| high + margin)])
     }
 
-    /// Inserts pairs where they belong, and keeps as many as were asked for.
+    /// Inserts pairs in their order, and keeps the requested number.
     fn insert(&mut self, process: &Lanczos, missed: &[RitzPair], found: &mut Eigs) -> Result<()> {
         let vectors: Vec<Vec<f64>> = missed.iter().map(|pair| process.ritz_vector(pair)).collect();
         let common =
@@ -230,7 +229,7 @@ impl Confirmation<'_> {
         if self.is_open(missed) {
             found.stats.status = Status::BudgetSpent;
         }
-        // The gaps are smaller than each process knew by itself.
+        // The gaps are smaller than a single process could know.
         for index in 0..found.values.len() {
             let others = (0..found.values.len()).filter(|other| *other != index);
             let gap = others
@@ -248,18 +247,17 @@ impl Confirmation<'_> {
 pub struct Beside {
     /// The largest Ritz value, a lower bound.
     pub value: f64,
-    /// Its Ritz vector (`n`), of norm 1.
+    /// The Ritz vector (`n`) of this value, of norm 1.
     pub vector: Vec<f64>,
-    /// An upper bound, as the limit of a confirmed search.
+    /// An upper bound, given as the limit of a confirmed search.
     pub completeness: Completeness,
-    /// The products that it took.
+    /// The number of products taken.
     pub products: usize,
 }
 
-/// The largest eigenvalue of a symmetric operator (`n × n`) on the complement of `known` vectors, from a Gaussian vector of this seed:
-/// by Courant and Fischer a bound on the eigenvalue after as many as are known, however exact they are. `None` where the complement is
-/// empty or the products of `confirm` are too few.
-/// Fails with the errors of [`confirm`].
+/// Finds the largest eigenvalue of a symmetric operator (`n × n`) on the complement of `known` vectors, from a Gaussian vector with this
+/// seed. By Courant and Fischer it bounds the `k+1`st eigenvalue for `k` known vectors, even if these are not exact. Returns `None` if the
+/// complement is empty or `confirm` allows too few products. Fails with the errors of [`confirm`].
 pub fn largest_beside(
     operator: &mut dyn Operator,
     known: &[Vec<f64>],

@@ -11,19 +11,17 @@ use crate::operator::{Operator, block, block_mut};
 pub enum Step {
     /// The subspace grew by one, and can grow further.
     Extended,
-    /// The subspace grew by one, but the product was in its span: the block is narrower by one from now on.
+    /// The subspace grew by one, but the product was in its span: from now on the block is narrower by one.
     Deflated,
-    /// The subspace grew by one and is now invariant (no residual is left): all its Ritz pairs are
-    /// eigenpairs. The next step continues from random vectors orthogonal to the basis, and finds, for
-    /// example, further copies of a repeated eigenvalue.
+    /// The subspace grew by one and is now invariant (no residual is left): all its Ritz pairs are eigenpairs. The next step continues from
+    /// random vectors orthogonal to the basis, and may find further copies of a repeated eigenvalue.
     Invariant,
     /// The subspace is the whole space without the known vectors. A further step takes no product.
     Exhausted,
 }
 
 impl Expansion {
-    /// Takes the products with up to `most` of the waiting vectors as one block of the operator's size; the
-    /// next steps use them.
+    /// Multiplies up to `most` of the waiting vectors as one block of the operator's size. The next steps use these products.
     pub(super) fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         let count = operator.block_size().min(most).min(self.pending());
         if count < 2 || !self.ready.is_empty() {
@@ -31,7 +29,7 @@ impl Expansion {
         }
         self.fits(operator)?;
         let mut products = vec![vec![0.0; self.n()]; count];
-        // The last vector as it will be by the time of its step.
+        // The last vector, as it will be at the time of its step.
         let late = count == self.pending() && !self.late.is_empty();
         let last = late.then(|| self.basis.settled_last(&self.late));
         let mut vectors = block(&self.waiting()[..count]);
@@ -45,8 +43,8 @@ impl Expansion {
         Ok(())
     }
 
-    /// One step: one product. `recent` last columns contain, up to rounding, the part of `A v` in the
-    /// span (0: not known).
+    /// Takes one step: one product. The `recent` last columns contain, up to rounding, the part of `A v` in the span (0 if this is
+    /// unknown).
     pub(super) fn step(&mut self, operator: &mut dyn Operator, recent: usize) -> Result<Step> {
         let n = self.n();
         self.fits(operator)?;
@@ -65,7 +63,7 @@ impl Expansion {
         let first = self.basis.len().saturating_sub(recent);
         let (along, length) = self.basis.dots_and_norm(first, &self.work);
         if !length.is_finite() {
-            // The step can be taken again, with a new product.
+            // The step can be taken again with a new product.
             self.ready.clear();
             return Err(Error::Numerical(format!(
                 "product {} with the operator holds a NaN or an infinity",
@@ -73,11 +71,11 @@ impl Expansion {
             )));
         }
 
-        // Nothing can fail from here on.
+        // From here on nothing can fail.
         self.products += 1;
         self.scale = self.scale.max(length);
         let mut removed = self.orthogonalize_product(&along);
-        // The rest of A v is at most the rounding errors of a product of n terms.
+        // The remainder of A v is at most the rounding errors of a product of n terms.
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
         if !nothing_new && self.basis.len() < n {
             let (error, along) = match self.filtered(error, removed.norm) {
@@ -109,8 +107,8 @@ impl Expansion {
         Ok(if self.pending() > 0 { Step::Invariant } else { Step::Exhausted })
     }
 
-    /// The filtered direction of the rest of a product, orthogonal to the basis and of length 1, and the product's part along it; `None` where
-    /// the rest is taken as it is.
+    /// Filters the remainder of a product. Returns the direction, orthogonal to the basis and of length 1, and the product's part along it;
+    /// `None` if the remainder is used without change.
     fn filtered(&self, error: f64, rest: f64) -> Option<(Vec<f64>, f64)> {
         let mut direction = self.filter.as_ref()?.apply(&self.work, (error / rest).min(1.0))?;
         if direction.len() != self.n() || !direction.iter().all(|value| value.is_finite()) {
@@ -127,8 +125,8 @@ impl Expansion {
     }
 }
 
-/// The largest parts along the basis, as a share of the norm, whose removal may wait for the next step. Rounding
-/// leaves about `ε ‖A‖/β`: 1e-14 to 1e-13 for most spectra.
+/// The largest parts along the basis, as a share of the norm, whose removal may wait for the next step. Rounding leaves about `ε ‖A‖/β`:
+/// 1e-14 to 1e-13 for most spectra.
 const LATE: f64 = 1e-12;
 
 /// A product without its part in the span of the basis.
@@ -136,33 +134,34 @@ struct Rest {
     /// The coefficients of the product on the basis.
     coefficients: Vec<f64>,
     norm: f64,
-    /// The parts along the basis that are still in the rest; empty if there are none.
+    /// The parts along the basis that are still in the remainder; empty if there are none.
     late: Vec<f64>,
 }
 
 impl Expansion {
-    /// Orthogonalizes the product in `work` against the basis, with one reading of the basis. `along` holds the product's inner products with
-    /// the last columns, which contain, up to rounding, its whole part in the span; it is empty where that is not known.
+    /// Orthogonalizes the product in `work` against the basis, and reads the basis once. `along` holds the product's inner products with
+    /// the last columns, which contain, up to rounding, its whole part in the span. It is empty if this is unknown.
     ///
-    /// Full reorthogonalization takes the inner products of the product with all basis vectors and then removes these components: two
-    /// readings, and four for Arnoldi. Here the removal waits for the next step, whose inner products need a reading anyway (delayed
-    /// reorthogonalization: Bielich, Langou, Thomas, Świrydowicz, Yamazaki and Boman, *Low-synch Gram–Schmidt with delayed
-    /// reorthogonalization for Krylov solvers*, Parallel Computing 112 (2022), doi:10.1016/j.parco.2022.102940): one, and two for Arnoldi.
+    /// Full reorthogonalization takes the inner products of the product with all basis vectors and then removes these components. This
+    /// takes two readings, and four for Arnoldi. Here the removal waits for the next step, whose inner products need a reading anyway
+    /// (delayed reorthogonalization: Bielich, Langou, Thomas, Świrydowicz, Yamazaki and Boman, *Low-synch Gram–Schmidt with delayed
+    /// reorthogonalization for Krylov solvers*, Parallel Computing 112 (2022), doi:10.1016/j.parco.2022.102940). This takes one reading,
+    /// and two for Arnoldi.
     ///
-    /// The last basis vector `û = v + V s` is then multiplied while it still has small parts `s` along the others. By
-    /// linearity `A v = A û − A V s`, and `A V s = V⁺H s` is known from the coefficients of the products before. The same
-    /// number, known beforehand, is the part of `A û` along the basis beside the three terms of Lanczos; it is removed in the
-    /// sweep that takes the inner products, since it would grow like `(‖A‖/β)^k` over `k` steps otherwise.
+    /// The last basis vector `û = v + V s` is then multiplied while it still has small parts `s` along the others. By linearity `A v = A û
+    /// − A V s`, and `A V s = V⁺H s` is known from the coefficients of earlier products. This known number is also the part of `A û` along
+    /// the basis beside the three terms of Lanczos. It is removed in the sweep that takes the inner products; otherwise it would grow like
+    /// `(‖A‖/β)^k` over `k` steps.
     ///
     /// # Bound
-    /// Only parts of norm at most [`LATE`] wait; larger ones (from noise, or of a product that is nearly in the span) are removed at
-    /// once, by passes as in [`orthogonalize`]. So `v` has norm `1 + O(ε)`, and with the rounding error `γ`
-    /// stated there, `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`: no error is passed on. `m` vectors have
-    /// `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been reorthogonalized at once. The tests hold hard cases to this.
+    /// Only parts of norm at most [`LATE`] wait. Larger parts (from noise, or of a product nearly in the span) are removed at once, by
+    /// passes as in [`orthogonalize`]. So `v` has norm `1 + O(ε)`. With the rounding error `γ` stated there, `‖V_jᵀv‖ ≤ √j γ + LATE ‖I −
+    /// V_jᵀV_j‖`: no error is passed on. `m` vectors have `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been reorthogonalized at once. The tests
+    /// check this bound on hard cases.
     fn orthogonalize_product(&mut self, along: &[f64]) -> Rest {
         let (total, first) = (self.basis.len(), self.basis.len() - along.len());
         let late = std::mem::take(&mut self.late);
-        // The vector multiplied is the one with late parts only where no other waits.
+        // The vector multiplied has late parts only if no other vector waits.
         let shown = if self.pending() == 1 { self.product_of(&late) } else { vec![0.0; total] };
         let of_last = along.last().copied().unwrap_or(0.0);
         let late_at = |i: usize| late.get(i).copied().unwrap_or(0.0);
@@ -174,7 +173,7 @@ impl Expansion {
         }
         let settling = Settling { late: &late, along, ahead: &ahead };
         let (mut rest, mut length) = self.basis.settle_and_dot(&settling, &mut self.work);
-        // The coefficients removed so far, on the settled basis, less what the late parts have added to the product.
+        // The coefficients removed so far, on the settled basis, minus the contribution of the late parts to the product.
         let mut coefficients: Vec<f64> = (0..total)
             .map(|i| {
                 let near = if i < first { ahead.get(i).copied().unwrap_or(0.0) } else { along[i - first] };
@@ -207,7 +206,7 @@ impl Expansion {
         product
     }
 
-    /// Removes the parts along the known vectors at once: their products are not known.
+    /// Removes the parts along the known vectors at once, because their products are unknown.
     fn without_known(&mut self, mut rest: Vec<f64>) -> Vec<f64> {
         if self.known > 0 {
             self.basis.accumulate_first(&rest[..self.known], -1.0, &mut self.work);
@@ -244,16 +243,16 @@ mod tests {
             let mut largest = 0.0_f64;
             for step in 1..=60 {
                 lanczos.expand(&mut operator)?;
-                // The first two steps remove everything beforehand.
+                // The first two steps remove all parts in advance.
                 if step > 2 {
                     largest = largest.max(norm(&lanczos.expansion().late));
                 }
             }
             if noise == 0.0 {
-                // ‖A‖/β is about 5 here: a few ε of ‖A‖ are left, more than a removal at once would leave.
+                // ‖A‖/β is about 5 here: a few ε of ‖A‖ remain, more than an immediate removal would leave.
                 assert!((8.0 * f64::EPSILON..1e-13).contains(&largest), "{largest:e}");
             } else {
-                // A second look finds rounding errors of a removal only.
+                // A second pass finds only the rounding errors of a removal.
                 assert!(largest < 4.0 * f64::EPSILON, "{largest:e}");
             }
         }

@@ -1,4 +1,4 @@
-//! CGS and BiCGStab, which need neither symmetry nor a transpose: a fixed shadow of the first residual takes its place.
+//! CGS and BiCGStab. They need neither symmetry nor a transpose: a fixed shadow of the first residual replaces it.
 
 use super::system::System;
 use super::{Advance, SolveOptions, Solver};
@@ -12,7 +12,7 @@ use crate::operator::Adjoint;
 struct Shadowed {
     system: System,
     shadow: Vec<f64>,
-    /// `M⁻¹` times the vector that was multiplied last.
+    /// `M⁻¹` times the last vector multiplied.
     hat: Vec<f64>,
     rho: f64,
     phase: Phase,
@@ -30,7 +30,6 @@ pub(super) enum Phase {
 }
 
 impl Shadowed {
-    /// The state before the first step, for `b` of length `n`.
     fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self {
             system: System::split(method, false, b.len(), b, options)?,
@@ -41,8 +40,7 @@ impl Shadowed {
         })
     }
 
-    /// Begins a step. `true` when the step took its product for the residual of the first iterate, and is
-    /// complete.
+    /// Begins a step. Returns true if the step took its product for the residual of the first iterate and is complete.
     fn open(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         if self.system.open(operator, None)? {
             return Ok(true);
@@ -65,13 +63,13 @@ impl Shadowed {
         Ok(ratio)
     }
 
-    /// `A M⁻¹ v`, into the system's `work`.
+    /// Writes `A M⁻¹ v` to the system's `work`.
     fn product(&mut self, operator: &mut dyn Adjoint, v: &[f64]) -> Result<()> {
         self.system.precondition(v, &mut self.hat)?;
         self.system.tally.product(operator, &self.hat, &mut self.system.work)
     }
 
-    /// `A M⁻¹ r`, into the system's `work`.
+    /// Writes `A M⁻¹ r` to the system's `work`.
     fn residual_product(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         self.system.precondition(&self.system.r, &mut self.hat)?;
         self.system.tally.product(operator, &self.hat, &mut self.system.work)
@@ -98,21 +96,20 @@ impl Shadowed {
     }
 }
 
-/// Whether an inner product is zero to rounding: a quotient by it would be noise.
+/// Returns true if an inner product is zero to rounding: a quotient by it would be noise.
 fn negligible(product: f64, a: &[f64], b: &[f64]) -> bool {
     product.abs() <= f64::EPSILON * norm(a) * norm(b)
 }
 
-/// Conjugate gradients squared: solves `A x = b` for any square `A` of `n × n`, preconditioned from the
-/// right.
+/// Conjugate gradients squared: solves `A x = b` for any square `A` of `n × n`, preconditioned on the right.
 ///
 /// # Properties
-/// No transpose. An iteration takes two products, and the iterate moves with the second. `‖r‖` is erratic, so
-/// the best iterate is returned. Ends with [`Breakdown`](crate::krylov::Status::Breakdown) when a divisor vanishes (for example for a
+/// The method needs no transpose. An iteration takes two products, and the iterate moves with the second. `‖r‖` is erratic, so the best
+/// iterate is returned. The method ends with [`Breakdown`](crate::krylov::Status::Breakdown) if a divisor vanishes (for example for a
 /// skew-symmetric `A`).
 ///
 /// # Storage
-/// Twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned ones, and a product.
+/// Twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned vectors, and a product.
 ///
 /// # References
 /// Sonneveld (1989), doi:10.1137/0910004.
@@ -130,9 +127,8 @@ pub struct Cgs {
 }
 
 impl Cgs {
-    /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the
-    /// options.
-    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the options. Fails with the errors
+    /// of [`Cg::new`](crate::krylov::linear::Cg::new), but accepts any preconditioner.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {
@@ -188,15 +184,15 @@ impl Solver for Cgs {
     }
 }
 
-/// BiCGStab: solves `A x = b` for any square `A` of `n × n`, preconditioned from the right.
+/// BiCGStab: solves `A x = b` for any square `A` of `n × n`, preconditioned on the right.
 ///
 /// # Properties
-/// No transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate
-/// direction, the second along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best
-/// iterate is returned. Ends with [`Status::Breakdown`] when a divisor vanishes.
+/// The method needs no transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate direction,
+/// the second along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best iterate is returned. The method ends with
+/// [`Status::Breakdown`] if a divisor vanishes.
 ///
 /// # Storage
-/// Nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned one and a product.
+/// Nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned vector and a product.
 ///
 /// # References
 /// van der Vorst (1992), doi:10.1137/0913035.
@@ -211,9 +207,8 @@ pub struct BiCgStab {
 }
 
 impl BiCgStab {
-    /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the
-    /// options.
-    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the options. Fails with the errors
+    /// of [`Cg::new`](crate::krylov::linear::Cg::new), but accepts any preconditioner.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         let shared = Shadowed::new("BiCGStab", b, options)?;
@@ -238,7 +233,7 @@ impl Solver for BiCgStab {
             self.shared.phase = Phase::First;
         }
         if self.shared.phase == Phase::First {
-            // Along the biconjugate direction.
+            // Moves along the biconjugate direction.
             self.shared.product(operator, &self.p)?;
             self.alpha = match self.shared.alpha() {
                 Ok(alpha) => alpha,
@@ -250,7 +245,7 @@ impl Solver for BiCgStab {
             axpy(-self.alpha, &self.v, &mut system.r);
             self.shared.phase = Phase::Second;
         } else {
-            // Along the residual, which holds `s` here.
+            // Moves along the residual, which holds `s` here.
             self.shared.residual_product(operator)?;
             let system = &mut self.shared.system;
             let square = dot(&system.work, &system.work);

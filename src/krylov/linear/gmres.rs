@@ -9,23 +9,22 @@ use crate::operator::Adjoint;
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
-/// Preconditioned from the right (`A M⁻¹ u = b`) it minimizes the true residual. From the left
-/// (`M⁻¹ A x = M⁻¹ b`) it minimizes `‖M⁻¹ r‖`; it then keeps the products too, so that it can report the true
-/// residual without a further product. The flexible form ([`Gmres::flexible`], FGMRES) keeps each
-/// preconditioned vector, and `M` may differ from step to step.
+/// With the preconditioner on the right (`A M⁻¹ u = b`) it minimizes the true residual. On the left (`M⁻¹ A x = M⁻¹ b`) it minimizes `‖M⁻¹
+/// r‖`; it then also keeps the products, to report the true residual without a further product. The flexible form ([`Gmres::flexible`],
+/// FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
 ///
 /// # Properties
-/// `‖r‖` (from the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. No transpose. One product a
-/// step; a restart takes none. The basis is orthonormal to working precision. Ends with [`Status::Breakdown`]
-/// when the Krylov space is invariant and contains no solution (a singular `A`).
+/// `‖r‖` (on the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. The method needs no transpose. A step takes one product; a
+/// restart takes none. The basis is orthonormal to working precision. The method ends with [`Status::Breakdown`] if the Krylov space is
+/// invariant and contains no solution (a singular `A`).
 ///
 /// # Storage
-/// After `k` steps since the last restart: `k + 1` basis vectors; `k` more from the left or flexible;
-/// `b, x, r` and three work vectors.
+/// After `k` steps since the last restart: `k + 1` basis vectors; `k` more if flexible or preconditioned on the left; `b, x, r` and three
+/// work vectors.
 ///
 /// # References
-/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Saad and Schultz (1986),
-/// doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028.
+/// O'Toole and Kutulakos, section 6, use it for light transport compensation. Saad and Schultz (1986), doi:10.1137/0907058; flexible: Saad
+/// (1993), doi:10.1137/0914028.
 #[derive(Clone)]
 pub struct Gmres {
     system: System,
@@ -42,22 +41,19 @@ pub struct Gmres {
 const SINGULAR: Status =
     Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
 
-/// A correction whose rounding errors are at least this share of the first residual is not made: the reported
-/// residual would no longer be the true one.
+/// A correction is refused if its rounding errors are at least this share of the first residual. The reported residual would then differ
+/// from the true one.
 const MEANINGLESS: f64 = 1e-9;
 
 impl Gmres {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and
-    /// `restart` of the options.
-    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), except that any preconditioner will do.
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and `restart` of the options.
+    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), but accepts any preconditioner.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self::build(System::new(b.len(), b, options)?, options, false))
     }
 
-    /// FGMRES, preconditioned from the right by an `M` that may change.
-    ///
-    /// # Errors
-    /// The errors of [`Gmres::new`]; a preconditioner on the left is refused.
+    /// Makes FGMRES, with an `M` on the right that may change. Fails with the errors of [`Gmres::new`], and refuses a preconditioner on the
+    /// left.
     pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let system = System::split("FGMRES", false, b.len(), b, options)?;
         Ok(Self::build(system, options, options.preconditioner.is_some()))
@@ -81,7 +77,7 @@ impl Gmres {
         }
     }
 
-    /// The number of basis vectors and kept vectors at present, of length `n` each.
+    /// The current number of basis vectors and kept vectors, of length `n` each.
     pub fn stored(&self) -> usize {
         self.cycle.basis.len() + self.cycle.kept.len()
     }
@@ -99,13 +95,12 @@ impl Gmres {
         Ok(self.started)
     }
 
-    /// Whether `V y` must be preconditioned to become a correction of `x`.
+    /// Returns true if `V y` must be preconditioned to become a correction of `x`.
     fn is_hatted(&self) -> bool {
         !self.flexible && self.side == Side::Right && self.system.preconditioner.is_some()
     }
 
-    /// Overwrites `r`, the cycle's first residual, by the true residual of this cycle's iterate, without a
-    /// product.
+    /// Overwrites `r`, the cycle's first residual, with the true residual of this cycle's iterate. Takes no product.
     fn residual(&self, r: &mut [f64]) {
         if self.side == Side::Left {
             self.cycle.combine(true, -1.0, r);
@@ -114,7 +109,7 @@ impl Gmres {
         }
     }
 
-    /// Ends the cycle: updates `x` and `r`, without a product.
+    /// Ends the cycle: updates `x` and `r` without a product.
     fn close(&mut self) -> Result<()> {
         let mut sum = std::mem::take(&mut self.hat);
         sum.fill(0.0);
@@ -159,8 +154,8 @@ impl Solver for Gmres {
             self.hat.copy_from_slice(v);
         }
         self.system.tally.product(operator, &self.hat, &mut self.system.work)?;
-        // The new direction overwrites the product; from the left it overwrites the basis vector, since the
-        // product is kept.
+        // The new direction overwrites the product. With the preconditioner on the left it overwrites the basis vector, because the product
+        // is kept.
         let w = if right {
             &mut self.system.work
         } else {
@@ -169,7 +164,7 @@ impl Solver for Gmres {
         };
         let length = norm(w);
         let removed = orthogonalize(&self.cycle.basis, w);
-        // Orthogonalization leaves only rounding errors of a vector in the span.
+        // For a vector in the span, orthogonalization leaves only rounding errors.
         let tiny = 10.0 * f64::EPSILON * length;
         let invariant = removed.norm <= tiny;
         let below = if invariant { 0.0 } else { removed.norm };
@@ -180,7 +175,6 @@ impl Solver for Gmres {
         if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
             > MEANINGLESS * self.cycle.first_residual()
         {
-            // The rounding errors of such a correction would be larger than the residual that it corrects.
             self.cycle.undo();
             return Ok(Advance::Ended(SINGULAR));
         }
@@ -221,7 +215,7 @@ impl Solver for Gmres {
         }
         let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         self.cycle.combine(self.flexible, 1.0, &mut sum);
-        // If the preconditioner fails, the answer is the iterate of the last restart.
+        // If the preconditioner fails, the result is the iterate of the last restart.
         if self.system.precondition(&sum, &mut hat).is_ok() {
             axpy(1.0, &hat, &mut x);
         }
@@ -229,21 +223,21 @@ impl Solver for Gmres {
     }
 }
 
-/// A cycle from a first residual `r_0`: an orthonormal `V`, and `H = Qᵀ R` by Givens rotations.
+/// A cycle that starts from a residual `r_0`: an orthonormal `V`, and `H = Qᵀ R` by Givens rotations.
 #[derive(Clone)]
 struct Cycle {
     basis: Basis,
-    /// `M⁻¹ v_j` if flexible, `A v_j` if preconditioned from the left, else empty.
+    /// `M⁻¹ v_j` if flexible, `A v_j` if preconditioned on the left, otherwise empty.
     kept: Basis,
     /// The columns of `R`, upper triangular.
     triangle: Vec<Vec<f64>>,
     rotations: Vec<(f64, f64)>,
-    /// `Q ‖r_0‖ e_1`: one entry more than `R` has columns.
+    /// `Q ‖r_0‖ e_1`, with one entry more than `R` has columns.
     rotated: Vec<f64>,
 }
 
 impl Cycle {
-    /// An empty cycle with memory for `steps` steps and `kept` kept vectors, so that no step allocates any.
+    /// Makes an empty cycle with memory for `steps` steps and `kept` kept vectors, so that no step allocates.
     fn new(n: usize, steps: usize, kept: usize) -> Self {
         let mut cycle = Self {
             basis: Basis::new(n),
@@ -257,7 +251,7 @@ impl Cycle {
         cycle
     }
 
-    /// Starts from `r`, whose norm is `length`; memory is reused.
+    /// Starts from `r` with the norm `length`; memory is reused.
     fn start(&mut self, r: &[f64], length: f64) {
         self.clear();
         self.rotated.push(length);
@@ -274,7 +268,7 @@ impl Cycle {
         self.rotated.clear();
     }
 
-    /// Columns of `H` so far.
+    /// The number of columns of `H` so far.
     fn len(&self) -> usize {
         self.triangle.len()
     }
@@ -284,8 +278,8 @@ impl Cycle {
         norm(&self.rotated)
     }
 
-    /// Appends a column of `H` with `below` under it, and returns the residual norm after it. Returns `None`,
-    /// and appends nothing, when the diagonal entry of `R` would be no larger than `tiny`.
+    /// Appends a column of `H` with `below` under it, and returns the residual norm after it. If the diagonal entry of `R` would not exceed
+    /// `tiny`, appends nothing and returns `None`.
     fn append(&mut self, mut column: Vec<f64>, below: f64, tiny: f64) -> Option<f64> {
         for (k, (c, s)) in self.rotations.iter().enumerate() {
             let (a, b) = (column[k], column[k + 1]);
@@ -328,7 +322,7 @@ impl Cycle {
         y
     }
 
-    /// Adds `sign · Σ y_j v_j` to `sum`, over the basis vectors or the kept ones.
+    /// Adds `sign · Σ y_j v_j` to `sum`, over the basis vectors or the kept vectors.
     fn combine(&self, of_kept: bool, sign: f64, sum: &mut [f64]) {
         let columns = if of_kept { &self.kept } else { &self.basis };
         let mut y = self.coefficients();
@@ -337,8 +331,7 @@ impl Cycle {
         columns.accumulate(0, &y, sign, sum);
     }
 
-    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate, by the inverse rotations from last to
-    /// first.
+    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate, by the inverse rotations from last to first.
     fn residual(&self, r: &mut [f64]) {
         let count = self.triangle.len();
         let mut coordinates = vec![0.0; count + 1];

@@ -8,32 +8,32 @@ use crate::krylov::basis::{axpy, dot, norm, update, update2};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
-/// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists, as far as products in double precision can tell.
+/// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists within double precision.
 pub(super) const LEAST_SQUARES: f64 = 1e-10;
 
-/// In exact arithmetic the residual never rises. When it rises by more than the rounding of its norm, the
-/// Lanczos vectors have lost their orthogonality to the remaining least-squares residual, and further steps
-/// would only make it larger (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
+/// In exact arithmetic the residual never rises. If it rises by more than the rounding of its norm, the
+/// Lanczos vectors have lost their orthogonality to the remaining least-squares residual. Further steps would
+/// only increase it (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
 const RISE: f64 = 1e-14;
 
 /// MINRES: solves `min ‖b − A x‖₂` for a symmetric `A` of `n × n`, definite or not.
 ///
-/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`: it is MINRES on
-/// `M^-½ A M^-½`, without computing the roots, so symmetry is kept. With `M = D` this is symmetric scaling.
+/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`. It is MINRES on
+/// `M^-½ A M^-½` without computing the roots, so symmetry is kept. With `M = D` this is symmetric scaling.
 ///
 /// # Properties
-/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner this is the residual that is
-/// reported; with one, the best iterate in the 2-norm is returned. The true residual comes from a recurrence
-/// and costs no product. One product a step. Ends where `‖A r‖` vanishes (a least-squares solution of a
-/// singular system), and where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise (the
-/// operator is not symmetric).
+/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner this is the reported residual;
+/// with one, the best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs
+/// no product. A step takes one product. The method ends where `‖A r‖` vanishes (a least-squares solution of
+/// a singular system). It also ends where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise
+/// (the operator is not symmetric).
 ///
 /// # Storage
 /// Twelve `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, these two and the next one
 /// preconditioned, two directions, and a product.
 ///
 /// # References
-/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Paige and Saunders (1975),
+/// O'Toole and Kutulakos, section 6, use it for light transport compensation. Paige and Saunders (1975),
 /// doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast Iterative
 /// Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
 #[derive(Clone)]
@@ -42,14 +42,14 @@ pub struct Minres {
     /// The previous and the current Lanczos vector, orthonormal in `M⁻¹`.
     v_old: Vec<f64>,
     v: Vec<f64>,
-    /// `M⁻¹ v` of both.
+    /// `M⁻¹ v` of both vectors.
     z_old: Vec<f64>,
     z: Vec<f64>,
     z_next: Vec<f64>,
-    /// Directions of the two previous steps.
+    /// The directions of the two previous steps.
     w_old: Vec<f64>,
     w: Vec<f64>,
-    /// `β_j`, and `η`, the residual's norm in `M⁻¹` with its sign.
+    /// `β_j`, and `η`, the signed norm of the residual in `M⁻¹`.
     beta: f64,
     eta: f64,
     /// The last two rotations.
@@ -63,9 +63,9 @@ pub struct Minres {
 }
 
 impl Minres {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge
-    /// symmetry, `noise` of the options.
-    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to
+    /// judge symmetry, `noise` of the options. Fails with the errors of
+    /// [`Cg::new`](crate::krylov::linear::Cg::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {
@@ -87,7 +87,7 @@ impl Minres {
         })
     }
 
-    /// The first Lanczos vector, `r / ‖r‖` in the norm of `M⁻¹`.
+    /// Makes the first Lanczos vector, `r / ‖r‖` in the norm of `M⁻¹`.
     fn start(&mut self) -> Result<Option<Status>> {
         self.system.precondition(&self.system.r, &mut self.z)?;
         let square = dot(&self.system.r, &self.z);
@@ -139,13 +139,13 @@ impl Solver for Minres {
         }
         self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
         if beta_next <= f64::EPSILON * 10.0 * self.scale {
-            // The subspace is invariant: only rounding errors remain of the vector.
+            // The subspace is invariant: only rounding errors of the vector remain.
             beta_next = 0.0;
         }
         let [c1, c0] = self.cosines;
         let [s1, s0] = self.sines;
         let diagonal = c1 * alpha - c0 * s1 * beta;
-        // ‖A r‖ = ‖r‖ · this, for the residual before this step.
+        // ‖A r‖ is ‖r‖ times this value, for the residual before this step.
         let gradient = diagonal.hypot(c1 * beta_next);
         let (c, s, rho) = rotation(diagonal, beta_next);
         if gradient <= LEAST_SQUARES * self.scale || rho == 0.0 {

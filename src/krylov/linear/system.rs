@@ -1,5 +1,4 @@
-//! The state shared by all solvers: the system, the iterate and its residual, and products that are counted
-//! and checked.
+//! The state of all solvers: the system, the iterate and its residual. Products are counted and checked.
 
 use std::sync::Arc;
 
@@ -10,27 +9,27 @@ use crate::krylov::powers::{exponent, finite_norm, power, scale, scaled};
 use crate::krylov::precondition::Preconditioner;
 use crate::operator::{Adjoint, Symmetry};
 
-/// A solver's progress; known without a product.
+/// A solver's progress. Reading it takes no product.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tally {
-    /// Products with `A` and `Aᵀ` so far.
+    /// The number of products with `A` and `Aᵀ` so far.
     pub products: usize,
     /// `‖b‖`.
     pub rhs_norm: f64,
     /// `‖b − A x‖` of the current iterate; infinite until the residual of `x0` is known.
     pub residual: f64,
-    /// The smallest residual norm so far: that of the solution that would be returned now.
+    /// The smallest residual norm so far. It belongs to the solution that would be returned now.
     pub best: f64,
-    /// The relative noise `‖y − A v‖ / ‖y‖` of the least noisy product so far, from the errors that the operator
-    /// states ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 where it states none.
+    /// The relative noise `‖y − A v‖ / ‖y‖` of the least noisy product so far, from the errors that the operator states
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 if it states none.
     pub noise: f64,
-    /// Products are divided by 2 to this power; `None` before the first one that is not zero.
+    /// Products are divided by 2 to this power; `None` before the first product that is not zero.
     pub(crate) operator_power: Option<i32>,
     /// The last product was multiplied by 2 to this power.
     multiplied: i32,
 }
 
-/// Vectors from `2^-NEAR` to `2^NEAR` are multiplied as they are, until the size of the operator is known.
+/// Vectors from `2^-NEAR` to `2^NEAR` are multiplied without scaling until the size of the operator is known.
 const NEAR: i32 = 32;
 
 /// A product whose length is beyond `2^±FAR` is near the ends of double precision.
@@ -47,13 +46,13 @@ impl Tally {
         self.take(operator, x, y, |operator, x, y| operator.apply(x, y))
     }
 
-    /// Takes `x = Aᵀ y`, as [`Tally::product`].
+    /// Takes `x = Aᵀ y` in the same way as [`Tally::product`].
     pub(crate) fn adjoint(&mut self, operator: &mut dyn Adjoint, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.take(operator, y, x, |operator, y, x| operator.apply_adjoint(y, x))
     }
 
-    /// Takes a product with `of`. Where the operator is not of ordinary size, and where that is not known yet and the vector is not, the vector has about
-    /// the length 1 meanwhile: the product would leave the range of double precision otherwise.
+    /// Takes a product with `of`. The vector is first scaled to about length 1 in two cases: the operator is not of ordinary size, or its
+    /// size is unknown and the vector is not of ordinary size. Otherwise the product would leave the range of double precision.
     fn take(
         &mut self,
         operator: &mut dyn Adjoint,
@@ -99,7 +98,7 @@ impl Tally {
         Ok(())
     }
 
-    /// The standard error of the last product, as that was divided.
+    /// The standard error of the last product, divided like the product.
     pub(crate) fn standard_error(&self, operator: &dyn Adjoint) -> f64 {
         scaled(operator.standard_error(), self.multiplied)
     }
@@ -107,8 +106,8 @@ impl Tally {
 
 /// The system `A x = b` with its preconditioner, the iterate and its residual `r = b − A x`, and the best iterate so far.
 ///
-/// `A` and `b` are divided by powers of two, each by its own, so that their numbers are of ordinary size: the iterate is then `x · 2^(a − b)`, for
-/// these powers `a` and `b`. Both are 0 for systems of ordinary size.
+/// `A` and `b` are divided by two powers of two, so that their numbers are of ordinary size. With the exponents `a` and `b`, the iterate is
+/// then `x · 2^(a − b)`. Both are 0 for systems of ordinary size.
 #[derive(Clone)]
 pub struct System {
     pub(crate) b: Vec<f64>,
@@ -116,19 +115,19 @@ pub struct System {
     /// `b − A x`; not yet valid while `pending`.
     pub(crate) r: Vec<f64>,
     pub(crate) tally: Tally,
-    /// Whether the residual of `x0` has yet to be taken.
+    /// True if the residual of `x0` has not been taken yet.
     pub(crate) pending: bool,
     best: Vec<f64>,
     /// `b`, `r` and the norms of the tally are divided by 2 to this power.
     pub(crate) rhs_power: i32,
-    /// Whether the iterate is divided as well. A first iterate is not before the operator's power is known.
+    /// True if the iterate is divided as well. A first iterate is not divided until the operator's power is known.
     is_divided: bool,
     pub(crate) work: Vec<f64>,
     pub(crate) preconditioner: Option<Arc<dyn Preconditioner>>,
 }
 
 impl System {
-    /// For `b` of length `rows` and `x` of length `cols`.
+    /// Makes the system for `b` of length `rows` and `x` of length `cols`.
     pub(crate) fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         options.check()?;
         let rhs_power = power(exponent(finite_norm("the right-hand side", b)?));
@@ -165,8 +164,8 @@ impl System {
         })
     }
 
-    /// The same as [`System::new`] for `method`, which preconditions from the right or from both sides; `is_definite` if that takes a symmetric
-    /// positive definite preconditioner.
+    /// Makes the system like [`System::new`] for `method`, which preconditions on the right or on both sides. `is_definite` is true if the
+    /// method needs a symmetric positive definite preconditioner.
     pub(crate) fn split(
         method: &str,
         is_definite: bool,
@@ -192,8 +191,8 @@ impl System {
         }
     }
 
-    /// Begins a step of a method for square systems, for symmetric ones if `symmetric` names it. Whether the step took its product for the
-    /// residual of the first iterate, and is complete.
+    /// Begins a step of a method for square systems. If `symmetric` names the method, the operator must be symmetric. Returns true if the
+    /// step took its product for the residual of the first iterate and is complete.
     pub(crate) fn open(&mut self, operator: &mut dyn Adjoint, symmetric: Option<&str>) -> Result<bool> {
         self.fits(operator)?;
         square(self.b.len(), self.x.len())?;
@@ -222,8 +221,8 @@ impl System {
         }
     }
 
-    /// Divides the first iterate, once the operator's power is known; of an operator whose products were zero so far it is 0 from now on. Returns the
-    /// power by which it is multiplied.
+    /// Divides the first iterate once the operator's power is known. If the operator's products were zero so far, the power is 0 from now
+    /// on. Returns the power by which the iterate is multiplied.
     pub(crate) fn divide(&mut self) -> Result<i32> {
         let shift = *self.tally.operator_power.get_or_insert(0) - self.rhs_power;
         if !std::mem::replace(&mut self.is_divided, true) {
@@ -234,7 +233,7 @@ impl System {
         Ok(shift)
     }
 
-    /// Multiplies everything of the size of `b` by a power of two.
+    /// Multiplies all values of the size of `b` by a power of two.
     pub(crate) fn multiply_rhs(&mut self, power: i32) {
         self.rhs_power -= power;
         scale(&mut self.b, power);
@@ -252,7 +251,7 @@ impl System {
         Error::check_size("the operator of a linear system", expected, found)
     }
 
-    /// The residual of the first iterate: one product.
+    /// Takes the residual of the first iterate: one product.
     pub(crate) fn first_residual(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         self.tally.product(operator, &self.x, &mut self.work)?;
         if !self.is_divided {
@@ -266,9 +265,8 @@ impl System {
         Ok(())
     }
 
-    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best. If two are
-    /// equal to rounding, the later one is better: when `‖r‖` has reached that of a least-squares solution,
-    /// `x` still converges.
+    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best. If two are equal to rounding, the later
+    /// one is better: when `‖r‖` has reached the residual of a least-squares solution, `x` still converges.
     pub(crate) fn note(&mut self, residual: f64) {
         self.tally.residual = residual;
         if residual <= self.tally.best * (1.0 + 1e-12) {

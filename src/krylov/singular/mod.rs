@@ -21,20 +21,20 @@ use crate::operator::Adjoint;
 /// The options of [`singular`].
 #[derive(Clone, Debug)]
 pub struct SingularOptions {
-    /// How many singular values, the largest first. Default 6.
+    /// The number of singular values, the largest first. Default 6.
     pub count: usize,
-    /// Products with `A` and with `Aᵀ` at most, in all. Default 50.
+    /// The most products with `A` and `Aᵀ` together. Default 50.
     pub products: usize,
-    /// Done when each residual is at most this share of the largest singular value. Default 1e-8. Where the noise of the products is above it, done
-    /// when more products would change no value by more than its standard error, and `½ ln n` further pairs of products have found no value that the
-    /// noise had hidden.
+    /// The search ends when each residual is at most this share of the largest singular value. Default 1e-8. If the noise of the products
+    /// is above it, the search ends when two conditions hold: more products would change no value by more than its standard error, and `½
+    /// ln n` further pairs of products have found no value that the noise had hidden.
     pub tolerance: f64,
-    /// The norm of the error of a product with a unit vector, where the operator does not state it. Default 0.
+    /// The norm of the error of a product with a unit vector, if the operator does not state it. Default 0.
     pub noise: f64,
     /// The first right vector.
     pub start: Start,
-    /// How the search is confirmed beyond its products ([`confirm_singular`]). Default none: the products that are left confirm a
-    /// search whose subspace was invariant before it ended, and no other.
+    /// The confirmation of the search by further products ([`confirm_singular`]). With the default none, the remaining products confirm
+    /// only a search whose subspace became invariant before its end.
     pub confirm: Option<Confirm>,
 }
 
@@ -51,38 +51,40 @@ pub struct Singular {
     pub values: Vec<f64>,
     /// `u`, of length `rows` and norm 1: photos.
     pub left: Vec<Vec<f64>>,
-    /// `v`, of length `cols` and norm 1, whose entry of largest magnitude is positive: patterns.
+    /// `v`, of length `cols` and norm 1, with a positive entry of largest magnitude: patterns.
     pub right: Vec<Vec<f64>>,
-    /// `√((‖A v − σ u‖² + ‖Aᵀ u − σ v‖²)/2)` from the products that were taken. A singular value of `A` is that near.
+    /// `√((‖A v − σ u‖² + ‖Aᵀ u − σ v‖²)/2)` from the products already taken. A singular value of `A` is within this distance.
     pub residuals: Vec<f64>,
-    /// The standard error of each value due to the noise of the products; 0 where none is known.
+    /// The standard error of each value due to the noise of the products; 0 if no error is known.
     pub standard_errors: Vec<f64>,
     /// The status of each triplet.
     pub statuses: Vec<PairStatus>,
-    /// `‖R − L‖_F / ‖R‖_F` for `R = UᵀAV` from the products with `A` and `L` the same from the products with `Aᵀ`: how far the second are from products
-    /// with the transpose. About 1e-16 for a matrix in memory; with noise, the noise; more where the exchanged devices differ.
+    /// `‖R − L‖_F / ‖R‖_F`, where `R = UᵀAV` comes from the products with `A`, and `L` is the same matrix from the products with `Aᵀ`. It
+    /// measures how far the latter differ from products with the transpose. It is about 1e-16 for a matrix in memory; with noise it is the
+    /// noise, and more if the exchanged devices differ.
     pub disagreement: f64,
     /// A row for each pair of products.
     pub history: Vec<HistoryRow>,
-    /// The number of products in all, and why the search ended.
+    /// The total number of products, and the reason for the end of the search.
     pub stats: Stats,
     /// The claim about singular values that the search may have missed.
     pub completeness: Completeness,
-    /// The products that confirmed it; `stats` counts them if the same call took them.
+    /// The number of products that confirmed the search; `stats` includes them if the same call took them.
     pub confirming: usize,
 }
 
-/// The largest singular values of `A` (`rows × cols`) and their vectors.
+/// Finds the largest singular values of `A` (`rows × cols`) and their vectors.
 ///
-/// From a first right vector, `u_j` is `A v_j` and `v_{j+1}` is `Aᵀ u_j`, each made orthogonal to all before: two products a step. In exact
-/// arithmetic `A V = U B` for an upper bidiagonal `B`, whose singular values are the answer. Both triangles of coefficients are kept, `R` of the
-/// products with `A` and `L` of those with `Aᵀ`; the answer is that of their mean, which has less noise than either.
+/// The process begins with a first right vector. `u_j` is `A v_j` and `v_{j+1}` is `Aᵀ u_j`, each orthogonal to all before; a step takes
+/// two products. In exact arithmetic `A V = U B` for an upper bidiagonal `B` with the wanted singular values. The process keeps all
+/// coefficients: `R` of the products with `A` and `L` of the products with `Aᵀ`. The answer comes from their mean, which has less noise
+/// than either.
 ///
-/// It equals Lanczos for `AᵀA` in exact arithmetic, but does not square the errors. Stores `m + 2` vectors for `m` products.
+/// In exact arithmetic this equals Lanczos for `AᵀA`, but it does not square the errors. It stores `m + 2` vectors for `m` products.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN and a start
-/// of zeros; the error of a product.
+/// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN and a
+/// start of zeros; the error of a product.
 ///
 /// # References
 /// Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
@@ -96,7 +98,7 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
     Ok(found)
 }
 
-/// The same as [`singular`], for an operator of ordinary size.
+/// Does the work of [`singular`], for an operator of ordinary size.
 fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     options.check()?;
     let mut process = GolubKahan::new(operator.rows(), operator.cols(), options)?;
@@ -186,7 +188,7 @@ fn answer(
     }
 }
 
-/// Tells the operator's observer of a step, and records it.
+/// Reports a step to the operator's observer, and records it.
 fn record(
     operator: &dyn Adjoint,
     process: &GolubKahan,
@@ -205,9 +207,8 @@ fn record(
     flow
 }
 
-/// The same as [`confirm`](crate::krylov::confirm()), for singular values: eigenvalues `σ²` of `AᵀA`, so that none above
-/// `√(σ_k² + ε σ_1²)` is missed. Each step takes one product with `A` and one with `Aᵀ`.
-/// Fails with the errors of [`confirm`](crate::krylov::confirm()).
+/// Confirms singular values, like [`confirm`](crate::krylov::confirm()) for eigenvalues, here `σ²` of `AᵀA`: none above `√(σ_k² + ε σ_1²)`
+/// is missed. Each step takes one product with `A` and one with `Aᵀ`. Fails with the errors of [`confirm`](crate::krylov::confirm()).
 pub fn confirm_singular(
     operator: &mut dyn Adjoint,
     found: &mut Singular,
@@ -221,7 +222,7 @@ pub fn confirm_singular(
     done
 }
 
-/// A triplet that has come out gets this many times the steps of a confirmation to converge.
+/// A new triplet may use this many times the steps of a confirmation to converge.
 const PATIENCE: usize = 10;
 
 struct Confirmation<'a> {
@@ -281,7 +282,7 @@ impl Confirmation<'_> {
         Ok(())
     }
 
-    /// The error of a product with a unit vector, where the operator does not state it.
+    /// The error of a product with a unit vector, if the operator does not state it.
     fn noise(&self) -> f64 {
         if self.confirm.is_frozen { 0.0 } else { self.options.noise }
     }
@@ -298,8 +299,9 @@ impl Confirmation<'_> {
         confirming_step(self.operator.observer(), process.steps(), total)
     }
 
-    /// How far a value of this process may be above a converged one and still be the same; as for eigenvalues, with the residuals that were
-    /// found and the noise of both kinds of products. `operator` is 1 for the matrix that the process sees.
+    /// The tolerance within which a value of this process may exceed a converged one and still be the same. It is computed as for
+    /// eigenvalues, with the residuals of the values found and the noise of both kinds of products. `operator` is 1 for the matrix that the
+    /// process sees.
     fn slack(&self, process: &GolubKahan, found: &Singular, operator: f64) -> f64 {
         let largest = found.values.first().copied().unwrap_or(0.0);
         let n = self.operator.cols() as f64;
@@ -323,7 +325,7 @@ impl Confirmation<'_> {
         Ok(triplets)
     }
 
-    /// Goes on until the values above the last one have converged, or the products end.
+    /// Continues until the values above the last one have converged, or the products are spent.
     fn settle(&mut self, process: &mut GolubKahan, found: &Singular) -> Result<Vec<Triplet>> {
         let mut missed = self.beyond(process, found)?;
         let most = PATIENCE * process.steps();
@@ -339,7 +341,7 @@ impl Confirmation<'_> {
         Ok(missed)
     }
 
-    /// Inserts triplets where they belong, and keeps as many as were asked for.
+    /// Inserts triplets in their order, and keeps the requested number.
     fn insert(&self, process: &GolubKahan, missed: &[Triplet], found: &mut Singular) {
         for triplet in missed {
             let at = found.values.partition_point(|&value| value >= triplet.value);
