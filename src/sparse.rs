@@ -1,5 +1,4 @@
-//! Sparse matrices in compressed rows with `f64` values: the form in which matrices are exchanged with files
-//! and callers.
+//! Sparse matrices in compressed rows with `f64` values. Files and callers exchange matrices in this form.
 
 use std::sync::Arc;
 
@@ -10,9 +9,8 @@ use crate::operator::{Adjoint, Operator, Symmetry};
 
 const ROWS_PER_TASK: usize = 256;
 
-/// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at
-/// the columns `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly. The arrays never change, and copies of a
-/// matrix share them.
+/// A matrix in compressed sparse rows. Row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at the columns
+/// `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly. The arrays never change, and copies of a matrix share them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Csr {
     cols: usize,
@@ -22,10 +20,10 @@ pub struct Csr {
 }
 
 impl Csr {
-    /// The matrix of these three arrays, with `cols` columns and `row_start.len() − 1` rows.
+    /// Makes the matrix of these three arrays, with `cols` columns and `row_start.len() − 1` rows.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when they do not describe such a matrix.
+    /// [`Error::Dimension`] if they do not describe such a matrix.
     pub fn new(cols: usize, row_start: Vec<usize>, columns: Vec<u32>, weights: Vec<f64>) -> Result<Self> {
         let mismatch =
             |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
@@ -51,38 +49,38 @@ impl Csr {
         Ok(matrix)
     }
 
-    /// Number of rows.
+    /// The number of rows.
     pub fn rows(&self) -> usize {
         self.row_start.len() - 1
     }
 
-    /// Number of columns.
+    /// The number of columns.
     pub fn cols(&self) -> usize {
         self.cols
     }
 
-    /// The offset of each row, then the number of entries.
+    /// The offset of each row, followed by the number of entries.
     pub fn row_start(&self) -> &[usize] {
         &self.row_start
     }
 
-    /// Column of each entry.
+    /// The column of each entry.
     pub fn columns(&self) -> &[u32] {
         &self.columns
     }
 
-    /// Value of each entry.
+    /// The value of each entry.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// Columns and values of one row.
+    /// The columns and values of one row.
     pub fn row(&self, row: usize) -> (&[u32], &[f64]) {
         let range = self.row_start[row]..self.row_start[row + 1];
         (&self.columns[range.clone()], &self.weights[range])
     }
 
-    /// Entries as (row, column, value), row by row.
+    /// The entries as (row, column, value), row by row.
     pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         (0..self.rows()).flat_map(move |row| {
             let (columns, values) = self.row(row);
@@ -113,7 +111,7 @@ impl Csr {
         Self { cols: self.rows(), row_start, columns, weights }
     }
 
-    /// The diagonal: an entry for each row, 0 where none is stored.
+    /// The diagonal, with an entry for each row; 0 if none is stored.
     pub fn diagonal(&self) -> Vec<f64> {
         let own = |row: usize| {
             let (columns, weights) = self.row(row);
@@ -122,7 +120,7 @@ impl Csr {
         (0..self.rows()).map(own).collect()
     }
 
-    /// Whether the matrix is square and equals its transpose to the last bit.
+    /// Returns true if the matrix is square and bitwise equal to its transpose.
     pub fn is_symmetric(&self) -> bool {
         self.rows() == self.cols
             && self.entries().all(|(row, column, value)| {
@@ -132,18 +130,16 @@ impl Csr {
     }
 }
 
-/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows, in a fixed order, so that results do
-/// not depend on the number of threads.
+/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows in a fixed order, so results do not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub struct SparseOperator {
     matrix: Csr,
-    /// `None` where the matrix is symmetric.
+    /// `None` if the matrix is symmetric.
     transpose: Option<Csr>,
 }
 
 impl SparseOperator {
-    /// The operator of `matrix`. Checks whether the matrix is symmetric to the last bit; if not, keeps its
-    /// transpose too.
+    /// Makes the operator of `matrix`. If the matrix is not bitwise symmetric, keeps its transpose too.
     pub fn new(matrix: Csr) -> Self {
         let transpose = (!matrix.is_symmetric()).then(|| matrix.transposed());
         Self { matrix, transpose }

@@ -348,6 +348,7 @@ mod tests {
         m as f64 * (std::f64::consts::SQRT_2 * gamma + 8.0 * f64::EPSILON)
     }
 
+    /// `‖I − VᵀV‖_F`.
     fn loss(basis: &Basis) -> f64 {
         let gram = basis.columns().iter().map(|column| basis.dots(0, column));
         let square = |(i, row): (usize, Vec<f64>)| -> f64 {

@@ -1,28 +1,27 @@
 //! Kernels over one block of rows, which stays in the cache while the columns are read from memory.
 //!
-//! Columns are taken eight at a time, then four, then one: the block is then read an eighth as often, and eight streams
-//! from memory hide one another's latency. The order of additions depends only on the length and the number of columns.
+//! Columns are taken eight at a time, then four, then one. The block is then read an eighth as often, and eight streams from memory hide
+//! one another's latency. The order of additions depends only on the length and the number of columns.
 //!
-//! Each kernel is compiled twice, once for registers of four numbers (AVX2), and the processor decides. Products and
-//! sums are rounded separately in both, so that the bits are the same. Whatever is done with a column while it is in
-//! the cache takes half the time so, and hides behind the memory.
+//! Each kernel is compiled twice, once for registers of four numbers (AVX2), and the processor decides. Both versions round products and
+//! sums separately, so their results are bitwise equal. With AVX2, the work on a column in the cache takes half the time and hides behind
+//! the memory.
 
 #![allow(
     unsafe_code,
     reason = "instructions that not every processor has are called where this one has them"
 )]
 
-/// Columns that are read at the same time.
+/// The number of columns that are read at the same time.
 const TOGETHER: usize = 8;
 
-/// The columns in a group where fewer than that are left.
+/// The number of columns in a group if fewer than that remain.
 const HALF: usize = 4;
 
-/// Partial sums of each column, so that the compiler can use vector registers. It may not reorder a single
-/// sum by itself.
+/// The number of partial sums of each column, so that the compiler can use vector registers. It may not reorder a single sum.
 const LANES: usize = 4;
 
-/// Calls a kernel as it is compiled for the widest registers of this processor.
+/// Calls a kernel in the version for the widest registers of this processor.
 macro_rules! widest {
     ($kernel:ident($($argument:ident: $type:ty),*) -> $result:ty) => {{
         #[cfg(target_arch = "x86_64")]
@@ -40,7 +39,7 @@ macro_rules! widest {
     }};
 }
 
-/// Evaluates a call for each group of columns, cut to the rows of a block, and the place of the group's first column.
+/// Evaluates a call for each group of columns, cut to the rows of a block, with the index of the group's first column.
 macro_rules! in_groups {
     ($columns:ident, $start:expr, $rows:expr, |$first:ident, $group:ident| $call:expr) => {{
         let (eights, rest) = $columns.as_chunks::<TOGETHER>();
@@ -96,7 +95,7 @@ fn dots(columns: &[Vec<f64>], start: usize, w: &[f64], sums: &mut [f64]) {
     });
 }
 
-/// Inner products with two vectors, as in [`dots_block`].
+/// Two vectors, for example for inner products as in [`dots_block`].
 pub(super) type Pair<'a> = (&'a [f64], &'a [f64]);
 
 pub(super) type PairMut<'a> = (&'a mut [f64], &'a mut [f64]);
@@ -115,7 +114,7 @@ fn dots_pair(columns: &[Vec<f64>], start: usize, (x, z): Pair<'_>, (of_x, of_z):
     });
 }
 
-/// The same sum for each column and vector, however many there are.
+/// Computes each inner product with the same order of additions, for any number of columns and vectors.
 #[inline(always)]
 fn dots_of<const K: usize, const M: usize>(columns: [&[f64]; K], vectors: [&[f64]; M]) -> [[f64; K]; M] {
     let chunks = vectors.map(|vector| vector.as_chunks::<LANES>().0);
@@ -144,7 +143,7 @@ fn dots_of<const K: usize, const M: usize>(columns: [&[f64]; K], vectors: [&[f64
     })
 }
 
-/// `w ← w + sign · V h` for the rows of one block, which begins at `start`: one column after the other.
+/// `w ← w + sign · V h` for the rows of one block, which begins at `start`, one column after the other.
 pub(super) fn add_block(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) {
     widest!(add(columns: &[Vec<f64>], h: &[f64], sign: f64, start: usize, w: &mut [f64]) -> ());
 }
@@ -180,7 +179,7 @@ fn add_of<const K: usize, const M: usize>(
         let y = columns_chunks.map(|chunks| chunks[index]);
         for (to, factors) in to.iter_mut().zip(&factors) {
             let to = &mut to.as_chunks_mut::<LANES>().0[index];
-            // In registers.
+            // The values stay in registers.
             let mut values = *to;
             for k in 0..K {
                 for lane in 0..LANES {
@@ -199,8 +198,8 @@ fn add_of<const K: usize, const M: usize>(
     }
 }
 
-/// For the rows of one block, which begins at `start`: `Vᵀ w`, then `u ← u − V s` and `w ← w − V q`, for the pair of
-/// coefficients `(s, q)`. The inner products with a group of columns are taken before `w` loses this group and those after it.
+/// For the rows of one block, which begins at `start`, computes `Vᵀ w`, then `u ← u − V s` and `w ← w − V q`, for the coefficients `(s,
+/// q)`. The inner products with a group of columns are taken before this group and later groups are removed from `w`.
 pub(super) fn settle_block(
     columns: &[Vec<f64>],
     by: Pair<'_>,
@@ -219,7 +218,7 @@ fn settle(columns: &[Vec<f64>], (s, q): Pair<'_>, start: usize, (u, w): PairMut<
     });
 }
 
-/// Each entry of a column is read once, and used three times.
+/// Reads each entry of a column once, and uses it three times.
 #[inline(always)]
 fn settle_of<const K: usize>(columns: [&[f64]; K], by: Pair<'_>, u: &mut [f64], w: &mut [f64]) -> [f64; K] {
     let [s, q]: [[f64; K]; 2] = [by.0, by.1].map(|h| std::array::from_fn(|k| h[k]));
@@ -228,7 +227,7 @@ fn settle_of<const K: usize>(columns: [&[f64]; K], by: Pair<'_>, u: &mut [f64], 
     let (w_chunks, w_tail) = w.as_chunks_mut::<LANES>();
     let mut sums = [[0.0; LANES]; K];
     for (index, (u, w)) in u_chunks.iter_mut().zip(w_chunks.iter_mut()).enumerate() {
-        // In registers.
+        // The values stay in registers.
         let (before, mut of_u, mut of_w) = (*w, *u, *w);
         for k in 0..K {
             let y = columns_chunks[k][index];
@@ -262,7 +261,7 @@ mod tests {
         let wave = |n: usize, step: f64| -> Vec<f64> { (0..n).map(|i| (i as f64 * step).sin()).collect() };
         let columns: Vec<Vec<f64>> = (0..13).map(|k| wave(111, 0.3 + k as f64)).collect();
         let (s, q) = (wave(13, 0.9), wave(13, 1.7));
-        // The functions without a suffix are compiled for every processor, those of a block for this one.
+        // The functions without a suffix are compiled for every processor, the `_block` functions for this one.
         let mut found = [const { Vec::new() }; 2];
         for (is_wide, found) in [false, true].into_iter().zip(&mut found) {
             let (mut u, mut w) = (wave(103, 0.2), wave(103, 0.7));
@@ -287,7 +286,7 @@ mod tests {
         let mut sums = vec![0.0; 11];
         dots_block(&columns, 50, &rows, &mut sums);
         assert!(sums.iter().all(|sum| sum.to_bits() == sums[0].to_bits()), "{sums:?}");
-        // Another order of the same 103 products, each below 1.
+        // The same 103 products, each below 1, are added in another order.
         assert!((sums[0] - dot_block(&column[50..153], &rows)).abs() < 103.0 * f64::EPSILON);
         let mut added = rows.clone();
         add_block(&columns, &[0.5; 11], -2.0, 50, &mut added);

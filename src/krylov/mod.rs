@@ -1,12 +1,13 @@
-//! Krylov methods: the largest eigenvalues of an operator, and more, from a few dozen products with it.
+//! Krylov methods: the largest eigenvalues of an operator, and more, from a few dozen products.
 //!
 //! A product may be a photo, so the cost of a method is its number of products. A method has two parts:
 //!
-//! * a *factorization* ([`Lanczos`], [`BlockLanczos`], [`Arnoldi`]) takes exactly one product a step. It can
-//!   be stopped, inspected, saved and resumed after any step, and a product that fails leaves it as it was;
-//! * a *driver* computes eigenpairs from a factorization, without any further product
-//!   ([`Factorization::ritz`]), and expands it until they are good enough or the budget is spent
-//!   ([`eigs()`]).
+//! * A *factorization* ([`Lanczos`], [`BlockLanczos`], [`Arnoldi`]) takes exactly one product per step. It
+//!   can be stopped, inspected, saved and resumed after any step, and a product that fails leaves it
+//!   unchanged.
+//! * A *driver* computes eigenpairs from a factorization without any further product
+//!   ([`Factorization::ritz`]). It expands the factorization until the pairs are good enough or the budget is
+//!   spent ([`eigs()`]).
 //!
 //! | needs `A = Aᵀ` | method | finds | vectors of `n`, for `m` products |
 //! |---|---|---|---|
@@ -16,10 +17,10 @@
 //! | no | [`Arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
 //! | no, but `Aᵀ` | [`singular()`] | the largest singular values and their vectors | `m + 2` |
 //!
-//! Linear systems, with or without a box around the solution, are [`Solver`]s of the same kind: [`solve`]
+//! [`Solver`]s of the same kind solve linear systems, with or without a box around the solution: [`solve`]
 //! takes any [`Method`] of the table [`METHODS`], by value, with [`SolveOptions`].
 //!
-//! Results are bit-identical from run to run and for any number of threads: sums are taken over fixed blocks
+//! Results are bitwise equal from run to run and for any number of threads: sums are taken over fixed blocks
 //! of rows and added in the order of the rows.
 //!
 //! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step,

@@ -1,8 +1,8 @@
-//! Numbers of any size: systems and operators are divided by powers of two, so that no square or product of a few of their numbers overflows or
-//! vanishes.
+//! Numbers of any size: systems and operators are divided by powers of two, so that no square or product of a few of their numbers
+//! overflows or vanishes.
 //!
-//! Division by a power of two is exact, so that an answer is that of the same problem at ordinary size, to rounding. Numbers of ordinary size are not
-//! touched.
+//! Division by a power of two is exact. An answer is therefore equal, to rounding, to the answer of the same problem at ordinary size.
+//! Numbers of ordinary size are unchanged.
 
 use super::basis::norm;
 use super::eigen::{Eigs, HistoryRow};
@@ -10,10 +10,11 @@ use super::singular::Singular;
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, delegate};
 
-/// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from the ends of double precision, at `2^±1022`.
+/// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from the limits of double precision, at
+/// `2^±1022`.
 const SAFE: i32 = 96;
 
-/// The power of two of a number that is not below it; that of zero is far below, and that of an infinity far above all others.
+/// The exponent of the largest power of two not above a number. For zero it is far below all others, for an infinity far above.
 pub(super) fn exponent(size: f64) -> i32 {
     match size {
         0.0 => -1_000_000,
@@ -22,7 +23,7 @@ pub(super) fn exponent(size: f64) -> i32 {
     }
 }
 
-/// The power of two by which numbers of this exponent are divided: 0 for numbers of ordinary size, for zero and for infinity.
+/// The power of two by which numbers with this exponent are divided: 0 for numbers of ordinary size, for zero and for infinity.
 pub(super) fn power(exponent: i32) -> i32 {
     if (SAFE + 1..10_000).contains(&exponent.abs()) { exponent } else { 0 }
 }
@@ -31,7 +32,7 @@ pub(super) fn power(exponent: i32) -> i32 {
 pub(super) fn scaled(mut value: f64, mut power: i32) -> f64 {
     while power != 0 && value != 0.0 && value.is_finite() {
         let step = power.clamp(-1000, 1000);
-        // The bits of the exponent of 2^step.
+        // These are the bits of 2^step.
         value *= f64::from_bits(((1023 + step) as u64) << 52);
         power -= step;
     }
@@ -45,10 +46,8 @@ pub(super) fn scale(values: &mut [f64], power: i32) {
     }
 }
 
-/// The length of a vector of finite numbers.
-///
-/// # Errors
-/// [`Error::Numerical`] that says what `what` holds instead.
+/// Computes the length of a vector. Fails with [`Error::Numerical`] if it is not finite; the message begins with `what` and names the
+/// cause.
 pub(super) fn finite_norm(what: &str, vector: &[f64]) -> Result<f64> {
     let length = norm(vector);
     if length.is_finite() {
@@ -63,13 +62,13 @@ pub(super) fn finite_norm(what: &str, vector: &[f64]) -> Result<f64> {
     }))
 }
 
-/// An operator divided by a power of two. The first product that is not zero chooses it. Where it is not 1, that product ends with an error, and the
-/// caller begins again: what it was asked in the operator's own unit then has the other one.
+/// An operator divided by a power of two, which the first product that is not zero chooses. If this power is not 1, the product ends with
+/// an error, and the caller begins again: quantities in the operator's original unit must be converted.
 pub(super) struct Rescaled<'a, O: ?Sized> {
     operator: &'a mut O,
     power: Option<i32>,
     begins: bool,
-    /// Vectors and products of the beginning, which need not be taken again.
+    /// The vectors and products of the first attempt, which need not be taken again.
     taken: Vec<[Vec<f64>; 2]>,
 }
 
@@ -78,13 +77,13 @@ impl<'a, O: Operator + ?Sized> Rescaled<'a, O> {
         Self { operator, power: None, begins: true, taken: Vec::new() }
     }
 
-    /// The power of two to begin again with, where the first product was of no ordinary size.
+    /// The exponent of the power of two for the second attempt, if the first product was not of ordinary size.
     pub(super) fn begins_again(&mut self) -> Option<i32> {
         let begun = std::mem::replace(&mut self.begins, false);
         self.power.filter(|&power| begun && power != 0)
     }
 
-    /// Writes the products with `xs` to `ys` if the beginning took them.
+    /// Writes the products with `xs` to `ys` if the first attempt took them.
     fn recall(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> bool {
         let taken = std::mem::take(&mut self.taken);
         let is_same = taken.len() == xs.len() && taken.iter().zip(xs).all(|([of, _], x)| of == x);
@@ -147,7 +146,7 @@ impl<O: Adjoint + ?Sized> Adjoint for Rescaled<'_, O> {
     }
 }
 
-/// Multiplies the eigenvalues, and all that has their unit, by `2^power`.
+/// Multiplies the eigenvalues, and all quantities in their unit, by `2^power`.
 pub(super) fn multiply_eigs(found: &mut Eigs, power: i32) -> Result<()> {
     found.completeness.multiply(power);
     let Eigs { values, imaginary_values, residuals, standard_errors, bounds, gap_bounds, history, .. } =
@@ -158,7 +157,7 @@ pub(super) fn multiply_eigs(found: &mut Eigs, power: i32) -> Result<()> {
     multiply(values, history, power)
 }
 
-/// Multiplies the singular values, and all that has their unit, by `2^power`.
+/// Multiplies the singular values, and all quantities in their unit, by `2^power`.
 pub(super) fn multiply_singular(found: &mut Singular, power: i32) -> Result<()> {
     scale(&mut found.residuals, power);
     scale(&mut found.standard_errors, power);

@@ -4,28 +4,28 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
-/// The first vector of a Krylov process (its norm does not matter).
+/// The first vector of a Krylov process. Its norm does not matter.
 ///
-/// A random start has a component along every eigenvector. A chosen one may not: all ones, on a scene with a
-/// mirror symmetry, never finds the eigenvectors that differ between the two sides.
+/// A random start has a component along every eigenvector. A chosen start may not: on a scene with a mirror symmetry, a vector of ones
+/// never finds the eigenvectors that differ between the two sides.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
-    /// Random signs times uniform numbers in [½, 1), the same on every machine. Almost surely no vector of any fixed set is
-    /// orthogonal to it, and few-bit projectors show it well: its largest entry is 1.3 times its root mean square.
+    /// Random signs times uniform numbers in [½, 1), the same on every machine. Almost surely, no vector of a fixed set is orthogonal to
+    /// it. Few-bit projectors show it well: its largest entry is 1.3 times its root mean square.
     Random {
-        /// Seed of the generator.
+        /// The seed of the generator.
         seed: u64,
     },
-    /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern it uses the projector's whole range. It
-    /// is often exactly orthogonal to an eigenvector of a structured matrix: a probe for traces, and no start of a search.
+    /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern it uses the projector's whole range. It is often
+    /// exactly orthogonal to an eigenvector of a structured matrix, so it suits traces but not the start of a search.
     Rademacher {
-        /// Seed of the generator.
+        /// The seed of the generator.
         seed: u64,
     },
-    /// Standard normal entries, so that no direction is preferred. (Rare values in the tails depend on `ln`, whose last
-    /// bit differs between machines.)
+    /// Standard normal entries, so that no direction is preferred. Rare values in the tails depend on `ln`, whose last bit differs between
+    /// machines.
     Gaussian {
-        /// Seed of the generator.
+        /// The seed of the generator.
         seed: u64,
     },
     /// This vector.
@@ -39,7 +39,7 @@ impl Default for Start {
 }
 
 impl Start {
-    /// The vector, of length `n` ([`Start::Given`] keeps its own length).
+    /// The vector, of length `n` ([`Start::Given`] keeps the length of its vector).
     pub fn vector(&self, n: usize) -> Vec<f64> {
         match self {
             Self::Random { seed } => signed(n, &mut Pcg64::seed_from_u64(*seed)),
@@ -49,7 +49,7 @@ impl Start {
         }
     }
 
-    /// The seed of a random start, 0 of a given one.
+    /// The seed of a random start; 0 for a given start.
     pub(super) fn seed(&self) -> u64 {
         match self {
             Self::Random { seed } | Self::Rademacher { seed } | Self::Gaussian { seed } => *seed,
@@ -57,9 +57,8 @@ impl Start {
         }
     }
 
-    /// `count` vectors of length `n` for a block start. Random ones are drawn one after the other from one
-    /// generator, so that the first is [`Start::vector`]; [`Start::Given`] is followed by the vectors of
-    /// [`Start::Random`] of seed 0.
+    /// Makes `count` vectors of length `n` for a block start. Random vectors are drawn one after the other from one generator, so the first
+    /// is [`Start::vector`]. [`Start::Given`] is followed by the vectors of [`Start::Random`] with seed 0.
     pub fn block(&self, n: usize, count: usize) -> Vec<Vec<f64>> {
         let draw = |seed: u64, count: usize, one: fn(usize, &mut Pcg64) -> Vec<f64>| -> Vec<Vec<f64>> {
             let mut random = Pcg64::seed_from_u64(seed);
@@ -91,12 +90,12 @@ fn rademacher(n: usize, random: &mut Pcg64) -> Vec<f64> {
     (0..n).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()
 }
 
-/// A vector of standard normal entries that is drawn with this seed.
+/// Draws a vector of standard normal entries with this seed.
 pub(super) fn seeded(n: usize, seed: u64) -> Vec<f64> {
     gaussian(n, &mut Pcg64::seed_from_u64(seed))
 }
 
-/// The seed of one of several vectors that belong to a search of this seed.
+/// The seed of vector `number` of a search with the seed `seed`.
 pub(super) fn seed_of(seed: u64, number: u64) -> u64 {
     seed.wrapping_add(number).wrapping_mul(0x9E37_79B9_7F4A_7C15)
 }
@@ -117,7 +116,7 @@ mod tests {
             assert_eq!(vector.len(), n);
             let mean = vector.iter().sum::<f64>() / n as f64;
             let square = vector.iter().map(|v| v * v).sum::<f64>() / n as f64;
-            // Five standard deviations: 5/√n of the mean, 5·√(2/n) of a normal's variance.
+            // Five standard deviations: 5/√n for the mean, 5·√(2/n) for the variance of a normal distribution.
             assert!(mean.abs() < 0.016, "{start:?}: mean {mean}");
             assert!((square - 1.0).abs() < 0.023, "{start:?}: variance {square}");
         }
@@ -129,7 +128,8 @@ mod tests {
         assert!(vector.iter().all(|v| (0.5..1.0).contains(&v.abs())));
         let mean = vector.iter().sum::<f64>() / 1e5;
         let square = vector.iter().map(|v| v * v).sum::<f64>() / 1e5;
-        // Variance 7/12 of an entry; that of its square, uniform in [½, 1) squared, is 0.048. Five standard deviations.
+        // The variance of an entry is 7/12; its square, uniform in [½, 1) squared, has the variance 0.048. The bounds are five standard
+        // deviations.
         assert!(mean.abs() < 0.0121 && (square - 7.0 / 12.0).abs() < 0.0035, "{mean} {square}");
     }
 

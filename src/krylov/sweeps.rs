@@ -1,16 +1,16 @@
 //! Sweeps: readings of a whole basis that do several things with each block of rows while it is in the cache.
 //!
-//! A basis of fifty vectors of 512×512 pixels takes 100 MiB. It has to come from memory each time that it is
-//! read, and that time is all that counts: further work on a block of rows is nearly free.
+//! A basis of fifty vectors of 512×512 pixels takes 100 MiB. Each reading fetches it from memory, and this dominates the time: further work
+//! on a block of rows is almost free.
 //!
-//! Blocks have, as in [`Basis`], a fixed number of rows, and their sums are added in the order of the rows.
+//! As in [`Basis`], blocks have a fixed number of rows, and their sums are added in the order of the rows.
 
 use rayon::prelude::*;
 
 use super::basis::{Basis, norm_of_square, summed};
 use super::kernels::{add_block, dot_block, dots_block, settle_block};
 
-/// Rows in a block. The blocks of eight columns (32 KiB) stay in the first-level cache, the blocks of a hundred columns in the
+/// The rows of a block. The blocks of eight columns (32 KiB) stay in the first-level cache, the blocks of a hundred columns in the
 /// second-level cache.
 pub(super) const ROWS: usize = 512;
 
@@ -19,16 +19,16 @@ pub(super) const PARALLEL: usize = 2048;
 
 /// The parts that a sweep removes from a vector and from the last column.
 pub(super) struct Settling<'a> {
-    /// The parts of the last column along those before it, which it loses; empty for none.
+    /// The parts of the last column along the columns before it, which the sweep removes from it; empty if there are none.
     pub(super) late: &'a [f64],
-    /// The coefficients of the last columns as they are before the sweep, which `w` loses first.
+    /// The coefficients of the last columns as they are before the sweep. They are removed from `w` first.
     pub(super) along: &'a [f64],
-    /// Small coefficients of the columns before those, which `w` loses after its inner products with them.
+    /// Small coefficients of the earlier columns, removed from `w` after its inner products with them.
     pub(super) ahead: &'a [f64],
 }
 
 impl Basis {
-    /// `Vᵀ w` over the columns from `first` on, and `‖w‖`.
+    /// `Vᵀ w` over the columns from `first`, and `‖w‖`.
     pub(super) fn dots_and_norm(&self, first: usize, w: &[f64]) -> (Vec<f64>, f64) {
         let columns = self.columns().get(first..).unwrap_or_default();
         let sums = summed(columns.len() + 1, w.len() > PARALLEL, w.chunks(ROWS), |index, w, sums| {
@@ -39,7 +39,7 @@ impl Basis {
         with_norm(sums, w)
     }
 
-    /// `w ← w − V h`; returns `Vᵀ w` and `‖w‖` of the new `w`. One reading of the basis.
+    /// `w ← w − V h`; returns `Vᵀ w` and `‖w‖` of the new `w`. Reads the basis once.
     pub(super) fn remove_and_dot(&self, h: &[f64], w: &mut [f64]) -> (Vec<f64>, f64) {
         let columns = self.columns();
         debug_assert_eq!(columns.len(), h.len());
@@ -52,9 +52,8 @@ impl Basis {
         with_norm(sums, w)
     }
 
-    /// Takes from the last column `u` its late parts, `u ← u − V s`, and from `w` what is known to be in it, and
-    /// returns `Vᵀ w` over all columns, the last one as it is then, and `‖w‖`. The inner products do not yet miss
-    /// the coefficients `ahead`. One reading of the basis.
+    /// Removes from the last column `u` its late parts, `u ← u − V s`, and from `w` its known parts. Returns `Vᵀ w` over all columns, with
+    /// the new last column, and `‖w‖`. The inner products still include the coefficients `ahead`. Reads the basis once.
     pub(super) fn settle_and_dot(&mut self, settling: &Settling<'_>, w: &mut [f64]) -> (Vec<f64>, f64) {
         let Some((u, columns)) = self.columns_mut().split_last_mut() else {
             return self.dots_and_norm(0, w);
@@ -67,14 +66,14 @@ impl Basis {
         with_norm(sums, w)
     }
 
-    /// Takes from the last column its late parts, to the same bits as [`Basis::settle_and_dot`] does.
+    /// Removes the late parts of the last column, bitwise equally to [`Basis::settle_and_dot`].
     pub(super) fn settle_last(&mut self, late: &[f64]) {
         if let Some((u, columns)) = self.columns_mut().split_last_mut() {
             settle(columns, late, u);
         }
     }
 
-    /// The last column as [`Basis::settle_last`] would leave it.
+    /// Returns the last column as [`Basis::settle_last`] would leave it.
     pub(super) fn settled_last(&self, late: &[f64]) -> Vec<f64> {
         let Some((u, columns)) = self.columns().split_last() else { return Vec::new() };
         let mut settled = u.clone();
@@ -98,7 +97,7 @@ fn settle(columns: &[Vec<f64>], late: &[f64], u: &mut [f64]) {
     }
 }
 
-/// One block of [`Basis::settle_and_dot`], which begins at row `start`.
+/// Processes one block of [`Basis::settle_and_dot`], which begins at row `start`.
 fn settle_rows(
     columns: &[Vec<f64>],
     settling: &Settling<'_>,
@@ -122,13 +121,13 @@ fn settle_rows(
     *square = dot_block(w, w);
 }
 
-/// The last of `sums`, which has one, and those before it.
+/// Splits `sums`, which is not empty, into the last entry and the entries before it.
 fn last_and_others(sums: &mut [f64]) -> (&mut f64, &mut [f64]) {
     let (others, last) = sums.split_at_mut(sums.len() - 1);
     (&mut last[0], others)
 }
 
-/// Inner products and the norm of `w`, from these products with `‖w‖²` after them.
+/// Splits the inner products from `‖w‖²`, which follows them, and returns them with the norm of `w`.
 fn with_norm(mut sums: Vec<f64>, w: &[f64]) -> (Vec<f64>, f64) {
     let square = sums.pop().unwrap_or(0.0);
     (sums, norm_of_square(square, w))
@@ -143,7 +142,7 @@ mod tests {
         (0..length).map(|i| ((i as f64) * step).sin()).collect()
     }
 
-    /// Columns of norm about 1, so that rounding errors are of the size of ε.
+    /// Makes columns of norm about 1, so that rounding errors are of the size of ε.
     fn basis(rows: usize, columns: usize) -> Basis {
         let mut basis = Basis::new(rows);
         for k in 0..columns {
@@ -152,14 +151,14 @@ mod tests {
         basis
     }
 
-    /// Rounding of sums of this many products, of vectors with norms of about 1 and `size`.
+    /// Bounds the rounding of sums of `rows` products, of vectors with norms of about 1 and `size`.
     fn rounding(rows: usize, size: f64) -> f64 {
         rows as f64 * f64::EPSILON * size
     }
 
     #[test]
     fn sweeps_equal_the_steps_that_they_join() {
-        // Fewer and more columns than a group; short and long enough for threads.
+        // The cases have fewer and more columns than a group, and lengths below and above the threshold for threads.
         for (rows, columns) in [(37, 3), (37, 12), (5 * ROWS + 9, 11), (5 * ROWS + 8, 17)] {
             let size = (rows as f64).sqrt();
             let start = basis(rows, columns);
@@ -186,7 +185,7 @@ mod tests {
             for (found, expected) in found.iter().zip(&expected) {
                 assert!((found - expected).abs() < 1e-15, "a dozen terms of at most 1e-3 on numbers below 2");
             }
-            // The columns are not orthogonal here: groups before have already lost up to 1e-3 each.
+            // The columns are not orthogonal here: earlier groups have already removed up to 1e-3 each.
             for (found, expected) in dots.iter().zip(&dots_before) {
                 assert!((found - expected).abs() < 1e-3 * columns as f64, "{found} {expected}");
             }
@@ -216,7 +215,7 @@ mod tests {
     fn norms_beyond_the_squares_of_floats_are_found() {
         let w = vec![3e200, 4e200];
         let (_, length) = Basis::new(2).dots_and_norm(0, &w);
-        // A rounding each in quotient, square, sum, root and product.
+        // Quotient, square, sum, root and product are each rounded once.
         assert!((length / 5e200 - 1.0).abs() < 5.0 * f64::EPSILON);
     }
 }

@@ -15,10 +15,10 @@ use crate::operator::Adjoint;
 /// ```
 ///
 /// # Properties
-/// Converges to the constrained optimum. Two products an iteration, `A x` and `Aᵀ r` (for a symmetric
-/// operator both are products with `A`); `A y` follows from the photos of `x` by linearity. For a
-/// non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since `D^-½ A D^-½` has norm 1; when a
-/// product shows that `L` is too small, it is doubled. The momentum is dropped when it points uphill.
+/// The method converges to the constrained optimum. It takes two products per iteration, `A x` and `Aᵀ r`
+/// (for a symmetric operator both are products with `A`); `A y` follows from the photos of `x` by linearity.
+/// For a non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since `D^-½ A D^-½` has norm 1.
+/// If a product shows that `L` is too small, it is doubled. The momentum is dropped when it points uphill.
 ///
 /// # Storage
 /// Eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two work vectors.
@@ -32,7 +32,7 @@ pub struct Fista {
     y: Vec<f64>,
     /// `b − A y`, and later `Aᵀ (b − A y)`.
     gradient: Vec<f64>,
-    /// The previous iterate's `b − A x`, and that iterate.
+    /// The residual `b − A x` of the previous iterate, and that iterate.
     r_old: Vec<f64>,
     x_old: Vec<f64>,
     scratch: Vec<f64>,
@@ -43,9 +43,9 @@ pub struct Fista {
 }
 
 impl Fista {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
-    /// the options; without `diagonal` the first product is `A 1`.
-    /// Fails with the errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and
+    /// `diagonal` of the options; without `diagonal` the first product is `A 1`. Fails with the errors of
+    /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let zero = vec![0.0; b.len()];
         Ok(Self {
@@ -62,7 +62,7 @@ impl Fista {
         })
     }
 
-    /// Computes the next `y` and its residual, when the photo of `x` is known.
+    /// Computes the next `y` and its residual from the photo of `x`.
     fn extrapolate(&mut self) {
         let system = &self.boxed.system;
         let mut momentum = 0.0;

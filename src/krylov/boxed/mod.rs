@@ -1,10 +1,9 @@
 //! Least squares inside a box, `min ‖b − A x‖₂` over `lower ≤ x ≤ upper`: a projector shows values in [0, 1].
 //!
-//! An unconstrained solution that is clamped afterwards can be worse than none, so each method here respects
-//! the bounds itself. [`ProjectedJacobi`] costs one product an iteration and is the baseline; [`Fista`] is
-//! the accelerated projected gradient (two products, as the gradient is `Aᵀ(A x − b)`); [`KrylovBox`] learns
-//! a model of the operator from all products so far. [`Mrnsd`] and [`Multiplicative`] keep `x ≥ 0` only, and
-//! are here for comparison.
+//! An unconstrained solution that is clamped afterwards can be worse than no solution, so each method here respects the bounds.
+//! [`ProjectedJacobi`] is the baseline and costs one product per iteration. [`Fista`] is the accelerated projected gradient (two products,
+//! as the gradient is `Aᵀ(A x − b)`). [`KrylovBox`] learns a model of the operator from all products so far. [`Mrnsd`] and
+//! [`Multiplicative`] only keep `x ≥ 0`, and serve for comparison.
 
 mod baselines;
 mod fista;
@@ -40,15 +39,15 @@ impl Bounds {
     }
 }
 
-/// A diagonal entry below this share of the largest belongs to a pixel without light, and is raised to it:
-/// steps would be unbounded there.
+/// A diagonal entry below this share of the largest belongs to a pixel without light. It is raised to this share, because steps would
+/// otherwise be unbounded there.
 const DARK: f64 = 1e-3;
 
-/// The most powers of two between the right-hand side and the products of the patterns in the box. Far below it already, no step changes a residual.
+/// The most powers of two between the right-hand side and the products of the patterns in the box. Even far below this limit, no step
+/// changes a residual.
 const REACH: i32 = 200;
 
-/// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or
-/// `clip(b / D)`.
+/// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or `clip(b / D)`.
 #[derive(Clone)]
 struct Boxed {
     system: System,
@@ -87,8 +86,7 @@ impl Boxed {
         Ok(boxed)
     }
 
-    /// Takes the white photo if `D` is not known yet: one product. `true` when it was taken by this call; it
-    /// is then in `system.work`.
+    /// Takes the white photo if `D` is not known yet: one product. Returns true if this call took it; it is then in `system.work`.
     fn take_diagonal(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         if !self.diagonal.is_empty() {
             return Ok(false);
@@ -99,13 +97,13 @@ impl Boxed {
         Ok(true)
     }
 
-    /// Sets `D`, divided as products are.
+    /// Sets `D`, divided like the products.
     fn set_diagonal(&mut self, mut diagonal: Vec<f64>) -> Result<()> {
         let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
         if !largest.is_finite() || diagonal.iter().any(|d| d.is_nan()) {
             return Err(Error::Numerical("the diagonal holds a NaN or an infinity".into()));
         }
-        // The operator is zero: any scale will do, since nothing will move.
+        // If the operator is zero, any scale is valid, because nothing moves.
         let floor = if largest > 0.0 { DARK * largest } else { 1.0 };
         for d in &mut diagonal {
             *d = d.abs().max(floor);
@@ -116,14 +114,14 @@ impl Boxed {
         Ok(())
     }
 
-    /// Divides the right-hand side, the bounds and the first iterate so that products of patterns in the box are of ordinary size. The largest entry
-    /// of `D` has this exponent, if there is any light.
+    /// Divides the right-hand side, the bounds and the first iterate so that products of patterns in the box are of ordinary size.
+    /// `largest` is the exponent of the largest entry of `D`, if there is any light.
     fn divide(&mut self, largest: i32, is_light: bool) -> Result<()> {
         let Self { system, bounds, .. } = self;
         let operator_power = system.tally.operator_power.unwrap_or(0);
         let image = |bound: f64| largest + operator_power + exponent(bound);
         let Bounds { lower, upper } = *bounds;
-        // The pattern in the box that is nearest to black, and the one that is furthest from it.
+        // The magnitudes of the values in the box nearest to black and furthest from it.
         let (least, most) = (lower.max(0.0).max(-upper), lower.abs().max(upper));
         let rhs = exponent(system.tally.rhs_norm) + system.rhs_power;
         let products = image(least).max(rhs.min(image(most)));
@@ -153,8 +151,7 @@ impl Boxed {
         }
     }
 
-    /// `x ← t x` with the best `t` that keeps `x` inside the box. The product in `system.work` is scaled by
-    /// `t` too, by linearity.
+    /// `x ← t x` with the best `t` that keeps `x` inside the box. By linearity, the product in `system.work` is also scaled by `t`.
     fn brighten(&mut self) {
         let Bounds { lower, upper } = self.bounds;
         let System { x, b, work, .. } = &mut self.system;
@@ -164,7 +161,7 @@ impl Boxed {
         }
         let (mut least, mut most) = (0.0_f64, f64::INFINITY);
         for &value in x.iter() {
-            // The values of t with t · value at the two bounds, in ascending order.
+            // The values of t that put t · value on the two bounds, in ascending order.
             let [first, last] =
                 if value > 0.0 { [lower / value, upper / value] } else { [upper / value, lower / value] };
             if value != 0.0 {

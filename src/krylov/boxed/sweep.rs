@@ -1,10 +1,9 @@
-//! Sweeps over a symmetric model: its patterns and products are read once for an iteration of the box problem.
+//! Sweeps over a symmetric model: each iteration of the box problem reads its patterns and products once.
 //!
-//! A gradient of `½‖M x − b‖²` needs inner products with all patterns `V` and products `W`, and sums of them: two
-//! readings. But inner products are linear, and the iterate of which the next gradient is taken is a combination of the
-//! last two. So the sweep that makes an iterate takes the inner products with it at once, while the rows of `V` and `W`
-//! are in the cache, and the inner products of the combination follow from them. Nothing else of an iteration is as long as an image, apart
-//! from the two iterates.
+//! A gradient of `½‖M x − b‖²` needs inner products with all patterns `V` and products `W`, and sums of them: two readings. But inner
+//! products are linear, and the next gradient belongs to a combination of the last two iterates. The sweep that makes an iterate therefore
+//! takes its inner products at once, while the rows of `V` and `W` are in the cache. The inner products of the combination follow from
+//! them. Apart from the two iterates, an iteration needs no vector as long as an image.
 
 use super::model::SecantModel;
 use crate::krylov::basis::{dot, norm, norm_of_square, summed, update2};
@@ -19,18 +18,18 @@ struct Coefficients {
     e_next: Vec<f64>,
 }
 
-/// A row of a sweep: its index, `y` and `M̂ D M̂ y` there.
+/// A row of a sweep: its index, and the values of `y` and `M̂ D M̂ y` there.
 pub(super) struct SweptRow {
     pub(super) index: usize,
     pub(super) y: f64,
     pub(super) product: f64,
 }
 
-/// The sums that a sweep finds beside the vector `z` that it makes.
+/// The sums that a sweep computes in addition to the vector `z`.
 pub(super) struct Swept {
     /// The coordinates of `z`.
     pub(super) coordinates: Coordinates,
-    /// `gᵀ(z − u)`, with the gradient `g` and the vector `u` before.
+    /// `gᵀ(z − u)`, with the gradient `g` and the previous vector `u`.
     pub(super) slope: f64,
     /// `‖z − u‖`.
     pub(super) step: f64,
@@ -39,7 +38,7 @@ pub(super) struct Swept {
 }
 
 impl SecantModel {
-    /// The inner products with `u`: one reading of patterns and products.
+    /// Computes the inner products with `u`, with one reading of patterns and products.
     pub(super) fn coordinates(&self, u: &[f64]) -> Coordinates {
         let k = self.patterns.len();
         let sums = summed(4 * k, u.len() > PARALLEL, u.chunks(ROWS), |index, u, sums| {
@@ -68,15 +67,15 @@ impl SecantModel {
         let theta = self.theta;
         let e = self.along_patterns(&y.c, &y.d);
         let (mut c_next, mut d_next) = self.gram.apply(&y.c, &e);
-        // M̂ y = θ y + W c + V e, and the same again for D M̂ y.
+        // M̂ y = θ y + W c + V e, and likewise for D M̂ y.
         c_next.iter_mut().zip(&y.c_weighted).for_each(|(next, weighted)| *next += theta * weighted);
         d_next.iter_mut().zip(&y.d_weighted).for_each(|(next, weighted)| *next += theta * weighted);
         let e_next = self.along_patterns(&c_next, &d_next);
         Coefficients { c: y.c.clone(), e, c_next, e_next }
     }
 
-    /// With `y = a u + b v`, whose coordinates are `of_y`: overwrites `v` with the vector `z` that `finish` makes from
-    /// each row, as `(z, g)` with a gradient. One reading of patterns and products.
+    /// Sweeps with `y = a u + b v`, whose coordinates are `of_y`, and overwrites `v` with the vector `z`. `finish` makes each row of `z`,
+    /// as `(z, g)` with a gradient. Reads patterns and products once.
     pub(super) fn sweep(
         &self,
         (a, u): (f64, &[f64]),
@@ -111,7 +110,7 @@ impl SecantModel {
         }
     }
 
-    /// `product ← M̂ D M̂ y` for the rows of one block from `start` on, and `image ← M̂ y`, which is `θ y` before.
+    /// Computes `product ← M̂ D M̂ y` and `image ← M̂ y` for the rows of one block from `start`; `image` must hold `θ y` before.
     fn product_of_rows(&self, of: &Coefficients, start: usize, image: &mut [f64], product: &mut [f64]) {
         for (basis, once, twice) in [(&self.products, &of.c, &of.c_next), (&self.patterns, &of.e, &of.e_next)]
         {
@@ -122,8 +121,7 @@ impl SecantModel {
         }
     }
 
-    /// `‖M x − b‖` for `x = D^-½ u`, whose coordinates are `of_u`. One reading of patterns and products; `work` is
-    /// overwritten.
+    /// `‖M x − b‖` for `x = D^-½ u`, whose coordinates are `of_u`. Reads patterns and products once; `work` is overwritten.
     pub(super) fn misfit(&self, u: &[f64], of_u: &Coordinates, b: &[f64], work: &mut [f64]) -> f64 {
         let e = self.along_patterns(&of_u.c, &of_u.d);
         update2(work, u, b, |_, u, _| self.theta * u);
@@ -134,14 +132,14 @@ impl SecantModel {
     }
 }
 
-/// Finishes the rows of one block from `start` on: `v ← z`. Returns its parts of the slope and of the squares of step and norm.
+/// Finishes the rows of one block from `start`: `v ← z`. Returns its parts of the slope and of the squares of step and norm.
 fn finish_rows(
     start: usize,
     (u, v): (&[f64], &mut [f64]),
     (y, product): (&[f64], &[f64]),
     finish: &impl Fn(SweptRow) -> (f64, f64),
 ) -> [f64; 3] {
-    // Four sums of each, which do not wait for one another.
+    // Each value has four independent sums, which do not wait for one another.
     const LANES: usize = 4;
     let mut sums = [[0.0; LANES]; 3];
     for first in (0..u.len()).step_by(LANES) {
@@ -182,7 +180,6 @@ impl Coordinates {
         }
     }
 
-    /// Splits sums in this order.
     pub(super) fn split(mut sums: Vec<f64>, k: usize) -> Self {
         let d_weighted = sums.split_off(3 * k);
         let c_weighted = sums.split_off(2 * k);
@@ -191,8 +188,8 @@ impl Coordinates {
     }
 }
 
-/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
-/// [`SecantModel`]. With them, the coordinates of `M̂ D M̂ u` follow from those of `u`.
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. With them, the coordinates of `M̂
+/// D M̂ u` follow from the coordinates of `u`.
 #[derive(Clone, Default)]
 pub(super) struct InnerProducts {
     vv: Vec<Vec<f64>>,
@@ -201,7 +198,7 @@ pub(super) struct InnerProducts {
 }
 
 impl InnerProducts {
-    /// Adds the last pattern and the last product, which have these coordinates.
+    /// Adds the last pattern and the last product with their coordinates.
     pub(super) fn extend(&mut self, of_v: Coordinates, of_w: Coordinates) {
         append(&mut self.vv, of_v.c_weighted, None);
         append(&mut self.ww, of_w.d_weighted, None);
@@ -219,8 +216,7 @@ impl InnerProducts {
     }
 }
 
-/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner, or equal
-/// to the column.
+/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner, or the column if `row` is `None`.
 fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
     for (row, entry) in matrix.iter_mut().zip(&column) {
         row.push(*entry);
@@ -236,7 +232,7 @@ mod tests {
         (0..n).map(|i| 1.0 + 0.5 * (i as f64 * step).sin()).collect()
     }
 
-    /// Two vectors that are equal but for rounding errors of `n` terms of their size.
+    /// Checks that two vectors are equal up to rounding errors of `n` terms of their size.
     fn near(a: &[f64], b: &[f64], what: &str) {
         let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
         assert!(norm(&difference) <= 1e-13 * norm(b), "{what}: {:e} of {:e}", norm(&difference), norm(b));
@@ -244,7 +240,7 @@ mod tests {
 
     #[test]
     fn a_sweep_does_what_products_with_the_model_do() {
-        // One block, and enough for threads; fewer and more vectors than a group.
+        // The cases cover one block and enough blocks for threads, with fewer and more vectors than a group.
         for (n, count) in [(300, 3), (5 * ROWS + 9, 11)] {
             let (diagonal, smooth) = (wave(n, 0.3), wave(n, 0.01));
             let mut model = SecantModel::new(&diagonal, true, None, count);

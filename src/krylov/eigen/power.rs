@@ -1,4 +1,4 @@
-//! Power iteration, one product a step.
+//! Power iteration, one product per step.
 
 use std::ops::ControlFlow;
 
@@ -9,23 +9,23 @@ use crate::krylov::completeness::{Stats, Status};
 use crate::krylov::factor::{Factorization, Lanczos, RitzPair, Which, point_upwards};
 use crate::operator::{Operator, Symmetry};
 
-/// Power iteration, `x ← A x / ‖A x‖`: the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
-/// The paper's Algorithm 1.
+/// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest
+/// magnitude of an `A` of `n × n`.
 ///
-/// The Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x` of a vector are known from the very product
-/// that makes the next one, so neither costs a further product; the result is the vector before the last
-/// product. The error shrinks by `|λ₂/λ₁|` a product, against about twice the digits per `√gap` for Lanczos.
-/// Known vectors are projected out of every product.
+/// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual `A x
+/// − θ x`, so neither costs a further product. The result is the vector before the last product. Each product
+/// shrinks the error by `|λ₂/λ₁|`, against about twice the digits per `√gap` for Lanczos. Known vectors are
+/// projected out of every product.
 ///
-/// Stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`]
-/// where the dominant eigenvalue is known to be positive (as it is for a matrix without negative entries:
-/// Perron); `count` must be 1.
+/// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or
+/// [`Which::LargestAlgebraic`] if the dominant eigenvalue is known to be positive (as for a matrix without
+/// negative entries: Perron). `count` must be 1.
 ///
 /// O'Toole and Kutulakos, doi:10.1145/1882261.1866165, Algorithm 1.
 pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let n = operator.cols();
     check(operator, options)?;
-    // Checks, orthonormalizes and projects the start, as for Lanczos; takes no step.
+    // Checks, orthonormalizes and projects the start as for Lanczos, without a step.
     let start = Lanczos::new(&options.start.vector(n), &options.deflate)?;
     let known = start.known();
     let Some(first) = start.expansion().waiting().first() else {
@@ -54,7 +54,7 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
         }
         scale = scale.max(length);
         let value = dot(&x, &product);
-        // ‖A x − θ x‖, summed as a vector: the difference of squares would lose half the digits.
+        // ‖A x − θ x‖ is summed as a vector: the difference of squares would lose half the digits.
         let residual = distance(&product, &x, value);
         let noise = operator.standard_error();
         pairs = vec![pair([value, residual, noise], scale, n, operator.symmetry())];
@@ -86,7 +86,7 @@ fn pair([value, residual, noise]: [f64; 3], scale: f64, n: usize, symmetry: Symm
         imaginary: 0.0,
         residual,
         gap: 0.0,
-        // The left eigenvector is not known.
+        // The left eigenvector is unknown.
         condition: if symmetry == Symmetry::Symmetric { 1.0 } else { f64::INFINITY },
         rounding: f64::EPSILON * scale * (10.0 + (n as f64).sqrt()),
         noise,

@@ -1,6 +1,4 @@
-//! Saved factorizations.
-//!
-//! The format is described at [`super::Lanczos::save`].
+//! Saved factorizations, in the format that [`super::Lanczos::save`] describes.
 
 use std::collections::VecDeque;
 use std::io::{Read, Write};
@@ -12,12 +10,12 @@ use crate::krylov::basis::Basis;
 
 const MAGIC: &[u8; 8] = b"KRYLUXFZ";
 const VERSION: u32 = 3;
-/// A file of this version has no late parts.
+/// The previous version of the format, without late parts.
 const EARLIER: u32 = 2;
-/// Floats written or read at a time.
+/// The number of floats written or read at a time.
 const CHUNK: usize = 8192;
 
-/// Which factorization a file holds.
+/// The kind of factorization in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ProcessKind {
     Lanczos = 1,
@@ -152,7 +150,8 @@ impl<R: Read> Source<R> {
         })
     }
 
-    /// The late parts of the last of `total` columns, which waits behind `used` ones.
+    /// Reads the late parts of the last of `total` columns. The columns after the first `used` wait for their
+    /// products.
     fn late(&mut self, used: usize, total: usize) -> Result<Vec<f64>> {
         let length = self.u64()?;
         if length != 0 && (length != total as u64 - 1 || used == total) {

@@ -9,14 +9,12 @@ use crate::operator::Adjoint;
 
 /// Conjugate gradients: solves `A x = b` for a symmetric positive definite `A` of `n × n`.
 ///
-/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without computing the
-/// roots.
+/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without computing the roots.
 ///
 /// # Properties
-/// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. One product a step.
-/// Ends with [`Status::Breakdown`] when a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite, and
-/// with [`Status::NotSymmetric`] when `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the direction before it are
-/// conjugate).
+/// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. A step takes one product. The method ends with
+/// [`Status::Breakdown`] if a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite. It ends with [`Status::NotSymmetric`] if `zᵀAp
+/// ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate).
 ///
 /// # Storage
 /// Seven `n`-vectors: `b, x`, the best `x`, `r, z, p` and `A p`.
@@ -29,22 +27,21 @@ pub struct Cg {
     /// `M⁻¹ r`.
     z: Vec<f64>,
     p: Vec<f64>,
-    /// `rᵀ z` of the step before; 0 at the start.
+    /// `rᵀ z` of the previous step; 0 at the start.
     rho: f64,
-    /// Whether `p` was computed from the current residual.
+    /// True if `p` was computed from the current residual.
     directed: bool,
     /// The relative noise of a product, from the options.
     noise: f64,
 }
 
 impl Cg {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge
-    /// symmetry, `noise` of the options.
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the
+    /// options.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ,
-    /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
-    /// preconditioner that is not positive definite or an impossible option.
+    /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ, [`Error::Numerical`](crate::Error::Numerical) for NaN,
+    /// [`Error::Option`](crate::Error::Option) for a preconditioner that is not positive definite or an impossible option.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         let n = b.len();
         Ok(Self {
@@ -58,9 +55,9 @@ impl Cg {
     }
 }
 
-/// The departure from symmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`, where the product with `v` was
-/// just taken and has this standard error and this length. Rounding causes departures of 1e-16 times a growth that stays small before
-/// convergence, so anything above 1e-6 is not rounding. Noise causes departures of the size of the noise.
+/// The asymmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`. The last product was `A v`, with this standard error and this
+/// length. Rounding causes an asymmetry of 1e-16 times a growth that stays small before convergence, so a value above 1e-6 is not rounding.
+/// Noise causes an asymmetry of its own size.
 pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
     (10.0 * noise.max(error / length)).max(1e-6)
 }

@@ -18,9 +18,9 @@ pub(super) struct Triplet {
     /// The coefficients of `v` on the right basis.
     q: Vec<f64>,
     pub(super) residual: f64,
-    /// The distance to the nearest other value, less its residual.
+    /// The distance to the nearest other value, minus the residual of that value.
     gap: f64,
-    /// The errors of the products as they are in the residual, and in the value.
+    /// The errors of the products in the residual (`noise`), and in the value (`standard_error`).
     noise: f64,
     pub(super) standard_error: f64,
 }
@@ -36,15 +36,16 @@ pub(super) struct GolubKahan {
     /// Known vectors, then the vectors of the process.
     right: Basis,
     known: usize,
-    /// The next right vector, times its norm; zero where there is none.
+    /// The next right vector, times its norm; zero if there is none.
     next: Vec<f64>,
     length: f64,
-    /// The part of the last product with `Aᵀ` outside of the right basis, along the next right vector; 0 where that vector is random.
+    /// The part of the last product with `Aᵀ` outside the right basis, along the next right vector; 0 if that vector is random.
     beta: f64,
-    /// The seed of random vectors, which continue the process where the span of its products is invariant, and how many were drawn.
+    /// The seed of the random vectors that continue the process when its subspace is invariant, and the number of vectors drawn.
     seed: u64,
     draws: u64,
-    /// Column `j` of `R`: the coefficients of `A v_j` on the left basis; row `i` of `L`: those of `Aᵀ u_i` on the right one.
+    /// Column `j` of `R` has the coefficients of `A v_j` on the left basis. Row `i` of `L` has the coefficients of `Aᵀ u_i` on the right
+    /// basis.
     forth: Vec<Vec<f64>>,
     back: Vec<Vec<f64>>,
     /// The stated errors of these products.
@@ -68,7 +69,7 @@ impl GolubKahan {
         Ok(process)
     }
 
-    /// A process from a random vector of this seed, on the complement of orthonormal right vectors.
+    /// Starts a process from a random vector of this seed, on the complement of orthonormal right vectors.
     pub(super) fn beside(rows: usize, known: &[Vec<f64>], seed: u64) -> Self {
         let mut process = Self::empty(rows, known.first().map_or(0, Vec::len), seed);
         known.iter().for_each(|vector| process.right.push_scaled(vector, 1.0));
@@ -96,11 +97,11 @@ impl GolubKahan {
         }
     }
 
-    /// Goes on from a random vector that is orthogonal to the right basis, where there is one.
+    /// Continues from a random vector orthogonal to the right basis, if there is one.
     fn draw(&mut self) {
         (self.length, self.beta) = (0.0, 0.0);
         let n = self.next.len();
-        // In a space of few dimensions a random vector may lie nearly in the span: try several.
+        // In a space of few dimensions a random vector may lie almost in the span, so several are tried.
         for _ in 0..8 {
             if self.right.len() >= n {
                 return;
@@ -117,28 +118,28 @@ impl GolubKahan {
         }
     }
 
-    /// Whether the products tell the whole matrix on the complement of the known vectors: all patterns are spanned, or all photos are, and
-    /// their products with the transpose are within the right basis.
+    /// Returns true if the products determine the whole matrix on the complement of the known vectors. This holds if all patterns are
+    /// spanned. It also holds if all photos are spanned and their products with the transpose are within the right basis.
     pub(super) fn is_exhausted(&self) -> bool {
         self.length == 0.0 || (self.left.len() == self.left.rows() && self.beta == 0.0)
     }
 
-    /// Whether random vectors have continued the process.
+    /// Returns true if random vectors have continued the process.
     pub(super) fn broke_down(&self) -> bool {
         self.draws > 0
     }
 
-    /// The patterns of the process, without known ones.
+    /// The number of patterns of the process, without known vectors.
     pub(super) fn steps(&self) -> usize {
         self.right.len() - self.known
     }
 
-    /// The largest error that the operator stated of a product; 0 where it states none.
+    /// The largest error that the operator stated for a product; 0 if it states none.
     pub(super) fn largest_error(&self) -> f64 {
         self.forth_errors.iter().chain(&self.back_errors).copied().fold(0.0, f64::max)
     }
 
-    /// Takes a product with `A` and one with `Aᵀ`; only the first where it shows nothing new. Not to be called on an exhausted process.
+    /// Takes a product with `A` and one with `Aᵀ`, or only the first if it shows nothing new. The process must not be exhausted.
     pub(super) fn step(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         self.right.push_scaled(&self.next, self.length);
         let mut photo = vec![0.0; self.left.rows()];
@@ -173,7 +174,7 @@ impl GolubKahan {
         Ok(())
     }
 
-    /// Adds left vectors beyond the range of an exhausted process, so that singular values of zero have theirs, too.
+    /// Adds left vectors beyond the range of an exhausted process, so that singular values of zero also have left vectors.
     pub(super) fn complete(&mut self) {
         let rows = self.left.rows();
         while self.left.len() < self.steps().min(rows) {
@@ -188,7 +189,7 @@ impl GolubKahan {
         }
     }
 
-    /// `R` and `L`, of as many rows and columns as the two bases have vectors.
+    /// `R` and `L`, with one row or column for each vector of the two bases.
     fn both(&self) -> [Mat<f64>; 2] {
         let (rows, cols) = (self.left.len(), self.steps());
         let entry = |list: &[Vec<f64>], at: usize, of: usize| {
@@ -248,13 +249,13 @@ impl GolubKahan {
         Ok(found)
     }
 
-    /// `‖E s‖` for a combination of products of these stated errors, or of the options' noise where that is larger.
+    /// `‖E s‖` for a combination of products with these stated errors, or with the noise of the options if it is larger.
     fn error(&self, stated: &[f64], s: &[f64], options: &SingularOptions) -> f64 {
         let squares = stated.iter().zip(s).map(|(error, s)| (error.max(options.noise) * s).powi(2));
         squares.sum::<f64>().sqrt()
     }
 
-    /// Why these triplets need no further product, if they need none.
+    /// The reason why these triplets need no further product, if they need none.
     pub(super) fn good_enough(&self, triplets: &[Triplet], options: &SingularOptions) -> Option<Status> {
         if triplets.len() < options.count || options.tolerance <= 0.0 {
             return None;
@@ -270,7 +271,7 @@ impl GolubKahan {
         triplets.iter().all(is_settled).then_some(Status::NoiseFloor)
     }
 
-    /// The status of triplets for which no product is left.
+    /// The status of the triplets when no product is left.
     pub(super) fn spent(&self, triplets: &[Triplet], options: &SingularOptions) -> Status {
         let wanted = options.tolerance * triplets.first().map_or(0.0, |triplet| triplet.value);
         let limited = |triplet: &Triplet| triplet.status(wanted) != PairStatus::NotResolved;
@@ -281,7 +282,7 @@ impl GolubKahan {
         }
     }
 
-    /// The vectors of a triplet, with the positive entry of largest magnitude on the right: the photo and the pattern.
+    /// The photo and the pattern of a triplet. The pattern's entry of largest magnitude is positive.
     pub(super) fn vectors(&self, triplet: &Triplet) -> [Vec<f64>; 2] {
         let combine = |basis: &Basis, s: &[f64]| {
             let mut sum = vec![0.0; basis.rows()];
@@ -311,7 +312,7 @@ fn finite(product: &[f64]) -> Result<f64> {
     Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
-/// Whether what is left of a product with a matrix of this norm is more than the rounding errors of sums of `n` terms.
+/// Returns true if the remainder of a product with a matrix of this norm exceeds the rounding errors of sums of `n` terms.
 fn is_left(rest: f64, scale: f64, n: usize) -> bool {
     rest > scale * f64::EPSILON * (10.0 + (n as f64).sqrt())
 }
