@@ -249,8 +249,8 @@ pub(super) struct Removed {
 ///
 /// # Bound
 /// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`. Inner products are sums over blocks of 512 rows in four
-/// lanes, over the blocks, and over a few ends (a relative error of `(r + 10) ε/2`); a removal rounds `m + 1` times. One pass leaves `‖Vᵀw‖
-/// ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two cases only:
+/// lanes, over the blocks, and over a few ends (a relative error of `(r + 10) ε/2`); a removal rounds `m + 1` times. One pass leaves
+/// `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two cases only:
 ///
 /// * More than `1/√2` of the norm is left (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`.
 /// * The inner products with the rest, known at this point, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.

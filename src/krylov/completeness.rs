@@ -104,9 +104,9 @@ impl FurtherSteps {
 /// The confirmation of a search. A Gaussian vector, orthogonal to all eigenvectors found, starts another Lanczos process. If the search
 /// missed an eigenvalue beyond the last one found, this process finds one too, except with a small chance.
 ///
-/// The largest Ritz value `ξ` of `q` Lanczos steps, from a direction that is uniform on the sphere of `n` dimensions, satisfies `λ_max ≤ ξ
-/// + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer, the largest eigenvalue on the
-/// complement of any `k` vectors is at least the `k+1`st of the whole matrix.
+/// The largest Ritz value `ξ` of `q` Lanczos steps, from a direction that is uniform on the sphere of `n` dimensions, satisfies
+/// `λ_max ≤ ξ + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer, the largest eigenvalue on
+/// the complement of any `k` vectors is at least the `k+1`st of the whole matrix.
 ///
 /// Kuczyński and Woźniakowski, *Estimating the largest eigenvalue by the power and Lanczos algorithms with a random start* (1992),
 /// doi:10.1137/0613066, theorem 4.2.

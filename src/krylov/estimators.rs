@@ -181,11 +181,11 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 
 /// Estimates `tr A` for `A` of `n × n` by Hutch++, from `products ≥ 6` products.
 ///
-/// `Q` is an orthonormal basis of `A S`, from a third of the products, and `tr A = tr QᵀAQ + tr (I − QQᵀ) A
-/// (I − QQᵀ)`. Another third gives the first part exactly. The rest gives Hutchinson's estimate of the second
-/// part. For a positive semidefinite `A` the relative error falls as `1/products`, against `1/√products` for
-/// Hutchinson's estimate alone. The estimate is unbiased for any `A`. The standard error is the standard
-/// error of the second part.
+/// `Q` is an orthonormal basis of `A S`, from a third of the products, and
+/// `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`. Another third gives the first part exactly. The rest gives
+/// Hutchinson's estimate of the second part. For a positive semidefinite `A` the relative error falls as
+/// `1/products`, against `1/√products` for Hutchinson's estimate alone. The estimate is unbiased for any `A`.
+/// The standard error is the standard error of the second part.
 ///
 /// # Errors
 /// The errors of [`hutchinson`].

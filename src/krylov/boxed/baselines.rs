@@ -7,8 +7,8 @@ use crate::krylov::completeness::Status;
 use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
 use crate::operator::Adjoint;
 
-/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by `x ← clip(x + (b − A x) /
-/// D)`.
+/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
+/// `x ← clip(x + (b − A x) / D)`.
 ///
 /// # Properties
 /// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative
@@ -75,9 +75,9 @@ impl Solver for ProjectedJacobi {
 /// steepest descent in the metric of `1/x`, which keeps `x > 0`. It serves as a baseline.
 ///
 /// # Properties
-/// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only `x
-/// ≥ 0` and ignores the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised to
-/// be positive.
+/// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only
+/// `x ≥ 0` and ignores the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised
+/// to be positive.
 ///
 /// # Storage
 /// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a product.
@@ -164,8 +164,8 @@ impl Solver for Mrnsd {
     }
 }
 
-/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of `n ×
-/// n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. It serves as a baseline.
+/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
+/// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. It serves as a baseline.
 ///
 /// # Properties
 /// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, then

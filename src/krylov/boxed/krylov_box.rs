@@ -242,8 +242,8 @@ impl SecantModel {
         predicted
     }
 
-    /// Minimizes with a symmetric model, and reads patterns and products once per iteration. All vectors are in the coordinates `u = D^½
-    /// x`.
+    /// Minimizes with a symmetric model, and reads patterns and products once per iteration. All vectors are in the coordinates
+    /// `u = D^½ x`.
     fn minimize_symmetric(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         let WorkVectors { u, y: before, g: constant, dominant, .. } = work;
         let lipschitz = self.lipschitz_symmetric(dominant, before);

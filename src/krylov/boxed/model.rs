@@ -21,8 +21,8 @@ use crate::krylov::basis::{Basis, axpy, dot, norm, orthogonalize, update, update
 /// towards zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
 ///
 /// A surrogate is wrong in its finest details. A comparison with the products taken measures the error: `δ²` for each vector of norm 1
-/// ([`Corrected::missed_square`]). The model agrees with the products themselves, so its photo of `u` has an error of about `δ ‖(I −
-/// VVᵀ)u‖`. The method minimizes the square of the residual that is then expected,
+/// ([`Corrected::missed_square`]). The model agrees with the products themselves, so its photo of `u` has an error of about
+/// `δ ‖(I − VVᵀ)u‖`. The method minimizes the square of the residual that is then expected,
 ///
 /// ```text
 /// ‖D^½ M̂ u − b‖² + δ² ‖(I − VVᵀ) u‖²

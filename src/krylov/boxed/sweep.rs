@@ -188,8 +188,8 @@ impl Coordinates {
     }
 }
 
-/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. With them, the coordinates of `M̂
-/// D M̂ u` follow from the coordinates of `u`.
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. With them, the coordinates of
+/// `M̂ D M̂ u` follow from the coordinates of `u`.
 #[derive(Clone, Default)]
 pub(super) struct InnerProducts {
     vv: Vec<Vec<f64>>,

@@ -49,8 +49,8 @@ pub struct EigsOptions {
     pub tolerance: f64,
     /// The method. Default: Lanczos.
     pub method: EigsMethod,
-    /// The most basis vectors to keep, not counting known vectors, by thick restarts (Lanczos and block Lanczos); at least `count + 2 ×
-    /// block + 1`. Restarts slow convergence but take no product. Default: no restart.
+    /// The most basis vectors to keep, not counting known vectors, by thick restarts (Lanczos and block Lanczos); at least
+    /// `count + 2 × block + 1`. Restarts slow convergence but take no product. Default: no restart.
     pub max_basis: Option<usize>,
     /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its errors
     /// ([`Operator::standard_errors`]). The search ends when three conditions hold: all residuals are within the noise; more products would

@@ -12,10 +12,10 @@ use crate::operator::{Operator, Symmetry};
 /// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest
 /// magnitude of an `A` of `n × n`.
 ///
-/// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual `A x
-/// − θ x`, so neither costs a further product. The result is the vector before the last product. Each product
-/// shrinks the error by `|λ₂/λ₁|`, against about twice the digits per `√gap` for Lanczos. Known vectors are
-/// projected out of every product.
+/// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual
+/// `A x − θ x`, so neither costs a further product. The result is the vector before the last product. Each
+/// product shrinks the error by `|λ₂/λ₁|`, against about twice the digits per `√gap` for Lanczos. Known
+/// vectors are projected out of every product.
 ///
 /// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or
 /// [`Which::LargestAlgebraic`] if the dominant eigenvalue is known to be positive (as for a matrix without

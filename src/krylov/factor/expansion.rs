@@ -168,8 +168,8 @@ impl Expansion {
         self.scale
     }
 
-    /// The standard error of `A V s` due to the noise of the products, `√Σ (s_j ‖e_j‖)²` for independent errors `e_j` of the products `A
-    /// v_j`. `imaginary` is the imaginary part of `s`, or empty. The result is 0 if the operator does not state its errors.
+    /// The standard error of `A V s` due to the noise of the products, `√Σ (s_j ‖e_j‖)²` for independent errors `e_j` of the products
+    /// `A v_j`. `imaginary` is the imaginary part of `s`, or empty. The result is 0 if the operator does not state its errors.
     pub(super) fn noise(&self, s: &[f64], imaginary: &[f64]) -> f64 {
         let imaginary = imaginary.iter().chain(std::iter::repeat(&0.0));
         let squares = self.errors.iter().zip(s.iter().zip(imaginary));
@@ -319,8 +319,8 @@ impl Expansion {
 
     /// The part of `‖(H − T) s‖` that independent errors of the products do not explain; 0 if no errors are stated.
     ///
-    /// Errors of norm `e_i` and `e_j`, spread evenly over `n` entries, give the difference of `H_ij` and `H_ji` the variance `(e_i² +
-    /// e_j²)/n`. Each of the two differs from their mean by half of the difference.
+    /// Errors of norm `e_i` and `e_j`, spread evenly over `n` entries, give the difference of `H_ij` and `H_ji` the variance
+    /// `(e_i² + e_j²)/n`. Each of the two differs from their mean by half of the difference.
     pub(super) fn beyond_errors(&self, asymmetric: f64, s: &[f64]) -> f64 {
         let squares: Vec<f64> = self.errors.iter().map(|error| error * error).collect();
         let all: f64 = squares.iter().sum();

@@ -42,8 +42,8 @@ impl Lanczos {
     /// independent; they need not be normalized or orthogonal. A start within their span is replaced by a random vector.
     ///
     /// # Errors
-    /// [`Error::Dimension`] if a length differs from that of the start. [`Error::Numerical`] if a vector holds NaN or an infinity, if `n =
-    /// 0`, or if a known vector is zero or depends on the vectors before it.
+    /// [`Error::Dimension`] if a length differs from that of the start. [`Error::Numerical`] if a vector holds NaN or an infinity, if
+    /// `n = 0`, or if a known vector is zero or depends on the vectors before it.
     pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(&[start.to_vec()], deflate)? })
     }

@@ -148,16 +148,16 @@ impl Expansion {
     /// reorthogonalization for Krylov solvers*, Parallel Computing 112 (2022), doi:10.1016/j.parco.2022.102940). This takes one reading,
     /// and two for Arnoldi.
     ///
-    /// The last basis vector `û = v + V s` is then multiplied while it still has small parts `s` along the others. By linearity `A v = A û
-    /// − A V s`, and `A V s = V⁺H s` is known from the coefficients of earlier products. This known number is also the part of `A û` along
-    /// the basis beside the three terms of Lanczos. It is removed in the sweep that takes the inner products; otherwise it would grow like
-    /// `(‖A‖/β)^k` over `k` steps.
+    /// The last basis vector `û = v + V s` is then multiplied while it still has small parts `s` along the others. By linearity
+    /// `A v = A û − A V s`, and `A V s = V⁺H s` is known from the coefficients of earlier products. This known number is also the part of
+    /// `A û` along the basis beside the three terms of Lanczos. It is removed in the sweep that takes the inner products; otherwise it
+    /// would grow like `(‖A‖/β)^k` over `k` steps.
     ///
     /// # Bound
     /// Only parts of norm at most [`LATE`] wait. Larger parts (from noise, or of a product nearly in the span) are removed at once, by
-    /// passes as in [`orthogonalize`]. So `v` has norm `1 + O(ε)`. With the rounding error `γ` stated there, `‖V_jᵀv‖ ≤ √j γ + LATE ‖I −
-    /// V_jᵀV_j‖`: no error is passed on. `m` vectors have `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been reorthogonalized at once. The tests
-    /// check this bound on hard cases.
+    /// passes as in [`orthogonalize`]. So `v` has norm `1 + O(ε)`. With the rounding error `γ` stated there,
+    /// `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`: no error is passed on. `m` vectors have `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been
+    /// reorthogonalized at once. The tests check this bound on hard cases.
     fn orthogonalize_product(&mut self, along: &[f64]) -> Rest {
         let (total, first) = (self.basis.len(), self.basis.len() - along.len());
         let late = std::mem::take(&mut self.late);

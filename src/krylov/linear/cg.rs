@@ -13,8 +13,8 @@ use crate::operator::Adjoint;
 ///
 /// # Properties
 /// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. A step takes one product. The method ends with
-/// [`Status::Breakdown`] if a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite. It ends with [`Status::NotSymmetric`] if `zᵀAp
-/// ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate).
+/// [`Status::Breakdown`] if a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite. It ends with [`Status::NotSymmetric`] if
+/// `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate).
 ///
 /// # Storage
 /// Seven `n`-vectors: `b, x`, the best `x`, `r, z, p` and `A p`.

@@ -9,9 +9,9 @@ use crate::operator::Adjoint;
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
-/// With the preconditioner on the right (`A M⁻¹ u = b`) it minimizes the true residual. On the left (`M⁻¹ A x = M⁻¹ b`) it minimizes `‖M⁻¹
-/// r‖`; it then also keeps the products, to report the true residual without a further product. The flexible form ([`Gmres::flexible`],
-/// FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
+/// With the preconditioner on the right (`A M⁻¹ u = b`) it minimizes the true residual. On the left (`M⁻¹ A x = M⁻¹ b`) it minimizes
+/// `‖M⁻¹ r‖`; it then also keeps the products, to report the true residual without a further product. The flexible form
+/// ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
 ///
 /// # Properties
 /// `‖r‖` (on the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. The method needs no transpose. A step takes one product; a

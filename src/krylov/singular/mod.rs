@@ -26,8 +26,8 @@ pub struct SingularOptions {
     /// The most products with `A` and `Aᵀ` together. Default 50.
     pub products: usize,
     /// The search ends when each residual is at most this share of the largest singular value. Default 1e-8. If the noise of the products
-    /// is above it, the search ends when two conditions hold: more products would change no value by more than its standard error, and `½
-    /// ln n` further pairs of products have found no value that the noise had hidden.
+    /// is above it, the search ends when two conditions hold: more products would change no value by more than its standard error, and
+    /// `½ ln n` further pairs of products have found no value that the noise had hidden.
     pub tolerance: f64,
     /// The norm of the error of a product with a unit vector, if the operator does not state it. Default 0.
     pub noise: f64,
