@@ -44,8 +44,8 @@ pub trait Operator {
     /// The error that stopped the product; `y` is then unspecified.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()>;
 
-    /// `y_k ← A x_k` for each of `xs`, in order. The results are bitwise equal to those of single products, and each counts as one product.
-    /// `xs` and `ys` have the same length. The default takes the products one by one.
+    /// `y_k ← A x_k` for each of `xs`, in order. The results are bitwise equal to the results of single products, and each counts as one
+    /// product. `xs` and `ys` have the same length. The default takes the products one by one.
     ///
     /// # Errors
     /// The errors of [`Operator::apply`]; all of `ys` are then unspecified.
@@ -129,7 +129,6 @@ pub(crate) fn block(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
     vectors.iter().map(Vec::as_slice).collect()
 }
 
-/// Borrows the vectors as a block that [`Operator::apply_block`] writes to.
 pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
 }

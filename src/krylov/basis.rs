@@ -217,7 +217,6 @@ fn in_blocks2(w: &mut [f64], a: &[f64], b: &[f64], block: &Update2<'_>) {
     }
 }
 
-/// `y ← y + α x`.
 pub(super) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     update(y, x, |y, x| y + alpha * x);
 }
@@ -234,7 +233,6 @@ const NEGLIGIBLE: f64 = 8.0 * f64::EPSILON;
 /// not in the span to working precision. A vector in the span shrinks to rounding errors, and its norm shows this.
 pub(super) const PASSES: usize = 3;
 
-/// The components removed from a vector.
 pub(super) struct Removed {
     /// `h`, so that `w_before = V h + w_after`.
     pub(super) coefficients: Vec<f64>,

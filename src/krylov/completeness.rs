@@ -1,8 +1,8 @@
 //! The end of a search, and the eigenvalues that it may have missed.
 //!
-//! A converged eigenvalue shows that the matrix has an eigenvalue there. It does not show that there is no other: a Krylov process finds
-//! one copy of a repeated eigenvalue, and nothing that is orthogonal to its start. Three claims are therefore separate: the *residual* of
-//! each value, whether *no value is missed*, and whether the answer is *exact* because all directions were spanned.
+//! A converged eigenvalue shows that the matrix has an eigenvalue there. It does not exclude others: a Krylov process finds one copy of a
+//! repeated eigenvalue, and nothing that is orthogonal to its start. Three claims are therefore separate: the *residual* of each value,
+//! whether *no value is missed*, and whether the answer is *exact* because all directions were spanned.
 
 use std::fmt;
 
@@ -73,7 +73,6 @@ impl fmt::Display for Status {
 /// missed.
 #[derive(Debug)]
 pub(super) struct FurtherSteps {
-    /// The number of further steps.
     steps: usize,
     /// How many times in a row the end was postponed.
     put_off: usize,
@@ -139,8 +138,9 @@ impl Confirm {
         (steps.ceil() as usize).clamp(1, n.max(1))
     }
 
-    /// Chooses the confirmation of a search. If `is_free`, an `asked` or default confirmation costs nothing. Otherwise the `asked` one is
-    /// used. If none was asked for and random vectors have continued a search that `broke_down`, the products that are `left` confirm it.
+    /// Chooses the confirmation of a search. If `is_free`, the search is always confirmed, as `asked` or with the defaults. Otherwise it is
+    /// confirmed as `asked`. If nothing was asked for and random vectors have continued a search that `broke_down`, the products that are
+    /// `left` confirm it.
     pub(super) fn of(asked: Option<Self>, is_free: bool, broke_down: bool, left: usize) -> Option<Self> {
         match (asked, is_free) {
             (asked, true) => Some(Self { is_frozen: true, ..asked.unwrap_or_default() }),
@@ -149,7 +149,7 @@ impl Confirm {
         }
     }
 
-    /// Limits the products on a rig to those of two vectors; the first of them may find an eigenvalue that the search has missed.
+    /// On a rig, limits the products to the number for two vectors; the first vector may find an eigenvalue that the search has missed.
     #[must_use]
     pub fn on_rig(self, n: usize) -> Self {
         Self { products: self.products.min(2 * self.steps(n)), ..self }
@@ -161,8 +161,6 @@ impl Confirm {
         (factor * factor).max(self.share)
     }
 
-    /// # Errors
-    /// [`Error::Option`] naming `--confirm` or `Confirm::chance`.
     pub(super) fn check(&self) -> Result<()> {
         for (value, option) in [(self.share, "--confirm"), (self.chance, "Confirm::chance")] {
             if !(1e-9..=MOST).contains(&value) {
@@ -193,10 +191,7 @@ pub fn confirming<O: Operator + ?Sized, T>(
     }
 }
 
-/// Reports a step of a confirmation to the observer.
-///
-/// # Errors
-/// [`Error::Interrupted`] if the observer stops it.
+/// Reports a step of a confirmation to the observer. Fails with [`Error::Interrupted`] if the observer stops it.
 pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize) -> Result<()> {
     let (done, total) = (done as u64, total.max(done) as u64);
     let flow = observer.step(&Step { stage: "confirming", done, total, estimate: Estimate::None });
@@ -232,7 +227,7 @@ pub struct Confirmed {
 }
 
 impl Completeness {
-    /// Combines this claim, of the last of several vectors, with those of `others`: the chances add up.
+    /// Extends the claim of the last of several vectors to the `others` before it: the chances add up.
     #[must_use]
     pub fn after(self, others: u64) -> Self {
         match self {
@@ -243,7 +238,6 @@ impl Completeness {
         }
     }
 
-    /// Multiplies the limits by `2^power`.
     pub(super) fn multiply(&mut self, power: i32) {
         if let Self::Confirmed(claim) = self {
             claim.limits = claim.limits.map(|limit| limit.map(|limit| scaled(limit, power)));

@@ -152,7 +152,6 @@ fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
     (basis, coefficients)
 }
 
-/// `V s` over all columns.
 fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
     let mut sum = vec![0.0; basis.rows()];
     basis.accumulate(0, s, 1.0, &mut sum);
@@ -168,8 +167,7 @@ fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
 /// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `A` is not square; [`Error::Numerical`] for
 /// NaN; the error of a product.
 ///
-/// # References
-/// Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
+/// References: Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
 /// doi:10.1080/03610918908812806.
 pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
@@ -190,8 +188,7 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 /// # Errors
 /// The errors of [`hutchinson`].
 ///
-/// # References
-/// Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
+/// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
 /// doi:10.1137/1.9781611976496.16.
 pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
@@ -236,8 +233,7 @@ pub struct DiagonalEstimate {
 /// # Errors
 /// The errors of [`hutchinson`].
 ///
-/// # References
-/// Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007),
+/// References: Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007),
 /// doi:10.1016/j.apnum.2007.01.003.
 pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<DiagonalEstimate> {
     let n = square(operator)?;
@@ -290,8 +286,8 @@ pub struct RandomizedSvd {
 /// # Errors
 /// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product.
 ///
-/// # References
-/// Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.
+/// References: Halko, Martinsson and Tropp, *Finding structure with randomness* (2011),
+/// doi:10.1137/090771806.
 pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> Result<RandomizedSvd> {
     let (rows, cols) = (operator.rows(), operator.cols());
     let width = options.width(rows.min(cols))?;

@@ -5,7 +5,7 @@
 //!
 //! Each kernel is compiled twice, once for registers of four numbers (AVX2), and the processor decides. Both versions round products and
 //! sums separately, so their results are bitwise equal. With AVX2, the work on a column in the cache takes half the time and hides behind
-//! the memory.
+//! the memory access.
 
 #![allow(
     unsafe_code,
@@ -63,7 +63,6 @@ macro_rules! in_groups {
     }};
 }
 
-/// The inner product of one block.
 pub(super) fn dot_block(a: &[f64], b: &[f64]) -> f64 {
     widest!(dot(a: &[f64], b: &[f64]) -> f64)
 }

@@ -23,7 +23,8 @@ pub(super) fn exponent(size: f64) -> i32 {
     }
 }
 
-/// The power of two by which numbers with this exponent are divided: 0 for numbers of ordinary size, for zero and for infinity.
+/// The exponent of the power of two by which numbers with this exponent are divided: 0 for numbers of ordinary size, for zero and for
+/// infinity.
 pub(super) fn power(exponent: i32) -> i32 {
     if (SAFE + 1..10_000).contains(&exponent.abs()) { exponent } else { 0 }
 }
@@ -39,7 +40,6 @@ pub(super) fn scaled(mut value: f64, mut power: i32) -> f64 {
     value
 }
 
-/// `values · 2^power`.
 pub(super) fn scale(values: &mut [f64], power: i32) {
     if power != 0 {
         values.iter_mut().for_each(|value| *value = scaled(*value, power));

@@ -89,8 +89,7 @@ const LEAST_SHARE: f64 = 0.1;
 /// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse. Defocus removes the fine scales.
 /// Inverting it would amplify noise, so gains that fall, or a small `g_0`, smooth instead.
 ///
-/// # References
-/// The bands form the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
+/// References: The bands form the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Multiscale {
     width: usize,
@@ -206,7 +205,6 @@ impl Multiscale {
         }
     }
 
-    /// The sum of `S r` over these pixels.
     fn scaled_sum(&self, pixels: Range<usize>, r: &[f64]) -> f64 {
         match self.scaling.get(pixels.clone()) {
             Some(scaling) => r[pixels].iter().zip(scaling).map(|(r, s)| r * s).sum(),

@@ -90,7 +90,6 @@ fn rademacher(n: usize, random: &mut Pcg64) -> Vec<f64> {
     (0..n).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()
 }
 
-/// Draws a vector of standard normal entries with this seed.
 pub(super) fn seeded(n: usize, seed: u64) -> Vec<f64> {
     gaussian(n, &mut Pcg64::seed_from_u64(seed))
 }

@@ -66,7 +66,7 @@ impl Basis {
         with_norm(sums, w)
     }
 
-    /// Removes the late parts of the last column, bitwise equally to [`Basis::settle_and_dot`].
+    /// Removes the late parts of the last column, with bitwise the same result as [`Basis::settle_and_dot`].
     pub(super) fn settle_last(&mut self, late: &[f64]) {
         if let Some((u, columns)) = self.columns_mut().split_last_mut() {
             settle(columns, late, u);

@@ -154,7 +154,7 @@ impl<'a> Gram<'a> {
         if self.of_photos { self.operator.rows() } else { self.operator.cols() }
     }
 
-    /// Records the errors of the second products, and those of the first products as the second may have enlarged them.
+    /// Records the errors of the second products, and the errors of the first products as the second may have enlarged them.
     fn note_errors(&mut self, first: &[f64], middle: &[Vec<f64>], ys: &[&mut [f64]]) {
         for (middle, y) in middle.iter().zip(ys) {
             let length = norm(middle);

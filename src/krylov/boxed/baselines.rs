@@ -14,15 +14,12 @@ use crate::operator::Adjoint;
 /// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative
 /// symmetric `A` with `D = A 1`, the step is a contraction where direct light dominates. At its fixed point
 /// the signs of `b − A x` fit the bounds, but the signs of `Aᵀ(b − A x)` need not. So it ends near the
-/// least-squares optimum but not at it, and may pass a better point. The best iterate is returned.
+/// least-squares optimum but not at it, and may pass a better point. The best iterate is returned. The method
+/// stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
 ///
-/// # Storage
-/// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
-///
-/// # References
-/// Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and Distributed
-/// Computation*, section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and Belhumeur (2004),
-/// doi:10.1109/CVPR.2004.1315065.
+/// References: Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and
+/// Distributed Computation*, section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and
+/// Belhumeur (2004), doi:10.1109/CVPR.2004.1315065.
 #[derive(Clone)]
 pub struct ProjectedJacobi {
     boxed: Boxed,
@@ -77,13 +74,10 @@ impl Solver for ProjectedJacobi {
 /// # Properties
 /// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only
 /// `x ≥ 0` and ignores the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised
-/// to be positive.
+/// to be positive. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a
+/// product.
 ///
-/// # Storage
-/// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a product.
-///
-/// # References
-/// Kaufman (1993), doi:10.1109/42.232243; Nagy and Strakoš (2000), doi:10.1117/12.402439.
+/// References: Kaufman (1993), doi:10.1109/42.232243; Nagy and Strakoš (2000), doi:10.1117/12.402439.
 #[derive(Clone)]
 pub struct Mrnsd {
     boxed: Boxed,
@@ -170,13 +164,10 @@ impl Solver for Mrnsd {
 /// # Properties
 /// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, then
 /// two per iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options.
+/// The method stores eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
 ///
-/// # Storage
-/// Eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
-///
-/// # References
-/// Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for
-/// one factor.
+/// References: Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's
+/// updates (2001) for one factor.
 #[derive(Clone)]
 pub struct Multiplicative {
     boxed: Boxed,

@@ -19,12 +19,10 @@ use crate::operator::Adjoint;
 /// (for a symmetric operator both are products with `A`); `A y` follows from the photos of `x` by linearity.
 /// For a non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since `D^-½ A D^-½` has norm 1.
 /// If a product shows that `L` is too small, it is doubled. The momentum is dropped when it points uphill.
+/// The method stores eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two
+/// work vectors.
 ///
-/// # Storage
-/// Eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two work vectors.
-///
-/// # References
-/// Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015),
+/// References: Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015),
 /// doi:10.1007/s10208-013-9150-3.
 #[derive(Clone)]
 pub struct Fista {

@@ -22,16 +22,13 @@ use crate::operator::{Adjoint, Symmetry};
 /// The method takes one product per step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the best
 /// brightness. It needs no transpose. For an operator that is not symmetric the model is Broyden's, and the method may rest away from the
 /// optimum; [`SolveOptions::surrogate`], which has a transpose, brings it nearer. All patterns are inside the box, except residuals, which
-/// are signed. The method ends when the model knows `A r` and predicts no gain beyond `rtol`.
+/// are signed. The method ends when the model knows `A r` and predicts no gain beyond `rtol`. After `k` products the method stores `2k`
+/// `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the candidate, a product and four work
+/// vectors (five for an operator that is not symmetric).
 ///
-/// # Storage
-/// After `k` products: `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the candidate, a
-/// product and four work vectors (five for an operator that is not symmetric).
-///
-/// # References
-/// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for
-/// all pairs at once: Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken:
-/// Eirola and Nevanlinna (1989), doi:10.1016/0024-3795(89)90719-2.
+/// References: The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs at once:
+/// Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and Nevanlinna (1989),
+/// doi:10.1016/0024-3795(89)90719-2.
 #[derive(Clone)]
 pub struct KrylovBox {
     boxed: Boxed,
@@ -40,7 +37,6 @@ pub struct KrylovBox {
     candidate: Vec<f64>,
     next: Next,
     rtol: f64,
-    /// [`SolveOptions::surrogate`].
     surrogate: Option<Arc<dyn Surrogate>>,
     /// The number of products to allocate memory for.
     capacity: usize,
@@ -332,7 +328,6 @@ impl SecantModel {
             update2(next, g, &self.root, |y, g, s| {
                 (y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s)
             });
-            // u ← next − u, the step.
             update(u, next, |old, new| new - old);
             let step = norm(u);
             let weight = momentum.next(dot(g, u) > 0.0);

@@ -43,8 +43,8 @@ impl Bounds {
 /// otherwise be unbounded there.
 const DARK: f64 = 1e-3;
 
-/// The most powers of two between the right-hand side and the products of the patterns in the box. Even far below this limit, no step
-/// changes a residual.
+/// The most powers of two between the right-hand side and the products of the patterns in the box. Even at ratios far below this limit, no
+/// step changes a residual.
 const REACH: i32 = 200;
 
 /// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or `clip(b / D)`.

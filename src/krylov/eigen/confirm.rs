@@ -146,7 +146,7 @@ impl Confirmation<'_> {
         }
     }
 
-    /// The tolerance within which a Ritz value of this process may exceed a converged one and still be the same. It adds the tolerance,
+    /// The tolerance within which a Ritz value of this process may lie beyond a converged one and still be the same. It adds the tolerance,
     /// rounding, noise, and the residuals of the pairs found, which bound their coupling to the complement. `m` products whose errors have
     /// the norm `e` and are spread evenly over `n` entries change a Ritz value by at most about `2e √(m/n)`. They change the operator that
     /// the process sees by about `2e (1 + √(m/n))`.
@@ -191,7 +191,6 @@ impl Confirmation<'_> {
         Ok(missed)
     }
 
-    /// The limits beyond which no value is missing.
     fn limits(&self, process: &Lanczos, found: &Eigs, share: f64) -> Result<[Option<f64>; 2]> {
         let outermost =
             |which| -> Result<Option<f64>> { Ok(process.ritz(which, 1)?.first().map(|pair| pair.value)) };

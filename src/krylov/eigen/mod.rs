@@ -325,7 +325,6 @@ fn good_enough(pairs: &[RitzPair], options: &EigsOptions, (scale, n): (f64, usiz
     (options.tolerance > 0.0 && pairs.iter().all(is_settled)).then_some(Status::NoiseFloor)
 }
 
-/// The status of the pairs when no product is left.
 fn spent(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Status {
     let wanted = options.tolerance * scale;
     let limited = |pair: &RitzPair| pair.status(wanted, options.noise) != PairStatus::NotResolved;
@@ -336,7 +335,6 @@ fn spent(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Status {
     }
 }
 
-/// Reports each product to the operator's observer, and records it.
 struct Recorder {
     budget: usize,
     history: Vec<HistoryRow>,

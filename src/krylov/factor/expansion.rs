@@ -16,9 +16,8 @@ use crate::operator::Operator;
 ///
 /// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is 1 for Lanczos and Arnoldi. Otherwise it is the
 /// block size minus the number of products that were in the span. A step multiplies `v_{m+1}` and appends the part of the product that is
-/// orthogonal to the basis (Ruhe's band form of the block process). A block process therefore also takes one product per step.
-///
-/// Storage: `m + p + k` vectors of length `n` for `k` known vectors, and one work vector.
+/// orthogonal to the basis (Ruhe's band form of the block process). A block process therefore also takes one product per step. The process
+/// stores `m + p + k` vectors of length `n` for `k` known vectors, and one work vector.
 #[derive(Clone, Debug)]
 pub struct Expansion {
     /// Columns `Q`, then `v_1 … v_{m+p}`.

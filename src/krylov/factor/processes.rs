@@ -27,11 +27,9 @@ use crate::operator::{Operator, Symmetry};
 /// coefficients outside the tridiagonal are zero to rounding. Otherwise they measure the asymmetry ([`Lanczos::asymmetry`]) and keep the
 /// residual norms correct.
 ///
-/// # References
-/// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very
-/// large sparse matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13,
-/// doi:10.1137/1.9781611971163. With photos for products: O'Toole and Kutulakos, sections 3 and 4; *Optical
-/// computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165.
+/// References: Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large sparse
+/// matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With photos for products:
+/// O'Toole and Kutulakos, sections 3 and 4; *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165.
 #[derive(Clone, Debug)]
 pub struct Lanczos {
     expansion: Expansion,
@@ -42,7 +40,7 @@ impl Lanczos {
     /// independent; they need not be normalized or orthogonal. A start within their span is replaced by a random vector.
     ///
     /// # Errors
-    /// [`Error::Dimension`] if a length differs from that of the start. [`Error::Numerical`] if a vector holds NaN or an infinity, if
+    /// [`Error::Dimension`] if a length differs from the length of the start. [`Error::Numerical`] if a vector holds NaN or an infinity, if
     /// `n = 0`, or if a known vector is zero or depends on the vectors before it.
     pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(&[start.to_vec()], deflate)? })
@@ -65,7 +63,7 @@ impl Lanczos {
         self.betas().last().copied().unwrap_or(0.0)
     }
 
-    /// Saves the state. The process that [`Lanczos::load`] returns continues bitwise equally.
+    /// Saves the state. The process that [`Lanczos::load`] returns continues with bitwise equal results.
     ///
     /// All factorizations use the same format. Numbers are little endian, floats IEEE 754 binary64:
     ///
@@ -139,14 +137,10 @@ pub(super) fn check_symmetric(operator: &dyn Operator) -> Result<()> {
 /// A step takes one product (Ruhe's band form), so the process can stop and resume within a block. The products with the waiting vectors
 /// may be taken together before their steps ([`Factorization::multiply_block`]). The block becomes narrower if a product lies in the span
 /// or if start vectors are dependent. When the block is used up, the subspace is invariant, and the process continues from `b` random
-/// vectors.
+/// vectors. The process stores `m + p + k` vectors of `n` for `k` known vectors, and one work vector.
 ///
-/// Storage: `m + p + k` vectors of `n` for `k` known vectors, and one work vector.
-///
-/// # References
-/// Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III
-/// (1977); Ruhe, *Implementation aspects of band Lanczos algorithms*, Math. Comp. 33 (1979),
-/// doi:10.1090/S0025-5718-1979-0521282-9.
+/// References: Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III (1977); Ruhe,
+/// *Implementation aspects of band Lanczos algorithms*, Math. Comp. 33 (1979), doi:10.1090/S0025-5718-1979-0521282-9.
 #[derive(Clone, Debug)]
 pub struct BlockLanczos {
     expansion: Expansion,
@@ -234,14 +228,11 @@ impl Factorization for BlockLanczos {
 /// difference.
 ///
 /// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the process continues from a random
-/// vector.
+/// vector. The process stores `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
 ///
-/// Storage: `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
-///
-/// # References
-/// With photos for products: O'Toole and Kutulakos, sections 3 and 4. Arnoldi, *The principle of minimized
-/// iterations in the solution of the matrix eigenvalue problem* (1951), doi:10.1090/qam/42792; Saad,
-/// *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739.
+/// References: Arnoldi, *The principle of minimized iterations in the solution of the matrix eigenvalue problem* (1951),
+/// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos for
+/// products: O'Toole and Kutulakos, sections 3 and 4.
 #[derive(Clone, Debug)]
 pub struct Arnoldi {
     expansion: Expansion,

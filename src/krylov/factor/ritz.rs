@@ -145,9 +145,9 @@ impl RitzPair {
     /// projector and camera err alike, so the visible part stands for both.
     ///
     /// More products would change `θ` by at most [`RitzPair::unresolved`], or by its square over the gap ([`temple_kato`]). If eigenvalues
-    /// are dense, as in direct light, this exceeds the noise after a few dozen products. A bound `a` about which nothing more is known
-    /// counts as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of uncertainty in
-    /// measurement*, 4.3.7). Without noise, this term is left out, and [`RitzPair::bound`] covers it.
+    /// are dense, as in direct light, this change is still larger than the noise after a few dozen products. A bound `a` about which
+    /// nothing more is known counts as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of
+    /// uncertainty in measurement*, 4.3.7). Without noise, this term is left out, and [`RitzPair::bound`] covers it.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
         let noise = noise.max(self.noise);
         if noise == 0.0 {

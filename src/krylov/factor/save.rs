@@ -15,7 +15,6 @@ const EARLIER: u32 = 2;
 /// The number of floats written or read at a time.
 const CHUNK: usize = 8192;
 
-/// The kind of factorization in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ProcessKind {
     Lanczos = 1,

@@ -1,4 +1,4 @@
-//! CGS and BiCGStab. They need neither symmetry nor a transpose: a fixed shadow of the first residual replaces it.
+//! CGS and BiCGStab. They need neither symmetry nor a transpose: a fixed shadow of the first residual replaces the transpose.
 
 use super::system::System;
 use super::{Advance, SolveOptions, Solver};
@@ -106,13 +106,10 @@ fn negligible(product: f64, a: &[f64], b: &[f64]) -> bool {
 /// # Properties
 /// The method needs no transpose. An iteration takes two products, and the iterate moves with the second. `‖r‖` is erratic, so the best
 /// iterate is returned. The method ends with [`Breakdown`](crate::krylov::Status::Breakdown) if a divisor vanishes (for example for a
-/// skew-symmetric `A`).
+/// skew-symmetric `A`). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned vectors, and a
+/// product.
 ///
-/// # Storage
-/// Twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned vectors, and a product.
-///
-/// # References
-/// Sonneveld (1989), doi:10.1137/0910004.
+/// References: Sonneveld (1989), doi:10.1137/0910004.
 #[derive(Clone)]
 pub struct Cgs {
     shared: Shadowed,
@@ -154,7 +151,6 @@ impl Solver for Cgs {
                 Err(status) => return Ok(Advance::Ended(status)),
             };
             update2(&mut self.u, &self.shared.system.r, &self.q, |_, r, q| r + beta * q);
-            // p ← u + β (q + β p)
             update2(&mut self.p, &self.u, &self.q, |p, u, q| u + beta * (q + beta * p));
             self.shared.phase = Phase::First;
         }
@@ -189,13 +185,10 @@ impl Solver for Cgs {
 /// # Properties
 /// The method needs no transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate direction,
 /// the second along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best iterate is returned. The method ends with
-/// [`Status::Breakdown`] if a divisor vanishes.
+/// [`Status::Breakdown`] if a divisor vanishes. The method stores nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned
+/// vector and a product.
 ///
-/// # Storage
-/// Nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned vector and a product.
-///
-/// # References
-/// van der Vorst (1992), doi:10.1137/0913035.
+/// References: van der Vorst (1992), doi:10.1137/0913035.
 #[derive(Clone)]
 pub struct BiCgStab {
     shared: Shadowed,

@@ -11,8 +11,7 @@ use crate::operator::Adjoint;
 /// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
 /// `β_{k+1}` below. The process starts from the residual of its system.
 ///
-/// # References
-/// Golub and Kahan (1965), doi:10.1137/0702016.
+/// References: Golub and Kahan (1965), doi:10.1137/0702016.
 #[derive(Clone)]
 struct Bidiagonal {
     system: System,
@@ -137,14 +136,11 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
 /// # Properties
 /// LSQR is equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically.
 /// It first takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the
-/// first. It ends where `‖Aᵀ r‖` vanishes (a least-squares solution).
+/// first. It ends where `‖Aᵀ r‖` vanishes (a least-squares solution). The method stores `b`, `r`, `u` and a
+/// product of length `rows`; `x`, the best `x`, `v`, a direction and a product of length `cols`; with a
+/// preconditioner also `M⁻¹ v`.
 ///
-/// # Storage
-/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, a direction and a product of length
-/// `cols`; with a preconditioner also `M⁻¹ v`.
-///
-/// # References
-/// Paige and Saunders (1982), doi:10.1145/355984.355989.
+/// References: Paige and Saunders (1982), doi:10.1145/355984.355989.
 #[derive(Clone)]
 pub struct Lsqr {
     process: Bidiagonal,
@@ -228,14 +224,11 @@ impl Solver for Lsqr {
 /// # Properties
 /// LSMR is equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It first
 /// takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the second.
-/// It ends where `‖Aᵀ r‖` vanishes, at the least-squares solution nearest to the first iterate.
+/// It ends where `‖Aᵀ r‖` vanishes, at the least-squares solution nearest to the first iterate. The method
+/// stores `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product
+/// of length `cols`; with a preconditioner also `M⁻¹ v`.
 ///
-/// # Storage
-/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product of
-/// length `cols`; with a preconditioner also `M⁻¹ v`.
-///
-/// # References
-/// Fong and Saunders (2011), doi:10.1137/10079687X; the variables have the same names.
+/// References: Fong and Saunders (2011), doi:10.1137/10079687X; the variables have the same names.
 #[derive(Clone)]
 pub struct Lsmr {
     process: Bidiagonal,

@@ -14,13 +14,10 @@ use crate::operator::Adjoint;
 /// # Properties
 /// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. A step takes one product. The method ends with
 /// [`Status::Breakdown`] if a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite. It ends with [`Status::NotSymmetric`] if
-/// `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate).
+/// `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate). The method stores seven `n`-vectors: `b, x`, the best
+/// `x`, `r, z, p` and `A p`.
 ///
-/// # Storage
-/// Seven `n`-vectors: `b, x`, the best `x`, `r, z, p` and `A p`.
-///
-/// # References
-/// Hestenes and Stiefel (1952), doi:10.6028/jres.049.044.
+/// References: Hestenes and Stiefel (1952), doi:10.6028/jres.049.044.
 #[derive(Clone)]
 pub struct Cg {
     system: System,
@@ -57,7 +54,7 @@ impl Cg {
 
 /// The asymmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`. The last product was `A v`, with this standard error and this
 /// length. Rounding causes an asymmetry of 1e-16 times a growth that stays small before convergence, so a value above 1e-6 is not rounding.
-/// Noise causes an asymmetry of its own size.
+/// Noise causes an asymmetry of the size of the noise.
 pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
     (10.0 * noise.max(error / length)).max(1e-6)
 }

@@ -16,15 +16,11 @@ use crate::operator::Adjoint;
 /// # Properties
 /// `‖r‖` (on the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. The method needs no transpose. A step takes one product; a
 /// restart takes none. The basis is orthonormal to working precision. The method ends with [`Status::Breakdown`] if the Krylov space is
-/// invariant and contains no solution (a singular `A`).
+/// invariant and contains no solution (a singular `A`). After `k` steps since the last restart, the method stores `k + 1` basis vectors;
+/// `k` more if flexible or preconditioned on the left; `b, x, r` and three work vectors.
 ///
-/// # Storage
-/// After `k` steps since the last restart: `k + 1` basis vectors; `k` more if flexible or preconditioned on the left; `b, x, r` and three
-/// work vectors.
-///
-/// # References
-/// O'Toole and Kutulakos, section 6, use it for light transport compensation. Saad and Schultz (1986), doi:10.1137/0907058; flexible: Saad
-/// (1993), doi:10.1137/0914028.
+/// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Saad and Schultz (1986), doi:10.1137/0907058;
+/// flexible: Saad (1993), doi:10.1137/0914028.
 #[derive(Clone)]
 pub struct Gmres {
     system: System,
@@ -82,7 +78,6 @@ impl Gmres {
         self.cycle.basis.len() + self.cycle.kept.len()
     }
 
-    /// Starts a cycle from the residual.
     fn start(&mut self) -> Result<bool> {
         if self.side == Side::Left {
             self.system.precondition(&self.system.r, &mut self.hat)?;
@@ -268,7 +263,6 @@ impl Cycle {
         self.rotated.clear();
     }
 
-    /// The number of columns of `H` so far.
     fn len(&self) -> usize {
         self.triangle.len()
     }

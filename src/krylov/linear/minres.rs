@@ -26,16 +26,12 @@ const RISE: f64 = 1e-14;
 /// with one, the best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs
 /// no product. A step takes one product. The method ends where `‖A r‖` vanishes (a least-squares solution of
 /// a singular system). It also ends where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise
-/// (the operator is not symmetric).
+/// (the operator is not symmetric). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r`, two
+/// Lanczos vectors, these two and the next one preconditioned, two directions, and a product.
 ///
-/// # Storage
-/// Twelve `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, these two and the next one
-/// preconditioned, two directions, and a product.
-///
-/// # References
-/// O'Toole and Kutulakos, section 6, use it for light transport compensation. Paige and Saunders (1975),
-/// doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast Iterative
-/// Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
+/// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Paige and Saunders
+/// (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
+/// Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
 #[derive(Clone)]
 pub struct Minres {
     system: System,
@@ -153,7 +149,6 @@ impl Solver for Minres {
         }
         let above = s1 * alpha + c0 * c1 * beta;
         let far = s0 * beta;
-        // w_old ← (z − far w_old − above w) / ρ, then swap.
         update2(&mut self.w_old, &self.z, &self.w, |old, z, w| (z - far * old - above * w) / rho);
         std::mem::swap(&mut self.w_old, &mut self.w);
         axpy(c * self.eta, &self.w, &mut system.x);

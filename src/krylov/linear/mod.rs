@@ -243,7 +243,6 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
     };
     let tally = solver.tally();
     let x = solver.solution();
-    // A solution outside the range of double precision is refused.
     let size = norm(&x);
     if !size.is_finite() || size < f64::MIN_POSITIVE / f64::EPSILON && tally.best < tally.rhs_norm {
         let (what, help) = if size < 1.0 { ("small", "multiply") } else { ("large", "divide") };

@@ -52,7 +52,6 @@ pub(super) struct GolubKahan {
     forth_errors: Vec<f64>,
     back_errors: Vec<f64>,
     pub(super) products: usize,
-    /// The largest norm of a product so far.
     scale: f64,
 }
 
@@ -271,7 +270,6 @@ impl GolubKahan {
         triplets.iter().all(is_settled).then_some(Status::NoiseFloor)
     }
 
-    /// The status of the triplets when no product is left.
     pub(super) fn spent(&self, triplets: &[Triplet], options: &SingularOptions) -> Status {
         let wanted = options.tolerance * triplets.first().map_or(0.0, |triplet| triplet.value);
         let limited = |triplet: &Triplet| triplet.status(wanted) != PairStatus::NotResolved;

@@ -80,14 +80,14 @@ pub struct Singular {
 /// coefficients: `R` of the products with `A` and `L` of the products with `Aᵀ`. The answer comes from their mean, which has less noise
 /// than either.
 ///
-/// In exact arithmetic this equals Lanczos for `AᵀA`, but it does not square the errors. It stores `m + 2` vectors for `m` products.
+/// In exact arithmetic this equals Lanczos for `AᵀA`, but it does not square the errors. The method stores `m + 2` vectors for `m`
+/// products.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN and a
 /// start of zeros; the error of a product.
 ///
-/// # References
-/// Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
+/// References: Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
 pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     let mut operator = Rescaled::new(operator);
     let found = singular_of(&mut operator, options);
@@ -157,7 +157,6 @@ impl SingularOptions {
     }
 }
 
-/// The triplets with their vectors.
 fn answer(
     process: &GolubKahan,
     triplets: &[Triplet],
