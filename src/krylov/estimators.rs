@@ -163,12 +163,12 @@ fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
 /// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so the estimate is
 /// exact for a diagonal `A`. The standard error falls as `1/√products`.
 ///
+/// References: Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
+/// doi:10.1080/03610918908812806.
+///
 /// # Errors
 /// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `A` is not square; [`Error::Numerical`] for
 /// NaN; the error of a product.
-///
-/// References: Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
-/// doi:10.1080/03610918908812806.
 pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
@@ -184,9 +184,7 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 /// Hutchinson's estimate of the second part. For a positive semidefinite `A` the relative error falls as
 /// `1/products`, against `1/√products` for Hutchinson's estimate alone. The estimate is unbiased for any `A`.
 /// The standard error is the standard error of the second part.
-///
-/// # Errors
-/// The errors of [`hutchinson`].
+/// Fails with the errors of [`hutchinson`].
 ///
 /// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
 /// doi:10.1137/1.9781611976496.16.
@@ -229,9 +227,7 @@ pub struct DiagonalEstimate {
 ///
 /// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`. The estimate is therefore exact for a diagonal
 /// `A`, and good for a transport matrix with mostly direct light. The standard error falls as `1/√products`.
-///
-/// # Errors
-/// The errors of [`hutchinson`].
+/// Fails with the errors of [`hutchinson`].
 ///
 /// References: Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007),
 /// doi:10.1016/j.apnum.2007.01.003.
@@ -283,11 +279,11 @@ pub struct RandomizedSvd {
 /// [`LowRankOptions`] has the rank `k`, the sketch `l = k + oversampling`, `q` and the probes. The function
 /// takes `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).
 ///
-/// # Errors
-/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product.
-///
 /// References: Halko, Martinsson and Tropp, *Finding structure with randomness* (2011),
 /// doi:10.1137/090771806.
+///
+/// # Errors
+/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product.
 pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> Result<RandomizedSvd> {
     let (rows, cols) = (operator.rows(), operator.cols());
     let width = options.width(rows.min(cols))?;

@@ -83,11 +83,11 @@ pub struct Singular {
 /// In exact arithmetic this equals Lanczos for `AᵀA`, but it does not square the errors. The method stores `m + 2` vectors for `m`
 /// products.
 ///
+/// References: Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
+///
 /// # Errors
 /// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN and a
 /// start of zeros; the error of a product.
-///
-/// References: Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
 pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     let mut operator = Rescaled::new(operator);
     let found = singular_of(&mut operator, options);
