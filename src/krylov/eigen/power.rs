@@ -14,7 +14,7 @@ use crate::operator::{Operator, Symmetry};
 ///
 /// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual
 /// `A x − θ x`, so neither costs a further product. The result is the vector before the last product. Each
-/// product shrinks the error by `|λ₂/λ₁|`, against about twice the digits per `√gap` for Lanczos. Known
+/// product multiplies the error by `|λ₂/λ₁|`. Lanczos gains digits faster, at a rate of about `2 √gap`. Known
 /// vectors are projected out of every product.
 ///
 /// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or

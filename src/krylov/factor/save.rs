@@ -12,7 +12,7 @@ const MAGIC: &[u8; 8] = b"KRYLUXFZ";
 const VERSION: u32 = 3;
 /// The previous version of the format, without late parts.
 const EARLIER: u32 = 2;
-/// The number of floats written or read at a time.
+/// The number of floats written or read at once.
 const CHUNK: usize = 8192;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
