@@ -10,8 +10,7 @@ use std::ops::ControlFlow;
 
 use crate::finding::decimal;
 
-/// An observer of long computations. The default of every method does nothing and lets the computation
-/// continue.
+/// An observer of long computations. The default of every method does nothing and lets the computation continue.
 pub trait Observer {
     /// Called after each step. [`ControlFlow::Break`] stops the computation. An iterative method then returns its best result so far; any
     /// other computation ends with [`Error::Interrupted`](crate::Error::Interrupted).
@@ -63,12 +62,11 @@ pub enum Estimate<'a> {
         residual: f64,
         /// The smallest relative residual so far.
         best: f64,
-        /// Computes the best iterate so far. It takes no product with `A`. With GMRES it forms a linear
-        /// combination of all basis vectors.
+        /// Computes the best iterate so far. It takes no product with `A`. With GMRES it forms a linear combination of all basis vectors.
         iterate: &'a dyn Fn() -> Vec<f64>,
     },
-    /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier
-    /// photos did not predict, relative to the strongest photo.
+    /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier photos did not predict, relative
+    /// to the strongest photo.
     Unpredicted(f64),
 }
 

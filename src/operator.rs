@@ -81,8 +81,8 @@ pub trait Operator {
     }
 
     /// The standard error of `xᵀ A x` that all products share and that averaging over products does not reduce, if it is known; the default
-    /// is 0. A rig that subtracts direct light has such an error, because it measures this light once.
-    /// Fails with the errors of [`Operator::apply`]: a photo that all products need may still have to be taken.
+    /// is 0. A rig that subtracts direct light has such an error, because it measures this light once. Fails with the errors of
+    /// [`Operator::apply`]: a photo that all products need may still have to be taken.
     fn common_error(&mut self, x: &[f64]) -> Result<f64> {
         let _ = x;
         Ok(0.0)
@@ -103,19 +103,17 @@ pub trait Operator {
 
 /// An operator whose transpose can be applied too.
 pub trait Adjoint: Operator {
-    /// `x ← Aᵀ y`; every entry of `x` is overwritten.
-    /// Fails with the errors of [`Operator::apply`].
+    /// `x ← Aᵀ y`; every entry of `x` is overwritten. Fails with the errors of [`Operator::apply`].
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()>;
 
-    /// `x_k ← Aᵀ y_k` for each of `ys`, in order. The rules of [`Operator::apply_block`] hold.
-    /// Fails with the errors of [`Operator::apply_block`].
+    /// `x_k ← Aᵀ y_k` for each of `ys`, in order. The rules of [`Operator::apply_block`] hold. Fails with the errors of
+    /// [`Operator::apply_block`].
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(xs.len(), ys.len());
         ys.iter().zip(xs).try_for_each(|(y, x)| self.apply_adjoint(y, x))
     }
 
-    /// Takes the products of a block in either direction.
-    /// Fails with the errors of [`Operator::apply_block`].
+    /// Takes the products of a block in either direction. Fails with the errors of [`Operator::apply_block`].
     fn products(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         match direction {
             Direction::Forward => self.apply_block(from, to),

@@ -176,8 +176,8 @@ impl Confirm {
 }
 
 /// Lets `work` take products that only confirm an answer, and tells it whether they cost nothing. Returns this flag and the result of
-/// `work`. The result is `None` if recorded photos of a run answer, because they hold only the photos that the run asked for.
-/// Fails with the errors of `work`.
+/// `work`. The result is `None` if recorded photos of a run answer, because they hold only the photos that the run asked for. Fails with
+/// the errors of `work`.
 pub fn confirming<O: Operator + ?Sized, T>(
     operator: &mut O,
     work: impl FnOnce(&mut O, bool) -> Result<T>,

@@ -183,8 +183,7 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 /// `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`. Another third gives the first part exactly. The rest gives
 /// Hutchinson's estimate of the second part. For a positive semidefinite `A` the relative error falls as
 /// `1/products`, against `1/√products` for Hutchinson's estimate alone. The estimate is unbiased for any `A`.
-/// The standard error is the standard error of the second part.
-/// Fails with the errors of [`hutchinson`].
+/// The standard error is the standard error of the second part. Fails with the errors of [`hutchinson`].
 ///
 /// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
 /// doi:10.1137/1.9781611976496.16.

@@ -18,8 +18,8 @@ use crate::operator::Operator;
 pub trait Preconditioner: Send + Sync {
     /// The dimension `n`, or `None` if the preconditioner fits any dimension.
     fn size(&self) -> Option<usize>;
-    /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten.
-    /// Fails with the errors of a preconditioner that is itself an operator.
+    /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten. Fails with the errors of a preconditioner that is itself an
+    /// operator.
     fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()>;
     /// Returns true if `M` is symmetric and positive definite, as CG, MINRES, LSQR and LSMR require.
     fn is_positive_definite(&self) -> bool;

@@ -10,7 +10,6 @@ use crate::operator::Adjoint;
 /// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
 /// `x ← clip(x + (b − A x) / D)`.
 ///
-/// # Properties
 /// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative
 /// symmetric `A` with `D = A 1`, the step is a contraction where direct light dominates. At its fixed point
 /// the signs of `b − A x` fit the bounds, but the signs of `Aᵀ(b − A x)` need not. So it ends near the
@@ -71,7 +70,6 @@ impl Solver for ProjectedJacobi {
 /// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose. It uses
 /// steepest descent in the metric of `1/x`, which keeps `x > 0`. It serves as a baseline.
 ///
-/// # Properties
 /// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only
 /// `x ≥ 0` and ignores the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised
 /// to be positive. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a
@@ -161,7 +159,6 @@ impl Solver for Mrnsd {
 /// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
 /// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. It serves as a baseline.
 ///
-/// # Properties
 /// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, then
 /// two per iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options.
 /// The method stores eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.

@@ -14,7 +14,6 @@ use crate::operator::Adjoint;
 /// x⁺ = clip(y − (L D)⁻¹ Aᵀ(A y − b)),    y⁺ = x⁺ + (t − 1)/t⁺ · (x⁺ − x)
 /// ```
 ///
-/// # Properties
 /// The method converges to the constrained optimum. It takes two products per iteration, `A x` and `Aᵀ r`
 /// (for a symmetric operator both are products with `A`); `A y` follows from the photos of `x` by linearity.
 /// For a non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since `D^-½ A D^-½` has norm 1.

@@ -18,7 +18,6 @@ use crate::operator::{Adjoint, Symmetry};
 /// `x` and `z`; the residual there follows by linearity. If this gains less than a thousandth, the next step photographs the residual `r`.
 /// A symmetric model that knows `A r` knows the true gradient at `x`, so the method rests only at the true optimum.
 ///
-/// # Properties
 /// The method takes one product per step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the best
 /// brightness. It needs no transpose. For an operator that is not symmetric the model is Broyden's, and the method may rest away from the
 /// optimum; [`SolveOptions::surrogate`], which has a transpose, brings it nearer. All patterns are inside the box, except residuals, which

@@ -206,8 +206,7 @@ pub trait Surrogate: Send + Sync {
 /// The number of first products to which a surrogate is fitted. Later products correct it where it is wrong.
 const FITTED: usize = 16;
 
-/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products:
-/// `P̂ + (W − P̂ V) Vᵀ`.
+/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products: `P̂ + (W − P̂ V) Vᵀ`.
 #[derive(Clone)]
 pub(super) struct Corrected {
     surrogate: Arc<dyn Surrogate>,

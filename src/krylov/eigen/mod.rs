@@ -232,8 +232,7 @@ const NEAR: f64 = 1e3;
 
 /// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in it; `method`, `start` and
 /// `deflate` are ignored. After an error, `factorization` holds everything up to the product that failed, and another call continues from
-/// there.
-/// Fails with the errors of [`eigs()`].
+/// there. Fails with the errors of [`eigs()`].
 pub fn eigs_from<O: Operator + ?Sized>(
     factorization: &mut dyn Factorization,
     operator: &mut O,

@@ -10,8 +10,8 @@ use crate::operator::{Operator, Symmetry};
 
 /// A Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
 ///
-/// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`,
-/// off-diagonal `β`) and `v` the next basis vector,
+/// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal `β`) and `v` the next
+/// basis vector,
 ///
 /// ```text
 /// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
@@ -123,8 +123,8 @@ pub(super) fn check_symmetric(operator: &dyn Operator) -> Result<()> {
 
 /// A block Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
 ///
-/// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric
-/// with `b` diagonals beside the main one, and `W` the `p ≤ b` waiting vectors,
+/// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with `b` diagonals beside the
+/// main one, and `W` the `p ≤ b` waiting vectors,
 ///
 /// ```text
 /// A V = V T + W B,    [V W]ᵀ[V W] = I,    Qᵀ[V W] = 0
@@ -148,8 +148,7 @@ pub struct BlockLanczos {
 
 impl BlockLanczos {
     /// Starts a process from the vectors of `starts` (`b ≥ 1`, length `n` each) and leaves out dependent ones. The vectors of `deflate` are
-    /// projected out, as in [`crate::krylov::factor::Lanczos::new`].
-    /// Fails with the errors of [`crate::krylov::factor::Lanczos::new`].
+    /// projected out, as in [`crate::krylov::factor::Lanczos::new`]. Fails with the errors of [`crate::krylov::factor::Lanczos::new`].
     pub fn new(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(starts, deflate)? })
     }
@@ -215,8 +214,7 @@ impl Factorization for BlockLanczos {
 
 /// An Arnoldi factorization of any operator `A` of `n × n`, with full reorthogonalization.
 ///
-/// After `m` steps, with `V` of `n × m` orthonormal, `H` of `m × m` upper Hessenberg and `v` the next basis
-/// vector,
+/// After `m` steps, with `V` of `n × m` orthonormal, `H` of `m × m` upper Hessenberg and `v` the next basis vector,
 ///
 /// ```text
 /// A V = V H + h_{m+1,m} v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0

@@ -103,7 +103,6 @@ fn negligible(product: f64, a: &[f64], b: &[f64]) -> bool {
 
 /// Conjugate gradients squared: solves `A x = b` for any square `A` of `n × n`, preconditioned on the right.
 ///
-/// # Properties
 /// The method needs no transpose. An iteration takes two products, and the iterate moves with the second. `‖r‖` is erratic, so the best
 /// iterate is returned. The method ends with [`Breakdown`](crate::krylov::Status::Breakdown) if a divisor vanishes (for example for a
 /// skew-symmetric `A`). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned vectors, and a
@@ -182,7 +181,6 @@ impl Solver for Cgs {
 
 /// BiCGStab: solves `A x = b` for any square `A` of `n × n`, preconditioned on the right.
 ///
-/// # Properties
 /// The method needs no transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate direction,
 /// the second along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best iterate is returned. The method ends with
 /// [`Status::Breakdown`] if a divisor vanishes. The method stores nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned

@@ -133,7 +133,6 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
 /// With a symmetric positive definite `M` it is LSQR on `A M⁻¹`: it minimizes the true residual, and finds
 /// the nearest solution in the norm of `M²`.
 ///
-/// # Properties
 /// LSQR is equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically.
 /// It first takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the
 /// first. It ends where `‖Aᵀ r‖` vanishes (a least-squares solution). The method stores `b`, `r`, `u` and a
@@ -221,7 +220,6 @@ impl Solver for Lsqr {
 /// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead.
 /// The reported residual is the true one.
 ///
-/// # Properties
 /// LSMR is equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It first
 /// takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the second.
 /// It ends where `‖Aᵀ r‖` vanishes, at the least-squares solution nearest to the first iterate. The method

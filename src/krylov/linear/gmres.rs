@@ -13,7 +13,6 @@ use crate::operator::Adjoint;
 /// `‖M⁻¹ r‖`; it then also keeps the products, to report the true residual without a further product. The flexible form
 /// ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
 ///
-/// # Properties
 /// `‖r‖` (on the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. The method needs no transpose. A step takes one product; a
 /// restart takes none. The basis is orthonormal to working precision. The method ends with [`Status::Breakdown`] if the Krylov space is
 /// invariant and contains no solution (a singular `A`). After `k` steps since the last restart, the method stores `k + 1` basis vectors;

@@ -21,7 +21,6 @@ const RISE: f64 = 1e-14;
 /// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`. It is MINRES on
 /// `M^-½ A M^-½` without computing the roots, so symmetry is kept. With `M = D` this is symmetric scaling.
 ///
-/// # Properties
 /// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner this is the reported residual;
 /// with one, the best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs
 /// no product. A step takes one product. The method ends where `‖A r‖` vanishes (a least-squares solution of

@@ -62,8 +62,8 @@ pub struct SolveOptions {
     /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. The default `None` means zero, with the
     /// residual `b`. For the methods with bounds it means `b / diagonal`, clipped to the bounds.
     pub x0: Option<Vec<f64>>,
-    /// `M⁻¹`. Read by CG, MINRES, LSQR and LSMR (`M` must be symmetric positive definite), and by CGS,
-    /// BiCGStab, GMRES and FGMRES; the methods with bounds refuse one. Default none.
+    /// `M⁻¹`. Read by CG, MINRES, LSQR and LSMR (`M` must be symmetric positive definite), and by CGS, BiCGStab, GMRES and FGMRES; the
+    /// methods with bounds refuse one. Default none.
     pub preconditioner: Option<Arc<dyn Preconditioner>>,
     /// The side of the preconditioner. Read by GMRES; the other methods refuse [`Side::Left`] together with a preconditioner. Default
     /// right.
