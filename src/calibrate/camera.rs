@@ -175,13 +175,12 @@ fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) ->
 
 // The photon transfer curve: gain and read noise from pairs of equal frames.
 //
-// Two frames of one pattern at one exposure differ by noise alone. Half of the variance of their difference
-// is the variance of one frame, `σ² = σ_read² + s/gain`. Here `s` is the signal in linear DN above black,
-// and the gain is in electrons per DN. This is a line over `s` (Janesick, *Photon Transfer*, 2007; EMVA
-// 1288, section 6). The variance of rounding to counts, 1/12, is known. It is subtracted, because the noise
-// model of [`crate::measure`] adds it as a separate term.
+// Two frames of one pattern at one exposure differ by noise alone. The variance of one frame is half of the variance of their difference:
+// `σ² = σ_read² + s/gain`, where `s` is the signal in linear DN above black, and the gain is in electrons per DN. This is a line over `s`
+// (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The known variance of rounding to counts, 1/12, is subtracted, because the
+// noise model of [`crate::measure`] adds it as a separate term.
 
-/// A response with a slope below this, in linear DN per count, is flat.
+/// A response is flat when its slope is below this, in linear DN per count.
 const FLAT: f64 = 0.2;
 
 /// The variance of rounding, in squared counts.
@@ -197,8 +196,8 @@ pub(crate) struct Transfer {
     pub(crate) read_noise: MeasuredValue,
 }
 
-/// One bin: the mean signal in linear DN, the variance of one frame in linear DN², the squared slope of
-/// linear DN over counts, and the number of samples.
+/// One bin: the mean signal in linear DN, the variance of one frame in linear DN², the squared slope of linear DN over counts, and the
+/// number of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     signal: f64,
@@ -207,8 +206,7 @@ struct Point {
     samples: f64,
 }
 
-/// Fits the line to pairs of frames. The darkest pair should be as dark as possible. Samples of `limit` and
-/// more are left out.
+/// Fits the line to pairs of frames. The darkest pair should be as dark as possible. Samples of at least `limit` are left out.
 ///
 /// # Errors
 /// [`Error::Numerical`] when all pairs have the same brightness.
@@ -257,7 +255,7 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // If the inverse response is flat, its slope is not known well enough to convert the noise.
+        // Where the inverse response is flat, its slope is too uncertain to convert the noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
