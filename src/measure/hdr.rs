@@ -24,7 +24,7 @@ pub(crate) struct AveragedExposure {
     pub(crate) rounding: Vec<f64>,
     /// The variance of one take, from the differences between the takes, in linear DN². It is 0 for a single take.
     pub(crate) scatter: Vec<f64>,
-    /// Whether a sample was saturated in at least one take. Its mean then has no meaning.
+    /// Whether each sample was saturated in at least one take. The mean of such a sample has no meaning.
     pub(crate) saturated: Vec<bool>,
 }
 
