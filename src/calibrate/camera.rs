@@ -20,7 +20,6 @@ const DARK_PAIRS: usize = 4;
 /// The limit of saturation lies this many standard deviations of noise below the plateau.
 const MARGIN: f64 = 4.0;
 
-/// A calibrated camera.
 #[derive(Clone, Debug)]
 pub(crate) struct CalibratedCamera {
     pub(crate) linear: Linear,
@@ -31,10 +30,8 @@ pub(crate) struct CalibratedCamera {
     pub(crate) white_noise: f64,
 }
 
-/// Calibrates the camera. At `exposure` seconds, `white` fills the range.
-///
-/// # Errors
-/// [`Error::Rig`] when frames cannot be taken; [`Error::Numerical`] when they do not determine the camera's values.
+/// Calibrates the camera. At `exposure` seconds, `white` fills the range. Fails with [`Error::Rig`] when frames cannot be taken, and with
+/// [`Error::Numerical`] when they do not determine the camera's values.
 pub(crate) fn camera(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
@@ -196,8 +193,7 @@ pub(crate) struct Transfer {
     pub(crate) read_noise: MeasuredValue,
 }
 
-/// One bin: the mean signal in linear DN, the variance of one frame in linear DN², the squared slope of linear DN over counts, and the
-/// number of samples.
+/// One bin: mean signal in linear DN, variance of one frame in linear DN², squared slope of linear DN over counts, number of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     signal: f64,
@@ -207,9 +203,7 @@ struct Point {
 }
 
 /// Fits the line to pairs of frames. The darkest pair should be as dark as possible. Samples of at least `limit` are left out.
-///
-/// # Errors
-/// [`Error::Numerical`] when all pairs have the same brightness.
+/// Fails with [`Error::Numerical`] when all pairs have the same brightness.
 pub(crate) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> Result<Transfer> {
     let points: Vec<Point> = pairs.iter().flat_map(|pair| bins(pair, linear, limit)).collect();
     let mut estimate = [1.0, 1.0];

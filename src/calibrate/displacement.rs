@@ -42,11 +42,8 @@ pub struct Displacement {
     pub agreement: f64,
 }
 
-/// Measures the displacement of photos relative to their patterns. `pairs` are pairs of pattern and photo. Only pixels that are `used`
-/// count.
-///
-/// # Errors
-/// [`Error::Numerical`] when the photos do not show the patterns.
+/// Measures the displacement of photos relative to their patterns. `pairs` are pairs of pattern and photo. Only `used` pixels count. Fails
+/// with [`Error::Numerical`] when the photos do not show the patterns.
 pub(crate) fn displacement(
     size: Resolution,
     pairs: &[(Vec<f64>, Vec<f64>)],
@@ -209,8 +206,7 @@ pub(crate) const BLUR: f64 = 1.2;
 /// The standard deviation of the wide blur, in pixels. Global light varies more slowly than this width.
 const SLOW: f64 = 3.0;
 
-/// The band-pass of a picture: the difference of a narrow and a wide blur. Only the pixels that are `used` count. It is `None` when a blur
-/// has no width.
+/// The band-pass of a picture: the difference of a narrow and a wide blur. Only `used` pixels count. It is `None` when a blur has no width.
 pub(crate) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<Vec<f64>> {
     let of_used = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..size.pixels()).map(|pixel| if used[pixel] { of(pixel) } else { 0.0 }).collect()
@@ -225,8 +221,7 @@ pub(crate) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<V
     Some(fine?.iter().zip(slow?).map(|(fine, slow)| fine - slow).collect())
 }
 
-/// The value of a picture at a point, bilinear between pixels. Coordinates are in pixels from the centre of the first pixel. It is `None`
-/// outside the picture.
+/// The value of a picture at a point (bilinear), in pixels from the centre of the first pixel. It is `None` outside the picture.
 pub(crate) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Option<f64> {
     let inside = x >= 0.0 && y >= 0.0 && x <= size.width as f64 - 1.0 && y <= size.height as f64 - 1.0;
     if !inside {
@@ -341,7 +336,6 @@ mod tests {
         let (clean, used) = seen(|_| [0.2, -0.1]);
         let mut off = Vec::new();
         for _ in 0..40 {
-            // White noise has a standard deviation of a tenth of the contrast.
             let noisy = clean.iter().map(|value| {
                 let sum: f64 = (0..12).map(|_| random.random::<f64>() - 0.5).sum();
                 value + 0.1 * sum
@@ -352,8 +346,8 @@ mod tests {
         let mean = off.iter().map(|off| off.0).sum::<f64>() / 40.0;
         let spread = (off.iter().map(|off| (off.0 - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
         let stated = off.iter().map(|off| off.1).sum::<f64>() / 40.0;
-        // The stated error belongs to the corner and regards neighbours as correlated. It may be several times as large as the scatter, but
-        // not smaller.
+        // The stated error belongs to the corner and regards neighbours as correlated. It may be several times the scatter, but not
+        // smaller.
         assert!(stated > 0.8 * spread && stated < 20.0 * spread, "{stated} {spread}");
     }
 

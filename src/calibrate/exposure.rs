@@ -40,10 +40,8 @@ impl WhiteExposure {
 }
 
 /// The exposure in seconds at which the 98th percentile of the photo of `frame` is about 70 % of the camera's range. It is the longest
-/// exposure when that is too short.
-///
-/// # Errors
-/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest exposure shows nothing.
+/// exposure when that is too short. Fails with [`Error::Saturated`] when even the shortest exposure saturates, and with [`Error::Rig`] when
+/// the longest exposure shows nothing.
 pub(crate) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
     match search(session, frame)? {
         (exposure, WhiteExposure::Filled) => Ok(exposure),
@@ -200,12 +198,10 @@ mod tests {
             // 619 and 819 counts are near enough at once.
             (1950.0, &[start][..]),
             (2530.0, &[start]),
-            // The exposure changes in proportion, up and down.
             (1890.0, &[start, 709.0 / 1890.0]),
             (2750.0, &[start, 709.0 / 2750.0]),
             (100.0, &[start, 7.09]),
-            // Above nine tenths of the range, 922 counts, the photo may be saturated. The exposure is divided by five, then changed in
-            // proportion.
+            // Above 922 counts, nine tenths of the range, the photo may be saturated. The exposure is divided by five, then scaled.
             (2950.0, &[start, start / 5.0, 709.0 / 2950.0]),
             (7e4, &[start, start / 5.0, start / 25.0, 709.0 / 7e4]),
         ] {

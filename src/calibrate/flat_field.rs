@@ -1,7 +1,7 @@
 //! The brightness of the projector relative to the camera's, by the symmetry of the light transport.
 //!
-//! A coaxial rig with the vignetting `p` of its projector and `c` of its camera has the matrix `M = diag(c) A diag(p)` with a symmetric `A`.
-//! So `diag(q) M` is symmetric for `q = p / c`. The photos `y_j = M x_j` of smooth patterns then satisfy
+//! A coaxial rig with the vignetting `p` of its projector and `c` of its camera has the matrix `M = diag(c) A diag(p)` with a symmetric
+//! `A`. So `diag(q) M` is symmetric for `q = p / c`. The photos `y_j = M x_j` of smooth patterns then satisfy
 //!
 //! ```text
 //! Σ_i q_i (x_j(i) y_k(i) − x_k(i) y_j(i)) = 0        for each pair of patterns j, k
@@ -27,7 +27,6 @@ use crate::transport::Part;
 const WAVES: [[u32; 2]; 11] =
     [[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [2, 1], [1, 2], [2, 2], [3, 0], [0, 3]];
 
-/// The number of polynomials.
 const TERMS: usize = 6;
 
 /// The standard deviation of the coefficients that is expected before any measurement. Vignetting darkens corners by 0.1 to 0.3.
@@ -36,7 +35,6 @@ const EXPECTED: f64 = 0.2;
 /// The error of the responses, as a share of the light of an equation.
 const RESPONSE_ERROR: f64 = 5e-4;
 
-/// The brightness of the projector relative to the camera's.
 pub(crate) struct BrightnessRatio {
     /// The ratio at each of the projector's pixels.
     pub(crate) values: Vec<f64>,
@@ -44,8 +42,7 @@ pub(crate) struct BrightnessRatio {
     pub(crate) range: MeasuredValue,
 }
 
-/// Measures the ratio by photos of smooth patterns. `curves` are the projector's responses. `map_error` is the standard error of the pixel
-/// map, in projector pixels.
+/// Measures the ratio by photos of smooth patterns. `curves` are the projector's responses. `map_error` is in projector pixels.
 pub(crate) fn ratio(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -87,7 +84,6 @@ struct Photos {
     /// The standard error of the pixel map, in projector pixels.
     map_error: f64,
     photos: Vec<Vec<f64>>,
-    /// The variance of each photo's values.
     variance: Vec<Vec<f64>>,
 }
 
@@ -220,9 +216,8 @@ const DEGREE: usize = 6;
 /// The photo of an even sheet departs from the polynomial by at most this share of its light, root mean square.
 const EVEN: f64 = 0.05;
 
-/// Photographs a sheet under white and computes the brightness of both devices from the photo. The sheet is matte, has one colour, fills
-/// the view and stands square to the camera. `measurement` must not correct any uneven brightness. `known` is the factor between projector
-/// and camera.
+/// Computes the brightness of both devices from a photo of a sheet under white. The sheet is matte, has one colour, fills the view and
+/// stands square to the camera. `measurement` must not correct any uneven brightness. `known` is the factor between projector and camera.
 ///
 /// # Errors
 /// [`Error::Rig`] when the photo does not show an even sheet, and the errors of taking the photo.

@@ -1,8 +1,8 @@
 //! Weighted linear least squares of a few unknowns with their covariance, covariances of residuals whose errors are shared within groups,
 //! and isotonic regression.
 //!
-//! The rows are summed up as normal equations, because a fit can have a row for every pixel of a camera. A QR factorization would have to
-//! hold all rows.
+//! The rows are summed up as normal equations, because a fit can have a row for every pixel of a camera. A QR factorization would hold all
+//! rows.
 
 use std::collections::BTreeMap;
 
@@ -24,10 +24,8 @@ pub(crate) struct Normal {
     rhs: Vec<f64>,
 }
 
-/// A solution.
 #[derive(Clone, Debug)]
 pub(crate) struct Solution {
-    /// The unknowns.
     pub(crate) values: Vec<f64>,
     /// `(Σ w a aᵀ)⁻¹`, row by row. It is the covariance if the weights were `1/σ²`.
     pub(crate) covariance: Vec<f64>,
@@ -55,7 +53,6 @@ impl Normal {
         }
     }
 
-    /// Adds a row that is full.
     pub(crate) fn add_full(&mut self, row: &[f64], value: f64, weight: f64) {
         let row: Vec<(usize, f64)> = row.iter().copied().enumerate().collect();
         self.add(&row, value, weight);
@@ -69,9 +66,7 @@ impl Normal {
     }
 
     /// Solves by Cholesky factorization of the matrix, scaled to a diagonal of ones.
-    ///
-    /// # Errors
-    /// [`Error::Numerical`] when the rows do not determine every unknown.
+    /// Fails with [`Error::Numerical`] when the rows do not determine every unknown.
     pub(crate) fn solve(&self) -> Result<Solution> {
         let n = self.unknowns;
         let undetermined = |unknown: usize| {
@@ -126,8 +121,7 @@ impl Clusters {
         pull.iter_mut().zip(slopes).for_each(|(pull, slope)| *pull += weighted_residual * slope);
     }
 
-    /// The covariance of the parameters, row by row: the squares of the shifts by each group. `inverse` is the inverse of the normal
-    /// matrix.
+    /// The covariance of the parameters, row by row: the squares of the shifts by each group. `inverse` inverts the normal matrix.
     pub(crate) fn covariance(&self, inverse: &[f64]) -> Vec<f64> {
         let mut covariance = vec![0.0; PARAMETERS * PARAMETERS];
         for pull in self.0.values() {

@@ -30,8 +30,7 @@ const PATTERNS: usize = 8;
 /// A projector pixel with less than this share of the median light is not used.
 const DARK: f64 = 0.1;
 
-/// Measures how far the pixel map of `known` is off. It photographs black, white and one pattern (several in a small field) at `exposure`
-/// seconds.
+/// Measures how far the pixel map of `known` is off. Photographs black, white and one pattern (several in a small field) at `exposure` s.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when the photos do not show the pattern.
@@ -71,8 +70,7 @@ fn squares(size: Resolution, seed: u64) -> Vec<f64> {
     (0..size.pixels()).map(|pixel| of[square(pixel)]).collect()
 }
 
-/// The photo of a frame at each projector pixel, in linear DN summed over all channels. It is 0 at projector pixels that no camera pixel
-/// sees.
+/// The photo of a frame at each projector pixel, in linear DN summed over all channels. It is 0 where no camera pixel sees it.
 fn resampled(
     session: &mut CalibrationSession<'_>,
     known: &Calibration,
@@ -112,8 +110,7 @@ mod tests {
                     all += 1;
                 }
             }
-            // Two neighbours differ by chance, like tosses of a coin. There are at least 150 tosses, and the bound is four standard
-            // deviations of √(n/4).
+            // Two neighbours differ by chance, like tosses of a coin (at least 150). The bound is four standard deviations √(n/4).
             let bound = 4.0 * (all as f64 / 4.0).sqrt();
             for changes in [across, down] {
                 assert!((changes as f64 - 0.5 * all as f64).abs() < bound, "{changes} of {all}");
@@ -125,8 +122,7 @@ mod tests {
         }
     }
 
-    /// The camera looks one pixel further to the right and half a pixel further up than its map says. It has an offset and a curved
-    /// response.
+    /// The camera looks one pixel to the right of its map and half a pixel above it. It has an offset and a curved response.
     #[test]
     fn a_map_that_is_off_by_a_shift_is_found_through_black_and_response() {
         use crate::measure::CaptureRequest;

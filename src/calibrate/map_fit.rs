@@ -1,5 +1,4 @@
-//! A robust fit of the lens map to correspondences, some of which are wrong. RANSAC is followed by Gauss–Newton iteration with Tukey's
-//! weights.
+//! A robust fit of the lens map to partly wrong correspondences: RANSAC, then Gauss–Newton iteration with Tukey's weights.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -30,9 +29,7 @@ pub struct Fit {
 }
 
 /// Fits the map to correspondences, some of which may be wrong. They are expected to be off by about `spread` projector pixels.
-///
-/// # Errors
-/// [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
+/// Fails with [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
 pub(crate) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, spread: f64) -> Result<Fit> {
     let points: Vec<Point> = matches
         .iter()

@@ -51,11 +51,9 @@ use crate::measure::{Calibration, CameraResponse, FlatField, FrameSource, Stabil
 pub struct CalibrateOptions {
     /// The number of frames averaged for each level of the ramp and each pattern.
     pub takes: u32,
-    /// The largest number of levels that are shown, at least 3. `None` means 257, or 33 when more than half a second passes from one frame
-    /// to the next.
+    /// The largest number of levels that are shown, at least 3. `None` means 257, or 33 when frames are more than half a second apart.
     pub levels: Option<usize>,
-    /// The source of the pixel map. `None` means Gray codes, or a checkerboard when the camera has less than 1.5 pixels per projector pixel
-    /// along an axis.
+    /// The source of the pixel map. `None`: Gray codes, or a checkerboard below 1.5 camera pixels per projector pixel along an axis.
     pub map: Option<MapBy>,
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then can their uneven brightness be
     /// distinguished from the scene's brightness.
@@ -71,8 +69,7 @@ impl Default for CalibrateOptions {
 /// The settle time is this factor times the measured latency.
 const SETTLE_MARGIN: f64 = 1.25;
 
-/// Measures everything that a [`Calibration`] holds. `progress` is called with the name of each step before the step begins, and may stop
-/// the calibration.
+/// Measures everything that a [`Calibration`] holds. `progress` gets the name of each step in advance, and may stop the calibration.
 ///
 /// # Errors
 /// [`Error::Rig`] when the rig fails, or when its photos cannot be evaluated; [`Error::Interrupted`] when `progress` stops the calibration.
@@ -158,7 +155,6 @@ pub fn calibrate(
     Ok((calibration, report))
 }
 
-/// The report on one channel of the projector.
 fn figures(ramp: &Ramp) -> ProjectorFigures {
     ProjectorFigures {
         gamma: ramp.gamma,

@@ -140,8 +140,8 @@ fn masked(registration: &Registration) -> f64 {
 
 // The corners of a projected checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1).
 // The contrast `(p − q)/(p + q)` of the photos of a checkerboard and of its inverse does not depend on the scene's albedo. Each inner
-// corner is a saddle point of the contrast. Its centre is the saddle point of a quadratic polynomial fitted to the pixels around it
-// (Lucchese and Mitra 2002).
+// corner is a saddle point of the contrast. Its centre is the saddle point of a quadratic polynomial fitted around it (Lucchese and Mitra
+// 2002).
 
 /// The side of a square, in camera pixels.
 const SQUARE: f64 = 6.0;
@@ -173,8 +173,7 @@ pub(crate) fn corners(
     Ok(matches)
 }
 
-/// The saddle point near `near`, in camera pixels from the top left corner. It is `None` when there is none, or when too few pixels are
-/// lit.
+/// The saddle point near `near`, in camera pixels from the top left corner. It is `None` when there is none or too few pixels are lit.
 fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: f64) -> Option<[f64; 2]> {
     let mut at = near;
     for _ in 0..12 {

@@ -26,7 +26,6 @@ const SLOW: f64 = 0.5;
 /// The largest exposure of dark levels, as a multiple of white's exposure.
 const LONGER: f64 = 16.0;
 
-/// The response of one channel of the projector.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Ramp {
     /// The light of each level relative to the brightest level. The light of level 0 is subtracted from both.
@@ -45,10 +44,7 @@ pub(crate) struct Ramp {
     pub(crate) white_error: f64,
 }
 
-/// Measures the response of one channel of the projector.
-///
-/// # Errors
-/// [`Error::Rig`] when white is no brighter than black.
+/// Measures the response of one channel of the projector. Fails with [`Error::Rig`] when white is no brighter than black.
 pub(crate) fn ramp(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -114,8 +110,8 @@ fn levels(top: u16, most: usize) -> Vec<u16> {
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
-/// The light `lit − dark` relative to `white − base`, with its standard error. `lit` and `dark` share one exposure, `white` and `base`
-/// another.
+/// The light `lit − dark` relative to `white − base`, with its standard error. `lit` and `dark` share an exposure, so do `white` and
+/// `base`.
 fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for sample in 0..lit.counts.len() {
@@ -141,7 +137,6 @@ fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &M
     Ok((rate / norm, variance.sqrt() / lit.exposure / norm))
 }
 
-/// The light of black relative to the light of white.
 fn black_share(model: &CameraModel, white: &Mean, base: &Mean) -> MeasuredValue {
     let sum = |mean: &Mean| mean.counts.iter().map(|&count| model.linear.of(count)).sum::<f64>();
     let [white_sum, base_sum] = [white, base].map(sum);
@@ -182,8 +177,7 @@ fn finish(
     Ok(Ramp { curve, error, gamma, gamma_residual, black, whites, white_error })
 }
 
-/// Interpolates the light of each level from the levels in `knots`. The interpolation is linear in `light^(1/γ)`, which is nearly linear in
-/// the level.
+/// Interpolates the light of each level from `knots`. The interpolation is linear in `light^(1/γ)`, which is nearly linear in the level.
 fn interpolated(knots: &[(f64, f64)], top: f64, gamma: f64) -> Vec<f64> {
     let levels = (0..=top as usize).map(|level| level as f64 / top);
     if knots.len() as f64 > top {
@@ -233,9 +227,7 @@ fn at(points: &[(f64, f64)], x: f64) -> f64 {
 
 /// The relative change per hour of `whites` (seconds, light). `error` is the relative standard error of each. The error of the result is
 /// scaled up where the residuals of the line are larger than `error`.
-///
-/// # Errors
-/// [`Error::Numerical`] when all photos were taken at the same time.
+/// Fails with [`Error::Numerical`] when all photos were taken at the same time.
 pub(crate) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<MeasuredValue> {
     let start = whites.first().map_or(0.0, |white| white.0);
     let hours = |time: f64| (time - start) / 3600.0;

@@ -73,8 +73,8 @@ pub struct MapFigures {
     pub lens: Option<LensMap>,
     /// The number of points that the map was fitted to.
     pub points: usize,
-    /// The root mean square distance of these points from the map, in projector pixels. Gray codes give whole pixels, so their distance is
-    /// at least 0.41.
+    /// The root mean square distance of these points from the map, in projector pixels. With Gray codes, which give whole pixels, it is at
+    /// least 0.41.
     pub rms: f64,
     /// The standard error of the map, root mean square over the field, in projector pixels.
     pub error: f64,

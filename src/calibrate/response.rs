@@ -1,17 +1,14 @@
-//! The camera's response, from counts of constant light at several exposures (O'Toole and Kutulakos, section
-//! 8.1).
+//! The camera's response, from counts of constant light at several exposures (O'Toole and Kutulakos, section 8.1).
 //!
-//! The signal of light `L` at exposure `e` is `L e`, and exposures are known. The inverse response `g` makes
-//! the counts of each pixel proportional to the exposure: `g(count) = L e`. This is the method of Debevec and
-//! Malik (1997), with `g` in place of its logarithm, which a black level and ambient light would disturb.
-//! Pixels with similar light are first averaged in groups.
+//! The signal of light `L` at exposure `e` is `L e`, and exposures are known. The inverse response `g` makes the counts of each pixel
+//! proportional to the exposure: `g(count) = L e`. This is the method of Debevec and Malik (1997), with `g` in place of its logarithm,
+//! which a black level and ambient light would disturb. Pixels with similar light are first averaged in groups.
 
 use super::least_squares::Normal;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
-/// The number of groups. The last group holds all pixels under black. The other groups hold the pixels sorted
-/// by their light under white.
+/// The number of groups. The last group holds all pixels under black. The other groups hold the pixels sorted by their light under white.
 const GROUPS: usize = 25;
 
 /// The number of knots of the inverse response over the range of counts.
@@ -26,11 +23,9 @@ struct Point {
     group: usize,
     exposure: f64,
     count: f64,
-    /// The standard error of the count.
     error: f64,
 }
 
-/// The response that follows from an exposure series.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FittedResponse {
     /// The extrapolated count without light.
@@ -45,9 +40,8 @@ pub(crate) struct FittedResponse {
 
 /// Fits the response to frames of white and of black at several exposures.
 ///
-/// Pixels are grouped by `sorting`, a photo of white that is not among these frames. A group is left out at
-/// an exposure where one of its samples is at least `limit`. `full` is the largest count, and `floor`
-/// approximates the black level.
+/// Pixels are grouped by `sorting`, a photo of white that is not among these frames. A group is left out at an exposure where one of its
+/// samples is at least `limit`. `full` is the largest count, and `floor` approximates the black level.
 pub(crate) fn response(
     whites: &[RawFrame],
     blacks: &[RawFrame],
@@ -71,7 +65,6 @@ pub(crate) fn response(
     })
 }
 
-/// The mean counts of all groups at all exposures.
 fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f64) -> Vec<Point> {
     let mut order: Vec<usize> = (0..sorting.counts.len()).collect();
     let everywhere = order.clone();
@@ -92,14 +85,12 @@ fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Optio
     }
     let number = samples.len() as f64;
     let count = counts().sum::<f64>() / number;
-    // The shot noise belongs to a camera with one electron per DN. Real cameras have more electrons per DN
-    // and so less noise.
+    // The shot noise belongs to a camera with one electron per DN. Real cameras have more electrons per DN and so less noise.
     let error = ((1.0 + count) / number).sqrt().max(0.02);
     Some(Point { group, exposure: frame.exposure, count, error })
 }
 
-/// Fits one line per group with a common intercept. Returns the intercept, its standard error, and the
-/// largest departure from the lines.
+/// Fits one line per group with a common intercept. Returns the intercept, its standard error, and the largest departure from the lines.
 fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     let mut normal = Normal::new(1 + GROUPS);
     let mut seen = [0; GROUPS];
@@ -120,8 +111,7 @@ fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     Ok((found.values[0], found.error(0), largest / range))
 }
 
-/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best. This first estimate of the
-/// response gives the weights.
+/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best. This first estimate of the response gives the weights.
 fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for group in 0..GROUPS {
@@ -164,8 +154,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
         normal.add(&row, 0.0, (point.error * slope(point.count)).powi(-2));
     }
-    // The scale is arbitrary: the largest count keeps its value. The slope should change as little as
-    // possible between and beyond the data.
+    // The scale is arbitrary: the largest count keeps its value. The slope should change as little as possible between and beyond the data.
     let largest = points.iter().map(|point| point.count).fold(dark, f64::max);
     let (at, share) = place(largest);
     normal.add(&[(at, 1.0 - share), (at + 1, share)], largest - dark, 1e6);
@@ -188,8 +177,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let (at, share) = place(count);
         values[at] + share * (values[at + 1] - values[at])
     };
-    // A curve that is flat at its beginning cannot be extrapolated. Black is then the count of the darkest
-    // frames.
+    // A curve that is flat at its beginning cannot be extrapolated. Black is then the count of the darkest frames.
     let first = (values[1] - values[0]) / (knots[1] - knots[0]);
     let black = if first > 0.2 { knots[0] - values[0] / first } else { dark };
     Ok((black, (0..=full as usize).map(|count| light(count as f64)).collect()))

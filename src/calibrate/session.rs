@@ -28,7 +28,6 @@ pub(crate) struct Mean {
     pub(crate) exposure: f64,
     /// The middle of the exposures, in seconds on the rig's clock.
     pub(crate) time: f64,
-    /// The number of averaged frames.
     pub(crate) takes: u32,
 }
 
@@ -53,12 +52,10 @@ impl<'a> CalibrationSession<'a> {
         self.frames.set_settle(seconds);
     }
 
-    /// The brightest level.
     pub(crate) fn top(&self) -> u16 {
         ((1_u32 << self.projector().bits) - 1) as u16
     }
 
-    /// The largest count of the camera.
     pub(crate) fn full(&self) -> f64 {
         ((1_u32 << self.camera().bits) - 1).into()
     }
@@ -175,7 +172,6 @@ impl Linear {
 /// How photos are taken and converted to light: exposure, takes, response and noise.
 #[derive(Clone, Debug)]
 pub(crate) struct CameraModel {
-    /// The response: linear DN of a count.
     pub(crate) linear: Linear,
     /// Electrons per linear DN.
     pub(crate) gain: f64,
@@ -185,7 +181,6 @@ pub(crate) struct CameraModel {
     pub(crate) limit: f64,
     /// The exposure at which white fills the range, in seconds.
     pub(crate) exposure: f64,
-    /// The number of frames averaged for each photo.
     pub(crate) takes: u32,
 }
 
@@ -197,8 +192,8 @@ impl CameraModel {
 }
 
 // The latency of the projector: the time from the confirmation of a frame until all of its light and none of the previous frame's light is
-// there. White is shown after black and photographed after waits of different lengths. While black is still part of the exposure, the photo
-// has less light than white.
+// there. White is shown after black and photographed after waits of different lengths. While black is part of the exposure, the photo has
+// less light.
 
 /// The shortest wait above zero that is tried, in seconds.
 const SHORTEST: f64 = 1e-3;
@@ -206,7 +201,6 @@ const SHORTEST: f64 = 1e-3;
 /// The longest wait that is tried, in seconds. It is also the wait before the latency is known.
 pub(crate) const CAREFUL: f64 = 1.0;
 
-/// The result of the sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Latency {
     /// Seconds until all light is there. The error is half of the last interval of the search.

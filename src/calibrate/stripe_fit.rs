@@ -24,7 +24,6 @@ use crate::measure::lens_map::{LensMap, PARAMETERS, centre, evaluate, half_diago
 /// About this many camera pixels are used. They are drawn at random where the camera has more.
 const MOST: f64 = 40_000.0;
 
-/// The largest number of Gauss–Newton steps.
 const STEPS: usize = 20;
 
 /// The iteration ends when a step moves the map by less than this many projector pixels.
@@ -61,9 +60,7 @@ impl Equations {
 }
 
 /// Fits the map to the stripes, starting from a map that is right to about a pixel.
-///
-/// # Errors
-/// [`crate::Error::Numerical`] when too few camera pixels see the edges of stripes.
+/// Fails with [`crate::Error::Numerical`] when too few camera pixels see the edges of stripes.
 pub(crate) fn refined(first: &Fit, decoded: &Decoded) -> Result<Fit> {
     let mut map = first.map.clone();
     let pixels = chosen(decoded);

@@ -1,5 +1,4 @@
-//! Gray codes, and structured light without a whole calibration. It can be repeated as often as needed while
-//! a bench is set up.
+//! Gray codes, and structured light without a whole calibration. It can be repeated as often as needed while a bench is set up.
 
 use super::camera::transfer;
 use super::exposure::{WhiteExposure, fill, search};
@@ -12,8 +11,7 @@ use crate::measure::lens_map::{Match, centre};
 use crate::measure::{CameraResponse, FrameSource};
 use crate::rig::RawFrame;
 
-/// Without a known calibration, the noise is measured from this many pairs of equal frames at each of three
-/// brightnesses.
+/// Without a known calibration, the noise is measured from this many pairs of equal frames at each of three brightnesses.
 const PAIRS: usize = 2;
 
 /// Without a known calibration, counts of at least this share of the range are regarded as saturated.
@@ -69,8 +67,7 @@ impl<'a> StructuredLight<'a> {
         Ok(Self { session, model })
     }
 
-    /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera
-    /// has such an exposure.
+    /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera has such an exposure.
     pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
@@ -125,21 +122,18 @@ impl<'a> StructuredLight<'a> {
 
 // Gray codes: which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
 //
-// The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera
-// pixel reads a bit by comparing the two photos. Global light is nearly the same in both, because it does not
-// resolve fine stripes. A pixel is left out when its direct light does not decide a bit. The difference of
-// the two photos must be a sufficient part of the direct light, which the finest stripes measure (after Xu
-// and Aliaga 2007).
+// The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera pixel reads a bit by comparing
+// the two photos. Global light is nearly the same in both, because it does not resolve fine stripes. A pixel is left out when its direct
+// light does not decide a bit. The difference of the two photos must be a sufficient part of the direct light, which the finest stripes
+// measure (after Xu and Aliaga 2007).
 
-/// A bit is decided only when the difference of pattern and inverse is at least this share of the direct
-/// light.
+/// A bit is decided only when the difference of pattern and inverse is at least this share of the direct light.
 const DECIDED: f64 = 0.25;
 
 /// A bit is decided only when the difference is at least this many standard deviations of its noise.
 pub(crate) const SIGMAS: f64 = 5.0;
 
-/// A camera pixel is lit when it has at least this share of the median light. The median is over all pixels
-/// that stand out from the noise.
+/// A camera pixel is lit when it has at least this share of the median light. The median is over all pixels that stand out from the noise.
 const LIT: f64 = 0.02;
 
 /// A decoded camera pixel: the projector coordinates that it sees.
@@ -166,8 +160,7 @@ pub struct Decoded {
     pub lit: Vec<bool>,
     /// The share of lit pixels that were not decoded.
     pub unreliable: f64,
-    /// The number of projector pixels per step of the decoded coordinates. It exceeds 1 when fine bits were
-    /// left out.
+    /// The number of projector pixels per step of the decoded coordinates. It exceeds 1 when fine bits were left out.
     pub step: usize,
     /// The light of white minus the light of black.
     pub white: Vec<f64>,
@@ -194,12 +187,10 @@ pub struct Stripes {
     pub difference: Vec<f64>,
 }
 
-/// Bit `shift` of the Gray code of `index`.
 pub(crate) fn gray_bit(index: usize, shift: u32) -> bool {
     ((index ^ (index >> 1)) >> shift) & 1 == 1
 }
 
-/// The index whose Gray code is `code`.
 pub(crate) fn from_gray(code: usize) -> usize {
     let (mut index, mut rest) = (0, code);
     while rest != 0 {
@@ -264,8 +255,7 @@ pub(crate) fn gray_code(
                 undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
             }
             let index = from_gray(code);
-            // A pixel that sees the edge between two steps may leave the bit undecided that distinguishes
-            // them.
+            // A pixel that sees the edge between two steps may leave the bit undecided that distinguishes them.
             if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
                 return None;
             }

@@ -1,5 +1,4 @@
-//! The calibration of a rig: responses of the devices, noise of the camera, pixel map, uneven brightness and stability (O'Toole and
-//! Kutulakos, section 8.1).
+//! The calibration of a rig: responses, camera noise, pixel map, uneven brightness and stability (O'Toole and Kutulakos, section 8.1).
 
 use super::footprint::by_overlap;
 use super::lens_map::LensMap;
@@ -203,7 +202,6 @@ impl FlatField {
         }
     }
 
-    /// The pattern to show for `x`.
     pub(crate) fn pattern(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
@@ -262,8 +260,7 @@ mod tests {
                         .map(|entry| entry.1.abs())
                         .sum()
                 };
-                // One of at least two camera pixels along each side lies almost inside. A mean of all had 0.1 to 0.3 of the neighbours'
-                // light.
+                // One of two or more camera pixels along each side lies almost inside. A mean of all had 0.1 to 0.3 from neighbours.
                 assert!(of(true) > 0.97 && of(false) < 0.05, "{width}x{height} {pixel}: {row:?}");
             }
         }

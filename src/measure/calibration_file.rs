@@ -76,7 +76,7 @@ struct Steadiness {
 }
 
 impl Calibration {
-    /// Writes the calibration into `folder`, which is created if necessary. `calibration.toml` is written last, so a folder that has one is
+    /// Writes the calibration into `folder`, which is created if necessary. `calibration.toml` is written last: a folder with one is
     /// complete.
     ///
     /// # Errors
@@ -107,8 +107,8 @@ impl Calibration {
     /// Reads the calibration in `folder`.
     ///
     /// # Errors
-    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with the name of the record when
-    /// the checksum is wrong.
+    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or of the record when the checksum is
+    /// wrong.
     pub fn load(folder: &Path) -> Result<Self> {
         file::follow_no_links_below(folder);
         let path = folder.join(RECORD);

@@ -51,7 +51,6 @@ const STEPS: [usize; 2] = [4, 12];
 pub(crate) struct DirectMatrix {
     /// `d` and its variance for each of the camera's channels.
     planes: Vec<Plane>,
-    /// The uncertainty of the blur.
     doubt: BlurDoubt,
     /// The spread `K` of the projector's pixels. It is `None` when no spread was found.
     blur: Option<Blur>,
@@ -94,8 +93,7 @@ impl DirectMatrix {
         of_pixels.sqrt().hypot(self.doubt.error * of_blur)
     }
 
-    /// Row `pixel` of the matrix of one channel: columns in ascending order with their weights. Weights below [`SMALLEST`] of the largest
-    /// are left out.
+    /// Row `pixel` of one channel's matrix: ascending columns with their weights. Weights below [`SMALLEST`] of the largest are left out.
     pub(crate) fn row(&self, channel: usize, pixel: usize) -> Vec<Entry> {
         let direct = &self.planes[channel].values;
         let own = [(pixel as u32, 1.0)];
@@ -117,19 +115,15 @@ impl DirectMatrix {
     }
 }
 
-/// The photos of the patterns for direct light.
 pub(crate) struct DirectPhotos<'a> {
     pub(crate) registration: &'a Registration,
-    /// The photos, one for each pattern.
     pub(crate) rate_frames: &'a [&'a RateFrame],
     /// The patterns that were shown, for each of the camera's channels.
     pub(crate) shown: &'a [Vec<Vec<f64>>],
-    /// The black photo.
     pub(crate) blacks: &'a BlackPhotos,
 }
 
 impl DirectPhotos<'_> {
-    /// Fits the direct light of all channels.
     pub(crate) fn fit(&self) -> DirectMatrix {
         let spread =
             self.registration.lens.as_ref().map(|lens| Arc::new(Spread::new(self.registration, lens)));

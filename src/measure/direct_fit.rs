@@ -20,8 +20,7 @@ pub(crate) struct DirectFit<'a> {
 }
 
 impl<'a> DirectFit<'a> {
-    /// Fits without the spread, which is exact when there is no spread. The mean is already subtracted from `photos`, but not from the
-    /// patterns in `shown`.
+    /// Fits without the spread, which is exact when there is no spread. The mean is already subtracted from `photos`, but not from `shown`.
     ///
     /// Pixels that are not `lit` by any pattern have no direct light. A blur gives them a trace of their neighbours' light, and the camera
     /// pixels at a silhouette may see a trace of them. A fit to both would explain every error of the photos there by an enormous `d`.
@@ -264,7 +263,6 @@ mod tests {
         without_mean(shown.iter().map(photo).collect())
     }
 
-    /// Direct light that differs at every pixel.
     fn uneven(count: usize) -> Vec<f64> {
         (0..count).map(|pixel| 1.0 + (pixel * 7 % 11) as f64 / 10.0).collect()
     }
@@ -339,8 +337,7 @@ mod tests {
     }
 
     /// At a silhouette, the camera sees a trace of a pixel that is never lit, and the projector's blur sends a trace of light there. Errors
-    /// of the photos, such as a map that is off by a hundredth of a pixel, must not become direct light of that pixel or spoil its
-    /// neighbours.
+    /// of the photos, such as a map that is off by 0.01 pixels, must not become direct light there or spoil the neighbours.
     #[test]
     fn pixels_that_are_never_lit_explain_nothing() {
         let resolution = Resolution::new(12, 10);

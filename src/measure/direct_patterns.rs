@@ -14,7 +14,6 @@ const RESOLVES: usize = 4;
 /// The number of photos of codes. It equals the number of photos of shifted squares.
 const CODES: usize = 8;
 
-/// A set of patterns for direct light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DirectPatterns {
     /// Near pixels are lit by different codes.
@@ -24,8 +23,7 @@ pub(crate) enum DirectPatterns {
 }
 
 impl DirectPatterns {
-    /// The patterns that suit a pixel map. Calibrations without a map of the lens took their runs with squares of four pixels, and these
-    /// runs can still be queried.
+    /// The patterns that suit a pixel map. Runs with a calibration without a lens map used squares of four pixels and can still be queried.
     pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
@@ -53,8 +51,8 @@ pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 
     (0..resolution.pixels()).map(lit).collect()
 }
 
-/// The shifted checkerboards. The shift is half a square, so each pixel is well inside a bright square at least once, and well inside a
-/// dark square at least once.
+/// The shifted checkerboards. The shift is half a square, so each pixel is well inside a bright square and well inside a dark one at least
+/// once.
 fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
     let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));
     shifts(side)
@@ -66,8 +64,8 @@ fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
 //
 // The code of a pixel is the set of photos in which it is lit, a row of a Hadamard matrix. Two different codes are orthogonal. Light from a
 // pixel with another code therefore cancels exactly in the correlation of the photos with the pixel's code. Pixels with the same code are
-// about `√photos` pixels apart. The codes are inverted in every second row of the picture, so that even global light from pixels with the
-// same code cancels.
+// about `√photos` pixels apart. Every second row of the picture has inverted codes, so that even global light from pixels with the same
+// code cancels.
 
 /// The patterns of `photos` photos, a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0 elsewhere.
 pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Item = Vec<f64>> {

@@ -27,7 +27,6 @@ use crate::image::Resolution;
 use crate::rig::{Frame, ProjectorInfo};
 use crate::transport::Part;
 
-/// Converts patterns to a projector's frames.
 #[derive(Clone, Debug)]
 pub(crate) struct Display {
     resolution: Resolution,
@@ -37,7 +36,6 @@ pub(crate) struct Display {
     thresholds: Vec<f64>,
 }
 
-/// A frame and the pattern of light that it shows.
 #[derive(Clone, Debug)]
 pub(crate) struct Displayed {
     pub(crate) frame: Arc<Frame>,
@@ -171,8 +169,7 @@ impl Displayed {
     }
 }
 
-// The bit-plane stage: a pattern of more levels than the projector has is shown as a weighted sum of several frames (O'Toole and Kutulakos,
-// section 7.2).
+// The bit-plane stage: a weighted sum of frames shows more levels than the projector has (O'Toole and Kutulakos, section 7.2).
 //
 // Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between levels. The first of `K` frames has
 // weight `w = 1/(1+δ)` and shows the level below `x / w`. The remainder is at most `w δ` at every pixel, and is a pattern of that range for
@@ -183,7 +180,6 @@ impl Displayed {
 // `t/K` seconds instead of one of `t`, the standard deviation due to read noise grows by the factor `K √Σ w_k²`
 // ([`bit_plane_amplification`]). In little light, more frames can therefore be worse than fewer.
 
-/// A frame and its weight in the sum.
 #[derive(Clone, Debug)]
 pub(crate) struct BitPlane {
     pub(crate) weight: f64,
@@ -204,15 +200,14 @@ pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
     bit_plane_weights
 }
 
-/// The growth factor of the standard deviation when one photo is divided into frames of these weights, at equal total exposure and with
-/// read noise alone.
+/// The growth of the standard deviation when frames of these weights replace one photo, at equal total exposure, with read noise alone.
 pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
     bit_plane_weights.len() as f64
         * bit_plane_weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
 }
 
-/// Decomposes the pattern `target` into `count` frames. `target` has one plane for all channels, or one plane per channel. Frames without
-/// light are left out.
+/// Decomposes the pattern `target` into `count` frames. `target` has one plane for all channels or one per channel. Dark frames are left
+/// out.
 pub(crate) fn decompose(
     display: &Display,
     target: &[Vec<f64>],

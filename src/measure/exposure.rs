@@ -171,8 +171,7 @@ mod tests {
 
     #[test]
     fn the_brightest_pixel_comes_to_four_fifths_of_saturation() {
-        // The search begins at the geometric mean of the range. A photo of 3 % of the range is too dark to predict from, and the next one
-        // has 80 %.
+        // The search begins at the geometric mean of the range. A photo of 3 % of the range is too dark. The next one has 80 %.
         let (chosen, asked) = Scene::of(&[100.0, 25.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[7.92]) && near(&asked, &[0.1_f64.sqrt(), 7.92]),
@@ -244,7 +243,6 @@ mod tests {
         assert!(near(&brackets(&[100.0, 395.0 / 7.92], 5), &[7.92, 31.68]));
         // In the second exposure, a pixel of 25 has 792 counts, and the other one is saturated.
         assert!(near(&brackets(&[100.0, 25.0], 5), &[7.92, 31.68]));
-        // A pixel that is not used may stay dark.
         let scene = Scene { used: vec![true, true, false], ..Scene::of(&[100.0, 60.0, 0.01]) };
         assert!(near(&scene.choose(5).0.expect("there is light"), &[7.92]));
     }

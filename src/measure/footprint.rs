@@ -212,9 +212,8 @@ pub(crate) struct Overlaps<'a> {
 }
 
 impl Overlaps<'_> {
-    /// The camera pixels that are used for a projector pixel, with their overlaps, in ascending order. These are the camera pixels that
-    /// overlap it. If they are few, none may lie inside it. The surrounding camera pixels, with an overlap of 0, then show how much light
-    /// of the neighbours they see.
+    /// The camera pixels for a projector pixel, with their overlaps, in ascending order. If few overlap it, none may lie inside it. The
+    /// surrounding camera pixels, with an overlap of 0, then show how much light of the neighbours they see.
     fn around(&self, pixel: usize) -> Vec<Entry> {
         let own = &self.rows[pixel];
         if own.len() >= ENOUGH {

@@ -1,5 +1,4 @@
-//! Makes one photo on the camera's pixels from repeated takes at several exposures: averaging, ambient light, and merging (O'Toole and
-//! Kutulakos, sections 7.2 and 8.2).
+//! From takes at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and 8.2).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -93,7 +92,6 @@ impl AveragedExposure {
 // The black photo shows the light of the room, the projector's black level and the camera's dark current. It is taken at each exposure,
 // because all three grow with the exposure. The differences are not clipped: without light, half of them are negative.
 
-/// The black photo at each exposure, and the variance of its rate.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BlackPhotos {
     /// The photos, the shortest exposure first. There are none when ambient light is not subtracted.
@@ -154,8 +152,7 @@ pub(crate) struct RateFrame {
     pub(crate) values: Vec<f64>,
     /// The variances of the rates. They leave out the black photo, which all photos share.
     pub(crate) variance: Vec<f64>,
-    /// The share of each exposure's black rate that was subtracted, one plane per exposure. It is `None` for a single exposure, whose share
-    /// is 1.
+    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, with a share of 1.
     pub(crate) shares: Option<Vec<Vec<f64>>>,
     /// The factor of the drift correction. The shares must be multiplied by it.
     pub(crate) scale: f64,

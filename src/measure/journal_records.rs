@@ -1,7 +1,6 @@
 //! The records of a journal: raw frames, patterns and devices as bytes.
 //!
-//! The metadata is JSON. Numbers of 64-bit precision are strings in it, as the shortest decimal that reads
-//! back as the same bits.
+//! The metadata is JSON. Numbers of 64-bit precision are strings in it, as the shortest decimal that reads back as the same bits.
 
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -92,8 +91,7 @@ pub struct JournaledPhoto {
 }
 
 impl JournaledPhoto {
-    /// Reads the photo with this key. The result is `None` when its record or the record of its pattern is
-    /// damaged.
+    /// Reads the photo with this key. The result is `None` when its record or the record of its pattern is damaged.
     pub(crate) fn read(journal: &mut Journal, key: Key) -> Result<Option<Self>> {
         let Some(stored) = journal.get(key)? else { return Ok(None) };
         let note =

@@ -10,8 +10,7 @@ use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig is then in
-/// exactly the same state.
+/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig is then in exactly the same state.
 pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
 /// A frame source with a journal. A frame in the journal is read from it. Any other frame is taken by the
@@ -138,7 +137,6 @@ impl<'a> JournaledFrames<'a> {
         Ok(Some(frame))
     }
 
-    /// Writes the pattern again if its record is damaged.
     fn repair_pattern(&mut self, pattern: &[u8]) -> Result<()> {
         let key = Key::of(&[b"pattern", pattern]);
         if self.journal.is_writable() && self.journal.get(key)?.is_none() {
@@ -238,8 +236,7 @@ impl FrameSource for JournaledFrames<'_> {
         let (after, before) = self.order.place(key, self.last);
         let (mut frame, mut stamp) = self.take(request, after)?;
         if before.is_some_and(|next| stamp.id >= next) {
-            // The frame number does not fit into the gap, so the photo cannot replace the lost one. It is
-            // taken at the end.
+            // The frame number does not fit into the gap, so the photo cannot replace the lost one. It is taken at the end.
             (frame, stamp) = self.take(request, self.order.last())?;
         }
         frame.check()?;
@@ -296,8 +293,7 @@ impl CaptureOrder {
             let later = photos.iter().filter(|(offset, stamp, _)| {
                 *offset > damage.offset && from.is_none_or(|from| stamp.id > from)
             });
-            // A lost record at the end does not make a gap, because the next photo comes after it in any
-            // case.
+            // A lost record at the end does not make a gap, because the next photo comes after it in any case.
             Some((from, later.map(|(_, stamp, _)| stamp.id).next()?))
         });
         let gaps = gaps.collect();

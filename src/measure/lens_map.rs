@@ -1,10 +1,8 @@
-//! The map from camera to projector coordinates: radial distortion followed by a homography (O'Toole and
-//! Kutulakos, section 8.1).
+//! The map from camera to projector coordinates: radial distortion followed by a homography (O'Toole and Kutulakos, section 8.1).
 //!
-//! The devices of a coaxial rig have the same centre of projection, so a homography relates the two pinholes.
-//! Lenses add a distortion that is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the centre of
-//! the camera's raster, with `r = 1` at its corner. Coordinates are in pixels from the top left corner of the
-//! raster, so the centre of pixel `(i, j)` is at `(i + ½, j + ½)`.
+//! The devices of a coaxial rig have the same centre of projection, so a homography relates the two pinholes. Lenses add a distortion that
+//! is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the centre of the camera's raster, with `r = 1` at its corner. Coordinates
+//! are in pixels from the top left corner of the raster, so the centre of pixel `(i, j)` is at `(i + ½, j + ½)`.
 
 use crate::image::Resolution;
 
@@ -52,8 +50,7 @@ impl LensMap {
         denormalized(at, self.projector)
     }
 
-    /// The camera point that sees a projector point, by Newton's method. It is `None` when the method does
-    /// not converge.
+    /// The camera point that sees a projector point, by Newton's method. It is `None` when the method does not converge.
     pub fn to_camera(&self, projector: [f64; 2]) -> Option<[f64; 2]> {
         let mut camera = [self.camera.width as f64 / 2.0, self.camera.height as f64 / 2.0];
         for _ in 0..50 {
@@ -113,8 +110,7 @@ fn denormalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     [x * unit + 0.5 * raster.width as f64, y * unit + 0.5 * raster.height as f64]
 }
 
-/// Maps a normalized camera point. Returns the projector point and its derivatives with respect to the
-/// parameters, one row per coordinate.
+/// Maps a normalized camera point. Returns the projector point and its derivatives with respect to the parameters, one row per coordinate.
 pub(crate) fn evaluate(p: &[f64; PARAMETERS], [x, y]: [f64; 2]) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
     let square = x * x + y * y;
     let factor = 1.0 + square * (p[8] + square * p[9]);
@@ -142,8 +138,7 @@ mod tests {
 
     const P: [f64; PARAMETERS] = [1.1, 0.2, 0.05, -0.15, 0.9, -0.1, 0.3, -0.25, -0.2, 0.1];
 
-    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), at a depth
-    /// of 1.342.
+    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), at a depth of 1.342.
     #[test]
     fn a_point_is_distorted_then_mapped_and_both_as_written_above() {
         let (at, _) = evaluate(&P, [0.6, -0.8]);
@@ -168,8 +163,7 @@ mod tests {
                 let (more, less) = (moved(1e-5), moved(-1e-5));
                 for axis in 0..2 {
                     let slope = (more[axis] - less[axis]) / 2e-5;
-                    // The error of a central difference is the square of the step, plus rounding divided by
-                    // the step.
+                    // The error of a central difference is the square of the step, plus rounding divided by the step.
                     assert!((slopes[axis][parameter] - slope).abs() < 1e-8, "{parameter} {axis}");
                 }
             }

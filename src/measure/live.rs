@@ -1,10 +1,8 @@
-//! Raw frames from open devices. Each returned frame was exposed while its pattern was on screen, and no
-//! frame is returned twice.
+//! Raw frames from open devices. Each returned frame was exposed while its pattern was on screen, and no frame is returned twice.
 //!
-//! A frame of the camera is accepted when three conditions hold. It is new, so its number is larger than the
-//! number of every earlier frame. Its exposure time is the one that was set. Its exposure began after the
-//! pattern had settled and after every earlier frame. Other frames are counted, refused and taken again, up
-//! to a limit. A camera that does not deliver is restarted in between.
+//! A frame of the camera is accepted when three conditions hold. It is new, so its number is larger than the number of every earlier frame.
+//! Its exposure time is the one that was set. Its exposure began after the pattern had settled and after every earlier frame. Other frames
+//! are counted, refused and taken again, up to a limit. A camera that does not deliver is restarted in between.
 
 use std::sync::Arc;
 
@@ -25,15 +23,13 @@ pub struct LiveFrames {
     shown: Option<(Arc<Frame>, f64)>,
     /// The exposure that was requested, and the exposure that the camera set.
     exposure: Option<[f64; 2]>,
-    /// The number and the start of the last new frame. The number is unknown after a restart, which may reset
-    /// it.
+    /// The number and the start of the last new frame. The number is unknown after a restart, which may reset it.
     last: (Option<u64>, f64),
     /// The start of the session, on the rig's clock.
     opened: f64,
     effort: Effort,
 }
 
-/// The reason why a frame was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rejection {
     Dropped,
@@ -43,8 +39,7 @@ enum Rejection {
 }
 
 impl LiveFrames {
-    /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed.
-    /// Each frame has `tries` tries.
+    /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed. Each frame has `tries` tries.
     pub fn new(devices: Devices, settle: f64, tries: u32) -> Self {
         let opened = devices.clock.now();
         Self {
@@ -86,8 +81,7 @@ impl LiveFrames {
         Ok(at + self.settle)
     }
 
-    /// Sets the exposure unless it is already set. Returns the exposure that the camera really set, in
-    /// seconds.
+    /// Sets the exposure unless it is already set. Returns the exposure that the camera really set, in seconds.
     fn configure(&mut self, asked: f64) -> Result<f64> {
         if let Some([before, set]) = self.exposure
             && before == asked

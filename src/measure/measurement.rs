@@ -122,8 +122,7 @@ impl Measurement {
         self
     }
 
-    /// Declares whether the rig is coaxial, so that `A = Aᵀ`. Projector and camera of a coaxial rig have the same pose and lens. By default
-    /// the rig is coaxial.
+    /// Declares whether the rig is coaxial, so that `A = Aᵀ`. Its projector and camera have the same pose and lens. The default is coaxial.
     #[must_use]
     pub fn declared(mut self, symmetry: Symmetry) -> Self {
         self.symmetry = symmetry;
@@ -170,8 +169,7 @@ impl Measurement {
         Ok(self.pipeline.references()?.exposures.clone())
     }
 
-    /// The share of the camera's samples that are saturated in at least one exposure of the white photo. Shorter exposures replace these
-    /// samples.
+    /// The share of the camera's samples that are saturated in at least one exposure of the white photo. Shorter exposures replace them.
     pub fn saturated(&mut self) -> Result<f64> {
         Ok(self.pipeline.references()?.saturated)
     }
@@ -244,8 +242,7 @@ impl Measurement {
     }
 }
 
-/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs. A constant `x` needs
-/// none.
+/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs, a constant `x` none.
 ///
 /// The operator is symmetric if [`Measurement::symmetry`] says so, which `krylux audit` tests. A product with the transpose of a
 /// nonsymmetric matrix cannot be photographed: camera and projector would have to change places.

@@ -26,7 +26,6 @@ pub(crate) struct PhotoPipeline {
 pub(crate) struct ReferencePhotos {
     /// The exposures in seconds, the shortest first.
     pub(crate) exposures: Vec<f64>,
-    /// The black photo at each exposure.
     pub(crate) blacks: BlackPhotos,
     pub(crate) white: Arc<RateFrame>,
     /// The share of the used samples that are saturated in at least one exposure of white.
@@ -48,7 +47,6 @@ pub(crate) struct HdrCamera {
     pub(crate) used: Vec<bool>,
     /// The frame that lights every pixel that is not masked.
     pub(crate) white: Arc<Frame>,
-    /// The frame of level 0.
     pub(crate) black: Arc<Frame>,
     pub(crate) options: MeasureOptions,
     /// The hashes of the frames shown so far.
@@ -139,7 +137,6 @@ impl HdrCamera {
         })
     }
 
-    /// The share of the used samples that are saturated in at least one exposure.
     fn saturated(&self, exposed: &[AveragedExposure]) -> f64 {
         let channels = self.frames.camera().channels;
         let used = || (0..self.used.len() * channels).filter(|sample| self.used[sample / channels]);
@@ -186,7 +183,6 @@ impl HdrCamera {
         Ok(())
     }
 
-    /// Adds a frame to those shown.
     fn note(&mut self, frame: &Arc<Frame>) {
         self.shown.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one(frame));
     }
@@ -199,7 +195,6 @@ impl HdrCamera {
 // last two sentinels. For a replayed photo between two sentinels it is interpolated. Times come from the frames, so that a replay makes the
 // same corrections.
 
-/// The known brightness of the lamp over time.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LampDrift {
     /// Times in seconds on the rig's clock, and brightnesses relative to the first white photo.

@@ -24,8 +24,8 @@ const PROPORTIONAL: f64 = 0.03;
 /// chance: ± 0.13 with 64 squares.
 const LEAST_CORRELATION: f64 = 0.5;
 
-/// Sums over all pixels of the products of white `w`, pattern `w h` and photo `y`. They give the correlation of the photo with the pattern
-/// that was shown.
+/// Sums over all pixels of the products of white `w`, white times pattern `h` and photo `y`. They give the correlation of photo and
+/// pattern.
 #[derive(Default)]
 struct Likeness {
     ww: f64,
@@ -173,8 +173,7 @@ impl Measurement {
         })
     }
 
-    /// Random squares of a quarter and of three quarters of the light. There are at least eight along each side, where there are enough
-    /// pixels.
+    /// Random squares of a quarter and of three quarters of the light. Each side has at least eight, given enough pixels.
     fn squares(&self) -> Vec<f64> {
         let size = self.resolution();
         let side = (size.width.min(size.height) / 8).max(1);
@@ -246,7 +245,6 @@ impl Measurement {
         Ok(white.planes.iter().map(of).collect())
     }
 
-    /// The photo of the brightest frame, for each of the camera's channels.
     pub(crate) fn full_white(&mut self) -> Result<Arc<Vec<Plane>>> {
         if let Some(white) = &self.full_white {
             return Ok(Arc::clone(white));

@@ -74,8 +74,7 @@ impl Registration {
         if is_one_to_one || used >= 4 * seen { 0.0 } else { 1.0 }
     }
 
-    /// The weight of each camera pixel's variance in the total variance of all projector pixels: `Σ weight²` over the rows. It is 0 for a
-    /// camera pixel that is not used.
+    /// The weight of each camera pixel's variance in the total variance of all projector pixels: `Σ weight²` over the rows, 0 if unused.
     pub(crate) fn importance(&self, camera: Resolution) -> Vec<f64> {
         let mut importance = vec![0.0; camera.pixels()];
         for (&pixel, weight) in self.pixels.iter().zip(&self.weights) {

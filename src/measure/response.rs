@@ -34,11 +34,9 @@ pub(crate) struct CameraCurve {
 }
 
 impl CameraCurve {
-    /// The curve of a camera with this many bits. `undo` corrects black level and response. Without it, counts are used as light.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when the curve does not have one value per count; [`Error::Numerical`] when the gain or the read noise is
-    /// invalid.
+    /// The curve of a camera with this many bits. `undo` corrects black level and response. Without it, counts are used as light. Fails
+    /// with [`Error::Dimension`] when the curve does not have one value per count, and with [`Error::Numerical`] when the gain or the read
+    /// noise is invalid.
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
@@ -78,7 +76,6 @@ impl CameraCurve {
         self.linear[usize::from(count).min(self.linear.len() - 1)]
     }
 
-    /// The variance of rounding at a count, in linear DN².
     pub(crate) fn rounding(&self, count: u16) -> f64 {
         self.rounding[usize::from(count).min(self.rounding.len() - 1)]
     }
@@ -120,10 +117,9 @@ pub(crate) struct ProjectorCurve {
 }
 
 impl ProjectorCurve {
-    /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear one without it.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when the curve does not have one value per level; [`Error::Numerical`] when it does not ascend from 0 to 1.
+    /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear one without it. Fails with
+    /// [`Error::Dimension`] when the curve does not have one value per level, and with [`Error::Numerical`] when it does not ascend from 0
+    /// to 1.
     pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
@@ -150,12 +146,10 @@ impl ProjectorCurve {
         Ok(Self { light, widest })
     }
 
-    /// The light of a level, from 0 to 1.
     pub(crate) fn light(&self, level: u16) -> f64 {
         self.light[usize::from(level)]
     }
 
-    /// The brightest level.
     pub(crate) fn top(&self) -> u16 {
         (self.light.len() - 1) as u16
     }
@@ -165,7 +159,6 @@ impl ProjectorCurve {
         self.light.partition_point(|&of| of <= light).saturating_sub(1) as u16
     }
 
-    /// The level whose light is nearest.
     pub(crate) fn nearest(&self, light: f64) -> u16 {
         let below = self.below(light);
         let above = below.saturating_add(1).min(self.top());
@@ -303,8 +296,7 @@ mod tests {
             let found = noise_ratio(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
             found.expect("frames of one size").expect("samples that are not saturated").ratio
         };
-        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to a variance of at
-        // least 25.
+        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to at least 25.
         assert!((ratio(1.0, 1.0) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.0));
         assert!((ratio(2.0, 1.0) - 2.0).abs() < 0.09, "{}", ratio(2.0, 1.0));
         assert!((ratio(1.0, 1.05) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.05));

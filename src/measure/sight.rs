@@ -129,8 +129,7 @@ impl HdrCamera {
 /// With fewer camera pixels than this per projector pixel along an axis, neighbouring projector pixels are mixed in the photo.
 const ENOUGH_PIXELS: f64 = 1.0;
 
-/// With fewer camera pixels than this per projector pixel along an axis, no pixel map can be fitted, and stripes of single pixels cannot be
-/// distinguished.
+/// With fewer camera pixels than this per projector pixel along an axis, no pixel map can be fitted, and single stripes are not resolved.
 pub(crate) const LEAST_PIXELS: f64 = 0.75;
 
 /// The finding about a camera with too few pixels. It is `None` if the camera has enough. A camera that sees more than the projector lights
@@ -187,7 +186,6 @@ mod tests {
         rig.sight().expect("it never fails")
     }
 
-    /// Noise, room light and its changes are random, with and without a visible projector, for every option for black.
     #[test]
     fn a_blind_rig_never_passes_and_one_that_sees_always_does() {
         for seed in 0..300 {

@@ -1,5 +1,4 @@
-//! The signed stage: a signed vector is written as a linear combination of patterns in `[0, 1]` (O'Toole and
-//! Kutulakos, section 7.1).
+//! The signed stage: a signed vector is written as a linear combination of patterns in `[0, 1]` (O'Toole and Kutulakos, section 7.1).
 //!
 //! ```text
 //! affine   g = (x − a)/(b − a) ∈ [0, 1],   A x = (b − a) A g + a A 1
@@ -28,7 +27,6 @@ pub(crate) trait PredictNoise {
     fn of_pattern(&self, pattern: &[f64]) -> f64;
     /// The variance of the white photo, which has already been taken.
     fn of_white(&self) -> f64;
-    /// The variance of the black photo.
     fn of_black(&self) -> f64;
 }
 
@@ -80,16 +78,14 @@ impl Signed {
     }
 }
 
-/// The least and the largest value over the pixels that are not masked. Both are zero when all pixels are
-/// masked.
+/// The least and the largest value over the pixels that are not masked. Both are zero when all pixels are masked.
 fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
     let each = || x.iter().zip(seen).filter(|&(_, &seen)| seen).map(|(&x, _)| x);
     let (least, largest) = (each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max));
     if least <= largest { [least, largest] } else { [0.0, 0.0] }
 }
 
-/// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's
-/// noise model.
+/// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's noise model.
 ///
 /// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. The white photo
 /// `A 1` thus gives it for every pattern. The distribution of the light over the pixels matters only where

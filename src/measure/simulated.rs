@@ -14,7 +14,6 @@ pub(crate) struct Simulated<F> {
     pub(crate) photo: F,
     /// Seconds between the confirmation of a frame and its exposure.
     pub(crate) settle: f64,
-    /// The requests so far.
     pub(crate) asked: Vec<CaptureRequest>,
 }
 

@@ -114,7 +114,6 @@ impl SparseRows {
         (0..self.starts.len() - 1).into_par_iter().map(sum).collect()
     }
 
-    /// The sum of the squares of each row.
     pub(crate) fn squares(&self) -> Vec<f64> {
         let sum = |ends: &[usize]| self.entries[ends[0]..ends[1]].iter().map(|entry| entry.1 * entry.1).sum();
         self.starts.windows(2).map(sum).collect()

@@ -340,8 +340,7 @@ fn place(text: &str, at: usize) -> String {
 const CAREFUL_SETTLE: f64 = 0.1;
 
 impl RigFile {
-    /// Loads the calibration that the file names, and checks that it belongs to the file's devices. The result is `None` when the file does
-    /// not name one.
+    /// Loads the calibration that the file names, and checks that it belongs to the file's devices. It is `None` when the file names none.
     pub fn load_calibration(&self) -> Option<Result<Calibration>> {
         let folder = self.calibration.as_ref()?;
         let (projector, camera) = (self.kind.projector_info(), self.kind.camera_info());

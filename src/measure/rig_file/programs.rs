@@ -12,8 +12,7 @@ use crate::measure::rig_file::{RigFile, RigKind};
 use crate::rig::{CameraSpec, Gphoto2Spec};
 
 impl RigFile {
-    /// The programs that the file names, each with its arguments as one text. The defaults `gphoto2` and `dcraw`, which run when a file
-    /// names none, are not included.
+    /// The programs that the file names, each with its arguments as one text. The defaults `gphoto2` and `dcraw` are not included.
     pub fn named_programs(&self) -> Vec<String> {
         let RigKind::Hardware(rig) = &self.kind else { return Vec::new() };
         let CameraSpec::Gphoto2(camera) = &rig.camera else { return Vec::new() };
@@ -48,8 +47,7 @@ impl RigFile {
     }
 }
 
-/// The user's own folder of rigs, `$XDG_CONFIG_HOME/krylux` or `~/.config/krylux`. It is `None` if neither `XDG_CONFIG_HOME` nor `HOME` is
-/// set.
+/// The user's own folder of rigs, `$XDG_CONFIG_HOME/krylux` or `~/.config/krylux`. It is `None` if neither variable is set.
 pub fn own_folder() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")))?;
