@@ -289,8 +289,8 @@ mod tests {
         assert!((found - 271.0_f64.sqrt() / 600.0).abs() < 1e-12, "{found}");
     }
 
-    /// A pair of frames of 768 samples around `signal`, which differ by `±2 d` and on average by `drift`. Both are sorted into twelve bins
-    /// of 64 samples, whose variance is `2 d² · 64 / 63`.
+    /// Two frames of 768 samples around `signal` that differ by `±2 d`, and on average by `drift`. Both are sorted into twelve bins of 64
+    /// samples, with a variance of `2 d² · 64 / 63`.
     fn pair(signal: u16, d: u16, drift: u16) -> [RawFrame; 2] {
         let frame = |sign: bool| RawFrame {
             resolution: Resolution::new(32, 24),

@@ -1,8 +1,8 @@
 //! The displacement of a photo relative to a known pattern, to fractions of a pixel.
 //!
-//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is affine over the field. Gauss–Newton iteration finds `d`
-//! from the pattern and the photo after the same blur (Lucas and Kanade, *An iterative image registration technique*, 1981). It starts from
-//! the best whole-pixel shift.
+//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is affine over the field. Gauss–Newton iteration finds it
+//! from both after the same blur (Lucas and Kanade, *An iterative image registration technique*, 1981), starting from the best whole-pixel
+//! shift.
 
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
@@ -346,8 +346,7 @@ mod tests {
         let mean = off.iter().map(|off| off.0).sum::<f64>() / 40.0;
         let spread = (off.iter().map(|off| (off.0 - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
         let stated = off.iter().map(|off| off.1).sum::<f64>() / 40.0;
-        // The stated error belongs to the corner and regards neighbours as correlated. It may be several times the scatter, but not
-        // smaller.
+        // The stated error is for the corner, with correlated neighbours. It may be several times the scatter, but not smaller.
         assert!(stated > 0.8 * spread && stated < 20.0 * spread, "{stated} {spread}");
     }
 

@@ -1,8 +1,6 @@
-//! Weighted linear least squares of a few unknowns with their covariance, covariances of residuals whose errors are shared within groups,
-//! and isotonic regression.
+//! Weighted linear least squares of a few unknowns, covariances of residuals with shared errors in groups, and isotonic regression.
 //!
-//! The rows are summed up as normal equations, because a fit can have a row for every pixel of a camera. A QR factorization would hold all
-//! rows.
+//! The rows are summed up as normal equations, because a fit can have a row per camera pixel. A QR factorization would hold all rows.
 
 use std::collections::BTreeMap;
 

@@ -10,8 +10,7 @@
 //! | the pixel map | Gray codes, or a checkerboard | `structured_light`, `pixel_map`, `map_fit`, `stripe_fit` |
 //! | the brightness of the projector relative to the camera's | smooth patterns, by the symmetry of the light transport | `flat_field` |
 //!
-//! While a bench is aligned and checked, [`StructuredLight`] decodes Gray codes without a whole calibration, and [`map_check`](map_check())
-//! tests a known pixel map.
+//! While a bench is set up, [`StructuredLight`] decodes Gray codes without a calibration, and [`map_check`](map_check()) tests a known map.
 
 mod camera;
 mod displacement;
@@ -55,8 +54,8 @@ pub struct CalibrateOptions {
     pub levels: Option<usize>,
     /// The source of the pixel map. `None`: Gray codes, or a checkerboard below 1.5 camera pixels per projector pixel along an axis.
     pub map: Option<MapBy>,
-    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then can their uneven brightness be
-    /// distinguished from the scene's brightness.
+    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then can uneven brightness of the
+    /// devices be distinguished from the scene.
     pub coaxial: bool,
 }
 

@@ -138,10 +138,9 @@ fn masked(registration: &Registration) -> f64 {
     empty as f64 / registration.projector.pixels() as f64
 }
 
-// The corners of a projected checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1).
-// The contrast `(p − q)/(p + q)` of the photos of a checkerboard and of its inverse does not depend on the scene's albedo. Each inner
-// corner is a saddle point of the contrast. Its centre is the saddle point of a quadratic polynomial fitted around it (Lucchese and Mitra
-// 2002).
+// Corners of a checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1). The contrast
+// `(p − q)/(p + q)` of the photos of a checkerboard and of its inverse does not depend on the scene's albedo. Each inner corner is a saddle
+// point of the contrast. Its centre is the saddle point of a quadratic polynomial fitted around it (Lucchese and Mitra 2002).
 
 /// The side of a square, in camera pixels.
 const SQUARE: f64 = 6.0;

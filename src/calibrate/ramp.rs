@@ -110,8 +110,7 @@ fn levels(top: u16, most: usize) -> Vec<u16> {
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
-/// The light `lit − dark` relative to `white − base`, with its standard error. `lit` and `dark` share an exposure, so do `white` and
-/// `base`.
+/// The light `lit − dark` relative to `white − base`, with its standard error. Each difference is taken at one exposure.
 fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for sample in 0..lit.counts.len() {

@@ -191,9 +191,9 @@ impl CameraModel {
     }
 }
 
-// The latency of the projector: the time from the confirmation of a frame until all of its light and none of the previous frame's light is
-// there. White is shown after black and photographed after waits of different lengths. While black is part of the exposure, the photo has
-// less light.
+// The latency of the projector is the time from the confirmation of a frame until all of its light is there, and none of the previous
+// frame's light. White is shown after black and photographed after waits of different lengths. While black is part of the exposure, the
+// photo has less light.
 
 /// The shortest wait above zero that is tried, in seconds.
 const SHORTEST: f64 = 1e-3;

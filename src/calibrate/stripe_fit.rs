@@ -159,8 +159,8 @@ fn limit(equations: &[Equations]) -> f64 {
 }
 
 /// The standard error of the map, root mean square over the camera pixels, in projector pixels. Light that one surface sends to another
-/// misleads all camera pixels along an edge alike. Residuals are therefore summed along each row and column before they are squared (a
-/// cluster-robust covariance).
+/// misleads all camera pixels along an edge alike. Residuals are therefore summed per row and column before they are squared
+/// (cluster-robust covariance).
 fn field_error(map: &LensMap, equations: &[Equations], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);
     let inverse = normal_equations(equations).solve()?.covariance;

@@ -17,8 +17,7 @@ const PAIRS: usize = 2;
 /// Without a known calibration, counts of at least this share of the range are regarded as saturated.
 const LIMIT: f64 = 0.98;
 
-/// Takes photos of structured light on an open rig. All photos have the same exposure. Their values are
-/// linear DN, summed over the camera's channels.
+/// Takes photos of structured light on an open rig, all with one exposure. Values are linear DN, summed over the camera's channels.
 pub struct StructuredLight<'a> {
     session: CalibrationSession<'a>,
     model: CameraModel,
@@ -30,8 +29,7 @@ impl<'a> StructuredLight<'a> {
     /// measured from a few photos, and the response is assumed to be linear.
     ///
     /// # Errors
-    /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white
-    /// saturates the camera at every exposure.
+    /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white always saturates the camera.
     pub fn new(
         frames: &'a mut dyn FrameSource,
         known: Option<&CameraResponse>,
@@ -124,8 +122,8 @@ impl<'a> StructuredLight<'a> {
 //
 // The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera pixel reads a bit by comparing
 // the two photos. Global light is nearly the same in both, because it does not resolve fine stripes. A pixel is left out when its direct
-// light does not decide a bit. The difference of the two photos must be a sufficient part of the direct light, which the finest stripes
-// measure (after Xu and Aliaga 2007).
+// light does not decide a bit. The difference of the photos must be a sufficient part of the direct light, which the finest stripes measure
+// (Xu and Aliaga 2007).
 
 /// A bit is decided only when the difference of pattern and inverse is at least this share of the direct light.
 const DECIDED: f64 = 0.25;
@@ -153,8 +151,7 @@ pub struct DecodedPixel {
 pub struct Decoded {
     /// The camera pixels that were decoded.
     pub seen: Vec<DecodedPixel>,
-    /// The camera pixels that see the edge between two steps, so that one bit is undecided. Their fractional
-    /// coordinates are as good as those of `seen`.
+    /// The camera pixels that see the edge between two steps, so that one bit is undecided. Their `fine` coordinates are equally good.
     pub between: Vec<DecodedPixel>,
     /// Which camera pixels the projector lights.
     pub lit: Vec<bool>,

@@ -45,8 +45,8 @@ pub struct CameraResponse {
 }
 
 /// The pixel map: the camera pixels that see each projector pixel, in compressed sparse rows. There is one row per projector pixel. The
-/// weights of a row keep an evenly lit raster equally bright. Away from the raster's border they add up to 1. A projector pixel that no
-/// camera pixel sees has an empty row.
+/// weights of a row keep an evenly lit raster equally bright. Away from the raster's border they add up to 1. Unseen projector pixels have
+/// empty rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
     /// The camera's pixels.

@@ -9,7 +9,7 @@
 //! | `registration-{starts,pixels,weights}.npy` | the pixel map in compressed sparse rows: camera pixels of each projector pixel |
 //!
 //! The checksum is the [identity](Calibration::identity) of the calibration and covers all of these files. Loading detects a file that was
-//! changed or that belongs to another calibration.
+//! changed or belongs to another calibration.
 
 use std::path::Path;
 
@@ -76,8 +76,7 @@ struct Steadiness {
 }
 
 impl Calibration {
-    /// Writes the calibration into `folder`, which is created if necessary. `calibration.toml` is written last: a folder with one is
-    /// complete.
+    /// Writes the calibration into `folder`, created if necessary. `calibration.toml` is written last: a folder with one is complete.
     ///
     /// # Errors
     /// [`Error::Write`] with the name of the file.
@@ -107,8 +106,8 @@ impl Calibration {
     /// Reads the calibration in `folder`.
     ///
     /// # Errors
-    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or of the record when the checksum is
-    /// wrong.
+    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with the name of the record when
+    /// the checksum is wrong.
     pub fn load(folder: &Path) -> Result<Self> {
         file::follow_no_links_below(folder);
         let path = folder.join(RECORD);

@@ -51,8 +51,7 @@ pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 
     (0..resolution.pixels()).map(lit).collect()
 }
 
-/// The shifted checkerboards. The shift is half a square, so each pixel is well inside a bright square and well inside a dark one at least
-/// once.
+/// The checkerboards, shifted by half a square: each pixel is well inside a bright square and well inside a dark one at least once.
 fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
     let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));
     shifts(side)
@@ -64,8 +63,7 @@ fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
 //
 // The code of a pixel is the set of photos in which it is lit, a row of a Hadamard matrix. Two different codes are orthogonal. Light from a
 // pixel with another code therefore cancels exactly in the correlation of the photos with the pixel's code. Pixels with the same code are
-// about `√photos` pixels apart. Every second row of the picture has inverted codes, so that even global light from pixels with the same
-// code cancels.
+// about `√photos` pixels apart. Every second row has inverted codes, so that even global light from pixels with the same code cancels.
 
 /// The patterns of `photos` photos, a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0 elsewhere.
 pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Item = Vec<f64>> {

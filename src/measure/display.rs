@@ -156,8 +156,8 @@ impl Display {
 }
 
 impl Displayed {
-    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index. Where the numbers of channels
-    /// differ, it is the mean of the projector's channels.
+    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the mean of its channels where
+    /// the numbers of channels differ.
     pub(crate) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
         if self.light.len() == channels || self.light.len() == 1 {
             return self.light[channel.min(self.light.len() - 1)].clone();
@@ -206,8 +206,7 @@ pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
         * bit_plane_weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
 }
 
-/// Decomposes the pattern `target` into `count` frames. `target` has one plane for all channels or one per channel. Dark frames are left
-/// out.
+/// Decomposes the pattern `target` into `count` frames. It has one plane for all channels or one per channel. Dark frames are left out.
 pub(crate) fn decompose(
     display: &Display,
     target: &[Vec<f64>],
@@ -259,8 +258,8 @@ mod tests {
         display.show(&[target.to_vec()], part).expect("as many values as pixels").frame.levels().to_vec()
     }
 
-    /// A pixel of light 0.4 is shown dark, and its error of 0.4 goes on. All others are far below 0, where a level has no error. One
-    /// exception turns bright as soon as it gets its Floyd–Steinberg share.
+    /// A pixel of light 0.4 is shown dark, and its error of 0.4 goes on. All others but one are far below 0, where level 0 has no error.
+    /// That one turns bright as soon as it gets its Floyd–Steinberg share.
     #[test]
     fn diffusion_gives_sixteenths_of_an_error_to_four_neighbours_in_the_direction_of_the_row() {
         let display = display(5, 3, &[0.0, 1.0], DitherBy::Diffusion);

@@ -1,7 +1,7 @@
 //! The choice of exposures, from test photos of white.
 //!
-//! The shortest exposure brings the brightest pixel near saturation. Longer exposures follow, up to the allowed number, until the darkest
-//! pixel is well above its noise.
+//! The shortest exposure brings the brightest pixel near saturation. Longer ones follow, up to the allowed number, until the darkest pixel
+//! is well above its noise.
 
 use std::sync::Arc;
 

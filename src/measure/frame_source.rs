@@ -66,12 +66,12 @@ pub trait FrameSource: Send {
     /// The camera.
     fn camera(&self) -> &CameraInfo;
 
-    /// Takes the requested photo, or returns the earlier one. The returned frame was exposed while the requested frame was on screen, and
-    /// was never returned for another request.
+    /// Takes the requested photo, or returns the earlier one. The frame was exposed with the requested frame on screen, and was never
+    /// returned for another request.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the rig fails and does not recover; [`Error::Interrupted`](crate::Error::Interrupted) when the
-    /// user asks to stop.
+    /// [`Error::Rig`](crate::Error::Rig) when the rig does not recover; [`Error::Interrupted`](crate::Error::Interrupted) when the user
+    /// stops.
     fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame>;
 
     /// Continues after the last photo of an interrupted session: the frame of `request` is shown again. `frame` was the camera's last

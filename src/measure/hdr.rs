@@ -123,8 +123,8 @@ impl BlackPhotos {
 
 // The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and Kutulakos, section 7.2).
 //
-// Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, where `L_e` is the light of the photo and `B_e` the light of the
-// black photo. The merged rate is
+// Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, with the light `L_e` of the photo and `B_e` of the black photo.
+// The merged rate is
 //
 // ```text
 // R = Σ w_e R_e,   w_e ∝ t_e² / var L_e,   Σ w_e = 1

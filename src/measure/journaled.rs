@@ -40,8 +40,7 @@ impl<'a> JournaledFrames<'a> {
     /// Continues a journal, new or old. With a new journal, the rig is opened at once to record its devices.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the rig cannot be opened or differs from the journal's rig; [`Error::Journal`]
-    /// when the journal cannot be read or written.
+    /// [`Error::Rig`] when the rig cannot be opened or is not the journal's; [`Error::Journal`] when the journal cannot be read or written.
     pub fn new(mut journal: Journal, mut opener: Opener<'a>) -> Result<Self> {
         let known = journal.read_note(DEVICES)?;
         let (devices, inner) = match known {
@@ -272,8 +271,7 @@ fn mean(frame: &Arc<Frame>) -> f64 {
 pub(crate) struct CaptureOrder {
     /// All photos with a known stamp, including those whose content is damaged.
     photos: BTreeMap<u64, (Stamp, Key)>,
-    /// The places of lost records that may have been photos: the frame number before the gap (`None` at the
-    /// beginning) and the frame number after it.
+    /// The places of lost records that may have been photos: the frame numbers before the gap (`None` at the beginning) and after it.
     gaps: Vec<(Option<u64>, u64)>,
 }
 

@@ -10,8 +10,7 @@ use super::{CaptureRequest, Effort, FrameSource, Times};
 use crate::error::{Error, Result};
 use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, RawFrame};
 
-/// The largest relative difference between the exposure of a frame and the exposure that was set. Some
-/// cameras report it as a 32-bit number.
+/// The largest relative difference between the exposure of a frame and the set exposure. Some cameras report it as a 32-bit number.
 const EXPOSURE_TOLERANCE: f64 = 1e-6;
 
 /// The frame source of open devices.

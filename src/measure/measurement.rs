@@ -48,8 +48,8 @@ impl Measurement {
     /// A measurement of the rig that delivers `frames`.
     ///
     /// # Errors
-    /// [`Error::Option`] when an option is out of range; [`Error::Dimension`] or [`Error::Numerical`] when the calibration does not belong
-    /// to these devices or is invalid.
+    /// [`Error::Option`] when an option is out of range; [`Error::Dimension`] or [`Error::Numerical`] when the calibration is invalid or
+    /// for other devices.
     pub fn new(
         frames: Box<dyn FrameSource>,
         calibration: Calibration,

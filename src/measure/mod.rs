@@ -4,8 +4,8 @@
 //! [`Calibration`] holds the devices' responses, noise and pixel map. The room `calibrate` measures it. A [`Measurement`] joins all stages,
 //! and its [`MeasuredOperator`] is the linear operator for the Krylov methods. A [`RigFile`] describes a rig.
 //!
-//! [`MeasureOptions`] can switch each correction off. The sections are those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov
-//! Subspace Illumination*.
+//! [`MeasureOptions`] can switch each correction off. Sections refer to O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace
+//! Illumination*.
 //!
 //! | file | stage | section |
 //! |---|---|---|

@@ -21,7 +21,7 @@ pub struct MeasureOptions {
     /// Add the direct light of the rounding error to each product. Only the global light of the rounding error is then missing. This needs
     /// the direct image, which costs a few patterns once.
     pub compensate_rounding: bool,
-    /// Exposures in seconds, the shortest first. They are merged by inverse variance. An empty list lets photos of white decide.
+    /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are chosen from photos of white.
     pub exposures: Vec<f64>,
     /// The largest number of exposures to choose. Each is four times the one before. Another is added while a pixel of white is dark.
     pub brackets: u32,
@@ -188,7 +188,8 @@ pub struct RigRecord {
     /// The largest relative change of white during the run, measured by the sentinels.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub drift: Option<f64>,
-    /// Findings from the photos: whether the rig sees the projector, is steady, and sends light alike in both directions.
+    /// Findings from the photos: whether the rig sees the projector, whether its light is steady, and whether light travels alike in both
+    /// directions.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub findings: Vec<Finding>,
 }

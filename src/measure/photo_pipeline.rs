@@ -192,8 +192,8 @@ impl HdrCamera {
 //
 // A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the lamp is the sentinel's light
 // relative to the first white photo. A photo is corrected as soon as it is taken, so the brightness at its time is extrapolated from the
-// last two sentinels. For a replayed photo between two sentinels it is interpolated. Times come from the frames, so that a replay makes the
-// same corrections.
+// last two sentinels. For a replayed photo between two sentinels it is interpolated. Times come from the frames, so a replay makes the same
+// corrections.
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LampDrift {

@@ -20,12 +20,10 @@ use crate::transport::Part;
 /// A rig that was not calibrated is refused when its half light is off by more than this share of white.
 const PROPORTIONAL: f64 = 0.03;
 
-/// The correlation of a photo with the pattern that was shown must be at least this. Without a pixel map that fits, the correlation is 0 by
-/// chance: ± 0.13 with 64 squares.
+/// The correlation of a photo with the pattern that was shown must be at least this. With a wrong pixel map it is 0 ± 0.13 for 64 squares.
 const LEAST_CORRELATION: f64 = 0.5;
 
-/// Sums over all pixels of the products of white `w`, white times pattern `h` and photo `y`. They give the correlation of photo and
-/// pattern.
+/// Sums over all pixels of the products of white `w`, white times pattern `h` and photo `y`, for the correlation of photo and pattern.
 #[derive(Default)]
 struct Likeness {
     ww: f64,
@@ -265,8 +263,7 @@ pub struct Plane {
     /// The values in linear DN per second for a full-range pattern. Noise can make them negative. They are not clipped at zero, because a
     /// clipped photo is not linear in the pattern.
     pub values: Vec<f64>,
-    /// The variances of the values, propagated from the camera's noise model. Neighbouring pixels are not independent where they share
-    /// camera pixels.
+    /// The variances of the values, propagated from the camera's noise model. Neighbours that share camera pixels are not independent.
     pub variance: Vec<f64>,
 }
 

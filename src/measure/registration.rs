@@ -1,5 +1,4 @@
-//! The registration stage: photos are resampled from the camera's to the projector's pixels by the calibration's pixel map (O'Toole and
-//! Kutulakos, section 8.1).
+//! The registration stage: the pixel map resamples photos from camera to projector pixels (O'Toole and Kutulakos, section 8.1).
 //!
 //! Linear combinations of photos are formed in the same step, because only then the noise that they share is known exactly.
 
@@ -86,8 +85,7 @@ impl Registration {
 
 /// The sum `Σ_m c_m(i) photo_m(i)` at the projector's pixels `i`, for one channel, with its variance.
 ///
-/// The photos are independent, except for the black photo `B` that was subtracted from each of them. The black photo counts once, with the
-/// sum of its shares:
+/// The photos are independent, except for the black photo `B` that was subtracted from each. It counts once, with the sum of its shares:
 ///
 /// ```text
 /// var_i = Σ_j r_ij² ( Σ_m c_m² var_mj  +  Σ_e (Σ_m c_m share_mej)² var B_ej )

@@ -35,8 +35,7 @@ pub(crate) struct CameraCurve {
 
 impl CameraCurve {
     /// The curve of a camera with this many bits. `undo` corrects black level and response. Without it, counts are used as light. Fails
-    /// with [`Error::Dimension`] when the curve does not have one value per count, and with [`Error::Numerical`] when the gain or the read
-    /// noise is invalid.
+    /// with [`Error::Dimension`] without one value per count, and with [`Error::Numerical`] at an invalid gain or read noise.
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
@@ -118,8 +117,7 @@ pub(crate) struct ProjectorCurve {
 
 impl ProjectorCurve {
     /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear one without it. Fails with
-    /// [`Error::Dimension`] when the curve does not have one value per level, and with [`Error::Numerical`] when it does not ascend from 0
-    /// to 1.
+    /// [`Error::Dimension`] without one value per level, and with [`Error::Numerical`] when it does not ascend from 0 to 1.
     pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
@@ -181,8 +179,7 @@ pub struct NoiseRatio {
 /// brightness is divided out. The result is `None` when all samples are saturated.
 ///
 /// # Errors
-/// [`Error::Dimension`] when the frames have different sizes; [`Error::Dimension`] or [`Error::Numerical`] when the response does not
-/// belong to this camera.
+/// [`Error::Dimension`] for frames of different sizes; [`Error::Dimension`] or [`Error::Numerical`] for the response of another camera.
 pub fn noise_ratio(
     first: &RawFrame,
     second: &RawFrame,
