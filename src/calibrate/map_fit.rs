@@ -240,8 +240,8 @@ mod tests {
         assert!(found.rms < 1e-7 && found.outliers == 0.0, "{found:?}");
     }
 
-    /// `n` points, each off by σ along both axes and with weights of mean `w̄`, determine ten parameters. The map is then off by `σ √(10 /
-    /// (n w̄))`, root mean square over the field.
+    /// `n` points, each off by σ along both axes, with weights of mean `w̄`, determine ten parameters. The map's error is `σ √(10 / (n
+    /// w̄))`, root mean square over the field.
     #[test]
     fn independent_errors_of_points_make_the_error_of_the_map_that_least_squares_say() {
         use rand_distr::{Distribution, StandardNormal};

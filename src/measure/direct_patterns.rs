@@ -1,4 +1,4 @@
-//! The patterns from whose photos direct light is fitted.
+//! The patterns for the fit of direct light.
 //!
 //! Away from the raster's border, a checkerboard of two pixels is an eigenvector of every blur. A blur thus keeps its shape, and its lower
 //! contrast looks like less direct light. [Codes](code_patterns) hold all frequencies. Their photos therefore determine the blur, and

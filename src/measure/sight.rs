@@ -16,8 +16,8 @@ use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
 
-/// A pixel sees the projector when white is brighter than black by this many standard errors. A pixel without any light of the projector
-/// has this standard error.
+/// A pixel sees the projector when white is brighter than black by this many standard errors. The standard errors are computed for a pixel
+/// without any light of the projector.
 const SEEN: f64 = 10.0;
 
 /// The share of the pixels of the pixel map that must see the projector.
