@@ -1,4 +1,4 @@
-//! The calibration of the camera, from frames of white and black at many exposures, and from the photon transfer curve.
+//! The calibration of the camera, from frames of white and black at many exposures and from the photon transfer curve.
 
 use std::sync::Arc;
 
@@ -11,31 +11,27 @@ use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::rig::{Frame, RawFrame};
 
-/// The number of exposures in the series. They descend from that of white by factors of √2.
+/// The number of exposures in the series. They descend from white's exposure by factors of √2.
 const SERIES: i32 = 15;
 
-/// Pairs of frames of black at the shortest exposure.
+/// The number of pairs of black frames at the shortest exposure.
 const DARK_PAIRS: usize = 4;
 
 /// The limit of saturation lies this many standard deviations of noise below the plateau.
 const MARGIN: f64 = 4.0;
 
-/// A calibrated camera.
 #[derive(Clone, Debug)]
 pub(crate) struct CalibratedCamera {
     pub(crate) linear: Linear,
-    /// Counts from here on may be saturated.
+    /// Counts of at least this value may be saturated.
     pub(crate) limit: f64,
     pub(crate) figures: CameraFigures,
     /// The relative noise of one white photo at an average pixel.
     pub(crate) white_noise: f64,
 }
 
-/// Calibrates the camera. At `exposure` seconds, `white` fills the range.
-///
-/// # Errors
-/// [`Error::Rig`] when frames cannot be taken; [`Error::Numerical`] when they do not determine the camera's
-/// values.
+/// Calibrates the camera. At `exposure` seconds, `white` fills the range. Fails with [`Error::Rig`] when frames cannot be taken, and with
+/// [`Error::Numerical`] when they do not determine the camera's values.
 pub(crate) fn camera(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
@@ -52,8 +48,7 @@ pub(crate) fn camera(
     let (up, down) = series(session, white, exposure)?;
     let darks = dark_series(session, &black, exposure)?;
     let sorting = session.capture(white, exposure)?;
-    // Until the noise is known, that of a camera with one electron per DN is assumed, which is more than real
-    // cameras have.
+    // The noise is not known yet. One electron per DN is assumed, which is noisier than real cameras.
     let careful = limit(&plateau, (plateau.count - floor).sqrt(), MARGIN);
     let whites: Vec<RawFrame> = up.iter().chain(&down).cloned().collect();
     let blacks: Vec<RawFrame> = dark.iter().flatten().chain(&darks).cloned().collect();
@@ -95,8 +90,7 @@ pub(crate) fn camera(
     })
 }
 
-/// Captures white at exposures from the shortest of the series up, and down again, so that a drift of the
-/// light cancels.
+/// Captures white at rising exposures, then at falling ones, so that a drift of the light cancels.
 fn series(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
@@ -119,7 +113,7 @@ fn series(
     Ok((up, down))
 }
 
-/// Captures black at white's exposure, and at shorter ones.
+/// Captures black at white's exposure and at shorter ones.
 fn dark_series(
     session: &mut CalibrationSession<'_>,
     black: &Arc<Frame>,
@@ -135,7 +129,7 @@ fn dark_series(
     Ok(frames)
 }
 
-/// Fits a line to the mean counts of black frames over the exposure: black level in DN, and DN per second.
+/// Fits a line to the mean counts of black frames over the exposure. Returns the black level in DN, and DN per second.
 fn dark_line(
     dark: &[[RawFrame; 2]],
     darks: &[RawFrame],
@@ -146,7 +140,7 @@ fn dark_line(
     for frame in dark.iter().flatten().chain(darks) {
         let samples = frame.counts.len() as f64;
         let mean = frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / samples;
-        // The shot noise is bounded from above by counting the black level as light, too.
+        // Counting the black level as light bounds the shot noise from above.
         let variance = (read_noise.powi(2) + mean / gain) / samples;
         normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));
     }
@@ -154,7 +148,7 @@ fn dark_line(
     Ok([0, 1].map(|at| MeasuredValue::new(line.values[at], line.error(at))))
 }
 
-/// The mean light of black frames with a curved response, in linear DN per second.
+/// The mean light of black frames for a curved response, in linear DN per second.
 fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> MeasuredValue {
     let rates: Vec<f64> = darks
         .iter()
@@ -178,13 +172,12 @@ fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) ->
 
 // The photon transfer curve: gain and read noise from pairs of equal frames.
 //
-// Two frames of one pattern at one exposure differ by noise alone. Half of the variance of their difference
-// is the variance of one frame, `σ² = σ_read² + s/gain`. Here `s` is the signal in linear DN above black,
-// and the gain is in electrons per DN. This is a line over `s` (Janesick, *Photon Transfer*, 2007; EMVA
-// 1288, section 6). The variance of rounding to counts, 1/12, is known. It is subtracted, because the noise
-// model of [`crate::measure`] adds it as a separate term.
+// Two frames of one pattern at one exposure differ by noise alone. The variance of one frame is half of the variance of their difference:
+// `σ² = σ_read² + s/gain`, where `s` is the signal in linear DN above black, and the gain is in electrons per DN. This is a line over `s`
+// (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The known variance of rounding to counts, 1/12, is subtracted, because the
+// noise model of [`crate::measure`] adds it as a separate term.
 
-/// A response with a slope below this, in linear DN per count, is flat.
+/// A response is flat when its slope is below this, in linear DN per count.
 const FLAT: f64 = 0.2;
 
 /// The variance of rounding, in squared counts.
@@ -200,8 +193,7 @@ pub(crate) struct Transfer {
     pub(crate) read_noise: MeasuredValue,
 }
 
-/// One bin: the mean signal in linear DN, the variance of one frame in linear DN², the squared slope of
-/// linear DN over counts, and the number of samples.
+/// One bin: mean signal in linear DN, variance of one frame in linear DN², squared slope of linear DN over counts, number of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     signal: f64,
@@ -210,17 +202,13 @@ struct Point {
     samples: f64,
 }
 
-/// Fits the line to pairs of frames. The darkest pair should be as dark as possible. Samples of `limit` and
-/// more are left out.
-///
-/// # Errors
-/// [`Error::Numerical`] when all pairs have the same brightness.
+/// Fits the line to pairs of frames. The darkest pair should be as dark as possible. Samples of at least `limit` are left out.
+/// Fails with [`Error::Numerical`] when all pairs have the same brightness.
 pub(crate) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> Result<Transfer> {
     let points: Vec<Point> = pairs.iter().flat_map(|pair| bins(pair, linear, limit)).collect();
     let mut estimate = [1.0, 1.0];
     let mut solution = None;
-    // The error of a variance is proportional to the variance, so the weights depend on the fit. A few
-    // iterations converge.
+    // The error of a variance is proportional to the variance, so the weights depend on the fit. A few iterations converge.
     for _ in 0..6 {
         let mut normal = Normal::new(2);
         for point in &points {
@@ -244,7 +232,6 @@ pub(crate) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> 
     })
 }
 
-/// The bins of a pair of frames.
 fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     let mut samples: Vec<(f64, f64, f64)> = pair[0]
         .counts
@@ -262,13 +249,12 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // If the inverse response is flat, its slope is not known well enough to convert the noise.
+        // Where the inverse response is flat, its slope is too uncertain to convert the noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
-            // A change of the light between the two frames is the mean of the differences, which is
-            // subtracted.
+            // The mean difference is a change of the light between the two frames. It is subtracted.
             let drift = mean(&|sample| sample.1);
             let squares: f64 = chunk.iter().map(|sample| (sample.1 - drift).powi(2)).sum();
             Point {
@@ -291,20 +277,20 @@ mod tests {
         let white = RawFrame {
             resolution: Resolution::new(2, 2),
             channels: 1,
-            // One pixel is below black, which counts as no light.
+            // One pixel is below black. It counts as no light.
             counts: vec![410, 810, 1210, 5],
             exposure: 0.1,
             id: 1,
             started: 0.0,
         };
         let linear = Linear { black: 10.0, curve: None };
-        // 600 DN on average; 4 electrons each: a variance of 150 DN², and 11² by reading.
+        // The average is 600 DN. Four electrons per DN give a variance of 150 DN², and reading adds 11².
         let found = white_noise(&white, &linear, 4.0, 11.0);
         assert!((found - 271.0_f64.sqrt() / 600.0).abs() < 1e-12, "{found}");
     }
 
-    /// A pair of frames of 768 samples around `signal` that differ by `±2 d`, and by `drift` on average. Both are sorted into twelve bins of
-    /// 64 samples, whose variance is `2 d² · 64 / 63`.
+    /// Two frames of 768 samples around `signal` that differ by `±2 d`, and on average by `drift`. Both are sorted into twelve bins of 64
+    /// samples, with a variance of `2 d² · 64 / 63`.
     fn pair(signal: u16, d: u16, drift: u16) -> [RawFrame; 2] {
         let frame = |sign: bool| RawFrame {
             resolution: Resolution::new(32, 24),
@@ -319,7 +305,7 @@ mod tests {
         [frame(true), second]
     }
 
-    /// Signals of `10 (2 d² − 4)` have variances on a line with a slope of 1/10 that crosses zero light at 4, and all of that times 64/63.
+    /// Signals of `10 (2 d² − 4)` have variances on a line, times 64/63. The line has a slope of 1/10 and crosses zero light at 4.
     #[test]
     fn gain_and_read_noise_are_the_slope_of_the_line_and_what_it_has_without_light() {
         let linear = Linear { black: 100.0, curve: None };
@@ -329,25 +315,25 @@ mod tests {
         // Rounding to counts is not read noise.
         let read = (4.0 * 64.0 / 63.0 - 1.0 / 12.0_f64).sqrt();
         assert!((found.read_noise.value / read - 1.0).abs() < 1e-9, "{:?}", found.read_noise);
-        // Light that changes between the frames by two counts is no noise: it only moves the signal by one.
+        // A change of the light by two counts between the frames is not noise. It moves the signal by one.
         let drifted = [2, 3, 4, 5].map(|d: u16| pair(99 + 10 * (2 * d * d - 4), d, 1));
         let found = transfer(&drifted, &linear, 4095.0).expect("four brightnesses");
         assert!((found.gain.value / (10.0 * 63.0 / 64.0) - 1.0).abs() < 1e-9, "{:?}", found.gain);
-        // Samples from the limit on are left out: the brightest pair, at 460 and more.
+        // The brightest pair has samples of at least the limit and is left out.
         let mut saturated = pairs.clone();
         saturated[3] = pair(100 + 460, 20, 0);
         let found = transfer(&saturated, &linear, 540.0).expect("three brightnesses");
         assert!((found.gain.value / (10.0 * 63.0 / 64.0) - 1.0).abs() < 1e-9, "{:?}", found.gain);
     }
 
-    /// A variance `v` of n samples is known to `v √(2/(n − 1))`. Two brightnesses determine the line, whose errors follow.
+    /// A variance `v` of n samples has the error `v √(2/(n − 1))`. Two brightnesses determine the line and thus its errors.
     #[test]
     fn the_errors_are_those_of_a_line_through_variances_of_so_many_samples() {
         let linear = Linear { black: 100.0, curve: None };
         let pairs = [3, 5].map(|d: u16| pair(100 + 10 * (2 * d * d - 4), d, 0));
         let found = transfer(&pairs, &linear, 4095.0).expect("two brightnesses");
         let [low, high] = [3.0, 5.0].map(|d: f64| (10.0 * (2.0 * d * d - 4.0), 2.0 * d * d * 64.0 / 63.0));
-        // The square of the error of each, from twelve bins.
+        // The squared error of each variance, from twelve bins.
         let square = |(_, variance): (f64, f64)| variance * variance * 2.0 / 63.0 / 12.0;
         let apart = high.0 - low.0;
         let slope = (square(low) + square(high)).sqrt() / apart;
@@ -361,7 +347,7 @@ mod tests {
         );
     }
 
-    /// A curve with two linear DN for each count below 600, and a tenth from there on.
+    /// The curve rises by two linear DN per count below 600, and by a tenth from there on.
     #[test]
     fn noise_is_converted_by_the_slope_of_the_response_and_not_used_where_it_is_flat() {
         let curve: Vec<f64> = (0..1024)

@@ -1,34 +1,32 @@
 //! The displacement of a photo relative to a known pattern, to fractions of a pixel.
 //!
-//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is affine over the field. It
-//! is found by Gauss–Newton iteration on both, after the same blur (Lucas and Kanade, *An iterative image
-//! registration technique*, 1981). The best whole-pixel shift is the start.
+//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is affine over the field. Gauss–Newton iteration finds it
+//! from both after the same blur (Lucas and Kanade, *An iterative image registration technique*, 1981), starting from the best whole-pixel
+//! shift.
 
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
 
-/// The largest whole-pixel shift that is searched; in a small field, a quarter of its side.
+/// The largest whole-pixel shift that is searched. In a small field, it is a quarter of the shorter side.
 const REACH: i32 = 8;
 
-/// The least number of independent residuals per unknown. With fewer, only a shift is fitted.
+/// The fit needs at least this many independent residuals per unknown. With fewer, only a shift is fitted.
 const EVIDENCE: f64 = 12.0;
 
 /// The shifted pattern must overlap at least this share of the photo.
 const COMMON: f64 = 0.5;
 
-/// The number of pixels whose residuals count as one independent residual: the blur correlates neighbours. It
-/// is `4π σ²` for a Gaussian blur.
+/// This many pixels count as one independent residual, because the blur correlates neighbours. A Gaussian blur gives `4π σ²`.
 const CORRELATED: f64 = 4.0 * std::f64::consts::PI * BLUR * BLUR;
 
-/// The largest number of iterations. A few suffice from the nearest whole pixel on.
+/// The largest number of iterations. A few suffice from the nearest whole pixel.
 const STEPS: usize = 12;
 
-/// The unknowns: offset and contrast of the photo, and six of `d`: two of a shift, and four of rotation,
-/// scale and shear.
+/// The number of unknowns: offset and contrast of the photo, and six of `d` (two of the shift, four of rotation, scale and shear).
 const UNKNOWNS: usize = 8;
 
-/// The unknowns without rotation, scale and shear.
+/// The number of unknowns without rotation, scale and shear.
 const SHIFT: usize = 4;
 
 /// The displacement of a photo.
@@ -36,19 +34,16 @@ const SHIFT: usize = 4;
 pub struct Displacement {
     /// The largest displacement over the field's corners and centre, in projector pixels.
     pub off: f64,
-    /// Its standard error.
+    /// The standard error of `off`.
     pub error: f64,
     /// The displacement at the centre, to the right and down.
     pub shift: [f64; 2],
-    /// The correlation of pattern and photo after the displacement is corrected. It is 1 for equal pictures.
+    /// The correlation of pattern and photo after the displacement is corrected. Equal pictures have 1.
     pub agreement: f64,
 }
 
-/// The displacement of photos relative to their patterns. `pairs` are pairs of pattern and photo; only pixels
-/// that are `used` count.
-///
-/// # Errors
-/// [`Error::Numerical`] when the photos do not show the patterns.
+/// Measures the displacement of photos relative to their patterns. `pairs` are pairs of pattern and photo. Only `used` pixels count. Fails
+/// with [`Error::Numerical`] when the photos do not show the patterns.
 pub(crate) fn displacement(
     size: Resolution,
     pairs: &[(Vec<f64>, Vec<f64>)],
@@ -81,15 +76,14 @@ pub(crate) fn displacement(
     Ok(Displacement { off, error, shift: d.at(centre), agreement: pictures.agreement(|at| d.at(at)) })
 }
 
-/// The affine displacement `d(x)`: two coefficients of a shift, and two per axis of the part that grows from
-/// the centre to the corners.
+/// The affine displacement `d(x)`: two coefficients of the shift, then two per axis of the part that grows from the centre to the corners.
 struct Affine {
     size: Resolution,
     by: [f64; 6],
 }
 
 impl Affine {
-    /// Coordinates that are 0 at the centre and about 1 at the corner.
+    /// Converts to coordinates that are 0 at the centre and about 1 at the corner.
     fn relative(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [width, height] = [self.size.width as f64, self.size.height as f64];
         let unit = 0.5 * width.hypot(height);
@@ -101,8 +95,7 @@ impl Affine {
         [d[0] + d[2] * u + d[3] * v, d[1] + d[4] * u + d[5] * v]
     }
 
-    /// The standard error of the displacement along the axis where it is larger. `covariance` is that of all
-    /// unknowns.
+    /// The standard error of the displacement along the axis where it is larger. `covariance` is the covariance of all unknowns.
     fn error(&self, at: [f64; 2], covariance: &[f64]) -> f64 {
         let [u, v] = self.relative(at);
         let variance = |first: usize| {
@@ -116,14 +109,14 @@ impl Affine {
     }
 }
 
-/// All patterns and photos, after the band-pass.
+/// All patterns and photos after the band-pass.
 struct Pictures {
     size: Resolution,
     patterns: Vec<Vec<f64>>,
     points: Vec<Point>,
 }
 
-/// A pixel of a photo: the index of its pattern, its place, and its value.
+/// A pixel of a photo: the index of its pattern, its place and its value.
 struct Point {
     pattern: usize,
     at: [f64; 2],
@@ -131,7 +124,7 @@ struct Point {
 }
 
 impl Pictures {
-    /// The correlation of the photos with the displaced patterns; −∞ when they overlap too little.
+    /// The correlation of the photos with the displaced patterns. It is −∞ when they overlap too little.
     fn agreement(&self, d: impl Fn([f64; 2]) -> [f64; 2]) -> f64 {
         let pair = |point: &Point| {
             let [right, down] = d(point.at);
@@ -145,7 +138,6 @@ impl Pictures {
         correlation(pairs.into_iter())
     }
 
-    /// The whole-pixel shift with the largest correlation.
     fn best_shift(&self) -> [f64; 2] {
         let reach = REACH.min(self.size.width.min(self.size.height) as i32 / 4);
         let shifts = (-reach..=reach).flat_map(|down| (-reach..=reach).map(move |right| [right, down]));
@@ -155,7 +147,7 @@ impl Pictures {
         shifts.fold((f64::NEG_INFINITY, [0.0; 2]), better).1
     }
 
-    /// Improves `d` by Gauss–Newton iteration. Returns the covariance of all unknowns in pixels².
+    /// Improves `d` by Gauss–Newton iteration. Returns the covariance of all unknowns, in pixels².
     fn refine(&self, d: &mut Affine) -> Result<Vec<f64>> {
         let mut covariance = vec![0.0; UNKNOWNS * UNKNOWNS];
         let is_rich = self.points.len() as f64 > EVIDENCE * UNKNOWNS as f64 * CORRELATED;
@@ -178,7 +170,7 @@ impl Pictures {
             for (number, entry) in found.covariance.iter().enumerate() {
                 covariance[number / unknowns * UNKNOWNS + number % unknowns] = entry * scale;
             }
-            // The gradients are not valid beyond one pixel.
+            // The gradients are valid within one pixel only.
             let step: Vec<f64> =
                 found.values[2..].iter().map(|value| (value / amplitude).clamp(-1.0, 1.0)).collect();
             d.by.iter_mut().zip(&step).for_each(|(d, step)| *d += step);
@@ -189,8 +181,7 @@ impl Pictures {
         Ok(covariance)
     }
 
-    /// The derivatives of the expected value at a point with respect to the unknowns; `None` when the
-    /// displaced point lies outside.
+    /// The derivatives of the expected value at a point with respect to the unknowns. It is `None` when the displaced point lies outside.
     fn row(&self, d: &Affine, point: &Point) -> Option<[f64; UNKNOWNS]> {
         let [right, down] = d.at(point.at);
         let [x, y] = [point.at[0] + right, point.at[1] + down];
@@ -209,15 +200,13 @@ fn unseen() -> Error {
     )
 }
 
-/// The standard deviation of the narrow blur, in pixels. It makes edges so wide that the iteration sees them
-/// from a pixel away.
+/// The standard deviation of the narrow blur, in pixels. This blur makes edges so wide that the iteration sees them from a pixel away.
 pub(crate) const BLUR: f64 = 1.2;
 
-/// The standard deviation of the wide blur, in pixels. Global light varies more slowly than that.
+/// The standard deviation of the wide blur, in pixels. Global light varies more slowly than this width.
 const SLOW: f64 = 3.0;
 
-/// The band-pass of a picture: the difference of a narrow and a wide blur. Only the pixels that are `used`
-/// count. `None` when a blur has no width.
+/// The band-pass of a picture: the difference of a narrow and a wide blur. Only `used` pixels count. It is `None` when a blur has no width.
 pub(crate) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<Vec<f64>> {
     let of_used = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..size.pixels()).map(|pixel| if used[pixel] { of(pixel) } else { 0.0 }).collect()
@@ -226,14 +215,13 @@ pub(crate) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<V
     let [fine, slow] = [BLUR, SLOW].map(|deviation| {
         let blur = Blur::new(size, deviation)?;
         let pairs = blur.apply(&values).into_iter().zip(blur.apply(&weights));
-        // The weight is 0 far from all used pixels, where the value is of no interest.
+        // The weight is 0 far from all used pixels. The value does not matter there.
         Some(pairs.map(|(sum, weight)| sum / weight.max(1e-6)).collect::<Vec<f64>>())
     });
     Some(fine?.iter().zip(slow?).map(|(fine, slow)| fine - slow).collect())
 }
 
-/// The value of a picture at a point, bilinear between pixels. Coordinates are in pixels from the centre of
-/// the first pixel. `None` outside of the picture.
+/// The value of a picture at a point (bilinear), in pixels from the centre of the first pixel. It is `None` outside the picture.
 pub(crate) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Option<f64> {
     let inside = x >= 0.0 && y >= 0.0 && x <= size.width as f64 - 1.0 && y <= size.height as f64 - 1.0;
     if !inside {
@@ -250,7 +238,7 @@ pub(crate) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Opti
     Some(upper + down * (lower - upper))
 }
 
-/// Pearson's correlation; −∞ when one of the two is constant.
+/// Pearson's correlation. It is −∞ when one of the two is constant.
 pub(crate) fn correlation(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (mut n, mut a, mut b, mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (x, y) in pairs {
@@ -271,7 +259,7 @@ mod tests {
 
     const SIZE: Resolution = Resolution { width: 64, height: 48 };
 
-    /// Squares of four pixels, bright or dark by a hash of their place.
+    /// Squares of four pixels that are bright or dark by a hash of their place.
     fn squares() -> Vec<f64> {
         let bit = |x: usize, y: usize| ((x * 7919 + y * 104_729 + x * y * 31) / 7).is_multiple_of(2);
         let light = |pixel: usize| bit(pixel % SIZE.width / 4, pixel / SIZE.width / 4);
@@ -287,7 +275,7 @@ mod tests {
             value(&pattern, SIZE, [at[0] + right, at[1] + down])
         };
         let values: Vec<Option<f64>> = (0..SIZE.pixels()).map(looks).collect();
-        // Half of the contrast, as with global light. Pixels outside of the pattern are dark.
+        // The contrast is halved, as by global light. Pixels outside the pattern are dark.
         (
             values.iter().map(|value| 0.1 + 0.5 * value.unwrap_or(0.0)).collect(),
             values.iter().map(Option::is_some).collect(),
@@ -309,15 +297,14 @@ mod tests {
     fn a_shift_is_found_to_a_twentieth_of_a_pixel() {
         for shift in [[0.3, -0.2], [-5.6, 3.4], [0.05, 0.0]] {
             let found = found(|_| shift);
-            // The remaining error comes from the interpolation between pixels, which blurs differently from a
-            // Gaussian.
+            // Interpolation between pixels blurs differently from a Gaussian, which leaves this error.
             let off = (found.shift[0] - shift[0]).hypot(found.shift[1] - shift[1]);
             assert!(off < 0.05, "{shift:?}: {found:?}");
             assert!((found.off - shift[0].hypot(shift[1])).abs() < 0.1, "{found:?}");
         }
     }
 
-    /// The error along one axis is that of `d₀ + d₂ u + d₃ v` for the coordinates `(u, v)` of the point.
+    /// The error along one axis is the error of `d₀ + d₂ u + d₃ v` at the coordinates `(u, v)` of the point.
     #[test]
     fn the_error_of_a_displacement_follows_from_the_covariance_of_its_coefficients() {
         let d = Affine { size: SIZE, by: [0.0; 6] };
@@ -342,7 +329,6 @@ mod tests {
         assert!((d.error(at, &covariance) - 20.0).abs() < 1e-12);
     }
 
-    /// Noise of a known size makes the shifts of many photos scatter as stated.
     #[test]
     fn stated_errors_of_a_shift_are_those_of_repeated_photos() {
         use rand::{RngExt, SeedableRng};
@@ -350,7 +336,6 @@ mod tests {
         let (clean, used) = seen(|_| [0.2, -0.1]);
         let mut off = Vec::new();
         for _ in 0..40 {
-            // White noise of a standard deviation of a tenth of the contrast.
             let noisy = clean.iter().map(|value| {
                 let sum: f64 = (0..12).map(|_| random.random::<f64>() - 0.5).sum();
                 value + 0.1 * sum
@@ -361,7 +346,7 @@ mod tests {
         let mean = off.iter().map(|off| off.0).sum::<f64>() / 40.0;
         let spread = (off.iter().map(|off| (off.0 - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
         let stated = off.iter().map(|off| off.1).sum::<f64>() / 40.0;
-        // The stated error is that of the corner, and takes neighbours for correlated: it may be several times as large, not smaller.
+        // The stated error is for the corner, with correlated neighbours. It may be several times the scatter, but not smaller.
         assert!(stated > 0.8 * spread && stated < 20.0 * spread, "{stated} {spread}");
     }
 
@@ -401,8 +386,7 @@ mod tests {
         let slow: Vec<f64> = (0..size.pixels()).map(|pixel| 5.0 + 0.1 * (pixel % 48) as f64).collect();
         let used: Vec<bool> = (0..size.pixels()).map(|pixel| pixel % 48 < 24).collect();
         let left = band(size, &slow, &used).expect("both blurs are wider than 0");
-        // At the end of the used part of the ramp, the wide blur changes it by no more than its rise over the
-        // width of the blur.
+        // At the end of the used part, the wide blur changes the ramp by at most the ramp's rise over the width of the blur.
         assert!((0..size.pixels()).filter(|&pixel| used[pixel]).all(|pixel| left[pixel].abs() < 0.3));
         assert!(left[16 * 48 + 12].abs() < 1e-3, "{}", left[16 * 48 + 12]);
         let pairs = [(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)];

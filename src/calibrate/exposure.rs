@@ -7,16 +7,16 @@ use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::rig::Frame;
 
-/// The share of the range that the bright pixels should reach.
+/// The bright pixels should reach this share of the range.
 const FILL: f64 = 0.7;
 
-/// The quantile of the pixels that counts as bright. The pixels above it are highlights.
+/// Bright pixels are at this quantile. The pixels above it are highlights.
 const BRIGHT: f64 = 0.98;
 
 /// How well the camera's exposures suit a white frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhiteExposure {
-    /// White fills about 70 % of the camera's range, or as near to that as the camera's exposures allow.
+    /// White fills about 70 % of the camera's range, or comes as near to that as its exposures allow.
     Filled,
     /// White saturates the camera even at the shortest exposure.
     TooBright,
@@ -25,7 +25,7 @@ pub enum WhiteExposure {
 }
 
 impl WhiteExposure {
-    /// The fault of `exposure`, in seconds, and its remedy. `None` when it suits white.
+    /// The fault of `exposure`, in seconds, and its remedy. It is `None` when the exposure suits white.
     pub fn warning(self, exposure: f64) -> Option<String> {
         match self {
             Self::Filled => None,
@@ -39,12 +39,9 @@ impl WhiteExposure {
     }
 }
 
-/// The exposure in seconds at which the 98th percentile of the photo of `frame` is about 70 % of the camera's
-/// range, or the longest exposure when that is too short.
-///
-/// # Errors
-/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest exposure
-/// shows nothing.
+/// The exposure in seconds at which the 98th percentile of the photo of `frame` is about 70 % of the camera's range. It is the longest
+/// exposure when that is too short. Fails with [`Error::Saturated`] when even the shortest exposure saturates, and with [`Error::Rig`] when
+/// the longest exposure shows nothing.
 pub(crate) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
     match search(session, frame)? {
         (exposure, WhiteExposure::Filled) => Ok(exposure),
@@ -64,7 +61,7 @@ pub(crate) fn search(
     let dark = session.capture(&black, shortest)?;
     let floor = percentile(dark.counts.iter().map(|&count| count.into()), 0.5);
     if floor > 0.9 * full {
-        // The camera is saturated without a pattern: no exposure fills a range that is not there.
+        // The camera is saturated without a pattern, so no range is left to fill.
         return Ok((shortest, WhiteExposure::TooBright));
     }
     let target = floor + FILL * (full - floor);
@@ -75,8 +72,7 @@ pub(crate) fn search(
         if (bright - target).abs() < 0.1 * (full - floor) {
             return Ok((raw.exposure, WhiteExposure::Filled));
         }
-        // A saturated photo only says that the exposure was much too long. A full well may saturate below the
-        // largest count.
+        // A saturated photo shows only that the exposure was much too long. A full well may saturate below the largest count.
         let factor = if bright > floor + 0.9 * (full - floor) {
             0.2
         } else {
@@ -94,7 +90,7 @@ pub(crate) fn search(
         }
         exposure = next;
     }
-    // The well is full below the target, which bright pixels therefore cannot reach.
+    // The well is full below the target, so bright pixels cannot reach the target.
     Ok((exposure, WhiteExposure::Filled))
 }
 
@@ -120,16 +116,15 @@ fn unseen(exposure: f64) -> Error {
 /// The count that overexposed samples reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plateau {
-    /// The count of the plateau.
     pub(crate) count: f64,
-    /// Whether samples reached it. Otherwise the light did not suffice, and it is the largest possible count.
+    /// Whether samples reached the plateau. Otherwise the light did not suffice, and `count` is the largest possible count.
     pub(crate) reached: bool,
-    /// Counts from here on may be saturated.
+    /// Counts of at least this value may be saturated.
     pub(crate) limit: f64,
 }
 
-/// Measures the plateau by overexposing `frame` eightfold. Samples above a third of the range at `exposure`
-/// seconds should then reach almost three times the range.
+/// Measures the plateau by overexposing `frame` eightfold. Samples above a third of the range at `exposure` seconds should then reach
+/// almost three times the range.
 pub(crate) fn plateau(
     session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
@@ -160,8 +155,8 @@ pub(crate) fn plateau(
     Ok(Plateau { count, reached: true, limit: low.min(count - 2.0 * (count - low)) })
 }
 
-/// The count from which on samples are regarded as saturated: `margin` standard deviations of `noise` below
-/// the plateau. So a sample whose mean is on the plateau is recognized in spite of its noise.
+/// Samples of at least this count are regarded as saturated. It lies `margin` standard deviations of `noise` below the plateau. A sample
+/// whose mean is on the plateau is thus recognized in spite of its noise.
 pub(crate) fn limit(plateau: &Plateau, noise: f64, margin: f64) -> f64 {
     (plateau.count - margin * noise).min(plateau.limit).floor()
 }
@@ -173,8 +168,8 @@ mod tests {
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
 
-    /// The plateau found for a hundred pixels with this light, in counts per second above 10, by a camera of 1023 counts, and all exposures that
-    /// were tried. The bright pixels shall have 10 + 0.7 · 1013 = 719 counts, within 101.
+    /// The plateau of a hundred pixels with this light, in counts per second above 10, and all exposures that were tried. The camera has
+    /// 1023 counts. The bright pixels shall have 10 + 0.7 · 1013 = 719 counts, within 101.
     fn found(light: impl Fn(usize) -> f64 + Send) -> (f64, WhiteExposure, Vec<f64>) {
         let photo = move |request: &CaptureRequest, _| {
             let is_white = request.frame.levels()[0] > 0;
@@ -191,7 +186,7 @@ mod tests {
         (exposure, outcome, asked[1..].to_vec())
     }
 
-    /// Equal but for the rounding of some thirty counts.
+    /// Whether values are equal up to the rounding of some thirty counts.
     fn near(found: &[f64], expected: &[f64]) -> bool {
         found.len() == expected.len() && found.iter().zip(expected).all(|(f, e)| (f / e - 1.0).abs() < 0.02)
     }
@@ -200,14 +195,13 @@ mod tests {
     fn the_exposure_goes_in_proportion_to_where_bright_pixels_have_seven_tenths_of_the_range() {
         let start = 0.1_f64.sqrt();
         for (light, expected) in [
-            // Near enough at once: 619 and 819 counts are.
+            // 619 and 819 counts are near enough at once.
             (1950.0, &[start][..]),
             (2530.0, &[start]),
-            // In proportion, up and down.
             (1890.0, &[start, 709.0 / 1890.0]),
             (2750.0, &[start, 709.0 / 2750.0]),
             (100.0, &[start, 7.09]),
-            // More than nine tenths of the range, 922 counts, may be saturated: a fifth, and then in proportion.
+            // Above 922 counts, nine tenths of the range, the photo may be saturated. The exposure is divided by five, then scaled.
             (2950.0, &[start, start / 5.0, 709.0 / 2950.0]),
             (7e4, &[start, start / 5.0, start / 25.0, 709.0 / 7e4]),
         ] {
@@ -227,7 +221,7 @@ mod tests {
     fn light_beyond_the_cameras_exposures_is_too_bright_or_too_dark() {
         let (exposure, outcome, _) = found(|_| 1e8);
         assert_eq!((exposure, outcome), (1e-3, WhiteExposure::TooBright));
-        // A hundredth of the range at the longest exposure is seen, if dimly.
+        // A hundredth of the range at the longest exposure is dimly seen.
         for (light, expected) in
             [(0.0, WhiteExposure::TooDark), (0.09, WhiteExposure::TooDark), (0.12, WhiteExposure::Filled)]
         {
@@ -245,8 +239,8 @@ mod tests {
         assert!(warning(WhiteExposure::TooDark).contains("hardly seen even at 0.25 s"));
     }
 
-    /// The plateau of a hundred pixels, each with its light in counts per second above 10 and its full well, by a camera of 1023 counts
-    /// whose longest exposure is given; white is exposed for one second.
+    /// The plateau of a hundred pixels, each with its light in counts per second above 10 and its full well. The camera has 1023 counts and
+    /// this longest exposure. White is exposed for one second.
     fn found_of_saturation(longest: f64, of: impl Fn(usize) -> [f64; 2] + Send) -> Plateau {
         let photo =
             move |request: &CaptureRequest, _| (0..100).map(of_pixel(request.exposure, &of)).collect();
@@ -271,14 +265,14 @@ mod tests {
     fn a_well_that_is_full_below_the_largest_count_is_found() {
         let even = Plateau { count: 900.0, reached: true, limit: 900.0 };
         assert_eq!(found_of_saturation(100.0, |_| [700.0, 900.0]), even);
-        // Pixels below a third of the range, 344 counts, need not reach it: eight times 33 would not.
+        // Pixels below a third of the range, 344 counts, need not reach the plateau: 8 · 33 would not.
         assert_eq!(found_of_saturation(100.0, |pixel| [if pixel < 50 { 33.0 } else { 700.0 }, 900.0]), even);
-        // Three of a hundred are full ten counts earlier: the limit is twice as far below.
+        // Three of a hundred pixels are full ten counts earlier, so the limit is twice as far below the plateau.
         let uneven = |less: f64| {
             found_of_saturation(100.0, move |pixel| [700.0, if pixel < 3 { 900.0 - less } else { 900.0 }])
         };
         assert_eq!(uneven(10.0), Plateau { limit: 880.0, ..even });
-        // A fiftieth of the range, twenty counts, is still flat.
+        // A fiftieth of the range, twenty counts, still counts as flat.
         assert_eq!(uneven(20.0), Plateau { limit: 860.0, ..even });
         assert_eq!(uneven(21.0), UNREACHED);
     }

@@ -1,17 +1,17 @@
 //! The brightness of the projector relative to the camera's, by the symmetry of the light transport.
 //!
-//! A coaxial rig with the vignetting `p` of its projector and `c` of its camera has the matrix `M = diag(c) A diag(p)` with a symmetric `A`.
-//! So `diag(q) M` is symmetric for `q = p / c`. The photos `y_j = M x_j` of smooth patterns then satisfy
+//! A coaxial rig with the vignetting `p` of its projector and `c` of its camera has the matrix `M = diag(c) A diag(p)` with a symmetric
+//! `A`. So `diag(q) M` is symmetric for `q = p / c`. The photos `y_j = M x_j` of smooth patterns then satisfy
 //!
 //! ```text
 //! Σ_i q_i (x_j(i) y_k(i) − x_k(i) y_j(i)) = 0        for each pair of patterns j, k
 //! ```
 //!
-//! With `q = 1 + Σ a_l φ_l` for a few polynomials `φ_l`, these are linear equations for `a`. Direct light cancels in them: they tell as much
-//! as distant pixels exchange light. What they do not tell is taken as 1, by the expectation that `a` is small.
+//! With `q = 1 + Σ a_l φ_l` for a few polynomials `φ_l`, these are linear equations for `a`. Direct light cancels in them, so the equations
+//! are informative only where distant pixels exchange light. Elsewhere the expectation that `a` is small takes `q` as 1.
 //!
-//! Direct light is by far the most, so that it must cancel well. The camera's pixels shift and spread it by the matrix `S`: on the left,
-//! `x_j` is therefore replaced by `w_j` with `Sᵀ w_j = x_j`. What an error of the pixel map shifts counts as an error of the equation.
+//! Most light is direct, so it must cancel well. The camera's pixels shift and spread it by the matrix `S`. On the left, `x_j` is therefore
+//! replaced by `w_j` with `Sᵀ w_j = x_j`. The shift by an error of the pixel map counts as an error of the equation.
 
 use super::MeasuredValue;
 use super::least_squares::Normal;
@@ -23,29 +23,26 @@ use crate::measure::spread::Spread;
 use crate::measure::{DitherBy, FlatField, Measurement, Registration};
 use crate::transport::Part;
 
-/// Half periods of the patterns along both axes; the first is white.
+/// Half periods of the patterns along both axes. The first pattern is white.
 const WAVES: [[u32; 2]; 11] =
     [[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [2, 1], [1, 2], [2, 2], [3, 0], [0, 3]];
 
-/// The number of polynomials.
 const TERMS: usize = 6;
 
-/// The standard deviation of the coefficients that is expected before anything is measured. Vignetting darkens corners by 0.1 to 0.3.
+/// The standard deviation of the coefficients that is expected before any measurement. Vignetting darkens corners by 0.1 to 0.3.
 const EXPECTED: f64 = 0.2;
 
 /// The error of the responses, as a share of the light of an equation.
 const RESPONSE_ERROR: f64 = 5e-4;
 
-/// The brightness of the projector relative to the camera's.
 pub(crate) struct BrightnessRatio {
-    /// At each of the projector's pixels.
+    /// The ratio at each of the projector's pixels.
     pub(crate) values: Vec<f64>,
     /// The darkest pixel relative to the brightest, with its error.
     pub(crate) range: MeasuredValue,
 }
 
-/// Measures the ratio by photos of smooth patterns. `curves` are the projector's responses; the pixel map has a standard error in projector
-/// pixels.
+/// Measures the ratio by photos of smooth patterns. `curves` are the projector's responses. `map_error` is in projector pixels.
 pub(crate) fn ratio(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -70,7 +67,7 @@ pub(crate) fn ratio(
         let pairs = (0..TERMS * TERMS).map(|at| (at / TERMS, at % TERMS));
         pairs.map(|(i, j)| terms[i] * terms[j] * solution.covariance[i * TERMS + j]).sum::<f64>().sqrt()
     };
-    // No device is darker than a twentieth of its centre where it is seen at all.
+    // Every device is at least a twentieth as bright as its centre where it is seen at all.
     let values: Vec<f64> = terms.iter().map(|terms| (1.0 + at(terms)).max(0.05)).collect();
     let [least, most] =
         [f64::min, f64::max].map(|choose| values.iter().copied().reduce(choose).unwrap_or(1.0));
@@ -78,16 +75,15 @@ pub(crate) fn ratio(
     Ok(BrightnessRatio { values, range: MeasuredValue::new(least / most, corner) })
 }
 
-/// Photos of the patterns on the projector's pixels.
+/// Photos of the patterns, resampled to the projector's pixels.
 struct Photos {
-    /// The patterns, before the spread by the camera's pixels.
+    /// The patterns before the camera's pixels spread them.
     before: Vec<Vec<f64>>,
     /// The length of each pattern's gradient, per pixel.
     slopes: Vec<Vec<f64>>,
     /// The standard error of the pixel map, in projector pixels.
     map_error: f64,
     photos: Vec<Vec<f64>>,
-    /// The variance of each photo's values.
     variance: Vec<Vec<f64>>,
 }
 
@@ -137,7 +133,6 @@ impl Photos {
         Ok(Self { before, slopes, map_error, photos, variance })
     }
 
-    /// Adds the equation of two patterns.
     fn add(&self, j: usize, k: usize, terms: &[[f64; TERMS]], normal: &mut Normal) {
         let (mut row, mut value, mut variance) = ([0.0; TERMS], 0.0, 0.0);
         let (mut scale, mut shifted) = (0.0, 0.0);
@@ -158,7 +153,7 @@ impl Photos {
     }
 }
 
-/// `w` with `Sᵀ w = x` for a smooth `x`, by two steps of fixed-point iteration.
+/// Solves `Sᵀ w = x` for a smooth `x`, by two steps of fixed-point iteration.
 fn unspread(x: &[f64], spread: Option<&Spread>) -> Vec<f64> {
     let Some(spread) = spread else { return x.to_vec() };
     let mut w = x.to_vec();
@@ -169,7 +164,7 @@ fn unspread(x: &[f64], spread: Option<&Spread>) -> Vec<f64> {
     w
 }
 
-/// The length of an image's gradient at each pixel, by differences to the next pixels.
+/// The length of an image's gradient at each pixel, from differences to the next pixels.
 fn slope(x: &[f64], Resolution { width, height }: Resolution) -> Vec<f64> {
     let at = |column: usize, row: usize| x[row.min(height - 1) * width + column.min(width - 1)];
     let of = |pixel: usize| {
@@ -179,7 +174,7 @@ fn slope(x: &[f64], Resolution { width, height }: Resolution) -> Vec<f64> {
     (0..x.len()).map(of).collect()
 }
 
-/// The longest exposure, down from that at which white fills the range, at which no sample of white is saturated.
+/// The longest exposure at which no sample of white is saturated. The search descends from the exposure at which white fills the range.
 fn unsaturated(session: &mut CalibrationSession<'_>, model: &CameraModel) -> Result<f64> {
     let white = session.filled(session.top());
     let mut exposure = model.exposure;
@@ -208,7 +203,7 @@ pub(crate) fn centred(pixel: usize, size: Resolution) -> [f64; 2] {
     [at(pixel % size.width, size.width), at(pixel / size.width, size.height)]
 }
 
-/// The polynomials at a pixel: tilts, and what grows towards the edges.
+/// The polynomials at a pixel: tilts, and terms that grow towards the edges.
 fn polynomials(pixel: usize, size: Resolution) -> [f64; TERMS] {
     let [x, y] = centred(pixel, size);
     let square = 0.5 * (x * x + y * y);
@@ -218,14 +213,14 @@ fn polynomials(pixel: usize, size: Resolution) -> [f64; TERMS] {
 /// The highest power of a coordinate in the polynomial that describes the sheet's photo.
 const DEGREE: usize = 6;
 
-/// The largest share of its light by which an even sheet departs from the polynomial, root mean square.
+/// The photo of an even sheet departs from the polynomial by at most this share of its light, root mean square.
 const EVEN: f64 = 0.05;
 
-/// Photographs an evenly coloured matte sheet that fills the view and stands square to the camera, under white, and tells the brightness of
-/// both devices from it. `measurement` must not correct any uneven brightness; `known` is the factor between projector and camera.
+/// Computes the brightness of both devices from a photo of a sheet under white. The sheet is matte, has one colour, fills the view and
+/// stands square to the camera. `measurement` must not correct any uneven brightness. `known` is the factor between projector and camera.
 ///
 /// # Errors
-/// [`Error::Rig`] when what is seen is no even sheet; those of taking the photo.
+/// [`Error::Rig`] when the photo does not show an even sheet, and the errors of taking the photo.
 pub fn flat_field_of_sheet(measurement: &mut Measurement, known: &FlatField) -> Result<FlatField> {
     let white = measurement.white()?;
     let size = white.resolution;
@@ -251,13 +246,13 @@ pub fn flat_field_of_sheet(measurement: &mut Measurement, known: &FlatField) -> 
     known.with_sheet(&smooth)
 }
 
-/// The polynomial in both coordinates that fits the pixels that are `seen` best, at every pixel.
+/// Fits a polynomial in both coordinates to the pixels that are `seen`, and evaluates it at every pixel.
 fn polynomial(light: &[f64], seen: &[bool], size: Resolution) -> Result<Vec<f64>> {
     let powers: Vec<(i32, i32)> =
         (0..=DEGREE as i32).flat_map(|x| (0..=DEGREE as i32 - x).map(move |y| (x, y))).collect();
     let terms = |pixel: usize| -> Vec<f64> {
         let [x, y] = centred(pixel, size);
-        // Chebyshev polynomials, which are far less alike than powers.
+        // Chebyshev polynomials are far less alike than powers.
         let wave = |x: f64, power: i32| (f64::from(power) * x.acos()).cos();
         powers.iter().map(|&(i, j)| wave(x, i) * wave(y, j)).collect()
     };
@@ -280,7 +275,7 @@ mod tests {
         assert_eq!([0, 3, 6].map(|pixel| centred(pixel, size)), [[-0.75, -0.5], [0.75, -0.5], [0.25, 0.5]]);
         let expected = [-0.75, -0.5, 0.375, 0.5 * (0.5625 - 0.25), 0.40625, 0.40625 * 0.40625];
         assert_eq!(polynomials(0, size), expected);
-        // Half periods from the left and from the top: at the edge all, in the middle of one half of it.
+        // Half periods count from the left and from the top. The value is 1 at the edge and 0.5 in the middle of one half period.
         let near =
             |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         near(smooth([0.3, -0.2], [0, 0]), 1.0);
@@ -298,7 +293,7 @@ mod tests {
         assert_eq!(unspread(&[1.0, 2.0], None), [1.0, 2.0]);
     }
 
-    /// One equation against the expectation that all terms are small: the terms follow its row, by how certain it is.
+    /// The expectation that all terms are small meets one equation. The terms follow its row, by the weight of the equation.
     #[test]
     fn an_equation_is_weighed_by_noise_response_and_map() {
         let photos = Photos {
@@ -314,7 +309,6 @@ mod tests {
             normal.add(&[(term, 1.0)], 0.0, 4.0);
         }
         photos.add(0, 1, &terms, &mut normal);
-        // x_j y_k − x_k y_j at the two pixels.
         let [first, second] = [1.0 * 2.0 - 0.25 * 3.0, 0.5 * 4.0 + 2.0 * 1.0];
         let row = [first, 3.0 * second, 2.0 * first + second, 0.0, 0.0, 0.0];
         let noise = 1.0 * 0.03 + 0.0625 * 0.01 + 0.25 * 0.04 + 4.0 * 0.02;
@@ -325,7 +319,7 @@ mod tests {
         let along = -weight * (first + second) / (4.0 + weight * square);
         let found = normal.solve().expect("the expectation determines every term").values;
         for (found, entry) in found.iter().zip(row) {
-            // A Cholesky factorization of six unknowns.
+            // A Cholesky factorization of six unknowns leaves this error.
             assert!((found - along * entry).abs() < 1e-12, "{found} {}", along * entry);
         }
     }
@@ -342,7 +336,7 @@ mod tests {
         let seen: Vec<bool> = (0..size.pixels()).map(|pixel| pixel % 7 != 0).collect();
         let dark: Vec<f64> = truth.iter().zip(&seen).map(|(t, seen)| if *seen { *t } else { 0.0 }).collect();
         let found = polynomial(&dark, &seen, size)?;
-        // A polynomial of degree three is among those that are fitted: only rounding is left.
+        // The fit includes polynomials of degree three, so only rounding is left.
         assert!(found.iter().zip(&truth).all(|(found, truth)| (found - truth).abs() < 1e-9));
         Ok(())
     }

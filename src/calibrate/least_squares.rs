@@ -1,8 +1,6 @@
-//! Weighted linear least squares of a few unknowns, with the answer's covariance; covariances of residuals that err alike in groups; and
-//! isotonic regression.
+//! Weighted linear least squares of a few unknowns, covariances of residuals with shared errors in groups, and isotonic regression.
 //!
-//! The rows are summed up as normal equations, because a fit can have a row for every pixel of a camera: a QR factorization would have
-//! to hold them all.
+//! The rows are summed up as normal equations, because a fit can have a row per camera pixel. A QR factorization would hold all rows.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +11,7 @@ use faer::{Col, Mat, Side};
 use crate::error::{Error, Result};
 use crate::measure::lens_map::PARAMETERS;
 
-/// A smaller pivot of the scaled matrix is no more than rounding.
+/// A smaller pivot of the scaled matrix is only rounding.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
 /// The normal equations `Σ w a aᵀ x = Σ w a y` of rows `aᵀ x ≈ y` with weights `w = 1/σ²`.
@@ -24,12 +22,10 @@ pub(crate) struct Normal {
     rhs: Vec<f64>,
 }
 
-/// A solution.
 #[derive(Clone, Debug)]
 pub(crate) struct Solution {
-    /// The unknowns.
     pub(crate) values: Vec<f64>,
-    /// `(Σ w a aᵀ)⁻¹`, row by row: the covariance, if the weights were `1/σ²`.
+    /// `(Σ w a aᵀ)⁻¹`, row by row. It is the covariance if the weights were `1/σ²`.
     pub(crate) covariance: Vec<f64>,
 }
 
@@ -45,7 +41,7 @@ impl Normal {
         Self { unknowns, matrix: vec![0.0; unknowns * unknowns], rhs: vec![0.0; unknowns] }
     }
 
-    /// Adds a row, given by its entries that are not zero.
+    /// Adds a row, given by its nonzero entries.
     pub(crate) fn add(&mut self, row: &[(usize, f64)], value: f64, weight: f64) {
         for &(i, a) in row {
             self.rhs[i] += weight * a * value;
@@ -55,23 +51,20 @@ impl Normal {
         }
     }
 
-    /// Adds a row that is full.
     pub(crate) fn add_full(&mut self, row: &[f64], value: f64, weight: f64) {
         let row: Vec<(usize, f64)> = row.iter().copied().enumerate().collect();
         self.add(&row, value, weight);
     }
 
-    /// The same equations with every diagonal entry larger by this share (Levenberg–Marquardt's damping).
+    /// Enlarges every diagonal entry by this share (Levenberg–Marquardt damping).
     pub(crate) fn damped(&self, share: f64) -> Self {
         let mut damped = self.clone();
         (0..self.unknowns).for_each(|i| damped.matrix[i * self.unknowns + i] *= 1.0 + share);
         damped
     }
 
-    /// Solves by the Cholesky factorization of the matrix scaled to a diagonal of ones.
-    ///
-    /// # Errors
-    /// [`Error::Numerical`] when the rows do not determine every unknown.
+    /// Solves by Cholesky factorization of the matrix, scaled to a diagonal of ones.
+    /// Fails with [`Error::Numerical`] when the rows do not determine every unknown.
     pub(crate) fn solve(&self) -> Result<Solution> {
         let n = self.unknowns;
         let undetermined = |unknown: usize| {
@@ -97,8 +90,7 @@ impl Normal {
     }
 }
 
-/// The ascending sequence that is nearest to `values` in the weighted mean square, by the
-/// pool-adjacent-violators algorithm.
+/// The ascending sequence that is nearest to `values` in the weighted mean square (pool-adjacent-violators algorithm).
 pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
     let mut pools: Vec<(f64, f64, usize)> = Vec::new();
     for (&value, &weight) in values.iter().zip(weights) {
@@ -116,18 +108,18 @@ pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
     pools.iter().flat_map(|&(value, _, length)| std::iter::repeat_n(value, length)).collect()
 }
 
-/// The gradients of all residuals, summed by group: those of one column or row of the projector's pixels.
+/// The gradients of all residuals, summed by group. A group is one column or row of the projector's pixels.
 #[derive(Default)]
 pub(crate) struct Clusters(BTreeMap<(usize, u64), [f64; PARAMETERS]>);
 
 impl Clusters {
-    /// Adds a residual with its derivatives by the parameters to the group of this axis and key.
+    /// Adds a residual, with its derivatives with respect to the parameters, to the group of this axis and key.
     pub(crate) fn add(&mut self, group: (usize, u64), slopes: &[f64; PARAMETERS], weighted_residual: f64) {
         let pull = self.0.entry(group).or_insert([0.0; PARAMETERS]);
         pull.iter_mut().zip(slopes).for_each(|(pull, slope)| *pull += weighted_residual * slope);
     }
 
-    /// The covariance of the parameters, row by row: the squares of what each group moves them by. `inverse` is that of the normal equations.
+    /// The covariance of the parameters, row by row: the squares of the shifts by each group. `inverse` inverts the normal matrix.
     pub(crate) fn covariance(&self, inverse: &[f64]) -> Vec<f64> {
         let mut covariance = vec![0.0; PARAMETERS * PARAMETERS];
         for pull in self.0.values() {
@@ -145,7 +137,6 @@ pub(crate) fn form(matrix: &[f64], a: &[f64; PARAMETERS]) -> f64 {
     a.iter().zip(times(matrix, a)).map(|(a, b)| a * b).sum()
 }
 
-/// The product of a square matrix with a vector.
 fn times(matrix: &[f64], vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
     let mut product = [0.0; PARAMETERS];
     for (value, row) in product.iter_mut().zip(matrix.chunks_exact(PARAMETERS)) {
@@ -166,10 +157,10 @@ mod tests {
         }
         let line = normal.solve().expect("two unknowns, five points");
         assert!((line.values[0] - 3.0).abs() < 1e-12 && (line.values[1] - 0.5).abs() < 1e-12);
-        // σ = ½ at each point; Σ(x − x̄)² = 10: the slope's variance is σ²/10.
+        // Each point has σ = ½ and Σ(x − x̄)² = 10, so the slope's variance is σ²/10.
         assert!((line.error(1) - (0.25_f64 / 10.0).sqrt()).abs() < 1e-12);
         assert!((line.error(0) - (0.25_f64 * (0.2 + 4.0 / 10.0)).sqrt()).abs() < 1e-12);
-        // Their covariance is −x̄ σ²/10, on both sides of the diagonal.
+        // The covariance of the two is −x̄ σ²/10, on both sides of the diagonal.
         let [a, b, c, d] = line.covariance[..] else { unreachable!("two unknowns") };
         assert!((a - 0.15).abs() < 1e-12 && (d - 0.025).abs() < 1e-12, "{a} {d}");
         assert!((b + 0.05).abs() < 1e-12 && (c + 0.05).abs() < 1e-12, "{b} {c}");

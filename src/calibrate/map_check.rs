@@ -1,7 +1,7 @@
 //! The check of a calibration's pixel map: how far the devices have moved since the calibration.
 //!
-//! Random squares are shown, photographed, and resampled by the map. The value of projector pixel `x` is then
-//! the pattern at `x + d(x)`, with a small displacement `d`, which is found by comparing the two.
+//! Random squares are shown, photographed and resampled by the map. The value of projector pixel `x` is then the pattern at `x + d(x)`. The
+//! small displacement `d` is found by comparing the two.
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use crate::image::{Resolution, percentile};
 use crate::measure::{Calibration, FrameSource};
 use crate::rig::Frame;
 
-/// The side of a square, in pixels. It is half of that in a small field.
+/// The side of a square, in pixels. A small field has squares of half this side.
 const SQUARE: usize = 4;
 
 /// A field is small when it has fewer pixels than this on a side.
 const SMALL: usize = 32;
 
-/// The number of pixels, over all patterns, that determine the displacement well.
+/// This many pixels, over all patterns, determine the displacement well.
 const PIXELS: usize = 2000;
 
 /// The largest number of patterns. A small field needs several to have enough pixels.
@@ -30,8 +30,7 @@ const PATTERNS: usize = 8;
 /// A projector pixel with less than this share of the median light is not used.
 const DARK: f64 = 0.1;
 
-/// Measures how far the pixel map of `known` is off. It takes photos of black, of white, and of one pattern
-/// (several in a small field) at `exposure` seconds.
+/// Measures how far the pixel map of `known` is off. Photographs black, white and one pattern (several in a small field) at `exposure` s.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when the photos do not show the pattern.
@@ -71,8 +70,7 @@ fn squares(size: Resolution, seed: u64) -> Vec<f64> {
     (0..size.pixels()).map(|pixel| of[square(pixel)]).collect()
 }
 
-/// The photo of a frame at each projector pixel, in linear DN summed over all channels. It is 0 where no
-/// camera pixel sees the projector pixel.
+/// The photo of a frame at each projector pixel, in linear DN summed over all channels. It is 0 where no camera pixel sees it.
 fn resampled(
     session: &mut CalibrationSession<'_>,
     known: &Calibration,
@@ -112,19 +110,19 @@ mod tests {
                     all += 1;
                 }
             }
-            // Neighbours differ by the toss of a coin: at least 150 tosses, and four standard deviations of √(n/4).
+            // Two neighbours differ by chance, like tosses of a coin (at least 150). The bound is four standard deviations √(n/4).
             let bound = 4.0 * (all as f64 / 4.0).sqrt();
             for changes in [across, down] {
                 assert!((changes as f64 - 0.5 * all as f64).abs() < bound, "{changes} of {all}");
             }
-            // The toss of one row says nothing of that of the next.
+            // Two rows are tossed independently.
             let rows_alike = (0..size.height / side - 1)
                 .filter(|row| (0..size.width).all(|x| at(x, row * side) == at(x, (row + 1) * side)));
             assert_eq!(rows_alike.count(), 0);
         }
     }
 
-    /// A camera that looks one pixel further to the right and half a pixel up than its map says, with offset and a curved response.
+    /// The camera looks one pixel to the right of its map and half a pixel above it. It has an offset and a curved response.
     #[test]
     fn a_map_that_is_off_by_a_shift_is_found_through_black_and_response() {
         use crate::measure::CaptureRequest;
@@ -151,7 +149,7 @@ mod tests {
         let found = map_check(&mut frames, &known, 0.1).expect("the pattern is seen");
         let off = (found.shift[0] - 1.0).hypot(found.shift[1] + 0.5);
         assert!(off < 0.1 && found.agreement > 0.9, "{found:?}");
-        // An uncorrected response leaves the squares where they are, with another contrast.
+        // An uncorrected response leaves the squares in place and changes their contrast.
         known.camera.curve = None;
         let linear = map_check(&mut frames, &known, 0.1).expect("the pattern is seen");
         assert!(
@@ -167,7 +165,7 @@ mod tests {
         let same = |a: usize, b: usize| squares[a] == squares[b];
         assert!((0..4).all(|y| (0..4).all(|x| same(0, y * size.width + x))));
         let sum: f64 = squares.iter().sum();
-        // 192 squares: a standard deviation of 16 × √192 pixels.
+        // 192 squares of 16 pixels have a standard deviation of 16 × √192 pixels.
         assert!(sum.abs() < 4.0 * 16.0 * 192.0_f64.sqrt(), "{sum}");
     }
 }

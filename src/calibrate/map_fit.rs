@@ -1,5 +1,4 @@
-//! A robust fit of the lens map to correspondences some of which are wrong: RANSAC, followed by Gauss–Newton
-//! iteration with Tukey's weights.
+//! A robust fit of the lens map to partly wrong correspondences: RANSAC, then Gauss–Newton iteration with Tukey's weights.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -13,7 +12,7 @@ use crate::measure::sight;
 /// The number of quadruples that RANSAC tries.
 const TRIALS: usize = 400;
 
-/// A camera point, and the projector point that it sees, both in normalized coordinates.
+/// A camera point and the projector point that it sees, both in normalized coordinates.
 type Point = ([f64; 2], [f64; 2]);
 
 /// A lens map fitted to correspondences.
@@ -29,11 +28,8 @@ pub struct Fit {
     pub outliers: f64,
 }
 
-/// Fits the map to correspondences, some of which may be wrong. They are expected to be off by about `spread`
-/// projector pixels.
-///
-/// # Errors
-/// [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
+/// Fits the map to correspondences, some of which may be wrong. They are expected to be off by about `spread` projector pixels.
+/// Fails with [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
 pub(crate) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, spread: f64) -> Result<Fit> {
     let points: Vec<Point> = matches
         .iter()
@@ -70,7 +66,7 @@ pub(crate) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
     })
 }
 
-/// The error that no map fits: only `count` points agree.
+/// The error for correspondences that no map fits. Only `count` points agree.
 pub(crate) fn no_map(count: usize, camera: Resolution, projector: Resolution) -> Error {
     let coarse = sight::too_few(camera, projector).map(|found| (format!(": {}", found.found), found.help));
     let (because, help) = coarse.unwrap_or_else(|| {
@@ -97,7 +93,7 @@ fn distances(points: &[Point], parameters: &[f64; PARAMETERS]) -> Vec<f64> {
     points.iter().map(distance).collect()
 }
 
-/// The homography of four correspondences that most others agree with (RANSAC).
+/// The homography of four correspondences that agrees with most of the others (RANSAC).
 fn first(points: &[Point], within: f64) -> Option<[f64; PARAMETERS]> {
     let mut random = Pcg64::seed_from_u64(0);
     let mut best: Option<(usize, [f64; PARAMETERS])> = None;
@@ -125,7 +121,7 @@ pub(crate) fn weight(distance: f64, limit: f64) -> f64 {
     (1.0 - (distance / limit).powi(2)).max(0.0).powi(2)
 }
 
-/// The normal equations of a Gauss–Newton step, with weights that are 0 from the distance `limit` on.
+/// The normal equations of a Gauss–Newton step. Weights are 0 at distances of at least `limit`.
 fn normal_equations(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64) -> Normal {
     let mut normal = Normal::new(PARAMETERS);
     for &(camera, projector) in points {
@@ -139,7 +135,7 @@ fn normal_equations(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64
     normal
 }
 
-/// A few Gauss–Newton steps, without the points that are off by more than `limit`.
+/// Takes a few Gauss–Newton steps. Points that are off by more than `limit` are left out.
 fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Result<[f64; PARAMETERS]> {
     for _ in 0..6 {
         let step = normal_equations(points, &parameters, limit).damped(1e-9).solve()?.values;
@@ -151,12 +147,11 @@ fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Re
     Ok(parameters)
 }
 
-/// The standard error of the map, root mean square over the correspondences: the larger one of two estimates.
+/// The standard error of the map, root mean square over the correspondences. It is the larger of two estimates.
 ///
-/// The first one assumes that all correspondences are independent, each with the scatter `rms`. But codes are
-/// rounded to projector pixels, and the rounding error is the same along a whole row or column. The second
-/// one therefore sums the gradients of all correspondences of one projector row or column before it squares
-/// them (a cluster-robust covariance).
+/// The first assumes that all correspondences are independent, each with the scatter `rms`. However, codes are rounded to projector pixels,
+/// and the rounding error is the same along a whole row or column. The second therefore sums the gradients of all correspondences of one
+/// projector row or column before it squares them (a cluster-robust covariance).
 fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms: f64) -> Result<f64> {
     let inverse = normal_equations(points, parameters, limit).solve()?.covariance;
     let mut clusters = Clusters::default();
@@ -220,10 +215,9 @@ mod tests {
         let found =
             fit(&matches(&truth, wrong), truth.camera, truth.projector, 0.41).expect("enough matches");
         let off = off(&found.map, &truth);
-        // 8000 independent correspondences with an error of √(1/6) pixel each and ten parameters would give
-        // 0.41 √(10/16000) = 0.010. The rounding errors are not independent. They repeat along rows and
-        // columns, which the stated error includes: 0.018. They also vary systematically from column to
-        // column, which it does not include: the actual error is 0.042.
+        // 8000 independent correspondences with an error of √(1/6) pixel each and ten parameters would give 0.41 √(10/16000) = 0.010. The
+        // rounding errors are not independent: they repeat along rows and columns. The stated error includes this: 0.018. It does not
+        // include that they also vary systematically from column to column. The actual error is 0.042.
         assert!(off < 0.05, "{off}");
         assert!((0.5..3.0).contains(&(off / found.error)), "{off} against {}", found.error);
         assert!((found.rms - (1.0_f64 / 6.0).sqrt()).abs() < 0.05, "{}", found.rms);
@@ -246,8 +240,8 @@ mod tests {
         assert!(found.rms < 1e-7 && found.outliers == 0.0, "{found:?}");
     }
 
-    /// From `n` points, each off by σ along both axes, and with weights of mean `w̄`, the ten parameters are known so well that the map is
-    /// off by `σ √(10 / (n w̄))`, root mean square over the field.
+    /// `n` points, each off by σ along both axes, with weights of mean `w̄`, determine ten parameters. The map's error is `σ √(10 / (n
+    /// w̄))`, root mean square over the field.
     #[test]
     fn independent_errors_of_points_make_the_error_of_the_map_that_least_squares_say() {
         use rand_distr::{Distribution, StandardNormal};
@@ -258,22 +252,21 @@ mod tests {
         let noise: Vec<[f64; 2]> = (0..truth.camera.pixels()).map(|_| [normal(), normal()]).collect();
         let points = matches(&truth, |at, pixel| [at[0] + noise[pixel][0], at[1] + noise[pixel][1]]);
         let found = fit(&points, truth.camera, truth.projector, sigma).expect("they agree");
-        // Distances of up to 4 σ count, nearly all of them.
+        // Distances of up to 4 σ count, which are nearly all of them.
         assert!((found.rms / (sigma * 2.0_f64.sqrt()) - 1.0).abs() < 0.02, "{}", found.rms);
         assert!(found.outliers < 0.002, "{}", found.outliers);
-        // Tukey's weights at 3 σ have the mean 1 − 4/9 + 8/81 − … = 0.63 for distances with the density d exp(−d²/2).
+        // For distances with the density d exp(−d²/2), Tukey's weights at 3 σ have the mean 1 − 4/9 + 8/81 − … = 0.63.
         let mean: f64 = (0..3000)
             .map(|at| 0.001 * (f64::from(at) + 0.5))
             .map(|d| 0.001 * d * (-0.5 * d * d).exp() * weight(d, 3.0))
             .sum();
         let expected = sigma * (10.0 / truth.camera.pixels() as f64 / mean).sqrt();
-        // The scatter that is put in is known to one in √10800, and the scale of the weights as well as the median: two percent.
+        // The scatter is known to one in √10800. The scale of the weights is known as well as the median, to two percent.
         assert!((found.error / expected - 1.0).abs() < 0.05, "{} against {expected}", found.error);
-        // Ten parameters of one draw: their chi-square scatters by √(2/10).
+        // The chi-square of ten parameters scatters by √(2/10), and this is a single draw.
         assert!((0.4..1.6).contains(&(off(&found.map, &truth) / expected)));
     }
 
-    /// Twenty-four points are enough for a map, and one less is not; nor are points of which only some agree.
     #[test]
     fn a_map_takes_twenty_four_points_that_agree() {
         let truth = truth();
@@ -282,7 +275,7 @@ mod tests {
         assert!(fit(&some(24), truth.camera, truth.projector, 0.4).is_ok());
         let error = fit(&some(23), truth.camera, truth.projector, 0.4).map_err(|error| error.to_string());
         assert!(error.as_ref().is_err_and(|text| text.contains("only 23 points")), "{error:?}");
-        // Among 40 points, 17 are wrong, each in its own way: 23 agree.
+        // 17 of 40 points are wrong, each in a different way, so 23 agree.
         let mixed = |wrong: usize| {
             let mut points = some(40);
             for (at, point) in points.iter_mut().take(wrong).enumerate() {

@@ -10,8 +10,7 @@
 //! | the pixel map | Gray codes, or a checkerboard | `structured_light`, `pixel_map`, `map_fit`, `stripe_fit` |
 //! | the brightness of the projector relative to the camera's | smooth patterns, by the symmetry of the light transport | `flat_field` |
 //!
-//! While a bench is aligned and checked, [`StructuredLight`] decodes Gray codes without a whole calibration, and
-//! [`map_check`](map_check()) tests a known pixel map.
+//! While a bench is set up, [`StructuredLight`] decodes Gray codes without a calibration, and [`map_check`](map_check()) tests a known map.
 
 mod camera;
 mod displacement;
@@ -49,16 +48,14 @@ use crate::measure::{Calibration, CameraResponse, FlatField, FrameSource, Stabil
 /// The options of a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrateOptions {
-    /// Frames averaged for each level of the ramp and each pattern.
+    /// The number of frames averaged for each level of the ramp and each pattern.
     pub takes: u32,
-    /// Levels of the projector that are shown at most, from 3 on. `None`: 257, or 33 where more than half a second passes from one frame to the
-    /// next.
+    /// The largest number of levels that are shown, at least 3. `None` means 257, or 33 when frames are more than half a second apart.
     pub levels: Option<usize>,
-    /// The source of the pixel map. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
-    /// for each of the projector's along an axis.
+    /// The source of the pixel map. `None`: Gray codes, or a checkerboard below 1.5 camera pixels per projector pixel along an axis.
     pub map: Option<MapBy>,
-    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then their uneven brightness can
-    /// be distinguished from that of the scene.
+    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then can uneven brightness of the
+    /// devices be distinguished from the scene.
     pub coaxial: bool,
 }
 
@@ -68,15 +65,13 @@ impl Default for CalibrateOptions {
     }
 }
 
-/// The settle time is this factor times the latency that was measured.
+/// The settle time is this factor times the measured latency.
 const SETTLE_MARGIN: f64 = 1.25;
 
-/// Measures everything that a [`Calibration`] holds. `progress` is called with the name of each step before
-/// it begins, and may stop the calibration.
+/// Measures everything that a [`Calibration`] holds. `progress` gets the name of each step in advance, and may stop the calibration.
 ///
 /// # Errors
-/// [`Error::Rig`] when the rig fails, or when its photos cannot be evaluated; [`Error::Interrupted`] when
-/// `progress` says so.
+/// [`Error::Rig`] when the rig fails, or when its photos cannot be evaluated; [`Error::Interrupted`] when `progress` stops the calibration.
 pub fn calibrate(
     frames: &mut dyn FrameSource,
     options: &CalibrateOptions,
@@ -159,7 +154,6 @@ pub fn calibrate(
     Ok((calibration, report))
 }
 
-/// The report on one channel of the projector.
 fn figures(ramp: &Ramp) -> ProjectorFigures {
     ProjectorFigures {
         gamma: ramp.gamma,

@@ -1,4 +1,4 @@
-//! The measurement of the pixel map, from Gray codes or a checkerboard to footprints (O'Toole and Kutulakos, section 8.1).
+//! Measures the pixel map: from Gray codes or a checkerboard to footprints (O'Toole and Kutulakos, section 8.1).
 
 use super::least_squares::Normal;
 use super::map_fit;
@@ -13,25 +13,23 @@ use crate::measure::Registration;
 use crate::measure::footprint::by_overlap;
 use crate::measure::lens_map::{LensMap, Match, centre};
 
-/// A common map is accepted when the points have at most this root mean square distance from it, in projector
-/// pixels.
+/// A common map is accepted when the root mean square distance of the points from it is at most this, in projector pixels.
 const FITS: f64 = 0.75;
 
-/// A common map is accepted when less than this share of the points are outliers, such as reflections and
-/// edges.
+/// A common map is accepted when less than this share of the points are outliers, such as reflections and edges.
 const OUTLIERS: f64 = 0.5;
 
-/// Gray codes need this many camera pixels per projector pixel along each axis. With fewer, only the camera pixels that lie inside one
-/// projector pixel are decoded, which hides a shift by a part of a pixel.
+/// Gray codes need this many camera pixels per projector pixel along each axis. With fewer, only camera pixels inside one projector pixel
+/// are decoded, which hides a shift by a part of a pixel.
 const SAMPLED: f64 = 1.5;
 
-/// If fewer camera pixels than this share are not decoded, each of the others lies inside one projector pixel, and the codes are exact.
+/// When fewer camera pixels than this share remain undecoded, each of the others lies inside one projector pixel, and the codes are exact.
 const ALIGNED: f64 = 0.1;
 
-/// The least width of the finest stripes that can be decoded, in camera pixels.
+/// The finest stripes that can be decoded are at least this wide, in camera pixels.
 const STRIPE: f64 = 1.5;
 
-/// Measures the map from camera to projector, and makes the pixel map of it.
+/// Measures the map from camera to projector, and makes the pixel map from it.
 pub(crate) fn pixel_map(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -40,7 +38,7 @@ pub(crate) fn pixel_map(
     let (camera, projector) = (session.camera().resolution, session.projector().resolution);
     let scale = scale(camera, projector);
     let coarse = coarse(camera, projector);
-    // With fewer squares than a map needs, Gray codes that a camera can decode are better than nothing.
+    // There may be fewer squares than a map needs. Gray codes that the camera can decode then serve instead.
     let may_fall_back = by.is_none() && coarse == 0;
     let mut by = by.unwrap_or(if scale < SAMPLED { MapBy::Checkerboard } else { MapBy::GrayCode });
     let decoded = gray_code(session, model, coarse)?;
@@ -66,7 +64,7 @@ pub(crate) fn pixel_map(
     let outliers = |fit: &Fit| fit.outliers;
     match fit {
         Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
-            // If no camera pixel sees an edge, the codes are exact, and the stripes tell less.
+            // If no camera pixel sees an edge, the codes are exact, and the stripes are less informative.
             let finer = refined(&fit, &decoded).ok().filter(|finer| finer.error < fit.error);
             let fit = finer.unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);
@@ -85,8 +83,7 @@ pub(crate) fn pixel_map(
             };
             Ok((registration, figures))
         }
-        // No common map fits, because the camera may be elsewhere. Then each camera pixel is used as it was
-        // decoded.
+        // No common map fits, because the camera may be elsewhere. Each camera pixel is then used as it was decoded.
         Ok(fit) if by == MapBy::GrayCode && decoded.step == 1 => {
             let registration = by_decoding(&decoded, camera, projector);
             let figures = MapFigures {
@@ -105,9 +102,8 @@ pub(crate) fn pixel_map(
     }
 }
 
-/// The pixel map by decoding: all camera pixels that were decoded to a projector pixel have equal weights. It
-/// serves where no common map fits, for example when the camera is not at the projector's centre of
-/// projection.
+/// The pixel map by decoding: all camera pixels that were decoded to a projector pixel have equal weights. It serves where no common map
+/// fits, for example when the camera is not at the projector's centre of projection.
 fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> Registration {
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); projector.pixels()];
     for seen in &decoded.seen {
@@ -121,12 +117,12 @@ fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> 
     Registration::of_rows(camera, projector, rows)
 }
 
-/// The number of camera pixels per projector pixel along an axis; the smaller one of both axes.
+/// The number of camera pixels per projector pixel along the axis where it is smaller.
 fn scale(camera: Resolution, projector: Resolution) -> f64 {
     (camera.width as f64 / projector.width as f64).min(camera.height as f64 / projector.height as f64)
 }
 
-/// The number of the finest bits that this camera cannot decode.
+/// The number of finest bits that this camera cannot decode.
 pub(crate) fn coarse(camera: Resolution, projector: Resolution) -> u32 {
     // The finest stripes of a Gray code are two pixels wide.
     (STRIPE / (2.0 * scale(camera, projector))).log2().ceil().max(0.0) as u32
@@ -142,18 +138,14 @@ fn masked(registration: &Registration) -> f64 {
     empty as f64 / registration.projector.pixels() as f64
 }
 
-// The corners of a projected checkerboard, for cameras that do not resolve single projector pixels (O'Toole
-// and Kutulakos, section 8.1).
-//
-// The contrast `(p − q)/(p + q)` of the photos of a checkerboard and of its inverse does not depend on the
-// scene's albedo. Each inner corner is a saddle point of it. Its centre is that of a quadratic polynomial
-// fitted to the pixels around it (Lucchese and Mitra 2002).
+// Corners of a checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1). The contrast
+// `(p − q)/(p + q)` of the photos of a checkerboard and of its inverse does not depend on the scene's albedo. Each inner corner is a saddle
+// point of the contrast. Its centre is the saddle point of a quadratic polynomial fitted around it (Lucchese and Mitra 2002).
 
 /// The side of a square, in camera pixels.
 const SQUARE: f64 = 6.0;
 
-/// Shows a checkerboard, and finds its corners near the places that `map` predicts. Camera pixels that are
-/// not `lit` are not used.
+/// Shows a checkerboard, and finds its corners near the places that `map` predicts. Only `lit` camera pixels are used.
 pub(crate) fn corners(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -180,8 +172,7 @@ pub(crate) fn corners(
     Ok(matches)
 }
 
-/// The saddle point near `near`, in the camera's pixels from its top left corner. `None` when there is none,
-/// or when too few pixels are lit.
+/// The saddle point near `near`, in camera pixels from the top left corner. It is `None` when there is none or too few pixels are lit.
 fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: f64) -> Option<[f64; 2]> {
     let mut at = near;
     for _ in 0..12 {
@@ -203,7 +194,7 @@ fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: 
                 let pixel = row * map.camera.width + column;
                 if lit[pixel] {
                     count += 1;
-                    // With a smooth window, no pixel enters or leaves it abruptly as the centre moves.
+                    // The window is smooth, so no pixel enters or leaves it abruptly as the centre moves.
                     let weight = (1.0 - distance * distance).powi(2);
                     normal.add_full(&[1.0, x, y, x * x, x * y, y * y], contrast[pixel], weight);
                 }
@@ -273,7 +264,7 @@ mod tests {
 
     const SIZE: Resolution = Resolution { width: 40, height: 30 };
 
-    /// A saddle that is turned and not as steep along both axes, at a place between pixels.
+    /// A turned saddle between pixels. Its two axes are not equally steep.
     fn board(place: [f64; 2]) -> Vec<f64> {
         let of = |pixel: usize| {
             let [x, y] = [(pixel % 40) as f64 + 0.5 - place[0], (pixel / 40) as f64 + 0.5 - place[1]];
@@ -320,7 +311,7 @@ mod tests {
         let contrast = board([20.0, 15.0]);
         let lit_from =
             |column: usize| -> Vec<bool> { (0..SIZE.pixels()).map(|pixel| pixel % 40 >= column).collect() };
-        // Fifty-two pixels are nearer than four; columns 16 and 17 have four and six of them, column 18 eight.
+        // 52 pixels are nearer than four. Columns 16 and 17 have four and six of them, column 18 has eight.
         let at = found(&contrast, &lit_from(18), [20.0, 15.0]).expect("ten of 52 are dark");
         assert!((at[0] - 20.0).hypot(at[1] - 15.0) < 1e-9, "{at:?}");
         assert_eq!(found(&contrast, &lit_from(19), [20.0, 15.0]), None, "eighteen of them");

@@ -1,11 +1,9 @@
-//! The projector's response: the light of each level, from photos of uniform frames (O'Toole and Kutulakos,
-//! section 8.1).
+//! The projector's response: the light of each level, from photos of uniform frames (O'Toole and Kutulakos, section 8.1).
 //!
-//! A uniform frame scales all light of the scene, global light included. The light of a level relative to the
-//! brightest one is therefore the same number for all pixels:
-//! `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the pixels that are not saturated. Dark levels
-//! are exposed longer, and the photo of black at the same exposure is subtracted, so that an error of the
-//! black level cancels. White is repeated every few levels, and the drift of the light is divided out.
+//! A uniform frame scales all light of the scene, global light included. The light of a level relative to the brightest one is therefore
+//! the same number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the pixels that are not saturated. Dark levels
+//! are exposed longer. A photo of black at the same exposure is subtracted, so that an error of the black level cancels. White is repeated
+//! every few levels, and the drift of the light is divided out.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -18,39 +16,35 @@ use crate::error::{Error, Result};
 /// The number of levels between two photos of white.
 const WHITE_EVERY: usize = 16;
 
-/// The largest number of levels that are shown, and that for a camera whose frames take longer than [`SLOW`] seconds each: a still camera
-/// needs minutes for a dozen. Levels between them are interpolated.
+/// The largest number of levels that are shown: by any camera, and by a camera whose frames take longer than [`SLOW`] seconds each. A still
+/// camera needs minutes for a dozen levels. Levels between the shown ones are interpolated.
 const LEVELS: [usize; 2] = [257, 33];
 
-/// Seconds from one frame to the next.
+/// A rig is slow when it takes more seconds than this from one frame to the next.
 const SLOW: f64 = 0.5;
 
-/// The largest exposure of dark levels, as a multiple of that of white.
+/// The largest exposure of dark levels, as a multiple of white's exposure.
 const LONGER: f64 = 16.0;
 
-/// The response of one channel of the projector.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Ramp {
-    /// The light of each level relative to the brightest, after that of level 0 is subtracted.
+    /// The light of each level relative to the brightest level. The light of level 0 is subtracted from both.
     pub(crate) curve: Vec<f64>,
     /// The largest standard error of the measured levels.
     pub(crate) error: f64,
     /// The exponent of `r = (level/top)^γ` that fits best.
     pub(crate) gamma: MeasuredValue,
-    /// The root mean square of the residuals of this fit, as a share of white.
+    /// The root mean square residual of this fit, as a share of white.
     pub(crate) gamma_residual: f64,
-    /// The light of level 0, ambient light included, relative to that of white.
+    /// The light of level 0, ambient light included, relative to the light of white.
     pub(crate) black: MeasuredValue,
-    /// The light of white over time, relative to the first photos: (seconds, share).
+    /// The light of white over time, relative to the first photos, as (seconds, share).
     pub(crate) whites: Vec<(f64, f64)>,
-    /// The relative standard error of each of these.
+    /// The relative standard error of each entry of `whites`.
     pub(crate) white_error: f64,
 }
 
-/// Measures the response of one channel of the projector.
-///
-/// # Errors
-/// [`Error::Rig`] when white is no brighter than black.
+/// Measures the response of one channel of the projector. Fails with [`Error::Rig`] when white is no brighter than black.
 pub(crate) fn ramp(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -66,7 +60,7 @@ pub(crate) fn ramp(
     let white = session.mean(&white_frame, model.exposure, 4 * model.takes)?;
     let mut references = Vec::new();
     let mut points: Vec<(u16, f64, f64, f64)> = Vec::new();
-    // The light without a pattern is in every photo, and grows with the exposure as well.
+    // The light without a pattern is in every photo. It also grows with the exposure.
     let black = black_share(model, &white, &base);
     let mut share = 1.0;
     for (index, &level) in levels.iter().rev().enumerate() {
@@ -97,27 +91,26 @@ pub(crate) fn ramp(
     finish(top, &points, whites, white_error, black)
 }
 
-/// The exposure for the next level, when this level and the light without a pattern have this `share` of white's light: white's exposure
-/// times a power of two. It cannot saturate, because the next level is not brighter.
+/// The exposure for the next level: white's exposure times a power of two. `share` is the light of this level and of no pattern together,
+/// as a share of white's light. The next level cannot saturate, because it is not brighter.
 fn longer(session: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
     let factor = (0.8 / share).clamp(1.0, LONGER).log2().floor().exp2();
     let wanted = session.allowed(exposure * factor);
     if wanted < 1.5 * exposure { exposure } else { wanted }
 }
 
-/// The number of levels for a rig that takes so many seconds from one frame to the next.
+/// The number of levels for a rig that takes this many seconds from one frame to the next.
 pub(crate) fn levels_for(seconds: f64) -> usize {
     LEVELS[usize::from(seconds > SLOW)]
 }
 
-/// All levels, or `most` of them at equal steps, including the lowest and the highest.
+/// All levels, or `most` of them at equal steps. The lowest and the highest are included.
 fn levels(top: u16, most: usize) -> Vec<u16> {
     let count = (usize::from(top) + 1).min(most).max(2);
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
-/// The light of `lit` less that of `dark`, both at one exposure, relative to `white` less `base`, both at
-/// another exposure; and its standard error.
+/// The light `lit − dark` relative to `white − base`, with its standard error. Each difference is taken at one exposure.
 fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for sample in 0..lit.counts.len() {
@@ -143,7 +136,6 @@ fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &M
     Ok((rate / norm, variance.sqrt() / lit.exposure / norm))
 }
 
-/// The light of black relative to that of white.
 fn black_share(model: &CameraModel, white: &Mean, base: &Mean) -> MeasuredValue {
     let sum = |mean: &Mean| mean.counts.iter().map(|&count| model.linear.of(count)).sum::<f64>();
     let [white_sum, base_sum] = [white, base].map(sum);
@@ -152,8 +144,7 @@ fn black_share(model: &CameraModel, white: &Mean, base: &Mean) -> MeasuredValue 
     MeasuredValue::new(base_sum / (white_sum - base_sum), variance.sqrt() / (white_sum - base_sum))
 }
 
-/// Divides the drift out, fits the exponent, makes the curve ascend, and interpolates the levels that were
-/// not shown.
+/// Divides out the drift, fits the exponent, makes the curve ascend, and interpolates the levels that were not shown.
 fn finish(
     top: u16,
     points: &[(u16, f64, f64, f64)],
@@ -185,7 +176,7 @@ fn finish(
     Ok(Ramp { curve, error, gamma, gamma_residual, black, whites, white_error })
 }
 
-/// The light of each level from that of some. Between two of them its root `1/γ` is nearly linear in the level.
+/// Interpolates the light of each level from `knots`. The interpolation is linear in `light^(1/γ)`, which is nearly linear in the level.
 fn interpolated(knots: &[(f64, f64)], top: f64, gamma: f64) -> Vec<f64> {
     let levels = (0..=top as usize).map(|level| level as f64 / top);
     if knots.len() as f64 > top {
@@ -195,8 +186,7 @@ fn interpolated(knots: &[(f64, f64)], top: f64, gamma: f64) -> Vec<f64> {
     levels.map(|level| at(&roots, level).powf(gamma)).collect()
 }
 
-/// The exponent by Gauss–Newton iteration. Where the residuals are larger than the noise, the standard error
-/// is scaled up accordingly.
+/// Finds the exponent by Gauss–Newton iteration. The standard error is scaled up where the residuals are larger than the noise.
 fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     let mut gamma = 2.0;
     for _ in 0..50 {
@@ -221,8 +211,8 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     Err(Error::Numerical("no exponent fits the projector's levels".into()))
 }
 
-/// Linear interpolation between ascending points, constant beyond the first and the last. At a point it has the very value of the point, so that
-/// rounding makes no curve descend where points are equal.
+/// Linear interpolation between ascending points, constant beyond the first and the last. At a point it returns exactly the point's value.
+/// Rounding thus cannot make a curve descend between equal points.
 fn at(points: &[(f64, f64)], x: f64) -> f64 {
     let after = points.partition_point(|point| point.0 < x);
     match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
@@ -234,11 +224,9 @@ fn at(points: &[(f64, f64)], x: f64) -> f64 {
     }
 }
 
-/// The relative change per hour of `whites` (seconds, light), each with this relative standard error. Where
-/// the residuals of the line are larger than that, the error of the result is scaled up accordingly.
-///
-/// # Errors
-/// [`Error::Numerical`] when all photos were taken at the same time.
+/// The relative change per hour of `whites` (seconds, light). `error` is the relative standard error of each. The error of the result is
+/// scaled up where the residuals of the line are larger than `error`.
+/// Fails with [`Error::Numerical`] when all photos were taken at the same time.
 pub(crate) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<MeasuredValue> {
     let start = whites.first().map_or(0.0, |white| white.0);
     let hours = |time: f64| (time - start) / 3600.0;
@@ -273,7 +261,7 @@ mod tests {
     fn light_is_compared_per_second_where_nothing_is_saturated() {
         let (white, base) = (mean([810.0, 1000.0, 410.0], 0.1, 8), mean([30.0, 30.0, 10.0], 0.1, 8));
         let (lit, dark) = (mean([410.0, 900.0, 210.0], 0.4, 2), mean([90.0, 90.0, 10.0], 0.4, 8));
-        // Without the second sample: 520 of 0.4 s against 1180 of 0.1 s.
+        // The second sample is saturated. The others give 520 in 0.4 s against 1180 in 0.1 s.
         let (light, error) = relative(&MODEL, &lit, &dark, &white, &base).expect("white is brighter");
         assert!((light - 520.0 / 0.4 / 11_800.0).abs() < 1e-15, "{light}");
         let noise = (400.0 / 4.0 + 0.25 + 200.0 / 4.0 + 0.25) / 2.0 + (80.0 / 4.0 + 0.25 + 0.25) / 8.0;
@@ -305,7 +293,7 @@ mod tests {
             assert!((found.value - power).abs() < 1e-9, "{power}: {found}");
             assert!((found.error * squares.sqrt() - 1.0).abs() < 1e-6, "{power}: {found}");
         }
-        // Residuals of ten errors make the error about ten times as large: eight points, seven degrees of freedom.
+        // Residuals of ten errors make the error about ten times as large. Eight points leave seven degrees of freedom.
         let [exact, off] = [0.0, 1e-2].map(|off| gamma(&points(2.2, off)).expect("it fits").error);
         assert!((off / exact / (800.0_f64 / 7.0).sqrt() - 1.0).abs() < 0.1, "{off} {exact}");
         assert_eq!(gamma(&[(1.0, 1.0, 1e-3)]).expect("every exponent fits"), MeasuredValue::new(1.0, 0.0));
@@ -323,7 +311,7 @@ mod tests {
         assert_eq!([1.0, 1.5, 2.0].map(|x| at(&equal, x)), [0.9; 3]);
     }
 
-    /// Four levels of a lamp that fades by a tenth, the brightest first, as they are shown.
+    /// Four levels of a lamp that fades by a tenth. The brightest is shown first.
     #[test]
     fn the_drift_of_white_is_divided_out_and_the_brightest_level_is_one() {
         let whites = vec![(0.0, 1.0), (4.0, 0.9)];
@@ -337,7 +325,7 @@ mod tests {
         }
         assert!((ramp.gamma.value - 2.0).abs() < 1e-9 && ramp.gamma_residual < 1e-9);
         assert_eq!((ramp.error, ramp.black, ramp.whites, ramp.white_error), (1e-3, black, whites, 2e-4));
-        // Levels that no exponent describes: the root mean square of what is left.
+        // No exponent describes these levels.
         let bent = [(4, 1.0, 1e-3, 0.0), (2, 0.5, 2e-3, 0.0)];
         let ramp = finish(4, &bent, vec![(0.0, 1.0)], 0.0, black).expect("it has an exponent");
         assert!(
@@ -358,7 +346,7 @@ mod tests {
         let curve = interpolated(&knots, 255.0, 2.2);
         let off = curve.iter().enumerate().map(|(level, found)| (found - light(level as f64 / 255.0)).abs());
         assert!(off.fold(0.0, f64::max) < 1e-12);
-        // A response that the exponent does not describe: still between its neighbours.
+        // The exponent does not describe this response. Interpolated levels still lie between their neighbours.
         let bent = interpolated(&[(0.0, 0.0), (0.5, 0.4), (1.0, 1.0)], 4.0, 2.2);
         assert!(
             bent.windows(2).all(|pair| pair[0] < pair[1]) && bent[2] == 0.4_f64.powf(1.0 / 2.2).powf(2.2)
@@ -375,7 +363,7 @@ mod tests {
         assert!((drift.value + 0.03).abs() < 1e-9 && drift.error > 0.0, "{drift}");
     }
 
-    /// The residuals `e, −3e, 3e, −e` at four times are at right angles to every line.
+    /// The residuals `e, −3e, 3e, −e` at four times are orthogonal to every line.
     #[test]
     fn the_error_is_that_of_a_line_and_grows_with_residuals_that_are_larger_than_stated() {
         let drift = |e: f64| {
@@ -383,7 +371,7 @@ mod tests {
                 .map(|(hours, sign)| (500.0 + 3600.0 * hours, 10.0 + 0.25 * hours + sign * e));
             drift_per_hour(&whites, 0.1).expect("four times")
         };
-        // Hours less their mean have squares that add up to 5; the mean at the beginning is 10.
+        // The squares of the hours less their mean add up to 5. The mean at the beginning is 10.
         let expected = 0.1 / 5.0_f64.sqrt() / 10.0;
         for (e, scale) in [(0.0, 1.0), (0.01, 1.0), (0.2, (20.0 * 4.0 / 2.0_f64).sqrt())] {
             let drift = drift(e);

@@ -1,4 +1,4 @@
-//! The report of a calibration: every measured value with its standard error, and the lines that show it.
+//! The report of a calibration: every measured value with its standard error, and the text lines of the report.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use crate::finding::decimal;
 use crate::measure::Effort;
 use crate::measure::lens_map::LensMap;
 
-/// The report of a calibration. It is saved as `report.json`.
+/// The report of a calibration, saved as `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationReport {
     /// The camera.
@@ -17,7 +17,7 @@ pub struct CalibrationReport {
     pub projector: Vec<ProjectorFigures>,
     /// The pixel map.
     pub map: MapFigures,
-    /// The brightness of the projector relative to the camera's: the least over the largest. `None` where the rig is not coaxial.
+    /// The least brightness of the projector relative to the camera's, divided by the largest. It is `None` when the rig is not coaxial.
     #[serde(default)]
     pub evenness: Option<MeasuredValue>,
     /// The stability over time.
@@ -45,7 +45,7 @@ pub struct CameraFigures {
     pub departure: f64,
     /// Whether the response was approximated by a line.
     pub linear: bool,
-    /// Linear DN per second without a pattern: ambient light, the projector's black level, and dark current.
+    /// Linear DN per second without a pattern, from ambient light, the projector's black level and dark current.
     pub dark_rate: MeasuredValue,
     /// The exposure at which white fills the range, in seconds.
     pub exposure: f64,
@@ -69,16 +69,16 @@ pub struct ProjectorFigures {
 pub struct MapFigures {
     /// The source of the map: `gray-code` or `checkerboard`.
     pub by: MapBy,
-    /// The map of homography and lens. `None` when none fits; each camera pixel was then decoded by itself.
+    /// The map of homography and lens. It is `None` when no map fits, and each camera pixel was then decoded separately.
     pub lens: Option<LensMap>,
     /// The number of points that the map was fitted to.
     pub points: usize,
-    /// The root mean square distance of these points from the map, in projector pixels. Gray codes give whole
-    /// pixels, so it is at least 0.41 with them.
+    /// The root mean square distance of these points from the map, in projector pixels. With Gray codes, which give whole pixels, it is at
+    /// least 0.41.
     pub rms: f64,
     /// The standard error of the map, root mean square over the field, in projector pixels.
     pub error: f64,
-    /// The share of lit camera pixels that could not be decoded, or do not agree with the map.
+    /// The share of lit camera pixels that could not be decoded or do not agree with the map.
     pub unreliable: f64,
     /// The share of projector pixels that no camera pixel sees.
     pub masked: f64,
@@ -105,9 +105,9 @@ pub struct StabilityFigures {
     pub watched: f64,
     /// The noise of one white photo at an average camera pixel, relative to its light.
     pub white_noise: f64,
-    /// The photos of white: seconds on the rig's clock, and light relative to the first.
+    /// The photos of white, as seconds on the rig's clock and light relative to the first photo.
     pub whites: Vec<(f64, f64)>,
-    /// The latency sweep: seconds waited, and the share of the light that was there.
+    /// The latency sweep, as seconds waited and the share of the light that was there.
     pub sweep: Vec<(f64, f64)>,
 }
 
@@ -121,12 +121,12 @@ pub struct MeasuredValue {
 }
 
 impl MeasuredValue {
-    /// `value ± error`.
+    /// Makes `value ± error`.
     pub fn new(value: f64, error: f64) -> Self {
         Self { value, error }
     }
 
-    /// The value and its error times a factor.
+    /// Multiplies the value and its error by a factor.
     pub fn scaled(self, factor: f64) -> Self {
         Self { value: self.value * factor, error: self.error * factor.abs() }
     }
@@ -141,12 +141,11 @@ impl fmt::Display for MeasuredValue {
     }
 }
 
-/// The subject of a line, and its figures. The first is empty where the line continues the one before.
+/// The subject of a line and its figures. The subject is empty when the line continues the one before.
 type Line = [String; 2];
 
 impl CalibrationReport {
-    /// The report as lines of text: what each line is about, and its figures. The first is empty where a line
-    /// continues the one before.
+    /// The report as lines of text. Each line has a subject and its figures. The subject is empty when the line continues the one before.
     pub fn lines(&self) -> Vec<[String; 2]> {
         let mut lines = camera_lines(&self.camera);
         lines.extend(self.projector.iter().enumerate().map(projector_line));
@@ -260,7 +259,7 @@ mod tests {
         assert_eq!(MeasuredValue::new(2.201_34, 0.001_21).to_string(), "2.2013 ± 0.0012");
         assert_eq!(MeasuredValue::new(64.03, 1.5).to_string(), "64.0 ± 1.5");
         assert_eq!(MeasuredValue::new(0.0, 0.0).to_string(), "0 ± 0");
-        // Without an error, to a ten-thousandth of the value.
+        // Without an error, a ten-thousandth of the value takes its place.
         assert_eq!(MeasuredValue::new(-2.5, 0.0).to_string(), "-2.50000 ± 0.00000");
         assert_eq!(MeasuredValue::new(2.0, 0.5).scaled(-3.0), MeasuredValue::new(-6.0, 1.5));
     }

@@ -1,23 +1,20 @@
-//! The camera's response, from counts of constant light at several exposures (O'Toole and Kutulakos, section
-//! 8.1).
+//! The camera's response, from counts of constant light at several exposures (O'Toole and Kutulakos, section 8.1).
 //!
-//! The signal of light `L` at exposure `e` is `L e`, and exposures are known. The inverse response `g` is the
-//! function that makes the counts of each pixel proportional to the exposure, `g(count) = L e`. This is the
-//! method of Debevec and Malik (1997), with `g` in place of its logarithm, which a black level and ambient
-//! light would disturb. Pixels with similar light are averaged in groups first.
+//! The signal of light `L` at exposure `e` is `L e`, and exposures are known. The inverse response `g` makes the counts of each pixel
+//! proportional to the exposure: `g(count) = L e`. This is the method of Debevec and Malik (1997), with `g` in place of its logarithm,
+//! which a black level and ambient light would disturb. Pixels with similar light are first averaged in groups.
 
 use super::least_squares::Normal;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
-/// The number of groups. Pixels are sorted into all but the last one by their light under white; the last one
-/// contains all pixels under black.
+/// The number of groups. The last group holds all pixels under black. The other groups hold the pixels sorted by their light under white.
 const GROUPS: usize = 25;
 
 /// The number of knots of the inverse response over the range of counts.
 const KNOTS: usize = 33;
 
-/// A response is linear when no group departs further from a line than this, as a share of the range.
+/// A response is linear when no group departs from a line by more than this share of the range.
 pub(crate) const LINEAR_WITHIN: f64 = 2e-3;
 
 /// The mean count of a group at an exposure.
@@ -26,16 +23,14 @@ struct Point {
     group: usize,
     exposure: f64,
     count: f64,
-    /// The standard error of the count.
     error: f64,
 }
 
-/// The response that follows from an exposure series.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FittedResponse {
     /// The extrapolated count without light.
     pub(crate) black: f64,
-    /// Its standard error.
+    /// The standard error of `black`.
     pub(crate) black_error: f64,
     /// The largest departure from a line beyond noise, as a share of the range.
     pub(crate) departure: f64,
@@ -45,9 +40,8 @@ pub(crate) struct FittedResponse {
 
 /// Fits the response to frames of white and of black at several exposures.
 ///
-/// Pixels are grouped by `sorting`, a photo of white that is not among these frames. A group with a sample of
-/// `limit` or more is left out at that exposure. `full` is the largest count, and `floor` approximates the
-/// black level.
+/// Pixels are grouped by `sorting`, a photo of white that is not among these frames. A group is left out at an exposure where one of its
+/// samples is at least `limit`. `full` is the largest count, and `floor` approximates the black level.
 pub(crate) fn response(
     whites: &[RawFrame],
     blacks: &[RawFrame],
@@ -71,7 +65,6 @@ pub(crate) fn response(
     })
 }
 
-/// The mean counts of all groups at all exposures.
 fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f64) -> Vec<Point> {
     let mut order: Vec<usize> = (0..sorting.counts.len()).collect();
     let everywhere = order.clone();
@@ -84,7 +77,7 @@ fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f
     of_white.chain(of_black).flatten().collect()
 }
 
-/// The mean count of some samples, unless one of them is saturated.
+/// The mean count of some samples. It is `None` when one of them is saturated.
 fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Option<Point> {
     let counts = || samples.iter().map(|&sample| f64::from(frame.counts[sample]));
     if counts().any(|count| count >= limit) {
@@ -92,14 +85,12 @@ fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Optio
     }
     let number = samples.len() as f64;
     let count = counts().sum::<f64>() / number;
-    // The shot noise of a camera with one electron per DN. Real cameras have more electrons per DN, and so
-    // less noise.
+    // The shot noise belongs to a camera with one electron per DN. Real cameras have more electrons per DN and so less noise.
     let error = ((1.0 + count) / number).sqrt().max(0.02);
     Some(Point { group, exposure: frame.exposure, count, error })
 }
 
-/// Fits one line per group with a common intercept. Returns the intercept, its standard error, and the
-/// largest departure from the lines.
+/// Fits one line per group with a common intercept. Returns the intercept, its standard error, and the largest departure from the lines.
 fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     let mut normal = Normal::new(1 + GROUPS);
     let mut seen = [0; GROUPS];
@@ -120,8 +111,7 @@ fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     Ok((found.values[0], found.error(0), largest / range))
 }
 
-/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best. It is a first estimate of the
-/// response, for the weights.
+/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best. This first estimate of the response gives the weights.
 fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for group in 0..GROUPS {
@@ -152,7 +142,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         (at, share)
     };
     // The slope of the curve converts errors of counts to errors of light. The slope of the fit itself would
-    // be unstable: where it is small, the weight is large, which makes the slope still smaller.
+    // be unstable: a small slope gives a large weight, which makes the slope still smaller.
     let steep = exponent(points, dark, limit - dark).recip();
     let slope = |count: f64| {
         let share = ((count - dark) / (limit - dark)).clamp(1e-3, 1.0);
@@ -164,8 +154,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
         normal.add(&row, 0.0, (point.error * slope(point.count)).powi(-2));
     }
-    // The scale is arbitrary: the largest count keeps its value. Between and beyond the data, the slope
-    // should change as little as possible.
+    // The scale is arbitrary: the largest count keeps its value. The slope should change as little as possible between and beyond the data.
     let largest = points.iter().map(|point| point.count).fold(dark, f64::max);
     let (at, share) = place(largest);
     normal.add(&[(at, 1.0 - share), (at + 1, share)], largest - dark, 1e6);
@@ -188,8 +177,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let (at, share) = place(count);
         values[at] + share * (values[at + 1] - values[at])
     };
-    // A curve that is flat at its beginning cannot be extrapolated. Black is then the count of the darkest
-    // frames.
+    // A curve that is flat at its beginning cannot be extrapolated. Black is then the count of the darkest frames.
     let first = (values[1] - values[0]) / (knots[1] - knots[0]);
     let black = if first > 0.2 { knots[0] - values[0] / first } else { dark };
     Ok((black, (0..=full as usize).map(|count| light(count as f64)).collect()))
@@ -209,12 +197,12 @@ mod tests {
         RawFrame { resolution, channels: 1, counts, exposure, id: 0, started: 0.0 }
     }
 
-    /// The light of a sample: not in the order of the samples, and 24 different values.
+    /// The light of a sample, in no order and with 24 different values.
     fn light(sample: usize) -> f64 {
         0.1 + 0.9 * ((sample * 7) % 24) as f64 / 23.0
     }
 
-    /// Twelve exposures of white and of black with a camera of this response, and what follows from them.
+    /// Fits twelve exposures of white and of black by a camera of this response.
     fn measured(count: impl Fn(f64) -> f64) -> FittedResponse {
         let exposures: Vec<f64> = (0..12).map(|k| 2.0_f64.powf(-0.5 * f64::from(k))).collect();
         let white = |exposure: f64| frame(exposure, |sample| count(light(sample) * exposure));
@@ -227,7 +215,7 @@ mod tests {
     #[test]
     fn a_line_is_found_with_its_black_level() {
         let found = measured(|light| 1000.0 + 60_000.0 * light);
-        // Counts are rounded to whole ones, some twelve thousand of them.
+        // Counts are rounded to whole ones. There are some twelve thousand of them.
         assert!((found.black - 1000.0).abs() < 0.2 && found.black_error < 1.0, "{found:?}");
         assert!(found.curve.is_none() && found.departure < 1e-5, "{found:?}");
     }
@@ -243,10 +231,10 @@ mod tests {
         for share in [0.02, 0.05, 0.1, 0.2, 0.4, 0.7] {
             let count = 1000.0 + 60_000.0 * f64::powf(share, 0.6);
             let off = curve[count.round() as usize] / (60_000.0 * share) - 1.0;
-            // Straight pieces between 33 knots; a knot and its neighbours are off together.
+            // The curve has straight pieces between 33 knots. A knot and its neighbours are off together.
             assert!(off.abs() < 0.01, "{share}: {off}");
         }
-        // Its inverse begins flat, and is not extrapolated: black is the count of the darkest frames.
+        // The inverse begins flat and is not extrapolated. Black is the count of the darkest frames.
         assert_eq!(found.black, 1000.0);
     }
 
@@ -278,7 +266,7 @@ mod tests {
     #[test]
     fn the_exponent_of_a_power_law_is_found_and_bounded() {
         for (power, expected) in [(0.45, 0.45), (1.0, 1.0), (2.2, 2.2), (0.1, 0.2), (7.0, 5.0)] {
-            // Counts of a hundredth of the range and less are left out.
+            // Counts of at most a hundredth of the range are left out.
             let mut points = law(power, 3..9);
             points.push(Point { group: 3, exposure: 100.0, count: 100.05, error: 0.5 });
             let found = exponent(&points, 100.0, 10.0);
@@ -294,10 +282,10 @@ mod tests {
         let (black, error, departure) = line(&points, 1000.0).expect("it is determined");
         assert!((black - 100.0).abs() < 1e-9 && departure == 0.0, "{black} {departure}");
         assert!(error > 0.0 && error < 0.5, "{error}");
-        // A group with a single point takes no part.
+        // A group with a single point does not take part.
         points.push(Point { group: 9, exposure: 1.0, count: 5000.0, error: 0.5 });
         assert!((line(&points, 1000.0).expect("it is determined").0 - 100.0).abs() < 1e-9);
-        // One point off its line, with a weight that does not move the lines.
+        // One point is off its line. Its weight does not move the lines.
         points[5].count += 40.0;
         points[5].error = 10.0;
         points.iter_mut().filter(|point| point.error < 1.0).for_each(|point| point.error = 1e-3);

@@ -1,5 +1,5 @@
-//! A calibration session: it takes frames, each with a new take number, and computes their means. The model of the camera, as far as it is
-//! known in the course of the session, and the first measurement, the projector's latency, are here as well.
+//! A calibration session takes frames, each with a new take number, and computes their means. This file also holds the model of the camera,
+//! and the measurement of the projector's latency, which comes first.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -10,9 +10,8 @@ use crate::image::Resolution;
 use crate::measure::{CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
-/// Takes frames. Repeated frames of the same pattern and exposure have successive take numbers, so that none
-/// is taken twice. The order of the frames depends only on what was measured before, so that a journal can
-/// replay a calibration.
+/// Takes frames. Repeated frames of the same pattern and exposure have successive take numbers, so that none is taken twice. The order of
+/// the frames depends only on earlier measurements, so that a journal can replay a calibration.
 pub(crate) struct CalibrationSession<'a> {
     frames: &'a mut dyn FrameSource,
     takes: HashMap<(Arc<Frame>, u64), u32>,
@@ -29,7 +28,6 @@ pub(crate) struct Mean {
     pub(crate) exposure: f64,
     /// The middle of the exposures, in seconds on the rig's clock.
     pub(crate) time: f64,
-    /// Frames averaged.
     pub(crate) takes: u32,
 }
 
@@ -54,12 +52,10 @@ impl<'a> CalibrationSession<'a> {
         self.frames.set_settle(seconds);
     }
 
-    /// The brightest level.
     pub(crate) fn top(&self) -> u16 {
         ((1_u32 << self.projector().bits) - 1) as u16
     }
 
-    /// The largest count.
     pub(crate) fn full(&self) -> f64 {
         ((1_u32 << self.camera().bits) - 1).into()
     }
@@ -93,7 +89,7 @@ impl<'a> CalibrationSession<'a> {
         )?))
     }
 
-    /// The next take of this frame and exposure.
+    /// Captures the next take of this frame and exposure.
     pub(crate) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
         let take = self.takes.entry((Arc::clone(frame), exposure.to_bits())).or_insert(0);
         let request = CaptureRequest { frame: Arc::clone(frame), exposure, take: *take };
@@ -103,7 +99,7 @@ impl<'a> CalibrationSession<'a> {
         Ok(raw)
     }
 
-    /// The mean of `takes` new frames, and of at least one.
+    /// Averages `takes` new frames, but at least one.
     pub(crate) fn mean(&mut self, frame: &Arc<Frame>, exposure: f64, takes: u32) -> Result<Mean> {
         let mut mean: Option<Mean> = None;
         for _ in 0..takes.max(1) {
@@ -135,8 +131,7 @@ impl<'a> CalibrationSession<'a> {
         mean.ok_or_else(|| crate::Error::Numerical("a mean of no frames".into()))
     }
 
-    /// The nearest exposure that the camera can set. When it is longer than the projector's refresh, it is a
-    /// whole multiple of that.
+    /// The nearest exposure that the camera can set. An exposure longer than the projector's refresh is a whole multiple of the refresh.
     pub(crate) fn allowed(&self, exposure: f64) -> f64 {
         let [shortest, longest] = self.camera().exposures;
         let frame_time = self.projector().frame_time;
@@ -149,7 +144,7 @@ impl<'a> CalibrationSession<'a> {
     }
 }
 
-/// `linear DN = curve(count)`, or `count − black`.
+/// The response: `linear DN = curve(count)`, or `count − black` without a curve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Linear {
     pub(crate) black: f64,
@@ -157,14 +152,14 @@ pub(crate) struct Linear {
 }
 
 impl Linear {
-    /// Light of a count, also of a mean of counts, in DN above black.
+    /// The light of a count or of a mean of counts, in DN above black.
     pub(crate) fn of(&self, count: f64) -> f64 {
         let Some(curve) = &self.curve else { return count - self.black };
         let at = (count.max(0.0) as usize).min(curve.len() - 2);
         curve[at] + (count - at as f64) * (curve[at + 1] - curve[at])
     }
 
-    /// Linear DN for each count, near `count`.
+    /// The linear DN per count near `count`.
     pub(crate) fn slope(&self, count: f64) -> f64 {
         let Some(curve) = &self.curve else { return 1.0 };
         let reach = (curve.len() / 256).max(1);
@@ -177,40 +172,35 @@ impl Linear {
 /// How photos are taken and converted to light: exposure, takes, response and noise.
 #[derive(Clone, Debug)]
 pub(crate) struct CameraModel {
-    /// The response: linear DN of a count.
     pub(crate) linear: Linear,
     /// Electrons per linear DN.
     pub(crate) gain: f64,
     /// The read noise, in DN.
     pub(crate) read_noise: f64,
-    /// Counts from here on may be saturated.
+    /// Counts of at least this value may be saturated.
     pub(crate) limit: f64,
     /// The exposure at which white fills the range, in seconds.
     pub(crate) exposure: f64,
-    /// Frames averaged for each photo.
     pub(crate) takes: u32,
 }
 
 impl CameraModel {
-    /// The variance of the mean of so many takes of a sample with this light, in linear DN above black.
+    /// The variance of the mean of `takes` samples with this light, in linear DN above black.
     pub(crate) fn variance(&self, light: f64, takes: u32) -> f64 {
         (light.max(0.0) / self.gain + self.read_noise.powi(2)) / f64::from(takes)
     }
 }
 
-// The latency of the projector: how long after the confirmation of a frame all of its light is there, and
-// none of the frame before.
-//
-// White is shown after black, and photographed after waits of different lengths. While black is still part
-// of the exposure, the photo has less light than white.
+// The latency of the projector is the time from the confirmation of a frame until all of its light is there, and none of the previous
+// frame's light. White is shown after black and photographed after waits of different lengths. While black is part of the exposure, the
+// photo has less light.
 
-/// The shortest wait that is tried besides none, in seconds.
+/// The shortest wait above zero that is tried, in seconds.
 const SHORTEST: f64 = 1e-3;
 
-/// The wait in seconds before the latency is known, and the longest one that is tried.
+/// The longest wait that is tried, in seconds. It is also the wait before the latency is known.
 pub(crate) const CAREFUL: f64 = 1.0;
 
-/// The result of the sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Latency {
     /// Seconds until all light is there. The error is half of the last interval of the search.
@@ -219,8 +209,7 @@ pub(crate) struct Latency {
     pub(crate) sweep: Vec<(f64, f64)>,
 }
 
-/// Measures the latency by a search over waits. The exposure, in seconds, should be short and must not
-/// saturate.
+/// Measures the latency by a search over waits. The exposure is in seconds. It should be short and must not saturate.
 pub(crate) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Result<Latency> {
     let (black, white) = (session.filled(0), session.filled(session.top()));
     let step = |session: &mut CalibrationSession<'_>, wait: f64| -> Result<f64> {
@@ -284,9 +273,9 @@ mod tests {
         let squares: Vec<f64> = (0..1024).map(|count| f64::from(count * count)).collect();
         let linear = Linear { black: 0.0, curve: Some(squares) };
         assert_eq!((linear.of(7.0), linear.of(7.25)), (49.0, 49.0 + 0.25 * 15.0));
-        // The first and the last piece go on straight.
+        // The first and the last piece are extrapolated as straight lines.
         assert_eq!((linear.of(-2.0), linear.of(1024.0)), (-2.0, 1023.0 * 1023.0 + 2045.0));
-        // Over four counts on both sides: the mean slope of a square is its slope in the middle.
+        // The slope is a mean over four counts on both sides. For a square, it is the slope in the middle.
         assert_eq!((linear.slope(100.9), linear.slope(0.0), linear.slope(-5.0)), (200.0, 4.0, 4.0));
         assert_eq!(linear.slope(2000.0), 1023.0 + 1019.0);
         let short = Linear { black: 0.0, curve: Some(vec![0.0, 1.0, 4.0, 9.0]) };
@@ -295,14 +284,14 @@ mod tests {
 
     const EXPOSURE: f64 = 0.02;
 
-    /// The latency of a rig whose light of white, 50,000 counts above 100, is `share` of the wait in seconds and of the number of the photo of
-    /// white. The wait at the end is returned, too.
+    /// The latency of a rig with white of 50,000 counts above 100. `share` is the share of this light, for the wait in seconds and the
+    /// number of the white photo. Also returns the wait at the end.
     fn found(share: impl Fn(f64, usize) -> f64 + Send) -> (Latency, f64) {
         let mut whites = 0;
         let photo = move |request: &CaptureRequest, wait: f64| {
             assert_eq!(request.exposure, EXPOSURE);
             let is_white = request.frame.levels()[0] > 0;
-            // Before white, black is always shown long enough.
+            // Black is always shown long enough before white.
             assert!(is_white || wait == CAREFUL);
             whites += usize::from(is_white);
             let light = if is_white { 50_000.0 * share(wait, whites) } else { 0.0 };
@@ -318,7 +307,7 @@ mod tests {
     fn the_wait_is_found_after_which_all_light_is_there() {
         let late = 0.0137;
         let (latency, wait) = found(|wait, _| (1.0 - (late - wait).max(0.0) / EXPOSURE).max(0.0));
-        // Six halvings of the interval from 8 to 16 ms; up to two thousandths of the light may be missing.
+        // Six halvings narrow the interval from 8 to 16 ms. Up to two thousandths of the light may be missing.
         let (value, error) = (latency.settle.value, latency.settle.error);
         assert!((error - 0.5 * 8e-3 / 64.0).abs() < 1e-12, "{error}");
         assert!((late - 2e-3 * EXPOSURE..=late + 2.0 * error).contains(&value), "{value}");
@@ -340,7 +329,7 @@ mod tests {
         assert!(latency.settle.value >= CAREFUL, "{:?}", latency.settle);
     }
 
-    /// Whites of 1 ± 0.005 scatter by 0.0058, of which five times as much is no sign that light is missing: 2.9 %.
+    /// Whites of 1 ± 0.005 scatter by 0.0058. A difference of up to five times that, 2.9 %, does not show that light is missing.
     #[test]
     fn light_is_missing_where_it_differs_by_more_than_repeated_whites_do() {
         let flickering = |after: f64| {

@@ -1,13 +1,13 @@
 //! The lens map by the edges of stripes, to hundredths of a pixel.
 //!
-//! Gray codes tell which projector pixel a camera pixel sees, but not where in it: a map that is fitted to them follows the rounding, by up
-//! to a tenth of a pixel at the border of the field. A camera pixel that sees the edge of a stripe tells more. Its share of either side
-//! follows from the contrast of the stripes in its photos. So the map is fitted to the photos of the finest stripes themselves.
+//! Gray codes identify the projector pixel that a camera pixel sees, but not the place within it. A map that is fitted to them follows the
+//! rounding, by up to a tenth of a pixel at the border of the field. A camera pixel that sees the edge of a stripe is more informative. The
+//! contrast of the stripes in its photos gives its share of either side. The map is therefore fitted to the photos of the finest stripes.
 //!
-//! For camera pixel `j` and stripes `p`, the photo less that of the inverse stripes is `D_jp = d_j S_jp`. `d_j` is the direct light of the
-//! pixel, and `S_jp` the mean of the stripes (1 and −1) over the area that the pixel sees by the map. The map's parameters minimise the
-//! squares of `D_jp / d_j − S_jp`, by Gauss–Newton iteration with Tukey's weights, and `d_j` is eliminated at each step (variable
-//! projection, Kaufman 1975).
+//! `D_jp = d_j S_jp` is the photo of stripes `p` minus the photo of the inverse stripes, for camera pixel `j`. `d_j` is the direct light of
+//! the pixel. `S_jp` is the mean of the stripes (1 and −1) over the area that the pixel sees by the map. The map's parameters minimise the
+//! squares of `D_jp / d_j − S_jp`, by Gauss–Newton iteration with Tukey's weights. Each step eliminates `d_j` (variable projection, Kaufman
+//! 1975).
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -21,32 +21,31 @@ use crate::image::{Resolution, percentile};
 use crate::measure::footprint::{area, corners, overlapped};
 use crate::measure::lens_map::{LensMap, PARAMETERS, centre, evaluate, half_diagonal, normalized};
 
-/// About so many camera pixels are used, drawn at random where the camera has more.
+/// About this many camera pixels are used. They are drawn at random where the camera has more.
 const MOST: f64 = 40_000.0;
 
-/// The largest number of Gauss–Newton steps.
 const STEPS: usize = 20;
 
-/// Steps that move the map by less than this many projector pixels end the iteration.
+/// The iteration ends when a step moves the map by less than this many projector pixels.
 const SMALLEST_STEP: f64 = 1e-5;
 
-/// The distance, in projector pixels, over which the stripes' change is differentiated.
+/// The derivative of the stripes is a difference over this distance, in projector pixels.
 const SHIFT: f64 = 0.02;
 
-/// The model is no better than this share of the direct light: pixels also see light that the stripes send by way of other surfaces, and
+/// The error of the model, as a share of the direct light. Pixels also see light that the stripes send by way of other surfaces, and
 /// surfaces whose brightness changes within the pixel.
 const MODEL: f64 = 0.01;
 
-/// A camera pixel is left out where the misfit is more than this many times the median misfit.
+/// A camera pixel is left out when its misfit is more than this many times the median misfit.
 const LIMIT: f64 = 5.0;
 
-/// The most stripes that are used: the two finest of each axis.
+/// The largest number of stripe kinds that are used: the two finest of each axis.
 const PLANES: usize = 4;
 
 /// The equations of one camera pixel, one for each kind of stripes.
 struct Equations {
     residuals: [f64; PLANES],
-    /// Derivatives with respect to the map's parameters.
+    /// The derivatives with respect to the map's parameters.
     slopes: [[f64; PARAMETERS]; PLANES],
     weight: f64,
     /// The projector's column and row.
@@ -60,10 +59,8 @@ impl Equations {
     }
 }
 
-/// The map that the stripes agree on, starting from a map that is right to about a pixel.
-///
-/// # Errors
-/// [`crate::Error::Numerical`] where too few camera pixels see the edges of stripes.
+/// Fits the map to the stripes, starting from a map that is right to about a pixel.
+/// Fails with [`crate::Error::Numerical`] when too few camera pixels see the edges of stripes.
 pub(crate) fn refined(first: &Fit, decoded: &Decoded) -> Result<Fit> {
     let mut map = first.map.clone();
     let pixels = chosen(decoded);
@@ -80,7 +77,7 @@ pub(crate) fn refined(first: &Fit, decoded: &Decoded) -> Result<Fit> {
     Ok(Fit { map, error, ..first.clone() })
 }
 
-/// The camera pixels whose light is known: lit, and not saturated.
+/// The camera pixels whose light is known, because they are lit and not saturated.
 fn chosen(decoded: &Decoded) -> Vec<usize> {
     let usable = |pixel: &usize| decoded.lit[*pixel] && !decoded.saturated[*pixel];
     let all: Vec<usize> = (0..decoded.lit.len()).filter(usable).collect();
@@ -93,7 +90,7 @@ fn equations(map: &LensMap, decoded: &Decoded, pixels: &[usize]) -> Vec<Equation
     pixels.par_iter().filter_map(|&pixel| of_pixel(map, decoded, pixel)).collect()
 }
 
-/// The equations of one camera pixel; `None` where it sees no edge, or where its direct light is unknown.
+/// The equations of one camera pixel. It is `None` when the pixel sees no edge, or when its direct light is unknown.
 fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations> {
     let seen = corners(map, pixel);
     let stripes = |right: f64, down: f64| {
@@ -131,7 +128,7 @@ fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations>
     })
 }
 
-/// The mean of each kind of stripes over the area that a camera pixel sees; what lies outside of the raster is dark.
+/// The mean of each kind of stripes over the area that a camera pixel sees. The outside of the raster is dark.
 fn mean_stripes(seen: [[f64; 2]; 4], projector: Resolution, decoded: &Decoded) -> [f64; PLANES] {
     let mut mean = [0.0; PLANES];
     for (at, common) in overlapped(seen, projector) {
@@ -156,14 +153,14 @@ fn normal_equations(equations: &[Equations]) -> Normal {
     normal
 }
 
-/// A camera pixel with this misfit or more is left out.
+/// A camera pixel is left out when its misfit is at least this.
 fn limit(equations: &[Equations]) -> f64 {
     LIMIT * percentile(equations.iter().map(Equations::misfit), 0.5).max(f64::MIN_POSITIVE)
 }
 
 /// The standard error of the map, root mean square over the camera pixels, in projector pixels. Light that one surface sends to another
-/// misleads all camera pixels along an edge alike, so that residuals are summed along each row and column before they are squared
-/// (a cluster-robust covariance).
+/// misleads all camera pixels along an edge alike. Residuals are therefore summed per row and column before they are squared
+/// (cluster-robust covariance).
 fn field_error(map: &LensMap, equations: &[Equations], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);
     let inverse = normal_equations(equations).solve()?.covariance;
@@ -185,7 +182,7 @@ fn field_error(map: &LensMap, equations: &[Equations], pixels: &[usize]) -> Resu
     Ok(unit * (squares.sum::<f64>() / pixels.len() as f64).sqrt())
 }
 
-/// The largest distance between two maps' projector points over the corners and the centre of the camera.
+/// The largest distance between the projector points of two maps, over the corners and the centre of the camera.
 fn farthest(one: &LensMap, other: &LensMap) -> f64 {
     let [width, height] = [one.camera.width as f64, one.camera.height as f64];
     let points = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height], [0.5 * width, 0.5 * height]];
@@ -216,8 +213,8 @@ mod tests {
         }
     }
 
-    /// Photos of stripes as a camera with the map `truth` takes them, with noise of this standard deviation. The direct light differs from
-    /// pixel to pixel, and every seventh pixel sees other light.
+    /// Photos of stripes by a camera with the map `truth`, with noise of this standard deviation. The direct light differs from pixel to
+    /// pixel, and every seventh pixel sees other light.
     fn decoded(truth: &LensMap, noise: f64) -> Decoded {
         let pixels = truth.camera.pixels();
         let empty = |axis, bit| Stripes { axis, bit, difference: vec![0.0; pixels] };
@@ -248,7 +245,7 @@ mod tests {
         decoded
     }
 
-    /// The map that whole-pixel codes give.
+    /// The map from whole-pixel codes.
     fn by_codes(truth: &LensMap) -> Fit {
         let matches: Vec<Match> = (0..truth.camera.pixels())
             .map(|pixel| centre(pixel, truth.camera))
@@ -265,11 +262,11 @@ mod tests {
         let off = [&first.map, &found.map].map(|map| farthest(map, &truth));
         assert!(off[0] > 0.05, "rounding misleads the first map, most of all in the corners: {off:?}");
         assert!(off[1] < 0.01, "{off:?}");
-        // The largest error of five points is one to some standard errors.
+        // The largest error of five points is one to several standard errors.
         assert!((0.3..5.0).contains(&(off[1] / found.error)), "{off:?}, stated {}", found.error);
     }
 
-    /// Slopes are what the residuals change by where the map's parameters do, with the direct light adjusted to each map.
+    /// A slope is the change of a residual with a map parameter, with the direct light adjusted to each map.
     #[test]
     fn slopes_are_the_derivatives_of_the_residuals() {
         let truth = truth();
@@ -294,7 +291,7 @@ mod tests {
                 }
             }
         }
-        // The stripes' change is differentiated over 0.02 pixels, within which an edge may enter or leave the footprint.
+        // The stripes are differentiated over 0.02 pixels. Within this distance, an edge may enter or leave the footprint.
         assert!(compared > 1000 && agree * 5 > compared * 4, "{agree} of {compared}");
     }
 
@@ -307,7 +304,6 @@ mod tests {
         assert!(farthest(&found.map, &truth) < 1e-4, "{}", farthest(&found.map, &truth));
     }
 
-    /// All pixels of a small picture, and about [`MOST`] of a large one, evenly.
     #[test]
     fn a_part_of_many_pixels_is_chosen() {
         let small = truth();
@@ -315,7 +311,7 @@ mod tests {
         assert_eq!(chosen(&of(small.camera)).len(), small.camera.pixels());
         let large = chosen(&of(Resolution::new(400, 200)));
         let left = large.iter().filter(|pixel| *pixel % 400 < 200).count();
-        // Half of 80,000 pixels, each with a probability of one half: a standard deviation of 141, and of 100 on either side.
+        // Each of 80,000 pixels is chosen with a probability of one half: a standard deviation of 141, and of 100 in either half.
         assert!((large.len() as f64 - MOST).abs() < 4.0 * 141.0, "{}", large.len());
         assert!((left as f64 - 0.5 * MOST).abs() < 4.0 * 100.0, "{left}");
     }

@@ -1,4 +1,4 @@
-//! Gray codes, and structured light without a whole calibration, as often as needed while a bench is set up.
+//! Gray codes, and structured light without a whole calibration. It can be repeated as often as needed while a bench is set up.
 
 use super::camera::transfer;
 use super::exposure::{WhiteExposure, fill, search};
@@ -11,28 +11,25 @@ use crate::measure::lens_map::{Match, centre};
 use crate::measure::{CameraResponse, FrameSource};
 use crate::rig::RawFrame;
 
-/// Pairs of equal frames at each of three brightnesses, by which the noise is measured when no calibration is
-/// known.
+/// Without a known calibration, the noise is measured from this many pairs of equal frames at each of three brightnesses.
 const PAIRS: usize = 2;
 
-/// Counts from this share of the range on are regarded as saturated when no calibration is known.
+/// Without a known calibration, counts of at least this share of the range are regarded as saturated.
 const LIMIT: f64 = 0.98;
 
-/// Takes photos of structured light on an open rig. All photos have the same exposure; their values are
-/// linear DN, summed over the camera's channels.
+/// Takes photos of structured light on an open rig, all with one exposure. Values are linear DN, summed over the camera's channels.
 pub struct StructuredLight<'a> {
     session: CalibrationSession<'a>,
     model: CameraModel,
 }
 
 impl<'a> StructuredLight<'a> {
-    /// Takes photos from `frames` with this exposure in seconds, or with the one at which white fills the
-    /// camera's range. When the camera's response is not `known`, black level and noise are measured from a
-    /// few photos, and the response is assumed to be linear.
+    /// Takes photos from `frames` with this exposure in seconds. Without one, the exposure is chosen so that
+    /// white fills the camera's range. When the camera's response is not `known`, black level and noise are
+    /// measured from a few photos, and the response is assumed to be linear.
     ///
     /// # Errors
-    /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white
-    /// saturates the camera at every exposure.
+    /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white always saturates the camera.
     pub fn new(
         frames: &'a mut dyn FrameSource,
         known: Option<&CameraResponse>,
@@ -68,8 +65,7 @@ impl<'a> StructuredLight<'a> {
         Ok(Self { session, model })
     }
 
-    /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera
-    /// has one.
+    /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera has such an exposure.
     pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
@@ -115,7 +111,7 @@ impl<'a> StructuredLight<'a> {
         sum(&mut self.session, &self.model, lit)
     }
 
-    /// The variance of a photo's value, in linear DN², where the light is this many linear DN.
+    /// The variance of a photo's value, in linear DN², where the light is `light` linear DN.
     pub fn variance(&self, light: f64) -> f64 {
         let channels = self.session.camera().channels as f64;
         light.max(0.0) / self.model.gain + channels * (self.model.read_noise.powi(2) + 1.0 / 12.0)
@@ -124,20 +120,18 @@ impl<'a> StructuredLight<'a> {
 
 // Gray codes: which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
 //
-// The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera
-// pixel reads a bit by comparing the two photos. Global light is nearly the same in both, because it does
-// not resolve fine stripes. A pixel is left out when its direct light does not decide a bit: the difference
-// of the two photos must be a sufficient part of the direct light, which the finest stripes measure (after
-// Xu and Aliaga 2007).
+// The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera pixel reads a bit by comparing
+// the two photos. Global light is nearly the same in both, because it does not resolve fine stripes. A pixel is left out when its direct
+// light does not decide a bit. The difference of the photos must be a sufficient part of the direct light, which the finest stripes measure
+// (Xu and Aliaga 2007).
 
-/// A bit is decided when the difference of pattern and inverse is at least this share of the direct light ...
+/// A bit is decided only when the difference of pattern and inverse is at least this share of the direct light.
 const DECIDED: f64 = 0.25;
 
-/// ... and at least this many standard deviations of its noise.
+/// A bit is decided only when the difference is at least this many standard deviations of its noise.
 pub(crate) const SIGMAS: f64 = 5.0;
 
-/// A camera pixel is lit when it has at least this share of the median light of all pixels that stand out
-/// from the noise.
+/// A camera pixel is lit when it has at least this share of the median light. The median is over all pixels that stand out from the noise.
 const LIT: f64 = 0.02;
 
 /// A decoded camera pixel: the projector coordinates that it sees.
@@ -147,27 +141,25 @@ pub struct DecodedPixel {
     pub pixel: usize,
     /// The centre of the projector pixels that it may see, in pixels from the top left corner of the raster.
     pub at: [f64; 2],
-    /// The same to fractions of a pixel: the centroid of the projector pixels that it sees, which follows
-    /// from the contrast of the stripes whose edges it sees.
+    /// The centroid of the projector pixels that it sees, to fractions of a pixel. It follows from the
+    /// contrast of the stripes whose edges the camera pixel sees.
     pub fine: [f64; 2],
 }
 
-/// The result of decoding. Photos have one value per camera pixel, in linear DN summed over its channels.
+/// The result of decoding. Photos have one value per camera pixel, in linear DN summed over channels.
 #[derive(Clone, Debug)]
 pub struct Decoded {
     /// The camera pixels that were decoded.
     pub seen: Vec<DecodedPixel>,
-    /// The camera pixels that see the edge between two steps, so that one bit is undecided. Their fractional
-    /// coordinates are as good as those of the others.
+    /// The camera pixels that see the edge between two steps, so that one bit is undecided. Their `fine` coordinates are equally good.
     pub between: Vec<DecodedPixel>,
     /// Which camera pixels the projector lights.
     pub lit: Vec<bool>,
     /// The share of lit pixels that were not decoded.
     pub unreliable: f64,
-    /// The number of projector pixels per step of the decoded coordinates: 1, or more when fine bits were
-    /// left out.
+    /// The number of projector pixels per step of the decoded coordinates. It exceeds 1 when fine bits were left out.
     pub step: usize,
-    /// The light of white less that of black.
+    /// The light of white minus the light of black.
     pub white: Vec<f64>,
     /// The light of black.
     pub black: Vec<f64>,
@@ -181,7 +173,7 @@ pub struct Decoded {
     pub stripes: Vec<Stripes>,
 }
 
-/// The photo of stripes, less that of the inverse stripes.
+/// The photo of stripes minus the photo of the inverse stripes.
 #[derive(Clone, Debug)]
 pub struct Stripes {
     /// The axis along which the stripes alternate: 0 for columns, 1 for rows.
@@ -192,12 +184,10 @@ pub struct Stripes {
     pub difference: Vec<f64>,
 }
 
-/// Bit `shift` of the Gray code of `index`.
 pub(crate) fn gray_bit(index: usize, shift: u32) -> bool {
     ((index ^ (index >> 1)) >> shift) & 1 == 1
 }
 
-/// The index whose Gray code is `code`.
 pub(crate) fn from_gray(code: usize) -> usize {
     let (mut index, mut rest) = (0, code);
     while rest != 0 {
@@ -262,8 +252,7 @@ pub(crate) fn gray_code(
                 undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
             }
             let index = from_gray(code);
-            // For a pixel that sees the edge between two steps, the one bit that distinguishes them may be
-            // undecided.
+            // A pixel that sees the edge between two steps may leave the bit undecided that distinguishes them.
             if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
                 return None;
             }
@@ -292,7 +281,7 @@ pub(crate) fn gray_code(
     Ok(Decoded { seen, between, lit, unreliable, step, white, black, direct, noise, saturated, stripes })
 }
 
-/// The photo of a pattern: linear DN of each camera pixel, summed over its channels.
+/// The photo of a pattern: linear DN of each camera pixel, summed over channels.
 pub(crate) fn sum(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,

@@ -1,5 +1,4 @@
-//! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map, the uneven brightness and the stability
-//! (O'Toole and Kutulakos, section 8.1).
+//! The calibration of a rig: responses, camera noise, pixel map, uneven brightness and stability (O'Toole and Kutulakos, section 8.1).
 
 use super::footprint::by_overlap;
 use super::lens_map::LensMap;
@@ -8,25 +7,23 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
 
-/// The calibration of a rig: everything that is needed to convert counts into light, and patterns into
-/// levels.
+/// The calibration of a rig: everything that converts counts into light, and patterns into levels.
 ///
-/// `krylux rig calibrate` and the room `calibrate` measure one; [`Calibration::ideal`]
-/// is that of devices without imperfections.
+/// `krylux rig calibrate` and the room `calibrate` measure a calibration. [`Calibration::ideal`] describes devices without imperfections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     /// The projector that was calibrated.
     pub projector_info: ProjectorInfo,
     /// The camera that was calibrated.
     pub camera_info: CameraInfo,
-    /// The projector's response: the light of each level relative to the brightest level, after the light of
-    /// level 0 is subtracted. One ascending curve of `2^bits` values from 0 to 1 per channel.
+    /// The projector's response: the light of each level relative to the brightest level. The light of level 0 is subtracted from both.
+    /// Each channel has one ascending curve of `2^bits` values from 0 to 1.
     pub projector: Vec<Vec<f64>>,
     /// The camera's response and noise.
     pub camera: CameraResponse,
     /// Which camera pixels see which projector pixel.
     pub registration: Registration,
-    /// The uneven brightness of projector and camera; `None` where it was not measured.
+    /// The uneven brightness of projector and camera. It is `None` when it was not measured.
     pub flat_field: Option<FlatField>,
     /// The stability of the rig over time.
     pub stability: Stability,
@@ -37,20 +34,19 @@ pub struct Calibration {
 pub struct CameraResponse {
     /// The count without light.
     pub black: f64,
-    /// Counts from here on are saturated. They never enter a result.
+    /// Counts of at least this value are saturated. They never enter a result.
     pub saturation: f64,
     /// Electrons per linear DN. The variance of the shot noise is `linear DN / gain`.
     pub gain: f64,
-    /// Read noise, in DN (standard deviation).
+    /// The read noise, in DN (standard deviation).
     pub read_noise: f64,
-    /// The linear light of each count, in DN above black: `2^bits` ascending values. `None` stands for a
-    /// linear camera, `count − black`.
+    /// The linear light of each count, in DN above black: `2^bits` ascending values. `None` stands for a linear camera, `count − black`.
     pub curve: Option<Vec<f64>>,
 }
 
-/// The pixel map: which camera pixels see each projector pixel, in compressed sparse rows. There is one row
-/// per projector pixel. The weights of a row keep an evenly lit raster as bright as it is; away from the raster's border
-/// they add up to 1. The row of a projector pixel that no camera pixel sees is empty.
+/// The pixel map: the camera pixels that see each projector pixel, in compressed sparse rows. There is one row per projector pixel. The
+/// weights of a row keep an evenly lit raster equally bright. Away from the raster's border they add up to 1. Unseen projector pixels have
+/// empty rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
     /// The camera's pixels.
@@ -63,23 +59,22 @@ pub struct Registration {
     pub pixels: Vec<u32>,
     /// The weights of these camera pixels.
     pub weights: Vec<f64>,
-    /// The map that the weights were made from, by which the spread of direct light is known; `None` where none is known.
+    /// The map that the weights were made from. It gives the spread of direct light. It is `None` when no map is known.
     pub lens: Option<LensMap>,
 }
 
 /// The stability of a rig over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stability {
-    /// Seconds from the confirmation of a frame until all of its light is there, and none of the frame
-    /// before.
+    /// Seconds from the confirmation of a frame until all of its light and none of the previous frame's light is there.
     pub settle: f64,
     /// The relative change of the mean of the white photo, per hour.
     pub drift_per_hour: f64,
 }
 
 impl Calibration {
-    /// The calibration of ideal devices. Light is proportional to the projector's level and to the camera's
-    /// count, there is no read noise, and both rasters cover the same field ([`Registration::by_area`]).
+    /// The calibration of ideal devices. Light is proportional to the projector's level and to the camera's count, there is no read noise,
+    /// and both rasters cover the same field ([`Registration::by_area`]).
     pub fn ideal(projector: &ProjectorInfo, camera: &CameraInfo) -> Self {
         let levels = 1_usize << projector.bits;
         let curve: Vec<f64> = (0..levels).map(|level| level as f64 / (levels - 1) as f64).collect();
@@ -102,12 +97,11 @@ impl Calibration {
 }
 
 impl Registration {
-    /// The pixel map of two rasters that cover the same field. A projector pixel is seen by the camera pixels
-    /// whose centres lie in it, with equal weights. If there is none, it is seen by the camera pixel that
-    /// contains its centre.
+    /// The pixel map of two rasters that cover the same field. A projector pixel is seen with equal weights by the camera pixels whose
+    /// centres lie in it. If there are none, it is seen by the camera pixel that contains its centre.
     ///
-    /// If the camera is finer, but not by a whole factor, some of its pixels see two of the projector's. Then the map is made as that of a
-    /// calibrated rig, so that light of the neighbours is told from the pixel's own.
+    /// If the camera is finer, but not by a whole factor, some of its pixels see two projector pixels. The map is then made in the same way
+    /// as for a calibrated rig, to separate a pixel's light from its neighbours' light.
     pub fn by_area(projector: Resolution, camera: Resolution) -> Self {
         let sides = [(projector.width, camera.width), (projector.height, camera.height)];
         let is_finer = sides.iter().all(|(projector, camera)| camera >= projector);
@@ -147,31 +141,30 @@ impl Registration {
 // The flat-field stage: the uneven brightness of projector and camera, above all their vignetting.
 //
 // A pattern `x` leaves the projector as `p ∘ x`, and light `y` is photographed as `c ∘ y`, with smooth factors `p` and `c` on the
-// projector's pixels. So the rig's matrix is `diag(c) A diag(p)`, which is not symmetric. Patterns are divided by `p`, and photos by
-// `c`.
+// projector's pixels. So the rig's matrix is `diag(c) A diag(p)`, which is not symmetric. Patterns are divided by `p`, and photos by `c`.
 
 /// The relative brightness of the projector and of the camera at each of the projector's pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatField {
-    /// The projector's: the least is 1, so that every pattern that is divided by it can be shown.
+    /// The projector's brightness. The least value is 1, so that every pattern that is divided by it can be shown.
     pub projector: Vec<f64>,
-    /// The camera's, with a mean of 1.
+    /// The camera's brightness, with a mean of 1.
     pub camera: Vec<f64>,
 }
 
 impl FlatField {
-    /// The flat field of a rig whose camera and projector differ by the factor `ratio`, `p / c`: what the symmetry of `A` tells. The
-    /// whole factor is taken as the camera's. What is common to both stays in the photos, where it leaves the matrix symmetric.
+    /// The flat field of a rig whose projector and camera differ by the factor `ratio`, `p / c`. The symmetry of `A` gives this factor. It
+    /// is attributed to the camera alone. A brightness that both devices share stays in the photos and leaves the matrix symmetric.
     pub fn of_ratio(ratio: &[f64]) -> Result<Self> {
         let camera = ratio.iter().map(|ratio| 1.0 / ratio).collect();
         Self { projector: vec![1.0; ratio.len()], camera }.normalized()
     }
 
-    /// The flat field of both devices, by the `sheet`: the photo of an evenly coloured matte sheet that stands square to the camera, lit by
-    /// white. It shows `p c`; the factor between the two is that of this flat field.
+    /// The flat field of both devices. `sheet` is the photo of an evenly coloured matte sheet that stands square to the camera, lit by
+    /// white. It shows `p c`. The factor `p / c` is taken from this flat field.
     ///
     /// # Errors
-    /// [`Error::Dimension`] if the sizes differ; as [`Self::check`].
+    /// [`Error::Dimension`] if the sizes differ, and the errors of [`Self::check`].
     pub fn with_sheet(&self, sheet: &[f64]) -> Result<Self> {
         if sheet.len() != self.camera.len() {
             return Err(Error::Dimension {
@@ -198,7 +191,7 @@ impl FlatField {
     /// Refuses factors that are not positive numbers.
     ///
     /// # Errors
-    /// [`Error::Numerical`].
+    /// [`Error::Numerical`] with the first such factor.
     pub fn check(&self) -> Result<()> {
         let all = self.projector.iter().chain(&self.camera);
         match all.copied().find(|value| !(*value > 0.0 && value.is_finite())) {
@@ -209,7 +202,6 @@ impl FlatField {
         }
     }
 
-    /// The pattern to show for `x`.
     pub(crate) fn pattern(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
@@ -219,7 +211,7 @@ impl FlatField {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }
 
-    /// The light of a photo.
+    /// Divides a photo by the camera's brightness.
     pub(crate) fn light(&self, plane: Plane) -> Plane {
         let divided = |values: Vec<f64>, power: i32| -> Vec<f64> {
             values.into_iter().zip(&self.camera).map(|(value, factor)| value / factor.powi(power)).collect()
@@ -250,7 +242,6 @@ mod tests {
         assert_eq!((coarser.starts, coarser.pixels), (vec![0, 1, 2, 3], vec![0, 1, 1]));
     }
 
-    /// For any two rasters, each pixel's photo holds its own light, and hardly any of its neighbours'.
     #[test]
     fn the_camera_may_be_finer_by_any_factor() {
         let projector = Resolution::new(8, 6);
@@ -269,7 +260,7 @@ mod tests {
                         .map(|entry| entry.1.abs())
                         .sum()
                 };
-                // With two camera pixels or more along each side, one lies inside nearly: a mean of all had 0.1 to 0.3 of the neighbours' light.
+                // One of two or more camera pixels along each side lies almost inside. A mean of all had 0.1 to 0.3 from neighbours.
                 assert!(of(true) > 0.97 && of(false) < 0.05, "{width}x{height} {pixel}: {row:?}");
             }
         }
@@ -283,7 +274,7 @@ mod tests {
         assert!(alone.leaves_patterns());
         let both = alone.with_sheet(&of(|p, c| 3.0 * p * c))?;
         for pixel in 0..3 {
-            // Roundings of a few operations.
+            // The tolerance covers the rounding of a few operations.
             assert!((both.projector[pixel] - p[pixel] / 0.8).abs() < 1e-14);
             assert!((both.camera[pixel] - c[pixel] / (2.65 / 3.0)).abs() < 1e-14);
             assert!((both.shown(&both.pattern(&p))[pixel] - p[pixel]).abs() < 1e-15);

@@ -1,5 +1,4 @@
-//! The folder of a calibration: `calibration.toml` holds the numbers, and arrays beside it hold the curves
-//! and the pixel map.
+//! The folder of a calibration: `calibration.toml` holds the numbers, and arrays beside it hold the curves and the pixel map.
 //!
 //! | file | holds |
 //! |---|---|
@@ -9,8 +8,8 @@
 //! | `flat-{projector,camera}.npy` | the uneven brightness of both devices, on the projector's pixels; absent where it was not measured |
 //! | `registration-{starts,pixels,weights}.npy` | the pixel map in compressed sparse rows: camera pixels of each projector pixel |
 //!
-//! The checksum is the [identity](Calibration::identity) of the calibration. It covers all of these files. So
-//! a file that was changed, or that belongs to another calibration, is detected when the folder is loaded.
+//! The checksum is the [identity](Calibration::identity) of the calibration and covers all of these files. Loading detects a file that was
+//! changed or belongs to another calibration.
 
 use std::path::Path;
 
@@ -25,7 +24,7 @@ use crate::image::Resolution;
 use crate::io::{atomic, npy};
 use crate::rig::{CameraInfo, ProjectorInfo};
 
-/// The version of the folder's format. Folders of format 1, which have no `[map]`, are read as well.
+/// The version of the folder's format. Folders of format 1, which have no `[map]`, can also be read.
 const FORMAT: u32 = 2;
 
 const RECORD: &str = "calibration.toml";
@@ -77,8 +76,7 @@ struct Steadiness {
 }
 
 impl Calibration {
-    /// Writes the calibration into `folder`, which is created if necessary. `calibration.toml` is written
-    /// last: a folder that has one is complete.
+    /// Writes the calibration into `folder`, created if necessary. `calibration.toml` is written last: a folder with one is complete.
     ///
     /// # Errors
     /// [`Error::Write`] with the name of the file.
@@ -108,8 +106,8 @@ impl Calibration {
     /// Reads the calibration in `folder`.
     ///
     /// # Errors
-    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with
-    /// that of the record when the checksum is wrong.
+    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with the name of the record when
+    /// the checksum is wrong.
     pub fn load(folder: &Path) -> Result<Self> {
         file::follow_no_links_below(folder);
         let path = folder.join(RECORD);
@@ -206,8 +204,7 @@ impl Calibration {
         Ok(())
     }
 
-    /// The numbers as text, in the form of the record. Rust prints the shortest decimals that read back as
-    /// the same bits.
+    /// The numbers as text, in the form of the record. Rust prints the shortest decimals that read back as the same bits.
     fn head(&self) -> String {
         let Self { projector_info: projector, camera_info: camera, camera: response, .. } = self;
         let map = self.registration.lens.as_ref().map_or_else(String::new, |lens| {
@@ -259,7 +256,7 @@ fn devices(name: &str, resolution: Resolution, channels: usize, bits: u32) -> St
     format!("`{name}` with {resolution} {colours} pixels of {bits} bits")
 }
 
-/// A TOML string. TOML's basic strings have the syntax of JSON strings.
+/// Quotes a TOML string. TOML's basic strings have the syntax of JSON strings.
 fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }

@@ -1,9 +1,9 @@
 //! The direct stage: the light that each pixel reflects straight back to itself, as an operator `S diag(d) K`.
 //!
-//! The projector shows patterns that change from pixel to pixel or from square to square ([`super::direct_patterns`]). Global light is an average over many
-//! pixels and hardly changes from pattern to pattern. Direct light follows the light that arrives at the pixel itself. A projector's lens spreads each pixel's
-//! light over its neighbours, so that this is the blurred pattern `u = K x`. The camera's pixels spread it once more, by the known
-//! matrix `S` ([`Spread`]). With direct light `d` and global light `g`, the photos `m` are
+//! The projector shows patterns that change from pixel to pixel or from square to square ([`super::direct_patterns`]). Global light is an
+//! average over many pixels and hardly changes from pattern to pattern. Direct light follows the light that arrives at the pixel itself. A
+//! projector's lens spreads each pixel's light over its neighbours, so this light is the blurred pattern `u = K x`. The camera's pixels
+//! spread it again, by the known matrix `S` ([`Spread`]). With direct light `d` and global light `g`, the photos `m` are
 //!
 //! ```text
 //! y_m = S (d ∘ u_m) + g,      minimise over d:  Σ_m ‖y_m − ȳ − S (d ∘ (u_m − ū))‖²
@@ -11,7 +11,7 @@
 //!
 //! The patterns count *as shown*, after rounding to levels. Without `S`, `d = Σ_m (u_m − ū) y_m / Σ_m (u_m − ū)²`. The blur `K` is the
 //! Gaussian with the least residual of this fit, over all pixels, photos and channels. A residual larger than the noise of the photos shows
-//! where the model is wrong, for example because global light resolves the squares; it counts as an error of `d`.
+//! that the model is wrong there, for example because global light resolves the squares. It counts as an error of `d`.
 //!
 //! Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using high frequency
 //! illumination* (2006), doi:10.1145/1141911.1141977.
@@ -26,23 +26,24 @@ use super::registration::combine;
 use super::spread::{Entry, Spread, merged};
 use crate::image::Blur;
 
-/// The widest blur that is considered, in pixels, as a standard deviation. It must be narrower than the squares.
+/// The widest blur that is considered, in pixels as a standard deviation. It must be narrower than the squares.
 const WIDEST: f64 = 2.0;
 
-/// The narrowest blur that is considered: below it, a sampled Gaussian is a single pixel.
+/// The narrowest blur that is considered. Below this value, a sampled Gaussian is a single pixel.
 const NARROWEST: f64 = 0.25;
 
-/// Entries of the matrix that are smaller than this share of the largest in their row are left out of it.
+/// Entries of the matrix below this share of the largest entry in their row are left out.
 const SMALLEST: f64 = 1e-6;
 
-/// Deviations that are tried before the best one is refined.
+/// The number of deviations that are tried before the best one is refined.
 const TRIED: usize = 8;
 
-/// Steps of the refinement; each narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. Where the blur is 0.6 pixels, codes keep half of
-/// their contrast, and a blur that is off by 0.005 makes the direct light 1 % wrong, which is several per cent of the global light.
+/// The number of refinement steps. Each step narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. At a blur of 0.6
+/// pixels, codes keep half of their contrast. A blur that is off by 0.005 then makes the direct light 1 % wrong, which is several per cent
+/// of the global light.
 const REFINED: usize = 16;
 
-/// Steps of conjugate gradients while the blur is chosen, and in the end. The spread is narrow, so that few are enough.
+/// The numbers of steps of conjugate gradients, while the blur is chosen and in the end. Few suffice because the spread is narrow.
 const STEPS: [usize; 2] = [4, 12];
 
 /// Direct light: `y = S (d ∘ K x)` for each of the camera's channels.
@@ -50,11 +51,10 @@ const STEPS: [usize; 2] = [4, 12];
 pub(crate) struct DirectMatrix {
     /// `d` and its variance for each of the camera's channels.
     planes: Vec<Plane>,
-    /// The uncertainty of the blur.
     doubt: BlurDoubt,
-    /// The spread `K` of the projector's pixels; `None` where none was found.
+    /// The spread `K` of the projector's pixels. It is `None` when no spread was found.
     blur: Option<Blur>,
-    /// The spread `S` of the camera's pixels; `None` where none is known.
+    /// The spread `S` of the camera's pixels. It is `None` when no spread is known.
     spread: Option<Arc<Spread>>,
 }
 
@@ -93,8 +93,7 @@ impl DirectMatrix {
         of_pixels.sqrt().hypot(self.doubt.error * of_blur)
     }
 
-    /// Row `pixel` of the matrix of one channel: columns in ascending order, and their weights. Weights below [`SMALLEST`] of the largest are
-    /// left out.
+    /// Row `pixel` of one channel's matrix: ascending columns with their weights. Weights below [`SMALLEST`] of the largest are left out.
     pub(crate) fn row(&self, channel: usize, pixel: usize) -> Vec<Entry> {
         let direct = &self.planes[channel].values;
         let own = [(pixel as u32, 1.0)];
@@ -116,20 +115,15 @@ impl DirectMatrix {
     }
 }
 
-/// The photos of the patterns for direct light.
 pub(crate) struct DirectPhotos<'a> {
-    /// Which camera pixels see which projector pixel.
     pub(crate) registration: &'a Registration,
-    /// The photos, one for each pattern.
     pub(crate) rate_frames: &'a [&'a RateFrame],
     /// The patterns that were shown, for each of the camera's channels.
     pub(crate) shown: &'a [Vec<Vec<f64>>],
-    /// The black photo.
     pub(crate) blacks: &'a BlackPhotos,
 }
 
 impl DirectPhotos<'_> {
-    /// Fits the direct light of all channels.
     pub(crate) fn fit(&self) -> DirectMatrix {
         let spread =
             self.registration.lens.as_ref().map(|lens| Arc::new(Spread::new(self.registration, lens)));
@@ -166,7 +160,7 @@ impl DirectPhotos<'_> {
         DirectMatrix { planes, doubt, blur, spread }
     }
 
-    /// The photos of one channel, less their mean.
+    /// The photos of one channel, minus their mean.
     fn photos(&self, channel: usize) -> Vec<Vec<f64>> {
         let of = |photo: usize| {
             let only = |_: usize, other: usize| f64::from(u8::from(other == photo));
@@ -180,7 +174,7 @@ impl DirectPhotos<'_> {
     }
 }
 
-/// The deviation in pixels with the least residual; 0 where none is better without a blur.
+/// The deviation in pixels with the least residual. It is 0 when no blur improves the fit.
 fn least(residual: &dyn Fn(f64) -> f64) -> f64 {
     let step = (WIDEST - NARROWEST) / (TRIED - 1) as f64;
     let tried = (0..TRIED).map(|index| NARROWEST + step * index as f64);
@@ -212,19 +206,18 @@ mod tests {
     use crate::image::Resolution;
     use crate::measure::lens_map::LensMap;
 
-    /// The golden-section search ends within its last bracket, and knows both ends of its range.
     #[test]
     fn the_least_residual_is_found_wherever_it_is() {
         for truth in [NARROWEST, NARROWEST + 0.013, 0.37, 0.61, 0.5 * (NARROWEST + WIDEST), WIDEST] {
             let found =
                 least(&|deviation| 0.5 + (deviation - truth).powi(2) + 0.1 * (deviation - truth).abs());
-            // Each step leaves 0.618 of a bracket of two of the steps between those that were tried.
+            // Each step leaves 0.618 of the bracket. The first bracket spans two of the steps between the tried deviations.
             let bracket = 2.0 * (WIDEST - NARROWEST) / (TRIED - 1) as f64 * 0.619_f64.powi(REFINED as i32);
             assert!((found - truth).abs() < 0.51 * bracket, "{found} {truth}");
         }
     }
 
-    /// Rows of direct light and its photos are the same matrix: with a blur, with the spread of a coarse camera, and with both.
+    /// The photo of direct light equals the product with the matrix rows: with a blur, with the spread of a coarse camera, and with both.
     #[test]
     fn the_photo_of_direct_light_is_the_product_with_its_rows() {
         let size = Resolution::new(12, 10);
@@ -256,7 +249,7 @@ mod tests {
         }
     }
 
-    /// The form changes with `d`, and with the blur, which changes `d` as well.
+    /// The form depends on `d` and on the blur, and `d` also depends on the blur.
     #[test]
     fn the_error_of_a_form_is_that_of_pixels_and_of_the_blur() {
         let size = Resolution::new(6, 5);

@@ -4,11 +4,11 @@ use super::photos::Plane;
 use super::spread::Spread;
 use crate::image::{Blur, Resolution};
 
-/// A residual shows an error of the model where its square is so many times that of the noise. The mean over neighbours of noise alone
-/// scatters by 0.16, with six degrees of freedom in each of some twelve pixels.
+/// A residual shows an error of the model when its square is this many times the square of the noise. The mean of pure noise over
+/// neighbours scatters by 0.16, with six degrees of freedom in each of some twelve pixels.
 const CLEARLY: f64 = 1.6;
 
-/// `Σ_m ‖y_m − S (d ∘ u_m)‖²` with patterns `u_m` and photos `y_m`, each less its mean over the patterns.
+/// The fit of `Σ_m ‖y_m − S (d ∘ u_m)‖²` with patterns `u_m` and photos `y_m`. The mean over the patterns is subtracted from both.
 pub(crate) struct DirectFit<'a> {
     light: Vec<Vec<f64>>,
     /// `Σ_m u_m²` at each pixel.
@@ -20,10 +20,10 @@ pub(crate) struct DirectFit<'a> {
 }
 
 impl<'a> DirectFit<'a> {
-    /// The fit without the spread, which is exact where there is none. The `photos` are less their mean, the patterns as they were `shown`.
+    /// Fits without the spread, which is exact when there is no spread. The mean is already subtracted from `photos`, but not from `shown`.
     ///
     /// Pixels that are not `lit` by any pattern have no direct light. A blur gives them a trace of their neighbours' light, and the camera
-    /// pixels at a silhouette may see a trace of them: a fit to both would explain every error of the photos there by an enormous `d`.
+    /// pixels at a silhouette may see a trace of them. A fit to both would explain every error of the photos there by an enormous `d`.
     pub(crate) fn new(
         shown: &[Vec<f64>],
         lit: &[bool],
@@ -57,7 +57,7 @@ impl<'a> DirectFit<'a> {
         fit
     }
 
-    /// `S (d ∘ u_m)`.
+    /// The product `S (d ∘ u_m)`.
     fn photo(&self, m: usize, direct: &[f64]) -> Vec<f64> {
         let light: Vec<f64> = direct.iter().zip(&self.light[m]).map(|(d, u)| d * u).collect();
         match self.spread {
@@ -66,7 +66,7 @@ impl<'a> DirectFit<'a> {
         }
     }
 
-    /// `Σ_m u_m ∘ Sᵀ z_m` for what is left of the photos: half the negative gradient of the sum of squares.
+    /// The sum `Σ_m u_m ∘ Sᵀ z_m` for the residuals `z_m`: half the negative gradient of the sum of squares.
     fn gradient(&self, spread: &Spread) -> Vec<f64> {
         let mut sum = vec![0.0; self.square.len()];
         for (left, light) in self.left.iter().zip(&self.light) {
@@ -76,7 +76,7 @@ impl<'a> DirectFit<'a> {
         sum
     }
 
-    /// Takes so many steps of conjugate gradients for least squares, scaled by the diagonal. Without a spread there is nothing to improve.
+    /// Takes `steps` steps of conjugate gradients for least squares, scaled by the diagonal. It does nothing without a spread.
     pub(crate) fn improve(&mut self, steps: usize) {
         let Some(spread) = self.spread else { return };
         let diagonal: Vec<f64> =
@@ -107,29 +107,28 @@ impl<'a> DirectFit<'a> {
         }
     }
 
-    /// The factor of a photo in the direct light of a pixel, without the spread.
+    /// The derivative of a pixel's direct light with respect to a photo's value, without the spread.
     pub(crate) fn slope(&self, pixel: usize, photo: usize) -> f64 {
         ratio(self.light[photo][pixel], self.square[pixel])
     }
 
-    /// The sum of squares that is left.
+    /// The sum of squared residuals.
     pub(crate) fn residual(&self) -> f64 {
         self.left.iter().flatten().map(|value| value * value).sum()
     }
 
-    /// The sum of squares that is left in each pixel.
+    /// The sum of squared residuals in each pixel.
     pub(crate) fn residuals(&self) -> Vec<f64> {
         let of = |pixel: usize| self.left.iter().map(|left| left[pixel] * left[pixel]).sum();
         (0..self.square.len()).map(of).collect()
     }
 
-    /// The direct light.
     pub(crate) fn direct(&self) -> &[f64] {
         &self.direct
     }
 
-    /// The direct light. Its variance is that of the photos' `noise`, or that which the residual shows where it is clearly more. A few photos
-    /// tell little of one pixel, so that the residuals of neighbours are averaged.
+    /// The direct light with its variance. The variance comes from the photos' `noise`, or from the residual when that is clearly larger. A
+    /// few photos say little about one pixel, so the residuals of neighbours are averaged.
     pub(crate) fn plane(self, noise: Vec<f64>, resolution: Resolution) -> Plane {
         // Each pixel has two unknowns: direct and global light.
         let freedom = self.left.len().saturating_sub(2).max(1) as f64;
@@ -143,12 +142,12 @@ impl<'a> DirectFit<'a> {
     }
 }
 
-/// `a / b`, or 0 where `b` is 0: a pixel whose light never changes tells nothing.
+/// Returns `a / b`, or 0 when `b` is 0, because a pixel whose light never changes determines nothing.
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
-/// The planes less their mean.
+/// Subtracts the planes' mean from each plane.
 pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let count = planes.len() as f64;
     for pixel in 0..planes.first().map_or(0, Vec::len) {
@@ -158,31 +157,31 @@ pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     planes
 }
 
-// The uncertainty of the projector's blur, and what it does to the direct light.
+// The uncertainty of the projector's blur, and its effect on the direct light.
 //
-// Light that a pixel sends to its neighbours by way of other surfaces looks like a blur, and near edges and creases only. A blur that is a little too wide makes
-// the direct light of all pixels a little too bright, which no average over pixels takes out. The error of the blur is found from how much
-// parts of the picture disagree on it: with `R_b(t)` the squares that are left in part `b` if a share `t` more of each pixel's light goes to its
-// neighbours, it is `√Σ_b R_b'²` over the curvature of `Σ_b R_b` (a cluster-robust standard error).
+// Light that a pixel sends to its neighbours by way of other surfaces looks like a blur, but only near edges and creases. A blur that is a
+// little too wide makes the direct light of all pixels a little too bright, and an average over pixels does not remove this. The error of
+// the blur follows from the disagreement of parts of the picture. Let `R_b(t)` be the squared residuals in part `b` if a share `t` more of
+// each pixel's light goes to its neighbours. The error is `√Σ_b R_b'²` over the curvature of `Σ_b R_b` (a cluster-robust standard error).
 
-/// The share `t` over which squares are differentiated.
+/// The derivative of the squares is a difference over this share `t`.
 const SHARE_STEP: f64 = 0.002;
 
-/// The side of a part of the picture in pixels: light by way of other surfaces is alike over several pixels.
+/// The side of a part of the picture, in pixels. Light by way of other surfaces is alike over several pixels.
 const PART: usize = 8;
 
-/// The standard error of the blur, and how direct light depends on it.
+/// The standard error of the blur, and the dependence of direct light on it.
 #[derive(Clone, Debug)]
 pub(crate) struct BlurDoubt {
     resolution: Resolution,
     /// The standard error of the share of a pixel's light that goes to its neighbours.
     pub(crate) error: f64,
-    /// The change of `d` with this share, for each of the camera's channels.
+    /// The derivative of `d` with respect to this share, for each of the camera's channels.
     pub(crate) slopes: Vec<Vec<f64>>,
 }
 
 impl BlurDoubt {
-    /// The doubt about the blur of `channels` fits: `fit` is that of a channel with a given share more light for the neighbours.
+    /// The doubt about the blur of `channels` channels. `fit` fits a channel with a given additional share of light for the neighbours.
     pub(crate) fn of<'a>(
         resolution: Resolution,
         channels: usize,
@@ -202,25 +201,24 @@ impl BlurDoubt {
         Self { resolution, error: share_error(resolution, &squares), slopes }
     }
 
-    /// A blur that is known.
     #[cfg(test)]
     pub(crate) fn none(resolution: Resolution) -> Self {
         Self { resolution, error: 0.0, slopes: vec![vec![0.0; resolution.pixels()]] }
     }
 
-    /// The change of a pattern with the share of light that goes to the neighbours.
+    /// The derivative of a pattern with respect to the share of light that goes to the neighbours.
     pub(crate) fn widened(&self, pattern: &[f64]) -> Vec<f64> {
         neighbours(self.resolution, pattern).iter().zip(pattern).map(|(near, own)| near - own).collect()
     }
 }
 
-/// The pattern with a share `by` of each pixel's light given to its neighbours.
+/// Gives a share `by` of each pixel's light to its neighbours.
 pub(crate) fn wider(resolution: Resolution, pattern: &[f64], by: f64) -> Vec<f64> {
     let near = neighbours(resolution, pattern);
     pattern.iter().zip(near).map(|(own, near)| own + by * (near - own)).collect()
 }
 
-/// The mean of the four neighbours of each pixel. At the border a pixel stands for the neighbour that it lacks.
+/// The mean of the four neighbours of each pixel. A pixel at the border replaces a missing neighbour by itself.
 fn neighbours(Resolution { width, height }: Resolution, pattern: &[f64]) -> Vec<f64> {
     let mean = |pixel: usize| {
         let (x, y) = (pixel % width, pixel / width);
@@ -233,7 +231,7 @@ fn neighbours(Resolution { width, height }: Resolution, pattern: &[f64]) -> Vec<
     (0..pattern.len()).map(mean).collect()
 }
 
-/// The standard error of the share from the squares that are left in each pixel with less, as much and more of it.
+/// The standard error of the share. Its arguments are the squared residuals of each pixel with less, the same and more of the share.
 fn share_error(resolution: Resolution, [less, same, more]: &[Vec<f64>; 3]) -> f64 {
     let columns = resolution.width.div_ceil(PART);
     let mut slopes = vec![0.0; columns * resolution.height.div_ceil(PART)];
@@ -256,7 +254,7 @@ mod tests {
     use crate::measure::footprint::by_overlap;
     use crate::measure::lens_map::LensMap;
 
-    /// The photos of direct light, less their mean over the patterns.
+    /// The photos of direct light, minus their mean over the patterns.
     fn photos(direct: &[f64], shown: &[Vec<f64>], spread: Option<&Spread>) -> Vec<Vec<f64>> {
         let photo = |pattern: &Vec<f64>| -> Vec<f64> {
             let light: Vec<f64> = direct.iter().zip(pattern).map(|(d, u)| d * u).collect();
@@ -265,7 +263,6 @@ mod tests {
         without_mean(shown.iter().map(photo).collect())
     }
 
-    /// The direct light of pixels that all differ.
     fn uneven(count: usize) -> Vec<f64> {
         (0..count).map(|pixel| 1.0 + (pixel * 7 % 11) as f64 / 10.0).collect()
     }
@@ -274,7 +271,7 @@ mod tests {
     fn without_a_spread_the_fit_is_exact_at_once() {
         let resolution = Resolution::new(6, 5);
         let mut shown = DirectPatterns::Squares(2).shown(resolution, &[true; 30]);
-        // A pixel that is never lit tells nothing of its light.
+        // A pixel that is never lit determines nothing about its light.
         shown.iter_mut().for_each(|pattern| pattern[4] = 0.0);
         let direct = uneven(30);
         let photos = photos(&direct, &shown, None);
@@ -293,7 +290,7 @@ mod tests {
         }
     }
 
-    /// Patterns of ±1 and ±2, and residuals of ±e at right angles to them.
+    /// Patterns of ±1 and ±2, and residuals of ±e that are orthogonal to them.
     #[test]
     fn the_variance_is_that_of_noise_or_of_the_residuals_where_they_are_clearly_larger() {
         let resolution = Resolution::new(8, 6);
@@ -308,7 +305,7 @@ mod tests {
         }
         let fit = || DirectFit::new(&shown, &[true; 48], None, None, &photos);
         assert!((fit().residual() - 4.0 * 48.0 * e * e).abs() < 1e-12);
-        // 4 e² are left with two degrees of freedom; patterns have squares of 4 and of 16.
+        // The squared residuals are 4 e² with two degrees of freedom. Patterns have squares of 4 and of 16.
         let from_residuals = |pixel: usize| 2.0 * e * e / if pixel < 24 { 4.0 } else { 16.0 };
         for (share, counts) in [(1.0 / 1.7, true), (1.0 / 1.5, false), (2.0, false), (0.0, true)] {
             let noise: Vec<f64> = (0..48).map(|pixel| share * from_residuals(pixel)).collect();
@@ -322,7 +319,6 @@ mod tests {
         }
     }
 
-    /// A residual in one pixel counts for its neighbours, too.
     #[test]
     fn residuals_of_neighbours_are_averaged() {
         let resolution = Resolution::new(9, 9);
@@ -332,7 +328,7 @@ mod tests {
         let plane =
             DirectFit::new(&shown, &[true; 81], None, None, &photos).plane(vec![1e-9; 81], resolution);
         let blur = Blur::new(resolution, 1.0).expect("a blur of one pixel");
-        // Three degrees of freedom; the patterns' squares add up to one.
+        // There are three degrees of freedom. The patterns' squares add up to one.
         let one: Vec<f64> = (0..81).map(|pixel| if pixel == 40 { 0.09 / 3.0 } else { 0.0 }).collect();
         for (found, expected) in plane.variance.iter().zip(blur.apply(&one)) {
             let expected = if expected > 1.6e-9 { expected } else { 1e-9 };
@@ -340,9 +336,8 @@ mod tests {
         }
     }
 
-    /// At a silhouette the camera sees a trace of a pixel that is never lit, and the projector's blur sends a trace of light there. Whatever is
-    /// wrong with the photos, such as a map that is off by a hundredth of a pixel, is no direct light of that pixel, and does not spoil its
-    /// neighbours'.
+    /// At a silhouette, the camera sees a trace of a pixel that is never lit, and the projector's blur sends a trace of light there. Errors
+    /// of the photos, such as a map that is off by 0.01 pixels, must not become direct light there or spoil the neighbours.
     #[test]
     fn pixels_that_are_never_lit_explain_nothing() {
         let resolution = Resolution::new(12, 10);
@@ -366,7 +361,7 @@ mod tests {
                 .map(|pattern| blur.as_ref().map_or(pattern.clone(), |blur| blur.apply(pattern)))
                 .collect();
             let mut photos = photos(&direct, &seen, Some(&spread));
-            // An error of a thousandth of white.
+            // The photos have an error of a thousandth of white.
             for (m, photo) in photos.iter_mut().enumerate() {
                 photo.iter_mut().enumerate().for_each(|(at, y)| *y += 1e-3 * ((at * 7 + m * 5) % 3) as f64);
             }
@@ -374,14 +369,14 @@ mod tests {
             let mut fit = DirectFit::new(&shown, &lit, blur.as_ref(), Some(&spread), &photos);
             fit.improve(40);
             for (pixel, (found, truth)) in fit.direct.iter().zip(&direct).enumerate() {
-                // Half a pixel past, the spread of the camera's pixels is undone, and errors grow.
+                // At half a pixel, the fit undoes the spread of the camera's pixels, and errors grow.
                 let most = if past < 0.2 { 0.01 } else { 0.1 };
                 assert!((found - truth).abs() < most, "{past}: {found} for {truth} at {pixel}");
             }
         }
     }
 
-    /// A camera of as many pixels as the projector's that looks half a pixel past it.
+    /// The camera has the projector's number of pixels and is shifted by half a pixel.
     #[test]
     fn with_a_spread_conjugate_gradients_end_after_as_many_steps_as_there_are_pixels() {
         let resolution = Resolution::new(4, 3);
@@ -417,12 +412,12 @@ mod tests {
         let wide = wider(size, &pattern, 0.3);
         let light = |pattern: &[f64]| pattern.iter().sum::<f64>();
         assert!((light(&wide) - light(&pattern)).abs() < 1e-12, "rounding");
-        // A pixel inside has a quarter of what each of its neighbours gives.
+        // An inner pixel gets a quarter of the light that each of its neighbours gives away.
         let near = pattern[6] + pattern[8] + pattern[2] + pattern[12];
         assert!((wide[7] - (0.7 * pattern[7] + 0.3 * 0.25 * near)).abs() < 1e-14);
     }
 
-    /// The squares of each part are least at a share of its own; those of the whole are least at their mean, 0.
+    /// The squares of each part are least at a different share. The squares of the whole are least at the mean of the two shares, 0.
     #[test]
     fn parts_that_disagree_make_the_error_of_their_mean() {
         let size = Resolution::new(2 * PART, PART);

@@ -1,20 +1,19 @@
-//! The patterns from whose photos direct light is fitted.
+//! The patterns for the fit of direct light.
 //!
-//! A blur keeps the shape of a checkerboard of two pixels: it is an eigenvector of every blur, away from the raster's border, and its lower contrast looks the
-//! same as less direct light. [Codes](code_patterns) hold all frequencies, so that their photos tell the blur, and tell light of near pixels
-//! from the pixel's own. Their patterns change from pixel to pixel, which the camera must resolve. Where it does not, or where the spread of its pixels is not
-//! known, squares of four pixels serve, whose edges show the blur.
+//! Away from the raster's border, a checkerboard of two pixels is an eigenvector of every blur. A blur thus keeps its shape, and its lower
+//! contrast looks like less direct light. [Codes](code_patterns) hold all frequencies. Their photos therefore determine the blur, and
+//! separate light of near pixels from the pixel's own light. Codes change from pixel to pixel, which the camera must resolve. Where it does
+//! not, or where the spread of its pixels is unknown, squares of four pixels serve, whose edges show the blur.
 
 use super::calibration::Registration;
 use crate::image::Resolution;
 
-/// With so many camera pixels for each of the projector's, the camera resolves single pixels.
+/// The camera resolves single pixels when it has this many camera pixels per projector pixel.
 const RESOLVES: usize = 4;
 
-/// Photos of codes: as many as of shifted squares.
+/// The number of photos of codes. It equals the number of photos of shifted squares.
 const CODES: usize = 8;
 
-/// A set of patterns for direct light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DirectPatterns {
     /// Near pixels are lit by different codes.
@@ -24,13 +23,13 @@ pub(crate) enum DirectPatterns {
 }
 
 impl DirectPatterns {
-    /// The patterns that suit a pixel map. Runs by calibrations that know no map of the lens were taken with squares of four pixels, and can still be asked.
+    /// The patterns that suit a pixel map. Runs with a calibration without a lens map used squares of four pixels and can still be queried.
     pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
     }
 
-    /// The patterns. Each pixel is lit in about half of them. Pixels that are not `lit` stay dark.
+    /// Makes the patterns. Each pixel is lit in about half of them. Pixels that are not `lit` stay dark.
     pub(crate) fn shown(self, resolution: Resolution, lit: &[bool]) -> Vec<Vec<f64>> {
         let mut shown = match self {
             Self::Codes => code_patterns(resolution, CODES).collect(),
@@ -43,7 +42,7 @@ impl DirectPatterns {
     }
 }
 
-/// A checkerboard with squares of `side` pixels, moved to the left and up by `shift`: 1 where a pixel is lit, 0 elsewhere.
+/// A checkerboard with squares of `side` pixels, moved to the left and up by `shift`. It is 1 where a pixel is lit, 0 elsewhere.
 pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 2]) -> Vec<f64> {
     let lit = |pixel: usize| {
         let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
@@ -52,8 +51,7 @@ pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 
     (0..resolution.pixels()).map(lit).collect()
 }
 
-/// The shifted checkerboards. The shift is half a square: each pixel is at least once well inside a bright square, and once well inside a
-/// dark one.
+/// The checkerboards, shifted by half a square: each pixel is well inside a bright square and well inside a dark one at least once.
 fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
     let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));
     shifts(side)
@@ -61,13 +59,13 @@ fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-// Codes: patterns in which each pixel is lit in half of the photos, near pixels by different codes.
+// Codes are patterns in which each pixel is lit in half of the photos, and near pixels are lit by different codes.
 //
-// The photos in which a pixel is lit are its code, a row of a Hadamard matrix. Two different codes are orthogonal, so that light from a pixel with
-// another code cancels exactly in the correlation of the photos with the pixel's own code. Pixels with the same code are about `√photos` pixels apart. In
-// every second row of the picture the codes are inverted, so that even global light from pixels with the same code cancels, too.
+// The code of a pixel is the set of photos in which it is lit, a row of a Hadamard matrix. Two different codes are orthogonal. Light from a
+// pixel with another code therefore cancels exactly in the correlation of the photos with the pixel's code. Pixels with the same code are
+// about `√photos` pixels apart. Every second row has inverted codes, so that even global light from pixels with the same code cancels.
 
-/// The patterns of so many `photos`, a power of two from 4 on: 1 where a pixel is lit, 0 elsewhere; each of `n` values.
+/// The patterns of `photos` photos, a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0 elsewhere.
 pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Item = Vec<f64>> {
     let step = step(photos - 1);
     (0..photos).map(move |photo| {
@@ -82,8 +80,8 @@ pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Ite
     })
 }
 
-/// The difference between the codes of a pixel and of the pixel below it, for which pixels with the same code are farthest from each other. There are
-/// so many `codes`, which are numbered along each row of the picture.
+/// The difference between the codes of a pixel and of the pixel below it. It puts pixels with the same code as far apart as possible.
+/// `codes` is the number of codes, which are numbered along each row of the picture.
 fn step(codes: usize) -> usize {
     let nearest = |step: usize| {
         let below = |y: usize| {
@@ -92,7 +90,7 @@ fn step(codes: usize) -> usize {
         };
         (1..=codes.isqrt() + 1).map(below).min().unwrap_or(0).min(codes * codes)
     };
-    // The smallest of equally good steps.
+    // Among equally good steps, the smallest is returned.
     (1..codes).rev().max_by_key(|&step| nearest(step)).unwrap_or(1)
 }
 
@@ -115,13 +113,12 @@ mod tests {
         }
     }
 
-    /// A blur only takes contrast from a checkerboard of two pixels, and changes the shape of codes.
     #[test]
     fn codes_show_a_blur_that_squares_of_two_pixels_hide() {
         let resolution = Resolution::new(24, 24);
         let blur = Blur::new(resolution, 0.6).expect("a blur");
         let inside = |pixel: &usize| (4..20).contains(&(pixel % 24)) && (4..20).contains(&(pixel / 24));
-        // The largest part of a blurred pattern, less its mean, that is no multiple of the pattern.
+        // The largest part of a blurred pattern, minus its mean, that is not a multiple of the pattern.
         let reshaped = |patterns: DirectPatterns| {
             let of = |pattern: &Vec<f64>| {
                 let blurred = blur.apply(pattern);
@@ -135,7 +132,7 @@ mod tests {
             };
             patterns.shown(resolution, &[true; 576]).iter().map(of).fold(0.0, f64::max)
         };
-        // The neighbours of a pixel on both sides of a square of two differ, and cancel.
+        // The two neighbours of a pixel across a square of two differ, so they cancel.
         assert!(reshaped(DirectPatterns::Squares(2)) < 1e-20, "rounding");
         assert!(reshaped(DirectPatterns::Codes) > 0.1);
     }
@@ -149,7 +146,7 @@ mod tests {
             let same = offsets
                 .filter(|&[x, y]| [x, y] != [0, 0] && (x + step as i64 * y).rem_euclid(codes as i64) == 0);
             let nearest = same.map(|[x, y]| x * x + y * y).min().unwrap_or(0);
-            // A square lattice with one point in so many pixels has its nearest points at the root of that number.
+            // A square lattice with one point in `codes` pixels has its nearest points at distance `√codes`.
             assert!(nearest as f64 >= 0.7 * codes as f64, "{codes}: {nearest}");
         }
     }

@@ -1,12 +1,10 @@
-//! The display stage: a pattern in `[0, 1]` is rounded to the projector's levels, and the light that is
-//! *actually* shown becomes known.
+//! The display stage: a pattern in `[0, 1]` is rounded to the projector's levels, and the light that is *actually* shown becomes known.
 //!
-//! Each photo is assigned to the pattern that was shown, not to the target. As light is linear, the only
-//! remaining error is the difference between the two. [`DitherBy`] says how this rounding error is spread
-//! over the pixels.
+//! Each photo is assigned to the pattern that was shown, not to the target. As light is linear, the difference between the two is the only
+//! remaining error. [`DitherBy`] selects how this rounding error is spread over the pixels.
 //!
-//! The relative error of a product, measured on 24×24 pixels of rank-one indirect light with 8 bits and gamma
-//! 2.2 (`tests/rig/stages/quantization.rs`):
+//! The table shows the relative error of a product, measured on 24×24 pixels of rank-one indirect light with 8 bits and gamma 2.2
+//! (`tests/rig/stages/quantization.rs`):
 //!
 //! | vector | part | nearest | random | diffusion |
 //! |---|---|---|---|---|
@@ -29,28 +27,24 @@ use crate::image::Resolution;
 use crate::rig::{Frame, ProjectorInfo};
 use crate::transport::Part;
 
-/// The conversion of patterns to a projector's frames.
 #[derive(Clone, Debug)]
 pub(crate) struct Display {
     resolution: Resolution,
-    /// The response of each channel.
     curves: Vec<ProjectorCurve>,
     dither: DitherBy,
     /// The threshold of each pixel. It is empty unless the dither is random.
     thresholds: Vec<f64>,
 }
 
-/// A frame, and the pattern of light that it shows.
 #[derive(Clone, Debug)]
 pub(crate) struct Displayed {
     pub(crate) frame: Arc<Frame>,
-    /// The pattern that is shown, from 0 to 1: one plane per channel of the projector.
+    /// The pattern that is shown, from 0 to 1, in one plane per channel of the projector.
     pub(crate) light: Vec<Vec<f64>>,
 }
 
 impl Display {
-    /// The display of a projector with these response curves. `undo` corrects the response; `seed` is that of
-    /// random dither.
+    /// The display of a projector with these response curves. `undo` corrects the response, and `seed` starts the random dither.
     pub(crate) fn new(
         projector: &ProjectorInfo,
         curves: &[Vec<f64>],
@@ -75,8 +69,7 @@ impl Display {
         self.curves.iter().map(|curve| curve.widest).fold(0.0, f64::max)
     }
 
-    /// The frame that shows `target` as well as the levels allow, for a product with `part`. `target` has one
-    /// plane for all channels, or one plane per channel.
+    /// The frame that approximates `target` for a product with `part`. `target` has one plane for all channels, or one plane per channel.
     pub(crate) fn show(&self, target: &[Vec<f64>], part: Part) -> Result<Displayed> {
         let dither = match (self.dither, part) {
             (DitherBy::Auto, Part::Global) => DitherBy::Diffusion,
@@ -90,12 +83,11 @@ impl Display {
         })
     }
 
-    /// The frame that shows at each pixel the brightest level that is not brighter than `target`.
+    /// The frame that shows at each pixel the brightest level that does not exceed `target`.
     pub(crate) fn show_below(&self, target: &[Vec<f64>]) -> Result<Displayed> {
         self.quantize(target, |curve, plane| plane.iter().map(|&light| curve.below(light)).collect())
     }
 
-    /// A frame, and the light that it shows.
     pub(crate) fn of_frame(&self, frame: &Arc<Frame>) -> Displayed {
         let channels = self.curves.len();
         let plane = |(channel, curve): (usize, &ProjectorCurve)| {
@@ -104,7 +96,7 @@ impl Display {
         Displayed { frame: Arc::clone(frame), light: self.curves.iter().enumerate().map(plane).collect() }
     }
 
-    /// The frame of the levels that `levels` chooses for each channel, and the light that it shows.
+    /// Lets `levels` choose the levels of each channel. Returns their frame and the light that it shows.
     fn quantize(
         &self,
         target: &[Vec<f64>],
@@ -135,10 +127,9 @@ impl Display {
         plane.iter().zip(&self.thresholds).map(one).collect()
     }
 
-    /// Error diffusion: the rounding error of each pixel is added to the neighbours that come after it. Rows
-    /// are processed in alternating directions. The remaining error has high spatial frequencies, to which
-    /// global light is insensitive. Floyd and Steinberg, *An adaptive algorithm for spatial greyscale*
-    /// (1976).
+    /// Error diffusion: the rounding error of each pixel is added to the neighbours that come after it. Rows are processed in alternating
+    /// directions. The remaining error has high spatial frequencies, to which global light is insensitive (Floyd and Steinberg, *An
+    /// adaptive algorithm for spatial greyscale*, 1976).
     fn diffuse(&self, curve: &ProjectorCurve, plane: &[f64]) -> Vec<u16> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         let mut target = plane.to_vec();
@@ -149,8 +140,7 @@ impl Display {
                 let x = if forward { step } else { width - 1 - step };
                 let pixel = y * width + x;
                 shown[pixel] = curve.nearest(target[pixel]);
-                // The part outside of [0, 1] cannot be shown by any level, and is not passed on to the
-                // neighbours.
+                // Light outside [0, 1] cannot be shown by any level. This part of the error is not passed on.
                 let error = target[pixel].clamp(0.0, 1.0) - curve.light(shown[pixel]);
                 let neighbour =
                     |by: isize| x.checked_add_signed(if forward { by } else { -by }).filter(|&x| x < width);
@@ -166,8 +156,8 @@ impl Display {
 }
 
 impl Displayed {
-    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the
-    /// mean of the projector's channels where the numbers of channels differ.
+    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the mean of its channels where
+    /// the numbers of channels differ.
     pub(crate) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
         if self.light.len() == channels || self.light.len() == 1 {
             return self.light[channel.min(self.light.len() - 1)].clone();
@@ -179,29 +169,24 @@ impl Displayed {
     }
 }
 
-// The bit-plane stage: a pattern of more levels than the projector has, as a weighted sum of several frames
-// (O'Toole and Kutulakos, section 7.2).
+// The bit-plane stage: a weighted sum of frames shows more levels than the projector has (O'Toole and Kutulakos, section 7.2).
 //
-// Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between
-// levels. The first of `K` frames has weight `w = 1/(1+δ)` and shows the level below `x / w`. The remainder
-// is at most `w δ` at every pixel, and is a pattern of that range for the next frame. The last frame shows
-// the nearest level. For a projector of one bit these are the binary digits, with weights ½, ¼, …. The error
-// falls by `δ/(1+δ)` with each frame.
+// Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between levels. The first of `K` frames has
+// weight `w = 1/(1+δ)` and shows the level below `x / w`. The remainder is at most `w δ` at every pixel, and is a pattern of that range for
+// the next frame. The last frame shows the nearest level. For a projector of one bit these are the binary digits, with weights ½, ¼, ….
+// Each frame reduces the error by the factor `δ/(1+δ)`.
 //
-// The noise is that of `Σ w_k photo_k`. Each photo has the full read noise of the camera, whatever its
-// weight. With `K` exposures of `t/K` seconds instead of one of `t`, the standard deviation due to read
-// noise grows by the factor `K √Σ w_k²` ([`bit_plane_amplification`]). In little light, more frames can therefore be
-// worse than fewer.
+// The result has the noise of `Σ w_k photo_k`. Each photo has the full read noise of the camera, whatever its weight. With `K` exposures of
+// `t/K` seconds instead of one of `t`, the standard deviation due to read noise grows by the factor `K √Σ w_k²`
+// ([`bit_plane_amplification`]). In little light, more frames can therefore be worse than fewer.
 
-/// A frame and its weight in the sum.
 #[derive(Clone, Debug)]
 pub(crate) struct BitPlane {
     pub(crate) weight: f64,
     pub(crate) displayed: Displayed,
 }
 
-/// The bit_plane_weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to
-/// 1).
+/// The weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to 1).
 pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
     let mut range = 1.0;
     let mut bit_plane_weights: Vec<f64> = (1..count)
@@ -215,15 +200,13 @@ pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
     bit_plane_weights
 }
 
-/// The factor by which the standard deviation grows when one photo is divided into frames of these bit_plane_weights,
-/// at equal total exposure and with read noise alone.
+/// The growth of the standard deviation when frames of these weights replace one photo, at equal total exposure, with read noise alone.
 pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
     bit_plane_weights.len() as f64
         * bit_plane_weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
 }
 
-/// Decomposes the pattern `target` into `count` frames. It has one plane for all channels, or one plane per
-/// channel. Frames without light are left out.
+/// Decomposes the pattern `target` into `count` frames. It has one plane for all channels or one per channel. Dark frames are left out.
 pub(crate) fn decompose(
     display: &Display,
     target: &[Vec<f64>],
@@ -266,7 +249,6 @@ mod tests {
         ProjectorInfo { name: "projector".into(), resolution, channels, bits, frame_time: 0.0 }
     }
 
-    /// A gray display with these levels of light.
     fn display(width: usize, height: usize, light: &[f64], dither: DitherBy) -> Display {
         let info = projector(width, height, 1, light.len().ilog2());
         Display::new(&info, &[light.to_vec()], true, dither, 7).expect("it ascends from 0 to 1")
@@ -276,8 +258,8 @@ mod tests {
         display.show(&[target.to_vec()], part).expect("as many values as pixels").frame.levels().to_vec()
     }
 
-    /// A pixel of light 0.4 is shown dark, and its error of 0.4 goes on. All others are far below 0, where a level is no error, but for one
-    /// that turns bright as soon as it gets the share that Floyd and Steinberg give it.
+    /// A pixel of light 0.4 is shown dark, and its error of 0.4 goes on. All others but one are far below 0, where level 0 has no error.
+    /// That one turns bright as soon as it gets its Floyd–Steinberg share.
     #[test]
     fn diffusion_gives_sixteenths_of_an_error_to_four_neighbours_in_the_direction_of_the_row() {
         let display = display(5, 3, &[0.0, 1.0], DitherBy::Diffusion);
@@ -298,7 +280,7 @@ mod tests {
                 }
             }
         }
-        // At the end of a row nothing goes around the edge, and below the last row there is nothing.
+        // Nothing goes around the edge at the end of a row or past the last row.
         for (source, elsewhere) in [(4, 5), (4, 10), (5, 4), (5, 14), (12, 2)] {
             assert_eq!(shown(source, elsewhere, 0.5 - 1e-6).iter().sum::<u16>(), 0, "{source} {elsewhere}");
         }
@@ -307,7 +289,7 @@ mod tests {
     #[test]
     fn diffusion_of_too_bright_a_pixel_darkens_its_neighbours_and_of_one_beyond_white_does_not() {
         let display = display(2, 1, &[0.0, 1.0], DitherBy::Diffusion);
-        // Shown as 1, and 0.4 too bright: 0.175 less for the next.
+        // The first pixel is shown as 1, which is 0.4 too bright, so the next gets 0.175 less.
         assert_eq!(levels(&display, &[0.6, 0.67], Part::Full), [1, 0]);
         assert_eq!(levels(&display, &[0.6, 0.68], Part::Full), [1, 1]);
         assert_eq!(levels(&display, &[7.0, 0.49], Part::Full), [1, 0]);
@@ -321,7 +303,7 @@ mod tests {
             let shown = levels(&display, &vec![target; 4096], Part::Full);
             assert!(shown.iter().all(|&level| level == below || level == below + 1), "{target}");
             let above = shown.iter().filter(|&&level| level == below + 1).count() as f64 / 4096.0;
-            // Five standard deviations of a share of 4096 pixels.
+            // The bound is five standard deviations of a share of 4096 pixels.
             let deviation = (share * (1.0 - share) / 4096.0_f64).sqrt();
             assert!((above - share).abs() < 5.0 * deviation, "{target}: {above} against {share}");
         }

@@ -1,7 +1,7 @@
 //! The choice of exposures, from test photos of white.
 //!
-//! The shortest exposure brings the brightest pixel near saturation. Longer exposures follow, up to the
-//! allowed number, until the darkest pixel is well above its noise.
+//! The shortest exposure brings the brightest pixel near saturation. Longer ones follow, up to the allowed number, until the darkest pixel
+//! is well above its noise.
 
 use std::sync::Arc;
 
@@ -11,8 +11,8 @@ use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
-/// The brightest pixel of the white photo, as a share of saturation. No pattern is brighter than white. The
-/// rest of the range is for noise, for a lamp that becomes brighter, and for the black photo.
+/// The brightest pixel of the white photo, as a share of saturation. No pattern is brighter than white. The rest of the range is for noise,
+/// for a lamp that becomes brighter, and for the black photo.
 const TARGET: f64 = 0.8;
 
 /// The factor from the exposure of a saturated test photo to the next exposure.
@@ -21,22 +21,19 @@ const DOWN: f64 = 1.0 / 8.0;
 /// The largest factor from the exposure of a test photo that is too dark to the next exposure.
 const UP: f64 = 64.0;
 
-/// A test photo whose brightest pixel is below this share of saturation is too dark to predict the exposure.
+/// A test photo is too dark to predict the exposure when its brightest pixel is below this share of saturation.
 const DARK: f64 = 0.05;
 
-/// The factor from one exposure of a bracket to the next: the largest loss of light that a pixel suffers by
-/// falling between two exposures.
+/// The factor from one exposure of a bracket to the next. A pixel that falls between two exposures loses at most this factor of light.
 const BRACKET: f64 = 4.0;
 
 /// The darkest pixel is well exposed when it is this many standard deviations above black.
 const WELL: f64 = 20.0;
 
-/// The largest number of test photos. It suffices for the way from the shortest to the longest exposure of
-/// any camera.
+/// The largest number of test photos. It suffices to go from the shortest to the longest exposure of any camera.
 const TEST_PHOTOS: usize = 24;
 
-/// Chooses up to `brackets` exposures in seconds, the shortest first. Only the camera pixels that are `used`
-/// count.
+/// Chooses up to `brackets` exposures in seconds, the shortest first. Only the camera pixels that are `used` count.
 pub(crate) fn choose(
     frames: &mut dyn FrameSource,
     curve: &CameraCurve,
@@ -85,7 +82,7 @@ pub(crate) fn choose(
     Ok(exposures)
 }
 
-/// The linear DN of the brightest sample; `None` when a sample is saturated.
+/// The linear DN of the brightest sample. It is `None` when a sample is saturated.
 fn brightest(photo: &AveragedExposure, used: &[bool], channels: usize) -> Option<f64> {
     let mut brightest = f64::NEG_INFINITY;
     for (sample, &mean) in photo.mean.iter().enumerate().filter(|(sample, _)| used[sample / channels]) {
@@ -120,7 +117,7 @@ mod tests {
     use crate::measure::calibration::CameraResponse;
     use crate::measure::simulated::Simulated;
 
-    /// Samples of so much light, in counts per second, seen by a camera whose counts go from 10 in the dark to 1000 at saturation. The
+    /// A scene of samples with this light, in counts per second. The camera's counts go from 10 in the dark to 1000 at saturation. The
     /// largest exposure that is chosen for light `L` is 0.8 · 990 / L seconds.
     struct Scene {
         light: Vec<f64>,
@@ -136,7 +133,7 @@ mod tests {
             Self { light: light.to_vec(), channels: 1, used, exposures: [1e-3, 100.0], frame_time: 0.0 }
         }
 
-        /// The chosen exposures, and those of all test photos. They are the same whether the black level is corrected or not.
+        /// The chosen exposures and the exposures of all test photos. They do not depend on whether the black level is corrected.
         fn choose(&self, brackets: u32) -> (Result<Vec<f64>>, Vec<f64>) {
             let chosen = [true, false].map(|undo| {
                 let light = self.light.clone();
@@ -167,14 +164,14 @@ mod tests {
         }
     }
 
-    /// Equal up to the rounding of a test photo's brightest count: at least 32 of them are above black.
+    /// Whether values are equal up to the rounding of a test photo's brightest count. That count is at least 32 above black.
     fn near(found: &[f64], expected: &[f64]) -> bool {
         found.len() == expected.len() && found.iter().zip(expected).all(|(f, e)| (f / e - 1.0).abs() < 0.02)
     }
 
     #[test]
     fn the_brightest_pixel_comes_to_four_fifths_of_saturation() {
-        // From the geometric mean of the range; a photo of 3 % of the range is too dark to go by, and the next one has 80 %.
+        // The search begins at the geometric mean of the range. A photo of 3 % of the range is too dark. The next one has 80 %.
         let (chosen, asked) = Scene::of(&[100.0, 25.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[7.92]) && near(&asked, &[0.1_f64.sqrt(), 7.92]),
@@ -186,10 +183,9 @@ mod tests {
             near(&chosen.expect("there is light"), &[4.17]) && near(&asked, &[0.1_f64.sqrt()]),
             "{asked:?}"
         );
-        // Pixels that are not used do not count.
         let scene = Scene { used: vec![false, true], ..Scene::of(&[1e6, 190.0]) };
         assert!(near(&scene.choose(1).0.expect("there is light"), &[4.17]));
-        // Two pixels of three channels, of which the second is not used.
+        // There are two pixels of three channels. The second pixel is not used.
         let colored = Scene::of(&[10.0, 190.0, 20.0, 1e6, 0.0, 1e6]);
         let colored = Scene { channels: 3, used: vec![true, false], ..colored };
         assert!(near(&colored.choose(1).0.expect("there is light"), &[4.17]));
@@ -198,7 +194,7 @@ mod tests {
     #[test]
     fn too_much_light_shortens_the_exposure_by_eighths_and_too_little_lengthens_it_to_the_longest() {
         let start = 0.1_f64.sqrt();
-        // 1581 counts at a 64th of the first exposure are too many; at the shortest exposure it has 320, a third of the range.
+        // At a 64th of the first exposure, 1581 counts are too many. The shortest exposure gives 320 counts, a third of the range.
         let (chosen, asked) = Scene::of(&[320e3]).choose(1);
         assert!(near(&chosen.expect("it is not too bright"), &[792.0 / 320e3]), "{asked:?}");
         assert!(near(&asked, &[start, start / 8.0, start / 64.0, 1e-3]), "{asked:?}");
@@ -215,11 +211,11 @@ mod tests {
     fn exposures_are_whole_refreshes_of_the_projector_or_else_parts_of_one() {
         let refresh = 1.0 / 60.0;
         let flickering = |light: f64| Scene { frame_time: refresh, ..Scene::of(&[light]) };
-        // 0.264 s are 15.8 refreshes; the first test photo is of one refresh.
+        // 0.264 s are 15.8 refreshes. The first test photo takes one refresh.
         let (chosen, asked) = flickering(3000.0).choose(1);
         assert!((chosen.expect("there is light")[0] - 15.0 * refresh).abs() < 1e-12);
         assert_eq!(asked, [refresh]);
-        // One refresh is too long: an eighth of one, then what 0.8 of the range takes.
+        // One refresh is too long. An eighth of it follows, then the exposure for 0.8 of the range.
         let (chosen, asked) = flickering(3e5).choose(1);
         assert!(near(&chosen.expect("it is not too bright"), &[792.0 / 3e5]));
         assert!(near(&asked, &[refresh, refresh / 8.0]), "{asked:?}");
@@ -238,16 +234,15 @@ mod tests {
     #[test]
     fn longer_exposures_follow_by_factors_of_four_until_the_darkest_pixel_is_well_exposed() {
         let brackets = |light: &[f64], most: u32| Scene::of(light).choose(most).0.expect("there is light");
-        // The darkest is never 20 standard deviations above black: up to the longest exposure, and no longer than allowed.
+        // The darkest pixel never reaches 20 standard deviations above black. Exposures grow up to the longest one that is allowed.
         assert!(near(&brackets(&[100.0, 0.01], 5), &[7.92, 31.68, 100.0]));
         assert!(near(&brackets(&[100.0, 0.01], 2), &[7.92, 31.68]));
         assert!(near(&brackets(&[100.0, 0.01], 1), &[7.92]));
-        // x counts above black have the variance x + 1 + 1/12: 20 standard deviations from x = 401.1 on.
+        // x counts above black have the variance x + 1 + 1/12, so 20 standard deviations are reached at x = 401.1.
         assert!(near(&brackets(&[100.0, 406.0 / 7.92], 5), &[7.92]));
         assert!(near(&brackets(&[100.0, 395.0 / 7.92], 5), &[7.92, 31.68]));
-        // In the second exposure a pixel of 25 has 792, and the other one is saturated.
+        // In the second exposure, a pixel of 25 has 792 counts, and the other one is saturated.
         assert!(near(&brackets(&[100.0, 25.0], 5), &[7.92, 31.68]));
-        // A pixel that is not used may stay dark.
         let scene = Scene { used: vec![true, true, false], ..Scene::of(&[100.0, 60.0, 0.01]) };
         assert!(near(&scene.choose(5).0.expect("there is light"), &[7.92]));
     }

@@ -1,4 +1,4 @@
-//! Footprints: the camera pixels that see each projector pixel, by the overlap of their areas, and their weights.
+//! Footprints: the camera pixels that see each projector pixel, by the overlap of their areas, with their weights.
 
 use rayon::prelude::*;
 
@@ -7,12 +7,11 @@ use super::lens_map::LensMap;
 use super::spread::{Entry, SparseRows};
 use crate::image::Resolution;
 
-/// A projector pixel counts as seen when lit camera pixels cover at least this share of its area.
+/// A projector pixel is seen when lit camera pixels cover at least this share of its area.
 const COVERED: f64 = 0.25;
 
-/// The pixel map by overlap: each projector pixel is seen by the camera pixels that overlap it, with weights by which it contains
-/// little light of its neighbours. Camera pixels that are not `lit` do not count. The rows of projector pixels that are covered too
-/// little are empty.
+/// The pixel map by overlap. Each projector pixel is seen by the camera pixels that overlap it. Their weights keep light of its neighbours
+/// low. Camera pixels that are not `lit` do not count. Projector pixels that are covered too little have empty rows.
 pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let (areas, rows) = overlaps(map, lit);
     let shares = Shares::new(&areas, &rows);
@@ -45,13 +44,13 @@ fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
     (areas, rows)
 }
 
-/// The corners of a camera pixel in the projector's raster, in order around it.
+/// The corners of a camera pixel in the projector's raster, in order around the pixel.
 pub(crate) fn corners(map: &LensMap, pixel: usize) -> [[f64; 2]; 4] {
     let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
     [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]].map(|corner| map.to_projector(corner))
 }
 
-/// The projector pixels, by column and row, near a camera pixel with these corners, and the areas that they have in common.
+/// The projector pixels (column, row) near a camera pixel with these corners, and the areas that they share with it.
 pub(crate) fn overlapped(
     corners: [[f64; 2]; 4],
     projector: Resolution,
@@ -67,7 +66,6 @@ pub(crate) fn overlapped(
 }
 
 impl Registration {
-    /// The pixel map with these rows: camera pixels and their weights.
     pub(crate) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<Entry>>) -> Self {
         let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
         for row in rows {
@@ -79,8 +77,7 @@ impl Registration {
     }
 }
 
-/// The area of the intersection of a convex polygon with the unit square whose top left corner is `at`
-/// (Sutherland and Hodgman).
+/// The area of the intersection of a convex polygon with the unit square whose top left corner is `at` (Sutherland and Hodgman).
 fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
     let mut points = polygon.to_vec();
     for (axis, bound, sign) in
@@ -103,7 +100,6 @@ fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
     area(&points)
 }
 
-/// The area of a polygon.
 pub(crate) fn area(points: &[[f64; 2]]) -> f64 {
     let twice: f64 = (0..points.len())
         .map(|index| {
@@ -114,50 +110,48 @@ pub(crate) fn area(points: &[[f64; 2]]) -> f64 {
     0.5 * twice.abs()
 }
 
-// The weights by which camera pixels make up a projector pixel.
+// The weights with which camera pixels make up a projector pixel.
 //
-// A camera pixel that straddles two projector pixels sees the light of both. A mean over all camera pixels that overlap a projector
-// pixel therefore contains light of its neighbours, which looks like global light. Camera pixels that lie inside the projector pixel
-// should count more. With the share `c_jk` of camera pixel `j` that lies in projector pixel `k`, the weights `r_j` of projector pixel
-// `i` minimise
+// A camera pixel that straddles two projector pixels sees the light of both. A mean over all camera pixels that overlap a projector pixel
+// therefore contains light of its neighbours, which looks like global light. Camera pixels inside the projector pixel should count more.
+// With the share `c_jk` of camera pixel `j` that lies in projector pixel `k`, the weights `r_j` of projector pixel `i` minimise
 //
 // ```text
 // Σ_k (Σ_j r_j c_jk − δ_ik)²  +  λ Σ_j r_j²        where  Σ_jk r_j c_jk = 1
 // ```
 //
-// The first term is the light of the neighbours, the second is noise. The condition keeps an evenly lit raster as bright as it is, also at
+// The first term is the light of the neighbours, and the second is noise. The condition keeps an evenly lit raster equally bright, even at
 // its border, where camera pixels see past it.
 
-/// `λ`, the weight of noise. More of it makes use of more camera pixels, and lets more of the neighbours' light in. Through the realistic rig
-/// photos of a checkerboard are 0.42 % off at 0.002, 0.26 % at this value, and 0.23 % at 0.00002; their noise is 0.43, 0.46 and 0.48 %.
+/// `λ`, the weight of noise. A larger value uses more camera pixels and lets in more of the neighbours' light. Photos of a checkerboard
+/// through the realistic rig are 0.42 % off at 0.002, 0.26 % at this value, and 0.23 % at 0.00002. Their noise is 0.43, 0.46 and 0.48 %.
 const NOISE: f64 = 0.0002;
 
-/// So many camera pixels that overlap a projector pixel are enough: some lie inside it.
+/// This many camera pixels that overlap a projector pixel are enough, because some lie inside it.
 const ENOUGH: usize = 9;
 
-/// With fewer, those that overlap the projector pixels up to this distance are used, too.
+/// Where fewer overlap it, the camera pixels of projector pixels up to this distance are also used.
 const REACH: usize = 2;
 
-/// The steps of conjugate gradients end at this reduction of the gradient.
+/// The conjugate gradients end when the gradient is reduced to this.
 const ACCURACY: f64 = 1e-6;
 
 /// The share of each camera pixel's area that lies in each projector pixel.
 pub(crate) struct Shares(SparseRows);
 
 impl Shares {
-    /// The shares from the areas of the camera's pixels and those of their overlaps, which are listed by projector pixel.
+    /// Makes the shares from the areas of the camera's pixels and the areas of their overlaps. The overlaps are listed by projector pixel.
     pub(crate) fn new(areas: &[f64], overlaps: &[Vec<Entry>]) -> Self {
         let share = |&(camera, area): &Entry| (camera, area / areas[camera as usize]);
         let shares: Vec<Vec<Entry>> = overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
         Self(SparseRows::transposed(&shares, areas.len()))
     }
 
-    /// The shares of one camera pixel.
     pub(crate) fn of(&self, camera: u32) -> &[Entry] {
         self.0.row(camera as usize)
     }
 
-    /// The weights of the camera pixels of one projector pixel. `rows` are the overlaps of all.
+    /// The weights of the camera pixels of one projector pixel. `rows` holds the overlaps of all projector pixels.
     pub(crate) fn sharpened(&self, pixel: usize, rows: &Overlaps<'_>) -> Vec<Entry> {
         let mut row = rows.around(pixel);
         let columns: Vec<&[Entry]> = row.iter().map(|entry| self.of(entry.0)).collect();
@@ -182,7 +176,7 @@ impl Shares {
         let own = |column: &&[Entry]| {
             column.iter().find(|(at, _)| *at as usize == pixel).map_or(0.0, |entry| entry.1)
         };
-        // Conjugate gradients that keep the condition: residual and directions are orthogonal to `lit`.
+        // These conjugate gradients keep the condition: residual and directions are orthogonal to `lit`.
         let within = |mut v: Vec<f64>| {
             let along = dot(&v, &lit) / dot(&lit, &lit);
             v.iter_mut().zip(&lit).for_each(|(value, lit)| *value -= along * lit);
@@ -218,8 +212,8 @@ pub(crate) struct Overlaps<'a> {
 }
 
 impl Overlaps<'_> {
-    /// The camera pixels that are used for a projector pixel, with their overlaps, in ascending order: those that overlap it. Where these
-    /// are few, none of them may lie inside it, and those around it tell how much light of the neighbours they see; their overlap is 0.
+    /// The camera pixels for a projector pixel, with their overlaps, in ascending order. If few overlap it, none may lie inside it. The
+    /// surrounding camera pixels, with an overlap of 0, then show how much light of the neighbours they see.
     fn around(&self, pixel: usize) -> Vec<Entry> {
         let own = &self.rows[pixel];
         if own.len() >= ENOUGH {
@@ -233,7 +227,7 @@ impl Overlaps<'_> {
             .flat_map(|other| self.rows[other].iter().map(|entry| (entry.0, 0.0)))
             .chain(own.iter().copied())
             .collect();
-        // The overlap of a camera pixel comes before its zeros, and the first entry is kept.
+        // The overlap of a camera pixel sorts before its zeros, so it is the entry that is kept.
         row.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
         row.dedup_by_key(|entry| entry.0);
         row
@@ -248,7 +242,6 @@ fn neighbours(columns: &[&[Entry]]) -> Vec<u32> {
     near
 }
 
-/// The index of a projector pixel that is in the list.
 fn position(near: &[u32], pixel: u32) -> usize {
     near.partition_point(|&other| other < pixel)
 }
@@ -258,7 +251,7 @@ mod tests {
     use super::*;
     use crate::measure::spread::Spread;
 
-    /// A camera of `camera` pixels that looks past by `shift` projector pixels.
+    /// A camera of `camera` pixels whose view is shifted by `shift` projector pixels.
     fn shifted(camera: Resolution, projector: Resolution, shift: f64) -> LensMap {
         let unit = 0.5 * (projector.width as f64).hypot(projector.height as f64);
         LensMap {
@@ -274,7 +267,7 @@ mod tests {
         let raster = Resolution::new(4, 1);
         let found = by_overlap(&shifted(raster, raster, 0.5), &[true, false, false, true]);
         let seen = found.seen();
-        // The first, second and fourth are covered by half; the third by none that is lit.
+        // The first, second and fourth pixels are half covered. No lit camera pixel covers the third.
         assert_eq!(seen, [true, true, false, true]);
     }
 
@@ -289,11 +282,11 @@ mod tests {
         };
         for pixel in 0..projector.pixels() {
             let own = spread.apply(&one(pixel))[pixel];
-            // A mean over all camera pixels that overlap it would hold 0.6 of its light along each axis: 0.4 in all.
+            // A mean over all overlapping camera pixels would hold 0.6 of the light along each axis, which is 0.4 in all.
             assert!((0.97..1.03).contains(&own), "{own} at {pixel}");
         }
         let even = spread.apply(&vec![1.0; projector.pixels()]);
-        // Shares below 1e-4 are left out; a row has some ten of them.
+        // Shares below 1e-4 are left out. A row has some ten of them.
         assert!(even.iter().all(|light| (light - 1.0).abs() < 2e-3), "{even:?}");
         let noise = found.weights.iter().map(|weight| weight * weight).sum::<f64>() / 96.0;
         assert!(noise < 0.5, "six camera pixels see each, and at least two of them inside: {noise}");

@@ -1,4 +1,4 @@
-//! The source of raw frames, open devices or a journal in front of them, and how the time of a session is spent.
+//! The source of raw frames, which is open devices or a journal in front of them, and the time that a session spends.
 
 use std::fmt;
 use std::ops::Add;
@@ -7,16 +7,14 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
-/// A photo to be taken. Equal requests, for one rig and one calibration, are one photo: a journal never takes
-/// it twice.
+/// A photo to be taken. Equal requests to one rig with one calibration are one photo. A journal never takes it twice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureRequest {
     /// The frame that is shown.
     pub frame: Arc<Frame>,
     /// The exposure to set, in seconds.
     pub exposure: f64,
-    /// The number of the repetition, from 0. It distinguishes repeated photos of the same frame: takes that
-    /// are averaged, and the drift sentinels.
+    /// The number of the repetition, from 0. It distinguishes repeated photos of the same frame: averaged takes and drift sentinels.
     pub take: u32,
 }
 
@@ -40,21 +38,21 @@ pub struct Effort {
     /// Packets of frames that were lost on the network and sent again on request.
     #[serde(default)]
     pub resent: u64,
-    /// Frames that came without some of their packets, although these were asked for again. They are refused.
+    /// Frames that came without some of their packets, although these were requested again. They are refused.
     #[serde(default)]
     pub incomplete: u64,
-    /// The packets of these frames that never came.
+    /// The packets that these frames never received.
     #[serde(default)]
     pub missing: u64,
     /// Duration in seconds on the rig's clock.
     pub seconds: f64,
-    /// How these seconds were spent, since this session opened the rig.
+    /// The use of these seconds, since this session opened the rig.
     #[serde(default)]
     pub times: Times,
 }
 
 impl Effort {
-    /// The frames that were used: those taken, and those from the journal.
+    /// The number of used frames: frames that were taken, and frames from the journal.
     pub fn frames(&self) -> u64 {
         self.taken + self.replayed
     }
@@ -68,40 +66,38 @@ pub trait FrameSource: Send {
     /// The camera.
     fn camera(&self) -> &CameraInfo;
 
-    /// Takes the requested photo, or returns the one that was taken before. The returned frame was exposed
-    /// while the requested frame was on screen, and was never returned for another request.
+    /// Takes the requested photo, or returns the earlier one. The frame was exposed with the requested frame on screen, and was never
+    /// returned for another request.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the rig fails and does not recover;
-    /// [`Error::Interrupted`](crate::Error::Interrupted) when the user asks to stop.
+    /// [`Error::Rig`](crate::Error::Rig) when the rig does not recover; [`Error::Interrupted`](crate::Error::Interrupted) when the user
+    /// stops.
     fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame>;
 
-    /// Continues after the last photo of an interrupted session: the frame of `request` is put on screen
-    /// again, and `frame` was the camera's last. A journal calls this once, before the first photo that it
-    /// does not hold. A virtual rig that was opened with that frame's [`Stamp`](crate::rig::Stamp) then
-    /// continues as if there had been no interruption.
+    /// Continues after the last photo of an interrupted session: the frame of `request` is shown again. `frame` was the camera's last
+    /// frame. A journal calls this once, before the first photo that it lacks. A virtual rig that was opened with that frame's
+    /// [`Stamp`](crate::rig::Stamp) then continues as if there had been no interruption.
     fn follow(&mut self, request: &CaptureRequest, frame: &RawFrame) -> Result<()> {
         let _ = (request, frame);
         Ok(())
     }
 
-    /// Sets how many seconds pass between the confirmation of a frame and its exposure. This time is not part
-    /// of a [`CaptureRequest`], so photos of one frame after different times must differ in `take`. A journal
-    /// without a rig ignores it.
+    /// Sets how many seconds pass between the confirmation of a frame and its exposure. This time is not part of a [`CaptureRequest`], so
+    /// photos of one frame after different times must differ in `take`. A journal without a rig ignores it.
     fn set_settle(&mut self, seconds: f64);
 
     /// The costs so far.
     fn effort(&self) -> Effort;
 }
 
-/// How the time of one or of many photos is spent, in seconds on the rig's clock. The sum of a session is
-/// [`Effort::seconds`](crate::measure::Effort::seconds). `refresh` and `settle` depend on the projector, `expose` on
-/// the light, and the rest on this program and its connections.
+/// The time that one photo or many photos take, in seconds on the rig's clock. The sum over a session is
+/// [`Effort::seconds`](crate::measure::Effort::seconds). `refresh` and `settle` depend on the projector, `expose` depends on the light, and
+/// the rest depends on this program and its connections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Times {
     /// Drawing frames, sending them to the projector, and reading them back before and after the photo.
     pub show: f64,
-    /// Waiting until the next refresh of the projector showed the frame and this was confirmed.
+    /// Waiting until the next refresh of the projector showed the frame, as confirmed.
     pub refresh: f64,
     /// Waiting for further refreshes, and for the settle time of the calibration.
     pub settle: f64,
@@ -114,12 +110,12 @@ pub struct Times {
 }
 
 impl Times {
-    /// The sum.
+    /// The sum of all parts.
     pub fn sum(&self) -> f64 {
         self.show + self.refresh + self.settle + self.expose + self.transfer + self.process
     }
 
-    /// The mean time of one of so many photos.
+    /// The mean time of one of `photos` photos.
     pub fn each(self, photos: u64) -> Self {
         let share = 1.0 / photos.max(1) as f64;
         let Self { show, refresh, settle, expose, transfer, process } = self;

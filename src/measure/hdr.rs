@@ -1,5 +1,4 @@
-//! From repeated takes at several exposures to one photo on the camera's pixels: averaging, ambient light, and merging (O'Toole and Kutulakos,
-//! sections 7.2 and 8.2).
+//! From takes at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and 8.2).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -10,23 +9,21 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// The mean of several takes at one exposure. Values are samples of the camera, interleaved as in
-/// [`crate::rig::RawFrame`].
+/// The mean of several takes at one exposure. Values are samples of the camera, interleaved as in [`crate::rig::RawFrame`].
 #[derive(Clone, Debug)]
 pub(crate) struct AveragedExposure {
     /// The exposure of one take, in seconds.
     pub(crate) exposure: f64,
-    /// When the first take began, in seconds on the rig's clock.
+    /// The start of the first take, in seconds on the rig's clock.
     pub(crate) started: f64,
-    /// The number of takes.
     pub(crate) takes: u32,
     /// The mean, in linear DN.
     pub(crate) mean: Vec<f64>,
     /// The variance that rounding to counts adds to one take, in linear DN².
     pub(crate) rounding: Vec<f64>,
-    /// The variance of one take, from the differences between the takes, in linear DN². 0 where there is one take.
+    /// The variance of one take, from the differences between the takes, in linear DN². It is 0 for a single take.
     pub(crate) scatter: Vec<f64>,
-    /// Which samples were saturated in at least one take. Their mean has no meaning.
+    /// Whether each sample was saturated in at least one take. The mean of such a sample has no meaning.
     pub(crate) saturated: Vec<bool>,
 }
 
@@ -62,7 +59,7 @@ pub(crate) fn average(
         if take == takes.start {
             (sum.started, sum.exposure) = (raw.started, raw.exposure);
         }
-        // The sums of squared differences to the mean so far (Welford 1962).
+        // The scatter is the sum of squared differences to the mean so far (Welford 1962).
         let before = f64::from(take - takes.start);
         for (sample, &count) in raw.counts.iter().enumerate() {
             let light = curve.linear(count);
@@ -92,11 +89,9 @@ impl AveragedExposure {
 
 // The ambient stage: the black photo is subtracted from every photo (O'Toole and Kutulakos, section 8.2).
 //
-// The black photo shows the light of the room, the projector's black level, and the camera's dark current.
-// It is taken at each exposure, because all three grow with it. The differences are not clipped: where there
-// is no light, half of them are negative.
+// The black photo shows the light of the room, the projector's black level and the camera's dark current. It is taken at each exposure,
+// because all three grow with the exposure. The differences are not clipped: without light, half of them are negative.
 
-/// The black photo at each exposure, and the variance of its rate.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BlackPhotos {
     /// The photos, the shortest exposure first. There are none when ambient light is not subtracted.
@@ -106,7 +101,7 @@ pub(crate) struct BlackPhotos {
 }
 
 impl BlackPhotos {
-    /// Takes the frame `black` `takes` times at each exposure.
+    /// Photographs the frame `black` `takes` times at each exposure.
     pub(crate) fn take(
         frames: &mut dyn FrameSource,
         curve: &CameraCurve,
@@ -126,52 +121,45 @@ impl BlackPhotos {
     }
 }
 
-// The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and
-// Kutulakos, section 7.2).
+// The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and Kutulakos, section 7.2).
 //
-// Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, where `L_e` is the light of the
-// photo and `B_e` that of the black photo. The merged rate is
+// Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, with the light `L_e` of the photo and `B_e` of the black photo.
+// The merged rate is
 //
 // ```text
 // R = Σ w_e R_e,   w_e ∝ t_e² / var L_e,   Σ w_e = 1
 // ```
 //
-// The variance is that of the *expected* count `B_e + R t_e`, which follows from the merged rate, and not
-// that of the measured sample. With the measured sample, a sample that is low by chance would have a lower
-// variance and so a greater weight, and the result would be low by about one DN. Weights by the merged rate
-// have no bias to first order: `w_e var R_e` is the same for all exposures, so the merged rate is equally
-// correlated with all of them, and the changes of the weights add up to 0.
+// The variance is the variance of the *expected* count `B_e + R t_e`, which follows from the merged rate, not of the measured sample. A
+// sample that is low by chance would have a lower variance and so a greater weight, and the result would be low by about one DN. Weights by
+// the merged rate have no bias to first order: `w_e var R_e` is the same for all exposures. The merged rate is thus equally correlated with
+// all of them, and the changes of the weights add up to 0.
 //
-// Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter
-// either, because only the low ones lie below saturation. The shorter exposures decide what is expected.
+// Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter either, because only the low ones
+// lie below saturation. The shorter exposures give the expected value.
 
 /// The expected count must lie this many standard deviations below saturation.
 const HEADROOM: f64 = 4.0;
 
-/// Iterations from weights to merged rate to weights. The second one changes the weights by less than a
-/// thousandth.
+/// Iterations from weights to merged rate to weights. The second iteration changes the weights by less than a thousandth.
 const PASSES: usize = 2;
 
-/// The merged photo of a frame on the camera's pixels: linear DN per second after the black photo is
-/// subtracted, as interleaved samples.
+/// The merged photo of a frame on the camera's pixels: linear DN per second after the black photo is subtracted, as interleaved samples.
 #[derive(Clone, Debug)]
 pub(crate) struct RateFrame {
-    /// When the first exposure began, in seconds on the rig's clock.
+    /// The start of the first exposure, in seconds on the rig's clock.
     pub(crate) started: f64,
-    /// The rates.
     pub(crate) values: Vec<f64>,
-    /// The variances of the rates, without the contribution of the black photo, which all photos have in
-    /// common.
+    /// The variances of the rates. They leave out the black photo, which all photos share.
     pub(crate) variance: Vec<f64>,
-    /// The share of each exposure's black rate that was subtracted: one plane per exposure. `None` when there
-    /// is only one exposure, whose share is 1.
+    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, with a share of 1.
     pub(crate) shares: Option<Vec<Vec<f64>>>,
     /// The factor of the drift correction. The shares must be multiplied by it.
     pub(crate) scale: f64,
 }
 
 impl RateFrame {
-    /// Multiplies the photo by `factor`, as if the lamp had been brighter by it.
+    /// Multiplies the photo by `factor`, as if the lamp had been brighter by this factor.
     pub(crate) fn scale(&mut self, factor: f64) {
         self.values.iter_mut().for_each(|value| *value *= factor);
         self.variance.iter_mut().for_each(|variance| *variance *= factor * factor);
@@ -179,8 +167,8 @@ impl RateFrame {
     }
 }
 
-/// Merges exposures, the shortest first. `blacks` are the black photos in the same order, or empty. Pixels
-/// that are not `used` may be saturated; their value is 0 with infinite variance.
+/// Merges exposures, the shortest first. `blacks` are the black photos in the same order, or empty. Pixels that are not `used` may be
+/// saturated. Their value is then 0 with infinite variance.
 pub(crate) fn merge(
     exposed: &[AveragedExposure],
     blacks: &[AveragedExposure],
@@ -220,8 +208,7 @@ pub(crate) fn merge(
     }
 }
 
-/// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the
-/// shortest exposure in seconds.
+/// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the shortest exposure in seconds.
 pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
     Error::Saturated {
         device: "camera".into(),
@@ -235,8 +222,7 @@ pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resol
     }
 }
 
-/// The value and the variance of one sample. The `weights` of its exposures are written. `None` when no
-/// exposure can be used.
+/// The value and the variance of one sample. The `weights` of its exposures are written. It is `None` when no exposure can be used.
 fn merge_sample(
     exposed: &[AveragedExposure],
     blacks: &[AveragedExposure],
@@ -264,7 +250,7 @@ fn merge_sample(
                 continue;
             }
         }
-        // The start of the iteration below: with shot noise alone the weights are proportional to time.
+        // The iteration starts from shot noise alone, for which the weights are proportional to time.
         weights[e] = exposed[e].exposure;
         precision += weights[e];
         value += (rate(e) - value) * weights[e] / precision;
@@ -298,7 +284,6 @@ mod tests {
     use super::*;
     use crate::measure::CameraResponse;
 
-    /// A linear camera of one electron per DN.
     fn curve() -> CameraCurve {
         let response =
             CameraResponse { black: 0.0, saturation: 4095.0, gain: 1.0, read_noise: 2.0, curve: None };
@@ -323,7 +308,7 @@ mod tests {
         (merged.values[0], merged.shares.iter().flatten().map(|share| share[0]).collect())
     }
 
-    /// With its own variance, the lower of two samples would count for more, and every photo would be too dark.
+    /// Weighted by measured variances, the lower of two samples would count more, and every photo would be too dark.
     #[test]
     fn exposures_of_the_same_time_count_alike_whichever_is_brighter_by_chance() {
         for samples in [[10.0, 30.0], [30.0, 10.0], [0.0, 5.0]] {
@@ -340,7 +325,7 @@ mod tests {
             // Shot noise and read noise of the expected counts, as variances of the rate.
             let weights = seconds.map(|t| t * t / (rate * t + 4.0));
             let share = weights[0] / (weights[0] + weights[1]);
-            // Two iterations leave a thousandth.
+            // Two iterations are accurate to a thousandth.
             assert!((shares[0] - share).abs() < 1e-3, "{samples:?}: {shares:?}, not {share}");
             let own = [0, 1].map(|e| seconds[e] * seconds[e] / (samples[e] + 4.0));
             assert!((own[0] / (own[0] + own[1]) - share).abs() > 0.01, "the test could not tell");

@@ -1,7 +1,6 @@
 //! The records of a journal: raw frames, patterns and devices as bytes.
 //!
-//! The metadata is JSON. Numbers of 64-bit precision are strings in it: the shortest decimal that reads back
-//! as the same bits.
+//! The metadata is JSON. Numbers of 64-bit precision are strings in it, as the shortest decimal that reads back as the same bits.
 
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -29,7 +28,7 @@ pub(crate) struct PhotoMetadata {
     pub(crate) id: u64,
     #[serde(with = "exact")]
     started: f64,
-    /// The time of day of the photo, in seconds since 1970.
+    /// The time of the photo, in seconds since 1970.
     at: u64,
     /// The costs of the session up to this photo.
     pub(crate) effort: Effort,
@@ -92,7 +91,7 @@ pub struct JournaledPhoto {
 }
 
 impl JournaledPhoto {
-    /// Reads the photo with this key. `None` when its record or that of its pattern is damaged.
+    /// Reads the photo with this key. The result is `None` when its record or the record of its pattern is damaged.
     pub(crate) fn read(journal: &mut Journal, key: Key) -> Result<Option<Self>> {
         let Some(stored) = journal.get(key)? else { return Ok(None) };
         let note =
@@ -106,7 +105,7 @@ impl JournaledPhoto {
     }
 }
 
-/// The error for a record that is intact, but not in the format of this version.
+/// The error for a record that is intact but not in the format of this version.
 pub(crate) fn unknown_format(journal: &Journal, what: &str) -> Error {
     Error::Journal {
         path: journal.path().into(),
@@ -115,7 +114,7 @@ pub(crate) fn unknown_format(journal: &Journal, what: &str) -> Error {
     }
 }
 
-/// A frame as bytes: width, height and channels as 64-bit integers, then the levels as 16-bit integers.
+/// Encodes a frame: width, height and channels as 64-bit integers, then the levels as 16-bit integers.
 pub(crate) fn encode_frame(frame: &Frame) -> Vec<u8> {
     let Resolution { width, height } = frame.resolution();
     let shape = [width as u64, height as u64, frame.channels() as u64];
@@ -172,7 +171,7 @@ pub(crate) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)
     ))
 }
 
-/// The sum of the costs of two sessions. `seconds` is the larger of the two, because the clock continues.
+/// The sum of the costs of two sessions. Its `seconds` is the larger of the two, because the clock continues.
 pub(crate) fn sum(first: &Effort, second: &Effort) -> Effort {
     Effort {
         shown: first.shown + second.shown,
@@ -208,7 +207,7 @@ mod tests {
     use super::*;
     use crate::image::Resolution;
 
-    /// To the last bit, which numbers in JSON may lose.
+    /// The comparison is exact to the last bit, which numbers in JSON may lose.
     #[test]
     fn devices_are_read_as_they_were_written() {
         let resolution = Resolution::new(8, 6);

@@ -1,4 +1,4 @@
-//! Journaled raw frames: each frame is written to disk before it is used, and is never taken twice.
+//! Journaled raw frames: each frame is written to disk before it is used, and never taken twice.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
@@ -10,16 +10,15 @@ use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp, the session continues after the photo of that stamp: a virtual rig is then in
-/// exactly the same state as it was.
+/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig is then in exactly the same state.
 pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
-/// A frame source with a journal. A frame that the journal holds is read from it. Any other frame is taken by
-/// the rig, written to the journal, and only then returned.
+/// A frame source with a journal. A frame in the journal is read from it. Any other frame is taken by the
+/// rig, written to the journal, and only then returned.
 ///
 /// The rig is opened when the first photo is missing, so that a finished run can be repeated without the rig.
 /// A photo that was lost to damage is taken again after the stamp of the photo before it. The frames of a
-/// virtual rig are a function of their number and time, so its photo is the same again, bit for bit.
+/// virtual rig are a function of their number and time, so the new photo equals the lost one bit for bit.
 pub struct JournaledFrames<'a> {
     journal: Journal,
     opener: Option<Opener<'a>>,
@@ -41,8 +40,7 @@ impl<'a> JournaledFrames<'a> {
     /// Continues a journal, new or old. With a new journal, the rig is opened at once to record its devices.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the rig cannot be opened or is not that of the journal; [`Error::Journal`] when
-    /// the journal cannot be read or written.
+    /// [`Error::Rig`] when the rig cannot be opened or is not the journal's; [`Error::Journal`] when the journal cannot be read or written.
     pub fn new(mut journal: Journal, mut opener: Opener<'a>) -> Result<Self> {
         let known = journal.read_note(DEVICES)?;
         let (devices, inner) = match known {
@@ -62,7 +60,7 @@ impl<'a> JournaledFrames<'a> {
     /// Returns the frames of the journal alone, without a rig.
     ///
     /// # Errors
-    /// [`Error::Journal`] when the journal does not say which devices its photos come from.
+    /// [`Error::Journal`] when the journal does not name the devices of its photos.
     pub fn replay(mut journal: Journal) -> Result<Self> {
         match journal.read_note(DEVICES)? {
             Some(devices) => Self::with(journal, &devices, None),
@@ -93,7 +91,7 @@ impl<'a> JournaledFrames<'a> {
         })
     }
 
-    /// Calls `report` for each record that turns out to be damaged when it is read.
+    /// Calls `report` for each record that is found damaged when it is read.
     #[must_use]
     pub fn reporting(self, report: impl FnMut(&Damage) + Send + 'a) -> Self {
         Self { report: Box::new(report), ..self }
@@ -110,8 +108,8 @@ impl<'a> JournaledFrames<'a> {
         notes.max_by_key(|note| note.id).map_or_else(Effort::default, |note| note.effort)
     }
 
-    /// All photos in the journal with the frames that were shown, in the order in which they were taken. Each
-    /// is read when the iterator comes to it. Damaged photos are skipped.
+    /// All photos in the journal with the frames that were shown, in the order in which they were taken. The
+    /// iterator reads each photo when it reaches it. It skips damaged photos.
     pub fn pairs(&mut self) -> impl Iterator<Item = Result<JournaledPhoto>> + '_ {
         let keys = self.order.keys();
         keys.into_iter().filter_map(|key| JournaledPhoto::read(&mut self.journal, key).transpose())
@@ -138,7 +136,6 @@ impl<'a> JournaledFrames<'a> {
         Ok(Some(frame))
     }
 
-    /// Writes the pattern again if its record is damaged.
     fn repair_pattern(&mut self, pattern: &[u8]) -> Result<()> {
         let key = Key::of(&[b"pattern", pattern]);
         if self.journal.is_writable() && self.journal.get(key)?.is_none() {
@@ -150,7 +147,6 @@ impl<'a> JournaledFrames<'a> {
     /// Takes a photo with the rig in its state after the photo of stamp `after`.
     fn take(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
         let inner = match self.inner.take() {
-            // The rig is in this state already.
             Some((inner, stamp)) if stamp == after => inner,
             other => {
                 if let Some((inner, _)) = &other {
@@ -239,8 +235,7 @@ impl FrameSource for JournaledFrames<'_> {
         let (after, before) = self.order.place(key, self.last);
         let (mut frame, mut stamp) = self.take(request, after)?;
         if before.is_some_and(|next| stamp.id >= next) {
-            // The frame number does not fit into the gap, so the photo cannot stand for the lost one. It is
-            // taken at the end.
+            // The frame number does not fit into the gap, so the photo cannot replace the lost one. It is taken at the end.
             (frame, stamp) = self.take(request, self.order.last())?;
         }
         frame.check()?;
@@ -274,10 +269,9 @@ fn mean(frame: &Arc<Frame>) -> f64 {
 
 /// The photos of a journal, ordered by the camera's frame number.
 pub(crate) struct CaptureOrder {
-    /// All photos whose stamp is known, including those whose content is damaged.
+    /// All photos with a known stamp, including those whose content is damaged.
     photos: BTreeMap<u64, (Stamp, Key)>,
-    /// The places where records were lost that may have been photos: the frame number before the gap (`None`
-    /// at the beginning), and the one after it.
+    /// The places of lost records that may have been photos: the frame numbers before the gap (`None` at the beginning) and after it.
     gaps: Vec<(Option<u64>, u64)>,
 }
 
@@ -297,14 +291,13 @@ impl CaptureOrder {
             let later = photos.iter().filter(|(offset, stamp, _)| {
                 *offset > damage.offset && from.is_none_or(|from| stamp.id > from)
             });
-            // A lost record at the end makes no gap: the next photo comes after it in any case.
+            // A lost record at the end does not make a gap, because the next photo comes after it in any case.
             Some((from, later.map(|(_, stamp, _)| stamp.id).next()?))
         });
         let gaps = gaps.collect();
         Self { photos: photos.into_iter().map(|(_, stamp, key)| (stamp.id, (stamp, key))).collect(), gaps }
     }
 
-    /// Adds a photo.
     pub(crate) fn insert(&mut self, stamp: Stamp, key: Key) {
         self.photos.insert(stamp.id, (stamp, key));
     }
@@ -315,7 +308,6 @@ impl CaptureOrder {
         self.photos.values().map(|(_, key)| *key).filter(|key| seen.insert(*key)).collect()
     }
 
-    /// The key of the photo with this frame number.
     pub(crate) fn key(&self, id: u64) -> Option<Key> {
         self.photos.get(&id).map(|(_, key)| *key)
     }
@@ -328,10 +320,9 @@ impl CaptureOrder {
     /// The place of a missing photo: the stamp of the photo before it, and the frame number that it must stay
     /// below. `last` is the photo that was returned last.
     ///
-    /// A photo whose record is damaged but whose stamp is known comes after the photo before it. If `last` is
-    /// followed by a gap, the missing photo is assumed to be the one that was lost there, because a repeated
-    /// run asks for its photos in the order in which they were taken. Any other photo is new and comes after
-    /// all others.
+    /// A damaged photo with a known stamp comes after the photo before it. If `last` is followed by a gap,
+    /// the missing photo is assumed to be the one that was lost there, because a repeated run asks for its
+    /// photos in the order in which they were taken. Any other photo is new and comes after all others.
     pub(crate) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
         let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);
         if let Some(id) = lost {

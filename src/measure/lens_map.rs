@@ -1,10 +1,8 @@
-//! The map from camera to projector coordinates: radial distortion followed by a homography (O'Toole and
-//! Kutulakos, section 8.1).
+//! The map from camera to projector coordinates: radial distortion followed by a homography (O'Toole and Kutulakos, section 8.1).
 //!
-//! The devices of a coaxial rig have the same centre of projection. Two pinholes are then related by a
-//! homography. Lenses add a distortion that is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the
-//! centre of the camera's raster, with `r = 1` at its corner. Coordinates are in pixels from the top left
-//! corner of the raster, so that the centre of pixel `(i, j)` is at `(i + ½, j + ½)`.
+//! The devices of a coaxial rig have the same centre of projection, so a homography relates the two pinholes. Lenses add a distortion that
+//! is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the centre of the camera's raster, with `r = 1` at its corner. Coordinates
+//! are in pixels from the top left corner of the raster, so the centre of pixel `(i, j)` is at `(i + ½, j + ½)`.
 
 use crate::image::Resolution;
 
@@ -52,7 +50,7 @@ impl LensMap {
         denormalized(at, self.projector)
     }
 
-    /// The camera point that sees a projector point, by Newton's method. `None` when that does not converge.
+    /// The camera point that sees a projector point, by Newton's method. It is `None` when the method does not converge.
     pub fn to_camera(&self, projector: [f64; 2]) -> Option<[f64; 2]> {
         let mut camera = [self.camera.width as f64 / 2.0, self.camera.height as f64 / 2.0];
         for _ in 0..50 {
@@ -74,7 +72,7 @@ impl LensMap {
         None
     }
 
-    /// The homography and the distortion, as [`evaluate`] takes them.
+    /// The parameters as [`evaluate`] expects them: the homography, then the distortion.
     pub(crate) fn parameters(&self) -> [f64; PARAMETERS] {
         let mut parameters = [0.0; PARAMETERS];
         parameters[..8].copy_from_slice(&self.homography);
@@ -82,7 +80,7 @@ impl LensMap {
         parameters
     }
 
-    /// The map whose parameters are larger by `step`.
+    /// Adds `step` to the parameters of the map.
     pub(crate) fn moved(&self, step: &[f64]) -> Self {
         let mut moved = self.clone();
         let parameters = moved.homography.iter_mut().chain(&mut moved.distortion);
@@ -91,7 +89,6 @@ impl LensMap {
     }
 }
 
-/// The centre of a camera pixel.
 pub(crate) fn centre(pixel: usize, camera: Resolution) -> [f64; 2] {
     [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5]
 }
@@ -101,20 +98,19 @@ pub(crate) fn half_diagonal(raster: Resolution) -> f64 {
     0.5 * (raster.width as f64).hypot(raster.height as f64)
 }
 
-/// Normalized coordinates, which are 0 at the centre, of a point in pixels.
+/// The normalized coordinates of a point in pixels. They are 0 at the centre.
 pub(crate) fn normalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     let unit = half_diagonal(raster);
     [(x - 0.5 * raster.width as f64) / unit, (y - 0.5 * raster.height as f64) / unit]
 }
 
-/// The point in pixels of normalized coordinates.
+/// The point in pixels with these normalized coordinates.
 fn denormalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     let unit = half_diagonal(raster);
     [x * unit + 0.5 * raster.width as f64, y * unit + 0.5 * raster.height as f64]
 }
 
-/// The map of a normalized camera point, and its derivatives with respect to the parameters: one row per
-/// coordinate.
+/// Maps a normalized camera point. Returns the projector point and its derivatives with respect to the parameters, one row per coordinate.
 pub(crate) fn evaluate(p: &[f64; PARAMETERS], [x, y]: [f64; 2]) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
     let square = x * x + y * y;
     let factor = 1.0 + square * (p[8] + square * p[9]);
@@ -142,13 +138,13 @@ mod tests {
 
     const P: [f64; PARAMETERS] = [1.1, 0.2, 0.05, -0.15, 0.9, -0.1, 0.3, -0.25, -0.2, 0.1];
 
-    /// The distortion at (0.6, −0.8), where r = 1, is 0.9: (0.54, −0.72), at a depth of 1.342.
+    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), at a depth of 1.342.
     #[test]
     fn a_point_is_distorted_then_mapped_and_both_as_written_above() {
         let (at, _) = evaluate(&P, [0.6, -0.8]);
         let expected = [(0.594 - 0.144 + 0.05) / 1.342, (-0.081 - 0.648 - 0.1) / 1.342];
         assert!((at[0] - expected[0]).abs() < 1e-15 && (at[1] - expected[1]).abs() < 1e-15, "{at:?}");
-        // At r² = ¼ it is 1 − 0.05 + 0.1 / 16.
+        // The distortion at r² = ¼ is 1 − 0.05 + 0.1 / 16.
         let (at, _) = evaluate(&P, [0.5, 0.0]);
         let u = 0.5 * (1.0 - 0.05 + 0.006_25);
         assert!((at[0] - (1.1 * u + 0.05) / (0.3 * u + 1.0)).abs() < 1e-15);
@@ -167,7 +163,7 @@ mod tests {
                 let (more, less) = (moved(1e-5), moved(-1e-5));
                 for axis in 0..2 {
                     let slope = (more[axis] - less[axis]) / 2e-5;
-                    // A central difference: the square of the step, and rounding over it.
+                    // The error of a central difference is the square of the step, plus rounding divided by the step.
                     assert!((slopes[axis][parameter] - slope).abs() < 1e-8, "{parameter} {axis}");
                 }
             }
@@ -182,7 +178,7 @@ mod tests {
         assert_eq!(denormalized([0.8, -0.6], raster), [8.0, 0.0]);
         let (camera, homography) = (raster, [1.0, 0.0, 0.1, 0.0, 1.0, -0.2, 0.0, 0.0]);
         let map = LensMap { camera, projector: Resolution::new(16, 12), homography, distortion: [0.0; 2] };
-        // Twice as large, a tenth of ten pixels to the right and two to the top.
+        // The map doubles, then shifts by a tenth of ten pixels to the right and by two pixels up.
         assert_eq!(map.to_projector([4.0, 3.0]), [9.0, 4.0]);
     }
 

@@ -1,10 +1,8 @@
-//! Raw frames from open devices. Each returned frame was exposed while its pattern was on screen, and no
-//! frame is returned twice.
+//! Raw frames from open devices. Each returned frame was exposed while its pattern was on screen, and no frame is returned twice.
 //!
-//! A frame of the camera is accepted if it is new (its number is larger than that of every frame before), if
-//! its exposure time is the one that was set, and if the exposure began after the pattern had settled and
-//! after every frame before. Other frames are counted, refused and taken again, up to a limit. A camera that
-//! delivers nothing is restarted in between.
+//! A frame of the camera is accepted when three conditions hold. It is new, so its number is larger than the number of every earlier frame.
+//! Its exposure time is the one that was set. Its exposure began after the pattern had settled and after every earlier frame. Other frames
+//! are counted, refused and taken again, up to a limit. A camera that does not deliver is restarted in between.
 
 use std::sync::Arc;
 
@@ -12,8 +10,7 @@ use super::{CaptureRequest, Effort, FrameSource, Times};
 use crate::error::{Error, Result};
 use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, RawFrame};
 
-/// The largest relative difference between the exposure of a frame and the one that was set. Some cameras
-/// report it as a 32-bit number.
+/// The largest relative difference between the exposure of a frame and the set exposure. Some cameras report it as a 32-bit number.
 const EXPOSURE_TOLERANCE: f64 = 1e-6;
 
 /// The frame source of open devices.
@@ -21,19 +18,17 @@ pub struct LiveFrames {
     devices: Devices,
     settle: f64,
     tries: u32,
-    /// The frame on screen, and when it was confirmed.
+    /// The frame on screen, and the time of its confirmation.
     shown: Option<(Arc<Frame>, f64)>,
-    /// The exposure that was requested, and the one that the camera set.
+    /// The exposure that was requested, and the exposure that the camera set.
     exposure: Option<[f64; 2]>,
-    /// The number and the start of the last new frame. The number is unknown after a restart, which may reset
-    /// it.
+    /// The number and the start of the last new frame. The number is unknown after a restart, which may reset it.
     last: (Option<u64>, f64),
-    /// When the session began, on the rig's clock.
+    /// The start of the session, on the rig's clock.
     opened: f64,
     effort: Effort,
 }
 
-/// Why a frame was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rejection {
     Dropped,
@@ -43,8 +38,7 @@ enum Rejection {
 }
 
 impl LiveFrames {
-    /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed.
-    /// Each frame has `tries` tries.
+    /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed. Each frame has `tries` tries.
     pub fn new(devices: Devices, settle: f64, tries: u32) -> Self {
         let opened = devices.clock.now();
         Self {
@@ -59,7 +53,7 @@ impl LiveFrames {
         }
     }
 
-    /// Calls `doing`, and adds the time that it takes to this `part` of the session's time.
+    /// Calls `doing`, and adds its duration to this `part` of the session's time.
     fn timed<T>(&mut self, part: fn(&mut Times) -> &mut f64, doing: impl FnOnce(&mut Devices) -> T) -> T {
         let began = self.devices.clock.now();
         let done = doing(&mut self.devices);
@@ -67,14 +61,14 @@ impl LiveFrames {
         done
     }
 
-    /// Puts `frame` on screen unless it is there already. Returns the time at which it has settled.
+    /// Shows `frame` unless it is already on screen. Returns the time at which it has settled.
     fn show(&mut self, frame: &Arc<Frame>) -> Result<f64> {
         if let Some((shown, at)) = &self.shown
             && (Arc::ptr_eq(shown, frame) || shown == frame)
         {
             return Ok(at + self.settle);
         }
-        // If this fails, it is unknown what is on screen.
+        // If this fails, the content of the screen is unknown.
         self.shown = None;
         let at = self.timed(|times| &mut times.show, |devices| devices.projector.show(frame))?.at;
         let (waited, times) = (self.devices.projector.waited(), &mut self.effort.times);
@@ -86,8 +80,7 @@ impl LiveFrames {
         Ok(at + self.settle)
     }
 
-    /// Sets the exposure unless it is set already. Returns the exposure that the camera really set, in
-    /// seconds.
+    /// Sets the exposure unless it is already set. Returns the exposure that the camera really set, in seconds.
     fn configure(&mut self, asked: f64) -> Result<f64> {
         if let Some([before, set]) = self.exposure
             && before == asked
@@ -106,7 +99,7 @@ impl LiveFrames {
         Ok(set)
     }
 
-    /// Takes one frame, whose exposure must not begin before the time `ready`.
+    /// Takes one frame. Its exposure must not begin before the time `ready`.
     fn take(&mut self, exposure: f64, ready: f64) -> Result<std::result::Result<RawFrame, Rejection>> {
         let before = self.devices.camera.losses().incomplete;
         let captured = self.timed(|times| &mut times.transfer, |devices| devices.camera.capture())?;
@@ -174,7 +167,7 @@ impl LiveFrames {
         Error::Rig { device: self.devices.camera.info().name.clone(), fault, help: help.into() }
     }
 
-    /// The error of frames that were `refused`, while so many packets never came.
+    /// The error for frames that were `refused`, while `missing` packets never came.
     fn give_up(&self, refused: &[Rejection], missing: u64, restarted: bool) -> Error {
         let number = |what| refused.iter().filter(|&&refused| refused == what).count();
         let [dropped, incomplete, repeated, late] =
@@ -263,7 +256,7 @@ impl FrameSource for LiveFrames {
     fn effort(&self) -> Effort {
         let seconds = self.devices.clock.now() - self.opened;
         let (times, losses) = (self.effort.times, self.devices.camera.losses());
-        // With a simulated clock only rounding errors remain, which may be negative.
+        // With a simulated clock, only rounding errors remain. They may be negative.
         let process = (seconds - times.sum()).max(0.0);
         Effort {
             seconds,

@@ -18,14 +18,13 @@ use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::rig::Frame;
 use crate::transport::Part;
 
-/// A measured rig: it takes raw frames, and makes photos and products of them.
+/// A measured rig: it takes raw frames, and makes photos and products from them.
 ///
-/// No photo is taken before it is needed. The first ones are test photos of white (unless the options give
-/// exposures), then black and white. Which photos are taken depends only on the options, on the calls, and on
-/// the earlier frames, so that a journal can replay them.
+/// Each photo is taken when it is first needed. The first ones are test photos of white (unless the options give exposures), then black and
+/// white. The set of photos depends only on the options, the calls and the earlier frames, so that a journal can replay them.
 ///
-/// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that
-/// no camera pixel sees are masked: they are never lit, and their values are 0.
+/// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that no camera pixel sees are
+/// masked: they are never lit, and their values are 0.
 pub struct Measurement {
     pub(crate) pipeline: PhotoPipeline,
     pub(crate) display: Display,
@@ -46,11 +45,11 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// A measurement of the rig that `frames` come from.
+    /// A measurement of the rig that delivers `frames`.
     ///
     /// # Errors
-    /// [`Error::Option`] when an option is out of range; [`Error::Dimension`] or [`Error::Numerical`] when
-    /// the calibration does not belong to these devices or is invalid.
+    /// [`Error::Option`] when an option is out of range; [`Error::Dimension`] or [`Error::Numerical`] when the calibration is invalid or
+    /// for other devices.
     pub fn new(
         frames: Box<dyn FrameSource>,
         calibration: Calibration,
@@ -116,15 +115,14 @@ impl Measurement {
         })
     }
 
-    /// Converts a colour camera to a gray one: its channels are weighted by luminance.
+    /// Converts a colour camera to gray. Its channels are weighted by luminance.
     #[must_use]
     pub fn in_luma(mut self) -> Self {
         self.luma = true;
         self
     }
 
-    /// Declares whether the rig is coaxial, so that `A = Aᵀ`: projector and camera then have the same pose
-    /// and lens. By default it is.
+    /// Declares whether the rig is coaxial, so that `A = Aᵀ`. Its projector and camera have the same pose and lens. The default is coaxial.
     #[must_use]
     pub fn declared(mut self, symmetry: Symmetry) -> Self {
         self.symmetry = symmetry;
@@ -136,7 +134,7 @@ impl Measurement {
         self.symmetry
     }
 
-    /// The projector's pixels, which are also those of photos.
+    /// The projector's pixels, which are also the pixels of photos.
     pub fn resolution(&self) -> Resolution {
         self.registration.projector
     }
@@ -151,7 +149,7 @@ impl Measurement {
         &self.options
     }
 
-    /// Which of the projector's pixels at least one camera pixel sees. The others are masked.
+    /// Whether each projector pixel is seen by at least one camera pixel. The other projector pixels are masked.
     pub fn seen(&self) -> &[bool] {
         &self.seen
     }
@@ -161,7 +159,7 @@ impl Measurement {
         self.pipeline.camera.frames.effort()
     }
 
-    /// The number of different patterns that were shown so far, black and white included.
+    /// The number of different patterns that were shown so far, including black and white.
     pub fn patterns(&self) -> usize {
         self.pipeline.camera.shown.len()
     }
@@ -171,13 +169,12 @@ impl Measurement {
         Ok(self.pipeline.references()?.exposures.clone())
     }
 
-    /// The share of the camera's samples that are saturated in at least one exposure of the white photo.
-    /// Shorter exposures replace them.
+    /// The share of the camera's samples that are saturated in at least one exposure of the white photo. Shorter exposures replace them.
     pub fn saturated(&mut self) -> Result<f64> {
         Ok(self.pipeline.references()?.saturated)
     }
 
-    /// The drift of the lamp, as the sentinels measured it.
+    /// The drift of the lamp, measured by the sentinels.
     pub fn drift(&mut self) -> Result<DriftReport> {
         Ok(self.pipeline.references()?.drift.report())
     }
@@ -187,13 +184,13 @@ impl Measurement {
         self.last.as_ref()
     }
 
-    /// The photo of planes of the camera's channels.
+    /// Makes a photo from planes of the camera's channels.
     pub(crate) fn photo(&self, planes: &[Plane]) -> Photo {
         let of = |channel| self.light(self.folded(planes, channel));
         Photo { resolution: self.resolution(), planes: (0..self.channels()).map(of).collect() }
     }
 
-    /// One channel of the measurement, from planes of the camera's channels.
+    /// Makes one channel of the measurement from planes of the camera's channels.
     pub(crate) fn folded(&self, planes: &[Plane], channel: usize) -> Plane {
         let mut folded = Plane::zero(self.registration.projector.pixels());
         for (camera_channel, weight) in self.channel_weights(channel) {
@@ -202,7 +199,7 @@ impl Measurement {
         folded
     }
 
-    /// The pattern to show for `x`: with 0 at the masked pixels, and divided by the projector's uneven brightness.
+    /// The pattern to show for `x`. It is 0 at the masked pixels, and divided by the projector's uneven brightness.
     pub(crate) fn even_pattern(&self, x: &[f64]) -> Vec<f64> {
         let masked = self.masked(x);
         match &self.flat {
@@ -211,7 +208,7 @@ impl Measurement {
         }
     }
 
-    /// The light of a photo: divided by the camera's uneven brightness.
+    /// Divides a photo by the camera's uneven brightness.
     pub(crate) fn light(&self, plane: Plane) -> Plane {
         match &self.flat {
             Some(flat) => flat.light(plane),
@@ -232,7 +229,6 @@ impl Measurement {
         self.pipeline.camera.frames.camera().channels
     }
 
-    /// `x` with 0 at the masked pixels.
     pub(crate) fn masked(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.seen).map(|(&x, &seen)| if seen { x } else { 0.0 }).collect()
     }
@@ -246,12 +242,10 @@ impl Measurement {
     }
 }
 
-/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it
-/// needs; a constant `x` needs none.
+/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs, a constant `x` none.
 ///
-/// The operator is symmetric if [`Measurement::symmetry`] says so, and `krylux audit` tests that. A product
-/// with the transpose of a matrix that is not symmetric cannot be photographed: camera and projector would
-/// have to change places.
+/// The operator is symmetric if [`Measurement::symmetry`] says so, which `krylux audit` tests. A product with the transpose of a
+/// nonsymmetric matrix cannot be photographed: camera and projector would have to change places.
 pub struct MeasuredOperator<'a> {
     pub(crate) measurement: &'a mut Measurement,
     pub(crate) part: Part,
@@ -347,7 +341,7 @@ mod tests {
     use super::*;
     use crate::measure::{JournaledFrames, LiveFrames, Opener};
 
-    /// It compiles for types that may move to another thread, and for no others.
+    /// Compiles only for types that may move to another thread.
     fn assert_send<T: Send>() {}
 
     #[test]

@@ -1,11 +1,11 @@
 //! The measurement of a rig: from the integers of projector and camera to products `A x` with signed, real vectors `x`.
 //!
 //! Raw frames come from a [`FrameSource`]: live devices ([`LiveFrames`]) or a journal in front of them ([`JournaledFrames`]). A
-//! [`Calibration`] holds the devices' responses, noise and pixel map; the room `calibrate` measures it. A [`Measurement`] puts all stages
-//! together, and its [`MeasuredOperator`] is the linear operator for the Krylov methods. A [`RigFile`] describes a rig.
+//! [`Calibration`] holds the devices' responses, noise and pixel map. The room `calibrate` measures it. A [`Measurement`] joins all stages,
+//! and its [`MeasuredOperator`] is the linear operator for the Krylov methods. A [`RigFile`] describes a rig.
 //!
-//! [`MeasureOptions`] can switch each correction off. The sections are those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov
-//! Subspace Illumination*.
+//! [`MeasureOptions`] can switch each correction off. Sections refer to O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace
+//! Illumination*.
 //!
 //! | file | stage | section |
 //! |---|---|---|
@@ -20,8 +20,8 @@
 //! | `direct`, `direct_fit`, `direct_patterns` | measure the direct light, and remove it for the pattern that was actually shown | |
 //! | `product` | puts products together from photos, with a blur of pattern and photo | |
 //!
-//! Photos are in linear DN per second for a full-range pattern: the value 1 is the light of the projector's brightest level less that of its
-//! black level. Every value has a variance, propagated from `linear DN / gain + read_noise² + 1/12`.
+//! Photos are in linear DN per second for a full-range pattern. The value 1 is the light of the projector's brightest level minus the light
+//! of its black level. Every value has a variance, propagated from `linear DN / gain + read_noise² + 1/12`.
 
 mod calibration;
 mod calibration_file;

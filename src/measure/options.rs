@@ -1,4 +1,4 @@
-//! The options of the stages between counts and light, and the part of a run's record that concerns its rig.
+//! The options of the stages between counts and light, and the part of a run's record that describes its rig.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,28 +6,24 @@ use super::Effort;
 use crate::error::{Error, Result};
 use crate::finding::Finding;
 
-/// The options of a measurement: the `[measurement]` table of a rig file. Each stage can be switched off, to
-/// show the error that it removes.
+/// The options of a measurement: the `[measurement]` table of a rig file. Each stage can be switched off to show the error that it removes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasureOptions {
     /// How signed vectors are shown.
     pub signed: SignedBy,
-    /// Frames per pattern. Each shows the rounding error of those before. With 1, each pixel shows one level.
+    /// Frames per pattern. Each frame shows the rounding error of the frames before it. With 1, each pixel shows one level.
     pub bit_planes: u32,
     /// How the error of rounding to levels is spread over the pixels.
     pub dither: DitherBy,
     /// The seed of random dither.
     pub dither_seed: u64,
-    /// Add the direct light of the rounding error to each product. The direct light is known pixel by pixel,
-    /// so that only the global light of the rounding error is still missing. This needs the direct image,
-    /// which costs a few patterns once.
+    /// Add the direct light of the rounding error to each product. Only the global light of the rounding error is then missing. This needs
+    /// the direct image, which costs a few patterns once.
     pub compensate_rounding: bool,
-    /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are
-    /// chosen from photos of white.
+    /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are chosen from photos of white.
     pub exposures: Vec<f64>,
-    /// How many exposures may be chosen. Each is four times the one before; another is added while a pixel of
-    /// the white photo is dark.
+    /// The largest number of exposures to choose. Each is four times the one before. Another is added while a pixel of white is dark.
     pub brackets: u32,
     /// Frames averaged for each photo.
     pub takes: u32,
@@ -35,25 +31,23 @@ pub struct MeasureOptions {
     pub black_takes: u32,
     /// Subtract the black photo.
     pub ambient: bool,
-    /// Correct the measured responses of the devices. When off, levels and counts are used as if they were
-    /// linear light.
+    /// Correct the measured responses of the devices. When off, levels and counts are used as linear light.
     pub response: bool,
-    /// Resample photos to the projector's pixels by the measured pixel map. When off, both rasters are
-    /// assumed to cover the same field.
+    /// Resample photos to the projector's pixels by the measured pixel map. When off, both rasters are assumed to cover the same field.
     pub registration: bool,
     /// Divide patterns and photos by the measured uneven brightness of projector and camera.
     pub flat_field: bool,
-    /// Patterns between two sentinels, which are photos of white that measure drift; 0: no sentinels.
+    /// Patterns between two sentinels, which are photos of white that measure drift. 0 means no sentinels.
     pub sentinel_every: u32,
-    /// Standard deviation in pixels of the Gaussian blur of both pattern and photo; 0: no blur.
+    /// Standard deviation in pixels of the Gaussian blur of both pattern and photo. 0 means no blur.
     pub blur: f64,
     /// How the direct light is measured.
     pub direct: DirectBy,
     /// The side in pixels of the squares that separate the direct light. Smaller squares keep more of the global light apart, and need a
-    /// camera that resolves them. `None`: codes that change from pixel to pixel where the calibration found that the camera has at least four
-    /// pixels for each of the projector's, or else squares of 4.
+    /// camera that resolves them. `None` means codes that change from pixel to pixel when the calibration found at least four camera pixels
+    /// per projector pixel, and otherwise squares of 4.
     pub direct_square: Option<u32>,
-    /// Seconds to wait after a frame is confirmed; `None`: as measured by the calibration.
+    /// Seconds to wait after a frame is confirmed. `None` means the time that the calibration measured.
     pub settle: Option<f64>,
     /// Tries for each frame before the rig is given up.
     pub tries: u32,
@@ -63,12 +57,11 @@ pub struct MeasureOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SignedBy {
-    /// The one of the other two that is predicted to be less noisy.
+    /// The other form that is predicted to be less noisy.
     Auto,
-    /// One photo of `(x − a)/(b − a)`, and the white photo that was taken already (O'Toole and Kutulakos,
-    /// section 7.1).
+    /// One photo of `(x − a)/(b − a)`, and the white photo that was already taken (O'Toole and Kutulakos, section 7.1).
     Affine,
-    /// Two photos, of the positive and of the negative part.
+    /// Two photos, one of the positive and one of the negative part.
     Split,
 }
 
@@ -76,17 +69,13 @@ pub enum SignedBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DitherBy {
-    /// Error diffusion for the global part, because global light is insensitive to high frequencies; nearest
-    /// levels otherwise.
+    /// Error diffusion for the global part, because global light is insensitive to high frequencies. Nearest levels otherwise.
     Auto,
-    /// Each pixel shows the nearest level. This is the least error at each pixel, but the errors of
-    /// neighbours are correlated.
+    /// Each pixel shows the nearest level. The error at each pixel is the least possible, but the errors of neighbours are correlated.
     None,
-    /// Each pixel shows the level below or above at random. The error has twice the variance, and is not
-    /// correlated.
+    /// Each pixel shows the level below or above at random. The error has twice the variance and is not correlated.
     Random,
-    /// The error of each pixel is passed on to its neighbours, so that only high frequencies have an error
-    /// (Floyd and Steinberg 1976).
+    /// The error of each pixel is passed on to its neighbours, so that only high frequencies have an error (Floyd and Steinberg 1976).
     Diffusion,
 }
 
@@ -96,7 +85,7 @@ pub enum DitherBy {
 pub enum DirectBy {
     /// Shifted patterns of high frequency measure it (Nayar et al. 2006).
     Patterns,
-    /// It is not measured, and cannot be removed.
+    /// The direct light is not measured and cannot be removed.
     None,
 }
 
@@ -170,7 +159,7 @@ impl MeasureOptions {
     }
 }
 
-/// The largest number of takes of one frame. Take numbers from here on belong to the sentinels.
+/// The largest number of takes of one frame. Larger take numbers, starting at this one, belong to the sentinels.
 pub(crate) const MOST_TAKES: u32 = 65_536;
 
 fn refused(key: &str, found: String, expected: String) -> Error {
@@ -181,10 +170,10 @@ fn refused(key: &str, found: String, expected: String) -> Error {
     }
 }
 
-/// How the photos of a run on a rig were made, and what they cost.
+/// How the photos of a run on a rig were made, and their cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RigRecord {
-    /// The folder of the calibration. `None` when the devices were assumed to be ideal.
+    /// The folder of the calibration. It is `None` when the devices were assumed to be ideal.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub calibration: Option<String>,
     /// The options of the stages between counts and light.
@@ -193,19 +182,19 @@ pub struct RigRecord {
     pub patterns: u64,
     /// The frames and the time that the run took.
     pub effort: Effort,
-    /// The standard error of the white photo, relative to it.
+    /// The relative standard error of the white photo.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub noise: Option<f64>,
-    /// The largest relative change of white during the run, as the sentinels measured it.
+    /// The largest relative change of white during the run, measured by the sentinels.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub drift: Option<f64>,
-    /// Findings from the photos: whether it sees the projector, whether its light is steady, and whether light takes every way in both
-    /// directions alike.
+    /// Findings from the photos: whether the rig sees the projector, whether its light is steady, and whether light travels alike in both
+    /// directions.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub findings: Vec<Finding>,
 }
 
-/// The record of a run, `run.json`. A run on a scene has one without a [`RigRecord`].
+/// The record of a run, `run.json`. The record of a run on a scene has no [`RigRecord`].
 pub type RunManifest = crate::io::manifest::Manifest<RigRecord>;
 
 #[cfg(test)]

@@ -13,8 +13,8 @@ use crate::error::Result;
 use crate::finding::Ratio;
 use crate::rig::Frame;
 
-/// Takes photos with drift correction. Which frames it captures depends only on the options, on the frames
-/// that it is asked for, and on what earlier frames showed, so that a journal can replay it.
+/// Takes photos with drift correction. The captured frames depend only on the options, on the requested frames and on the content of
+/// earlier frames, so that a journal can replay them.
 pub(crate) struct PhotoPipeline {
     pub(crate) camera: HdrCamera,
     references: Option<ReferencePhotos>,
@@ -22,36 +22,31 @@ pub(crate) struct PhotoPipeline {
     since_white: u32,
 }
 
-/// The exposures and the photos of black and white, which all other photos need. They are taken before the
-/// first photo.
+/// The exposures and the photos of black and white, which all other photos need. They are taken before the first photo.
 pub(crate) struct ReferencePhotos {
     /// The exposures in seconds, the shortest first.
     pub(crate) exposures: Vec<f64>,
-    /// The black photo at each exposure.
     pub(crate) blacks: BlackPhotos,
-    /// The white photo.
     pub(crate) white: Arc<RateFrame>,
     /// The share of the used samples that are saturated in at least one exposure of white.
     pub(crate) saturated: f64,
     /// The drift of the lamp since the white photo.
     pub(crate) drift: LampDrift,
-    /// White at the shortest exposure, with which sentinels are compared.
+    /// White at the shortest exposure. Sentinels are compared with it.
     reference: AveragedExposure,
-    /// The sentinels within the run's patterns, without those at an end.
+    /// The number of sentinels between the run's patterns. Sentinels at an end of the run do not count.
     sentinels: u32,
-    /// The take of the last sentinel at an end.
+    /// The take of the last sentinel at an end of the run.
     last: Option<u32>,
 }
 
-/// Captures frames at several exposures, and merges them.
 pub(crate) struct HdrCamera {
     pub(crate) frames: Box<dyn FrameSource>,
     pub(crate) curve: CameraCurve,
-    /// Which camera pixels some projector pixel uses.
+    /// Whether each camera pixel is used by some projector pixel.
     pub(crate) used: Vec<bool>,
     /// The frame that lights every pixel that is not masked.
     pub(crate) white: Arc<Frame>,
-    /// The frame of level 0.
     pub(crate) black: Arc<Frame>,
     pub(crate) options: MeasureOptions,
     /// The hashes of the frames shown so far.
@@ -63,12 +58,11 @@ impl PhotoPipeline {
         Self { camera, references: None, since_white: 0 }
     }
 
-    /// The reference photos, which are taken now unless they have been taken before.
+    /// The reference photos. They are taken now unless they have been taken before.
     pub(crate) fn references(&mut self) -> Result<&mut ReferencePhotos> {
         Ok(self.parts()?.0)
     }
 
-    /// The reference photos, and the camera.
     pub(crate) fn parts(&mut self) -> Result<(&mut ReferencePhotos, &mut HdrCamera)> {
         let references = match &mut self.references {
             Some(references) => references,
@@ -95,8 +89,8 @@ impl PhotoPipeline {
         Ok(Arc::new(seen))
     }
 
-    /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that goes on with more patterns takes
-    /// its sentinels as if this one had not been.
+    /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that continues with more patterns
+    /// takes its other sentinels as if this one had not been taken.
     pub(crate) fn look_again(&mut self) -> Result<()> {
         if self.since_white == 0 {
             return Ok(());
@@ -113,7 +107,7 @@ impl PhotoPipeline {
 }
 
 impl HdrCamera {
-    /// Chooses the exposures, and takes black and white.
+    /// Chooses the exposures, and photographs black and white.
     fn references(&mut self) -> Result<ReferencePhotos> {
         let (white, black) = (Arc::clone(&self.white), Arc::clone(&self.black));
         let exposures = if self.options.exposures.is_empty() {
@@ -143,7 +137,6 @@ impl HdrCamera {
         })
     }
 
-    /// The share of the used samples that are saturated in at least one exposure.
     fn saturated(&self, exposed: &[AveragedExposure]) -> f64 {
         let channels = self.frames.camera().channels;
         let used = || (0..self.used.len() * channels).filter(|sample| self.used[sample / channels]);
@@ -169,7 +162,7 @@ impl HdrCamera {
         Ok((merged, exposed))
     }
 
-    /// Takes a sentinel, a photo of white with this take's number, and adds the brightness of the lamp to the drift.
+    /// Takes a sentinel, which is a photo of white with this take number, and adds the brightness of the lamp to the drift.
     fn take_sentinel(&mut self, references: &mut ReferencePhotos, take: u32) -> Result<()> {
         let white = Arc::clone(&self.white);
         let now = average(&mut *self.frames, &self.curve, &white, references.exposures[0], take..take + 1)?;
@@ -190,7 +183,6 @@ impl HdrCamera {
         Ok(())
     }
 
-    /// Counts a frame among those shown.
     fn note(&mut self, frame: &Arc<Frame>) {
         self.shown.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one(frame));
     }
@@ -198,12 +190,11 @@ impl HdrCamera {
 
 // The drift stage: photos are divided by the brightness of the lamp, which sentinels measure.
 //
-// A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the
-// lamp is its light relative to the first white photo. A photo is corrected as soon as it is taken, so the
-// brightness at its time is extrapolated from the last two sentinels. For a replayed photo between two
-// sentinels it is interpolated. Times are those of the frames, so that a replay makes the same corrections.
+// A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the lamp is the sentinel's light
+// relative to the first white photo. A photo is corrected as soon as it is taken, so the brightness at its time is extrapolated from the
+// last two sentinels. For a replayed photo between two sentinels it is interpolated. Times come from the frames, so a replay makes the same
+// corrections.
 
-/// The brightness of the lamp over time, as far as it is known.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LampDrift {
     /// Times in seconds on the rig's clock, and brightnesses relative to the first white photo.
@@ -212,11 +203,10 @@ pub(crate) struct LampDrift {
     error: f64,
 }
 
-/// The drift that was measured.
+/// The measured drift.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct DriftReport {
-    /// The time of each sentinel in seconds on the rig's clock, and the brightness of the lamp relative to
-    /// the first white photo.
+    /// The time of each sentinel in seconds on the rig's clock, and the brightness of the lamp relative to the first white photo.
     pub sentinels: Vec<[f64; 2]>,
     /// The largest relative change since the first white photo.
     pub largest: f64,
@@ -225,19 +215,19 @@ pub struct DriftReport {
 }
 
 impl LampDrift {
-    /// The drift after the first white photo, which was taken at this time.
+    /// The drift after the first white photo, which was taken at the time `started`.
     pub(crate) fn new(started: f64) -> Self {
         Self { sentinels: vec![[started, 1.0]], error: 0.0 }
     }
 
-    /// Adds a sentinel: its time, and the brightness of the lamp relative to the first white photo with its standard error.
+    /// Adds a sentinel: its time, the brightness of the lamp relative to the first white photo, and the standard error of this brightness.
     pub(crate) fn add(&mut self, started: f64, [light, error]: [f64; 2]) {
         self.error = self.error.max(error);
         let at = self.sentinels.partition_point(|&[time, _]| time <= started);
         self.sentinels.insert(at, [started, light]);
     }
 
-    /// The brightness of the lamp at this time, relative to the first white photo.
+    /// The brightness of the lamp at `time`, relative to the first white photo.
     pub(crate) fn light(&self, time: f64) -> f64 {
         let after = self.sentinels.partition_point(|&[at, _]| at <= time);
         let pair = match (self.sentinels.len(), after) {
@@ -255,7 +245,6 @@ impl LampDrift {
         first + (second - first) * share
     }
 
-    /// The drift so far.
     pub(crate) fn report(&self) -> DriftReport {
         let largest = self.sentinels.iter().map(|[_, light]| (light - 1.0).abs()).fold(0.0, f64::max);
         let changes = self.sentinels.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs());
@@ -277,7 +266,7 @@ mod tests {
         close(5.0, 1.0);
         close(15.0, 1.05);
         close(25.0, 1.15);
-        // One interval beyond the last sentinel, and not more.
+        // The line ends one interval beyond the last sentinel.
         close(30.0, 1.2);
         close(80.0, 1.2);
         assert_eq!(drift.report().sentinels, [[10.0, 1.0], [20.0, 1.1]]);

@@ -1,4 +1,4 @@
-//! Photos in linear light with the variance of each value, and the photos of a measured rig: white, black, direct image, and patterns.
+//! Photos in linear light with the variance of each value, and the photos of a measured rig: white, black, direct image and patterns.
 
 use std::sync::Arc;
 
@@ -17,15 +17,13 @@ use crate::image::{Image, Resolution};
 use crate::operator::Symmetry;
 use crate::transport::Part;
 
-/// Half of the light may be off by this share of white before a rig that was not calibrated is refused.
+/// A rig that was not calibrated is refused when its half light is off by more than this share of white.
 const PROPORTIONAL: f64 = 0.03;
 
-/// A photo must correlate so much with the pattern that was shown. Without a pixel map that fits, the correlation is 0 but for chance: ± 0.13
-/// with 64 squares.
+/// The correlation of a photo with the pattern that was shown must be at least this. With a wrong pixel map it is 0 ± 0.13 for 64 squares.
 const LEAST_CORRELATION: f64 = 0.5;
 
-/// Sums that tell how a photo correlates with the pattern that was shown, both relative to white: of the products of white `w`, pattern `w h` and
-/// photo `y` at all pixels.
+/// Sums over all pixels of the products of white `w`, white times pattern `h` and photo `y`, for the correlation of photo and pattern.
 #[derive(Default)]
 struct Likeness {
     ww: f64,
@@ -49,7 +47,7 @@ impl Likeness {
         }
     }
 
-    /// The correlation of pattern and photo beside what both have in common with white.
+    /// The correlation of pattern and photo after the part that each shares with white is removed.
     fn finding(&self) -> Finding {
         let rest = |both: f64, a: f64, b: f64| both - Ratio::of(a * b, self.ww, 0.0).value().unwrap_or(0.0);
         let [hh, hy, yy] = [
@@ -86,13 +84,11 @@ impl Measurement {
         Ok(self.white.insert(white).clone())
     }
 
-    /// The black photo: the light without a pattern. It is taken once. When the ambient stage is switched off
-    /// it is unknown, and 0.
+    /// The black photo: the light without a pattern. It is taken once. It is unknown, and 0, when the ambient stage is switched off.
     pub fn ambient(&mut self) -> Result<Photo> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
-        // The longest exposure has the least noise where it is not saturated. That it is not follows from the
-        // white photo.
+        // The longest exposure has the least noise where it is not saturated. The white photo shows that the black one is not saturated.
         let Some((black, variance)) = references.blacks.exposed.last().zip(references.blacks.variance.last())
         else {
             let planes = vec![Plane::zero(self.registration.projector.pixels()); channels];
@@ -119,10 +115,10 @@ impl Measurement {
         Ok(self.photo(&planes))
     }
 
-    /// The direct image: the direct light under white, by shifted checkerboards. It is measured once.
+    /// The direct image: the direct light under white, from shifted checkerboards. It is measured once.
     ///
     /// # Errors
-    /// [`Error::Option`] when the options exclude this measurement; and those of taking its photos.
+    /// [`Error::Option`] when the options exclude this measurement, and the errors of taking its photos.
     pub fn direct(&mut self) -> Result<Photo> {
         let direct = self.direct_light()?;
         let white = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
@@ -131,13 +127,13 @@ impl Measurement {
         Ok(self.photo(&planes))
     }
 
-    /// Looks at the photo of one pattern: whether it shows that pattern where the pixel map says so, and, of a rig that was not calibrated,
-    /// whether it is in proportion to what was shown. The pattern is one of random squares; of half of the light everywhere where projector and
-    /// camera stand apart, since each pixel then sees others. Proportion is not tested where the responses are switched off: then levels and
-    /// counts are meant to be used as they are.
+    /// Examines the photo of one pattern. The photo must show the pattern where the pixel map expects it. For a rig that was not
+    /// calibrated, it must also be in proportion to what was shown. The pattern has random squares. Where projector and camera stand apart,
+    /// each pixel sees other pixels, and the pattern is half of the light everywhere. Proportion is not tested when the responses are
+    /// switched off, because levels and counts are then meant to be used as they are.
     ///
     /// # Errors
-    /// [`Error::Rig`] when photos are not in proportion; those of taking the photos.
+    /// [`Error::Rig`] when photos are not in proportion, and the errors of taking the photos.
     pub fn check_pattern(&mut self, is_calibrated: bool) -> Result<Finding> {
         let squares = match self.symmetry() {
             Symmetry::Symmetric => self.squares(),
@@ -175,7 +171,7 @@ impl Measurement {
         })
     }
 
-    /// Random squares of a quarter and of three quarters of the light, at least eight along each side where there are so many pixels.
+    /// Random squares of a quarter and of three quarters of the light. Each side has at least eight, given enough pixels.
     fn squares(&self) -> Vec<f64> {
         let size = self.resolution();
         let side = (size.width.min(size.height) / 8).max(1);
@@ -186,8 +182,8 @@ impl Measurement {
         (0..size.pixels()).map(|pixel| 0.5 + 0.25 * signs[square(pixel)]).collect()
     }
 
-    /// The matrix of the direct light of one channel, `n × n` for `n` pixels, by rows: columns in ascending order, and their weights. It is a
-    /// diagonal where neither the projector's lens nor the camera's pixels spread light.
+    /// The matrix of the direct light of one channel, `n × n` for `n` pixels. Each row lists columns in ascending order with their weights.
+    /// The matrix is diagonal when neither the projector's lens nor the camera's pixels spread light.
     pub fn direct_rows(&mut self, channel: usize) -> Result<Vec<Vec<(u32, f64)>>> {
         let direct = self.direct_light()?;
         let weights = self.channel_weights(channel);
@@ -210,8 +206,8 @@ impl Measurement {
     /// The photo of a pattern of light in `[0, 1]`, gray or coloured.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the pattern does not have the projector's size; [`Error::Numerical`] when a
-    /// value is out of range; and those of taking the photo.
+    /// [`Error::Dimension`] when the pattern does not have the projector's size; [`Error::Numerical`] when a value is out of range; and the
+    /// errors of taking the photo.
     pub fn photograph(&mut self, pattern: &Image) -> Result<Photo> {
         self.check_length("pixels of the pattern", pattern.resolution().pixels())?;
         if let Some(wrong) = pattern.samples().iter().find(|sample| !(0.0..=1.0).contains(*sample)) {
@@ -227,8 +223,8 @@ impl Measurement {
         Ok(self.photo(&planes))
     }
 
-    /// The norm of the light, in each channel of a photo of this pattern, that is missing or too much because the projector has levels: of what each
-    /// pixel sends back of the difference to the pattern that is shown. It takes no photo but white.
+    /// Estimates the error of a photo of this pattern that is due to the projector's levels: for each channel, the norm of the light that
+    /// each pixel sends back of the difference between the pattern and its shown version. It takes only the white photo.
     pub fn rounding(&mut self, pattern: &Image) -> Result<Vec<f64>> {
         let mut left: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
@@ -247,7 +243,6 @@ impl Measurement {
         Ok(white.planes.iter().map(of).collect())
     }
 
-    /// The photo of the brightest frame, for each of the camera's channels.
     pub(crate) fn full_white(&mut self) -> Result<Arc<Vec<Plane>>> {
         if let Some(white) = &self.full_white {
             return Ok(Arc::clone(white));
@@ -265,11 +260,10 @@ impl Measurement {
 /// One channel of a photo: the value of each pixel, and its variance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
-    /// The values in linear DN per second for a full-range pattern. Noise can make them negative. They are
-    /// not clipped at zero, because a clipped photo is no longer linear in the pattern.
+    /// The values in linear DN per second for a full-range pattern. Noise can make them negative. They are not clipped at zero, because a
+    /// clipped photo is not linear in the pattern.
     pub values: Vec<f64>,
-    /// The variances of the values, propagated from the camera's noise model. Neighbouring pixels are not
-    /// independent where they share camera pixels.
+    /// The variances of the values, propagated from the camera's noise model. Neighbours that share camera pixels are not independent.
     pub variance: Vec<f64>,
 }
 
@@ -283,18 +277,16 @@ pub struct Photo {
 }
 
 impl Plane {
-    /// A plane of zeros with variance 0.
     pub(crate) fn zero(pixels: usize) -> Self {
         Self { values: vec![0.0; pixels], variance: vec![0.0; pixels] }
     }
 
-    /// The standard error of the plane as a vector, `√Σ variance`: the expected value of
-    /// `‖measured − true‖₂`.
+    /// The standard error of the plane as a vector, `√Σ variance`: the expected value of `‖measured − true‖₂`.
     pub fn standard_error(&self) -> f64 {
         self.variance.iter().sum::<f64>().sqrt()
     }
 
-    /// Adds `factor` times another plane, whose noise is independent.
+    /// Adds `factor` times another plane with independent noise.
     pub(crate) fn add(&mut self, factor: f64, other: &Self) {
         for (value, more) in self.values.iter_mut().zip(&other.values) {
             *value += factor * more;

@@ -1,5 +1,4 @@
-//! Products with signed vectors, put together from photos of the patterns that were *actually* shown (O'Toole
-//! and Kutulakos, section 7.1).
+//! Products with signed vectors, assembled from photos of the patterns that were *actually* shown (O'Toole and Kutulakos, section 7.1).
 //!
 //! ```text
 //! full     Σ c_k photo_k + a A 1                       (+ D (x − shown), where rounding is compensated)
@@ -7,8 +6,8 @@
 //! direct   D x                                         without a photo
 //! ```
 //!
-//! Here `D` is the direct light ([`DirectMatrix`]), and `a` the coefficient of the white photo `A 1`. The
-//! optional blur is applied to the vector before, and to the product after all of this.
+//! Here `D` is the direct light ([`DirectMatrix`]), and `a` is the coefficient of the white photo `A 1`. The optional blur is applied to
+//! the vector first and to the finished product last.
 
 use std::sync::Arc;
 
@@ -57,8 +56,7 @@ impl Measurement {
     /// The pattern that a frame shows, for each of [`Measurement::channels`], and its photo.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the frame does not have the projector's pixels; and those of taking the
-    /// photo.
+    /// [`Error::Dimension`] when the frame does not have the projector's pixels, and the errors of taking the photo.
     pub fn photograph_frame(&mut self, frame: &Arc<Frame>) -> Result<(Vec<Vec<f64>>, Photo)> {
         self.check_length("pixels of the frame", frame.resolution().pixels())?;
         let displayed = self.display.of_frame(frame);
@@ -75,8 +73,8 @@ impl Measurement {
         Ok(((0..self.channels()).map(pattern).collect(), self.photo(&planes)))
     }
 
-    /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's
-    /// three channels. `None` when the projector or the camera is gray.
+    /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's three channels. The result is
+    /// `None` when the projector or the camera is gray.
     pub fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
         if self.camera_channels() != 3 || self.pipeline.camera.frames.projector().channels != 3 {
             return Ok(None);
@@ -96,7 +94,7 @@ impl Measurement {
         Ok(Some(photos))
     }
 
-    /// The product without the blur, and with the uneven brightness of the devices.
+    /// The product without the blur, including the uneven brightness of the devices.
     fn unblurred(&mut self, part: Part, channel: usize, target: &[f64]) -> Result<Plane> {
         let channel_weights = self.channel_weights(channel);
         let mut terms = Vec::new();
@@ -133,7 +131,7 @@ impl Measurement {
         Ok(product)
     }
 
-    /// The decomposition of `target` into patterns, for the photos of one channel.
+    /// Decomposes `target` into patterns, for the photos of one channel.
     fn signed(&mut self, channel: usize, target: &[f64]) -> Result<Signed> {
         let white = self.full_white()?;
         let white = self.folded(&white, channel);
@@ -190,7 +188,7 @@ impl Measurement {
         Ok(combine(&self.registration, &rate_frames, &constant, &references.blacks, (channel, channels)))
     }
 
-    /// The pattern that was shown, which differs from the target by rounding to levels.
+    /// The pattern that was shown. It differs from the target by rounding to levels.
     pub(crate) fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
         let mut shown: Vec<f64> = self.seen.iter().map(|&seen| if seen { white } else { 0.0 }).collect();
         for term in terms {
@@ -213,7 +211,7 @@ impl Measurement {
             None => self.masked(x),
         };
         let pattern = self.even_pattern(&blurred);
-        // The light of a photo is divided at each pixel, so that the left vector may be divided as well.
+        // The light of a photo is divided at each pixel, so the left vector may be divided as well.
         let photo = self.light(Plane { variance: vec![0.0; blurred.len()], values: blurred }).values;
         let direct = self.direct_light()?;
         let of_channel =
@@ -239,7 +237,7 @@ impl Measurement {
             None => DirectPatterns::of(&self.registration),
         };
         let (rate_frames, displayed) = match self.photographs(patterns) {
-            // Earlier programs showed squares of two or four pixels where codes are shown now: their runs can still be asked.
+            // Earlier programs showed squares of two or four pixels in place of codes. Their runs can still be queried.
             Err(Error::NotTaken { path, fault, help }) if patterns == DirectPatterns::Codes => self
                 .photographs(DirectPatterns::Squares(2))
                 .or_else(|_| self.photographs(DirectPatterns::Squares(4)))
@@ -263,7 +261,7 @@ impl Measurement {
         Ok(direct)
     }
 
-    /// The photos of patterns for direct light, and what was shown.
+    /// Photographs the patterns for direct light. Returns the photos and the shown patterns.
     fn photographs(&mut self, patterns: DirectPatterns) -> Result<(Vec<Arc<RateFrame>>, Vec<Displayed>)> {
         let (mut rate_frames, mut displayed) = (Vec::new(), Vec::new());
         for pattern in patterns.shown(self.resolution(), &self.seen) {

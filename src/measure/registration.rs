@@ -1,8 +1,6 @@
-//! The registration stage: photos are resampled from the camera's to the projector's pixels by the
-//! calibration's pixel map (O'Toole and Kutulakos, section 8.1).
+//! The registration stage: the pixel map resamples photos from camera to projector pixels (O'Toole and Kutulakos, section 8.1).
 //!
-//! Linear combinations of photos are formed at the same time, because only then the noise that they share is
-//! known exactly.
+//! Linear combinations of photos are formed in the same step, because only then the noise that they share is known exactly.
 
 use super::calibration::Registration;
 use super::hdr::{BlackPhotos, RateFrame};
@@ -11,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
 
-/// The pixel map of a measurement: the calibration's, or that by area when the stage is switched off.
+/// The pixel map of a measurement: the calibration's map, or the map by area when the stage is switched off.
 pub(crate) fn choose(
     calibrated: &Registration,
     projector: &ProjectorInfo,
@@ -55,17 +53,17 @@ impl Registration {
         self.pixels[span.clone()].iter().map(|&pixel| pixel as usize).zip(self.weights[span].iter().copied())
     }
 
-    /// Which projector pixels at least one camera pixel sees.
+    /// Whether each projector pixel is seen by at least one camera pixel.
     pub(crate) fn seen(&self) -> Vec<bool> {
         self.starts.windows(2).map(|pair| pair[0] < pair[1]).collect()
     }
 
-    /// The blur, as a standard deviation in projector pixels, that patterns and photos need so that the camera can tell all their detail: 1
-    /// where the camera has fewer than two pixels along a side for each of the projector's, else 0.
+    /// The blur that patterns and photos need so that the camera can resolve all their detail, as a standard deviation in projector pixels.
+    /// It is 1 when the camera has fewer than two pixels along a side per projector pixel, else 0.
     ///
-    /// Detail of one pixel takes two samples (the sampling theorem). Where it has fewer, some of it comes back as another pattern, which no
-    /// model of direct light explains. A Gaussian of one pixel leaves 0.7 % of what alternates from pixel to pixel. A camera that sees each
-    /// pixel of the projector by one of its own, without any resampling, needs no blur.
+    /// Detail of one pixel takes two samples (the sampling theorem). With fewer, some detail turns into another pattern, which no model of
+    /// direct light explains. A Gaussian of one pixel leaves 0.7 % of the detail that alternates from pixel to pixel. A camera that sees
+    /// each projector pixel by exactly one pixel, without any resampling, needs no blur.
     pub fn blur(&self) -> f64 {
         let is_one_to_one = self.starts.windows(2).all(|row| row[1] - row[0] <= 1);
         let mut used = vec![false; self.camera.pixels()];
@@ -75,8 +73,7 @@ impl Registration {
         if is_one_to_one || used >= 4 * seen { 0.0 } else { 1.0 }
     }
 
-    /// The weight of each camera pixel's variance in the total variance of all projector pixels: `Σ weight²`
-    /// over the rows. It is 0 for a camera pixel that is not used.
+    /// The weight of each camera pixel's variance in the total variance of all projector pixels: `Σ weight²` over the rows, 0 if unused.
     pub(crate) fn importance(&self, camera: Resolution) -> Vec<f64> {
         let mut importance = vec![0.0; camera.pixels()];
         for (&pixel, weight) in self.pixels.iter().zip(&self.weights) {
@@ -88,16 +85,14 @@ impl Registration {
 
 /// The sum `Σ_m c_m(i) photo_m(i)` at the projector's pixels `i`, for one channel, with its variance.
 ///
-/// The photos are independent, except for the black photo `B` that was subtracted from each of them. It
-/// counts once, with the sum of its shares:
+/// The photos are independent, except for the black photo `B` that was subtracted from each. It counts once, with the sum of its shares:
 ///
 /// ```text
 /// var_i = Σ_j r_ij² ( Σ_m c_m² var_mj  +  Σ_e (Σ_m c_m share_mej)² var B_ej )
 /// ```
 ///
-/// The sums run over camera pixels `j` with weights `r_ij`, photos `m` and exposures `e`. In the difference
-/// of two photos, for example, the black photo cancels. `coefficient(i, m)` is `c_m(i)`; the last argument is
-/// the channel's index and the number of channels.
+/// The sums run over camera pixels `j` with weights `r_ij`, photos `m` and exposures `e`. In the difference of two photos, for example, the
+/// black photo cancels. `coefficient(i, m)` is `c_m(i)`. The last argument is the channel's index and the number of channels.
 pub(crate) fn combine(
     registration: &Registration,
     rate_frames: &[&RateFrame],
@@ -143,7 +138,6 @@ pub(crate) fn combine(
 mod tests {
     use super::*;
 
-    /// A photo of one pixel.
     fn photo(value: f64, variance: f64, shares: Option<[f64; 2]>) -> RateFrame {
         RateFrame {
             started: 0.0,
@@ -165,13 +159,13 @@ mod tests {
         [plane.values[0], plane.variance[0]]
     }
 
-    /// A photo that is divided by the lamp's brightness is so with the black photo that was subtracted from it.
+    /// The drift correction divides a photo together with its black photo by the lamp's brightness.
     #[test]
     fn the_black_photos_noise_is_scaled_as_the_drift_correction_scales_the_photo() {
         let mut halved = photo(8.0, 4.0, None);
         halved.scale(0.5);
         assert_eq!(sum(&[&halved], &[1.0], &[16.0]), [4.0, 1.0 + 4.0]);
-        // The difference of two photos: without drift the black photo cancels, with it a part is left.
+        // In the difference of two photos, the black photo cancels without drift. With drift, a part is left.
         let other = photo(3.0, 1.0, None);
         assert_eq!(sum(&[&other, &other], &[1.0, -1.0], &[16.0]), [0.0, 2.0]);
         assert_eq!(sum(&[&other, &halved], &[1.0, -1.0], &[16.0]), [-1.0, 1.0 + 1.0 + 0.25 * 16.0]);
@@ -188,7 +182,7 @@ mod tests {
     fn a_camera_of_few_pixels_needs_a_blur_and_one_that_sees_pixel_by_pixel_needs_none() {
         let four = Resolution::new(4, 4);
         let of_area = |side: usize| Registration::by_area(four, Resolution::new(side, side)).blur();
-        // 16 pixels each, one by one; 36 and 64 pixels for 16.
+        // The camera pixels per 16 projector pixels are 16 (one by one), 36 and 64.
         assert_eq!([of_area(4), of_area(6), of_area(8)], [0.0, 1.0, 0.0]);
         // Each projector pixel lies between two of the camera's.
         let between = Registration {

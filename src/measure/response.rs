@@ -1,5 +1,5 @@
 //! The response stage: the camera's counts are converted to linear light with its noise, and light to the projector's levels (O'Toole and
-//! Kutulakos, section 8.1). [`noise_ratio`] compares the noise of two equal captures with the predicted one.
+//! Kutulakos, section 8.1). [`noise_ratio`] compares the noise of two equal captures with the predicted noise.
 
 use serde::Serialize;
 
@@ -7,11 +7,11 @@ use super::calibration::CameraResponse;
 use crate::error::{Error, Result};
 use crate::rig::RawFrame;
 
-/// The smallest variance that is ever predicted, as a share of the variance without light. Without this
-/// bound, a dark pixel whose expected value is negative by chance would have too large a weight.
+/// The smallest variance that is ever predicted, as a share of the variance without light. Without this bound, a dark pixel whose expected
+/// value is negative by chance would get too large a weight.
 const LEAST_VARIANCE: f64 = 0.25;
 
-/// The conversion of a camera's counts to linear light, and the variance of that light.
+/// Converts a camera's counts to linear light with its variance.
 ///
 /// A count corresponds to `L` linear DN of light above black, with the variance
 ///
@@ -19,11 +19,9 @@ const LEAST_VARIANCE: f64 = 0.25;
 /// var L = L / gain + read_noise² + (dL/dcount)² / 12
 /// ```
 ///
-/// The three terms are shot noise, read noise, and the rounding to integers, which acts through the slope of
-/// the curve.
+/// The three terms are shot noise, read noise, and the rounding to integers, which acts through the slope of the curve.
 #[derive(Clone, Debug)]
 pub(crate) struct CameraCurve {
-    /// The linear DN of each count.
     linear: Vec<f64>,
     /// The variance of rounding at each count, in linear DN².
     rounding: Vec<f64>,
@@ -36,12 +34,8 @@ pub(crate) struct CameraCurve {
 }
 
 impl CameraCurve {
-    /// The curve of a camera with this many bits. With `undo`, black level and response are corrected;
-    /// without it, counts are used as light.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when the curve does not have one value per count; [`Error::Numerical`] when the
-    /// gain or the read noise is invalid.
+    /// The curve of a camera with this many bits. `undo` corrects black level and response. Without it, counts are used as light. Fails
+    /// with [`Error::Dimension`] without one value per count, and with [`Error::Numerical`] at an invalid gain or read noise.
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
@@ -77,30 +71,27 @@ impl CameraCurve {
         })
     }
 
-    /// The linear DN of a count.
     pub(crate) fn linear(&self, count: u16) -> f64 {
         self.linear[usize::from(count).min(self.linear.len() - 1)]
     }
 
-    /// The variance of rounding at a count, in linear DN².
     pub(crate) fn rounding(&self, count: u16) -> f64 {
         self.rounding[usize::from(count).min(self.rounding.len() - 1)]
     }
 
-    /// Whether a count is saturated: the light may be more than the count says.
+    /// Whether a count is saturated, so that the true light may exceed it.
     pub(crate) fn is_saturated(&self, count: u16) -> bool {
         f64::from(count) >= self.saturation
     }
 
-    /// The linear DN from which on counts are saturated.
+    /// The smallest linear DN whose count is saturated.
     pub(crate) fn brightest(&self) -> f64 {
         let count = (self.saturation.ceil().max(0.0) as usize).min(self.linear.len() - 1);
         self.linear[count]
     }
 
-    /// The variance of a sample whose *expected* value is this many linear DN, in linear DN². `rounding` is
-    /// that of its count. The measured value must not be used as the expected one: samples that are low by
-    /// chance would then seem to be more certain.
+    /// The variance, in linear DN², of a sample whose *expected* value is `expected` linear DN. `rounding` is the rounding variance of its
+    /// count. The measured value must not replace the expected one: samples that are low by chance would then seem more certain.
     pub(crate) fn variance(&self, expected: f64, rounding: f64) -> f64 {
         let dark = self.read_variance + rounding;
         ((expected - self.zero) / self.gain + dark).max(LEAST_VARIANCE * dark)
@@ -108,14 +99,14 @@ impl CameraCurve {
 }
 
 impl CameraCurve {
-    /// The variance of a sample that has not been measured yet: its rounding is that of the expected count.
+    /// The variance of a sample that has not been measured yet. The expected count gives its rounding.
     pub(crate) fn variance_of(&self, expected: f64) -> f64 {
         let count = self.linear.partition_point(|&linear| linear < expected).min(self.linear.len() - 1);
         self.variance(expected, self.rounding[count])
     }
 }
 
-/// The conversion of a projector's levels to light, and of light to levels.
+/// Converts a projector's levels to light, and light to levels.
 #[derive(Clone, Debug)]
 pub(crate) struct ProjectorCurve {
     /// The light of each level, from 0 to 1.
@@ -125,12 +116,8 @@ pub(crate) struct ProjectorCurve {
 }
 
 impl ProjectorCurve {
-    /// The curve of a projector with this many bits: the measured one with `undo`, and a linear one without
-    /// it.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when the curve does not have one value per level; [`Error::Numerical`] when it
-    /// does not ascend from 0 to 1.
+    /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear one without it. Fails with
+    /// [`Error::Dimension`] without one value per level, and with [`Error::Numerical`] when it does not ascend from 0 to 1.
     pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
@@ -157,22 +144,19 @@ impl ProjectorCurve {
         Ok(Self { light, widest })
     }
 
-    /// The light of a level, from 0 to 1.
     pub(crate) fn light(&self, level: u16) -> f64 {
         self.light[usize::from(level)]
     }
 
-    /// The brightest level.
     pub(crate) fn top(&self) -> u16 {
         (self.light.len() - 1) as u16
     }
 
-    /// The brightest level that is no brighter than `light`.
+    /// The brightest level that is not brighter than `light`.
     pub(crate) fn below(&self, light: f64) -> u16 {
         self.light.partition_point(|&of| of <= light).saturating_sub(1) as u16
     }
 
-    /// The level whose light is nearest.
     pub(crate) fn nearest(&self, light: f64) -> u16 {
         let below = self.below(light);
         let above = below.saturating_add(1).min(self.top());
@@ -180,24 +164,22 @@ impl ProjectorCurve {
     }
 }
 
-/// How much two frames of one capture request differ, relative to the predicted noise.
+/// The difference of two frames of one capture request, relative to the predicted noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NoiseRatio {
-    /// Root mean square of the differences, each divided by its predicted standard deviation. 1: as
-    /// predicted.
+    /// The root mean square of the differences, each divided by its predicted standard deviation. It is 1 for noise as predicted.
     pub ratio: f64,
-    /// Its standard error, which follows from the number of samples.
+    /// The standard error of `ratio`, which follows from the number of samples.
     pub error: f64,
-    /// Samples compared: those that are not saturated.
+    /// The number of compared samples, which are not saturated.
     pub samples: usize,
 }
 
-/// Compares two frames of one capture request with the noise that `response` predicts for a camera of this
-/// many bits. A common change of brightness is divided out. `None` when all samples are saturated.
+/// Compares two frames of one capture request with the noise that `response` predicts for a camera of this many bits. A common change of
+/// brightness is divided out. The result is `None` when all samples are saturated.
 ///
 /// # Errors
-/// [`Error::Dimension`] when the frames have different sizes; [`Error::Dimension`] or [`Error::Numerical`]
-/// when the response does not belong to this camera.
+/// [`Error::Dimension`] for frames of different sizes; [`Error::Dimension`] or [`Error::Numerical`] for the response of another camera.
 pub fn noise_ratio(
     first: &RawFrame,
     second: &RawFrame,
@@ -255,7 +237,7 @@ mod tests {
         let curve = CameraCurve::new(&camera(None), 4, true).expect("a linear response fits any camera");
         assert_eq!((curve.linear(2), curve.linear(10), curve.brightest()), (0.0, 8.0, 12.0));
         assert_eq!(curve.variance(8.0, curve.rounding(10)), 8.0 / 4.0 + 9.0 + 1.0 / 12.0);
-        // The lower bound: 0.25 of the variance without light.
+        // The lower bound is 0.25 of the variance without light.
         assert_eq!(curve.variance(-1000.0, 0.0), 0.25 * 9.0);
         assert!(curve.is_saturated(14) && !curve.is_saturated(13));
     }
@@ -283,8 +265,7 @@ mod tests {
         assert_eq!((levels.nearest(-3.0), levels.nearest(9.0)), (0, 15));
     }
 
-    /// A frame of light from 0 to 3000 DN whose noise is `times` what the response predicts. The sum of
-    /// twelve uniform numbers is nearly normal.
+    /// A frame of light from 0 to 3000 DN whose noise is `times` the predicted noise. The sum of twelve uniform numbers is nearly normal.
     fn frame(seed: u64, times: f64, brightness: f64) -> RawFrame {
         let mut random = Pcg64::seed_from_u64(seed);
         let counts = (0..64 * 64)
@@ -312,8 +293,7 @@ mod tests {
             let found = noise_ratio(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
             found.expect("frames of one size").expect("samples that are not saturated").ratio
         };
-        // 4096 samples give the root mean square to 1.1 %; the tolerance is four of those. Rounding adds 1/12
-        // to a variance of 25 and more.
+        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to at least 25.
         assert!((ratio(1.0, 1.0) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.0));
         assert!((ratio(2.0, 1.0) - 2.0).abs() < 0.09, "{}", ratio(2.0, 1.0));
         assert!((ratio(1.0, 1.05) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.05));

@@ -1,4 +1,4 @@
-//! Whether a rig sees its projector, and whether its light is steady: findings from the photos of black and white that a run takes anyway.
+//! Whether a rig sees its projector, and whether its light is steady. These findings use photos of black and white that a run takes anyway.
 //!
 //! | finding | from | frames more |
 //! |---|---|---|
@@ -16,19 +16,20 @@ use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
 
-/// A pixel sees the projector where white is brighter than black by this many standard errors of a pixel that sees none of its light.
+/// A pixel sees the projector when white is brighter than black by this many standard errors. The standard errors are computed for a pixel
+/// without any light of the projector.
 const SEEN: f64 = 10.0;
 
 /// The share of the pixels of the pixel map that must see the projector.
 const LEAST: f64 = 0.5;
 
-/// The light of white may change by this share from one photo of it to the next. Photos between them are corrected by a line, and those
-/// after the last one by its continuation, so that an error of this size may be left in them.
+/// The light of white may change by this share from one photo of it to the next. A line corrects the photos between them, and the
+/// continuation of this line corrects the photos after the last one. An error of this size may therefore remain.
 const STEP: f64 = 0.05;
 
 impl Measurement {
-    /// Whether the camera sees the projector where the pixel map says that it does. Noise is taken from the repeated photos of black,
-    /// because the noise of a rig that was not calibrated is not known. A replayed run that lacks these photos is not examined.
+    /// Whether the camera sees the projector where the pixel map expects it. The repeated photos of black give the noise, because the noise
+    /// of a rig that was not calibrated is unknown. A replayed run that lacks these photos is not examined.
     pub fn sight(&mut self) -> Result<Finding> {
         let light = match self.above_black() {
             Err(Error::NotTaken { .. }) => {
@@ -39,7 +40,7 @@ impl Measurement {
         Ok(judged(&self.registration, self.camera_channels(), &light))
     }
 
-    /// White less black in each sample of the camera, per second, and the variance that it would have without any light of the projector.
+    /// White minus black in each sample of the camera, per second, and the variance of this difference without any light of the projector.
     fn above_black(&mut self) -> Result<Vec<[f64; 2]>> {
         let options = self.options.clone();
         let (references, camera) = self.pipeline.parts()?;
@@ -65,8 +66,8 @@ impl Measurement {
         Ok((0..white.values.len()).map(sample).collect())
     }
 
-    /// Photographs white once more, and says whether the lamp was steady since the run's first white. Nothing is photographed where no
-    /// pattern was shown since the last white. A replayed run that lacks this photo is judged by those that it has.
+    /// Photographs white once more, and examines whether the lamp was steady since the run's first white. It takes no photo when no pattern
+    /// was shown since the last white. A replayed run that lacks this photo is judged by the photos that it has.
     pub fn steadiness(&mut self) -> Result<Finding> {
         match self.pipeline.look_again() {
             Ok(()) | Err(Error::NotTaken { .. }) => {}
@@ -88,8 +89,8 @@ impl Measurement {
     }
 }
 
-/// Whether enough pixels of a map see the projector. `light` has, for each sample of a camera of so many channels, white less black, and the variance
-/// that this would have without any light of the projector.
+/// Whether enough pixels of a map see the projector. `light` holds white minus black for each sample of a camera with `channels` channels,
+/// and the variance of this difference without any light of the projector.
 pub(crate) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) -> Finding {
     let is_lit = |pixel: usize| {
         (0..channels).any(|channel| {
@@ -117,7 +118,7 @@ pub(crate) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) ->
 }
 
 impl HdrCamera {
-    /// Two photos of black at each exposure, whose difference tells the noise without light.
+    /// Takes two photos of black at each exposure. Their difference gives the noise without light.
     fn blacks(&mut self, exposures: &[f64]) -> Result<Vec<AveragedExposure>> {
         let black = Arc::clone(&self.black);
         let taken = BlackPhotos::take(&mut *self.frames, &self.curve, &black, exposures, 2)?;
@@ -125,14 +126,14 @@ impl HdrCamera {
     }
 }
 
-/// Camera pixels for each of the projector's, along an axis, below which neighbouring projector pixels are mixed in the photo.
+/// With fewer camera pixels than this per projector pixel along an axis, neighbouring projector pixels are mixed in the photo.
 const ENOUGH_PIXELS: f64 = 1.0;
 
-/// Camera pixels, as [`ENOUGH_PIXELS`], below which no pixel map can be fitted, and stripes of single pixels cannot be told.
+/// With fewer camera pixels than this per projector pixel along an axis, no pixel map can be fitted, and single stripes are not resolved.
 pub(crate) const LEAST_PIXELS: f64 = 0.75;
 
-/// The finding about a camera with too few pixels; `None` if it has enough. A camera that sees more than the projector lights has fewer pixels for the
-/// patterns than this counts.
+/// The finding about a camera with too few pixels. It is `None` if the camera has enough. A camera that sees more than the projector lights
+/// has fewer pixels for the patterns than this function counts.
 pub(crate) fn too_few(camera: Resolution, projector: Resolution) -> Option<Finding> {
     let ratios = [(camera.width, projector.width), (camera.height, projector.height)]
         .map(|(camera, projector)| camera as f64 / projector as f64);
@@ -165,8 +166,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// The finding of a bench of eight by eight pixels, with so many counts of noise, of room light and of white; room light changes from photo to
-    /// photo by this share.
+    /// The finding of a bench of eight by eight pixels. `noise`, `room` and `white` are counts of noise, of room light and of white. Room
+    /// light changes by the share `change` from photo to photo.
     fn found(seed: u64, [noise, room, white, change]: [f64; 4], options: &MeasureOptions) -> Finding {
         let mut random = Pcg64::seed_from_u64(seed);
         let photo = move |request: &CaptureRequest, _| {
@@ -185,7 +186,6 @@ mod tests {
         rig.sight().expect("it never fails")
     }
 
-    /// Noise, room light and its changes by chance, with and without a projector that is seen, whatever a run takes of black.
     #[test]
     fn a_blind_rig_never_passes_and_one_that_sees_always_does() {
         for seed in 0..300 {
@@ -198,7 +198,7 @@ mod tests {
                 MeasureOptions { exposures: exposures.clone(), black_takes: 1, ..MeasureOptions::default() },
                 MeasureOptions { exposures, ambient: false, ..MeasureOptions::default() },
             ];
-            // With two photos of black a change that they have in common by chance is not seen: only the noise of pixels is.
+            // Two photos of black may share a change by chance, which is not seen. Only the noise of pixels is seen.
             let change = if seed % 3 == 0 { change } else { 0.0 };
             let options = &options[seed as usize % 3];
             let blind = found(seed, [noise, room, 0.0, change], options);

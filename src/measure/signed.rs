@@ -1,5 +1,4 @@
-//! The signed stage: a signed vector is written as a linear combination of patterns in `[0, 1]` (O'Toole and
-//! Kutulakos, section 7.1).
+//! The signed stage: a signed vector is written as a linear combination of patterns in `[0, 1]` (O'Toole and Kutulakos, section 7.1).
 //!
 //! ```text
 //! affine   g = (x − a)/(b − a) ∈ [0, 1],   A x = (b − a) A g + a A 1
@@ -26,15 +25,14 @@ pub(crate) struct Signed {
 pub(crate) trait PredictNoise {
     /// The variance of the photo of this pattern, without the contribution of the black photo.
     fn of_pattern(&self, pattern: &[f64]) -> f64;
-    /// The variance of the white photo, which has been taken already.
+    /// The variance of the white photo, which has already been taken.
     fn of_white(&self) -> f64;
-    /// The variance of the black photo.
     fn of_black(&self) -> f64;
 }
 
 impl Signed {
-    /// The affine form `(x − a)/(b − a)`, where `a` is the least and `b` the largest value of `x` over the
-    /// pixels that are not masked. It is 0 at the masked pixels, like the white pattern.
+    /// The affine form `(x − a)/(b − a)`. `a` is the least and `b` the largest value of `x` over the pixels
+    /// that are not masked. The form is 0 at the masked pixels, like the white pattern.
     pub(crate) fn affine(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
@@ -59,7 +57,7 @@ impl Signed {
         Self { white: 0.0, parts }
     }
 
-    /// The form that `by` asks for: with [`SignedBy::Auto`], the one whose predicted variance is smaller.
+    /// The form that `by` selects. [`SignedBy::Auto`] selects the form with the smaller predicted variance.
     pub(crate) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
         match by {
             SignedBy::Affine => Self::affine(x, seen),
@@ -80,19 +78,18 @@ impl Signed {
     }
 }
 
-/// The least and the largest value over the pixels that are not masked; zeros when all are masked.
+/// The least and the largest value over the pixels that are not masked. Both are zero when all pixels are masked.
 fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
     let each = || x.iter().zip(seen).filter(|&(_, &seen)| seen).map(|(&x, _)| x);
     let (least, largest) = (each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max));
     if least <= largest { [least, largest] } else { [0.0, 0.0] }
 }
 
-/// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's
-/// noise model.
+/// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's noise model.
 ///
-/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. It follows from
-/// the white photo `A 1` for every pattern. The distribution of the light over the pixels matters only where
-/// exposures are merged; it is assumed to be that of white.
+/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. The white photo
+/// `A 1` thus gives it for every pattern. The distribution of the light over the pixels matters only where
+/// exposures are merged. It is assumed to be the distribution of white.
 pub(crate) struct NoisePrediction<'a> {
     pub(crate) curve: &'a CameraCurve,
     pub(crate) options: &'a MeasureOptions,
@@ -101,14 +98,13 @@ pub(crate) struct NoisePrediction<'a> {
     pub(crate) importance: &'a [f64],
     /// The camera's channels that make up the measured channel, and their weights.
     pub(crate) channel_weights: &'a [(usize, f64)],
-    /// The number of the camera's channels.
     pub(crate) channels: usize,
     /// The white photo on the projector's pixels.
     pub(crate) white: &'a [f64],
 }
 
 impl NoisePrediction<'_> {
-    /// `Σ importance · weight² · of(sample)` over all samples.
+    /// The sum `Σ importance · weight² · of(sample)` over all samples.
     fn total(&self, of: impl Fn(usize) -> f64) -> f64 {
         let mut total = 0.0;
         for (pixel, &importance) in

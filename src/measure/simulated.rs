@@ -1,4 +1,4 @@
-//! A rig for the tests of this room: a function of the request, and of the wait before the exposure, makes the counts of each photo.
+//! A rig for the tests of this room. A function of the request and of the wait before the exposure makes the counts of each photo.
 
 use super::frame_source::{CaptureRequest, Effort, FrameSource};
 use crate::error::Result;
@@ -9,13 +9,11 @@ use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
 pub(crate) struct Simulated<F> {
     /// A gray projector of 8 bits, without a refresh unless it is set.
     pub(crate) projector: ProjectorInfo,
-    /// A gray camera, from 1 ms to 100 s unless they are set.
+    /// A gray camera with exposures from 1 ms to 100 s, unless they are set.
     pub(crate) camera: CameraInfo,
-    /// The counts of a photo.
     pub(crate) photo: F,
     /// Seconds between the confirmation of a frame and its exposure.
     pub(crate) settle: f64,
-    /// The requests so far.
     pub(crate) asked: Vec<CaptureRequest>,
 }
 

@@ -1,9 +1,9 @@
 //! The spread of light by the camera's pixels.
 //!
-//! A camera pixel sees the mean over its footprint, and each value of a photo is a sum over camera pixels. So a photo's value contains
-//! light of neighbouring projector pixels: it is `S y` for the light `y` of the projector's pixels. The pixel map's weights make `S` nearly
-//! the identity where the camera is finer than the projector. Where it is not, the rest matters for direct light, which is as sharp
-//! as the pattern.
+//! A camera pixel sees the mean over its footprint, and each value of a photo is a sum over camera pixels. A photo's value therefore
+//! contains light of neighbouring projector pixels: it is `S y` for the light `y` of the projector's pixels. The pixel map's weights make
+//! `S` nearly the identity where the camera is finer than the projector. Elsewhere, the rest of `S` matters for direct light, which is as
+//! sharp as the pattern.
 
 use rayon::prelude::*;
 
@@ -38,17 +38,17 @@ impl Spread {
         Self { rows: SparseRows::new(&rows), columns: SparseRows::transposed(&rows, n) }
     }
 
-    /// `S y`, for `n` values.
+    /// The product `S y`, for `n` values.
     pub(crate) fn apply(&self, y: &[f64]) -> Vec<f64> {
         self.rows.apply(y, |weight| weight)
     }
 
-    /// Row `i` of `S`: pixels and their weights.
+    /// Row `i` of `S`, as pixels and their weights.
     pub(crate) fn row(&self, pixel: usize) -> &[Entry] {
         self.rows.row(pixel)
     }
 
-    /// `Sᵀ z`, for `n` values.
+    /// The product `Sᵀ z`, for `n` values.
     pub(crate) fn apply_transposed(&self, z: &[f64]) -> Vec<f64> {
         self.columns.apply(z, |weight| weight)
     }
@@ -58,7 +58,7 @@ impl Spread {
         self.rows.apply(variance, |weight| weight * weight)
     }
 
-    /// `Σ_i S_ik²` for each pixel `k`.
+    /// The sum `Σ_i S_ik²` for each pixel `k`.
     pub(crate) fn squares(&self) -> Vec<f64> {
         self.columns.squares()
     }
@@ -75,7 +75,6 @@ pub(crate) struct SparseRows {
 }
 
 impl SparseRows {
-    /// The matrix with these rows.
     pub(crate) fn new(rows: &[Vec<Entry>]) -> Self {
         let mut starts = vec![0];
         for row in rows {
@@ -84,7 +83,7 @@ impl SparseRows {
         Self { starts, entries: rows.concat() }
     }
 
-    /// The transpose of the matrix with these rows, which has so many `columns`. Its entries ascend in each row.
+    /// The transpose of the matrix with these rows and this number of `columns`. Its entries ascend in each row.
     pub(crate) fn transposed(rows: &[Vec<Entry>], columns: usize) -> Self {
         let mut starts = vec![0; columns + 1];
         for &(column, _) in rows.iter().flatten() {
@@ -105,25 +104,23 @@ impl SparseRows {
         Self { starts, entries }
     }
 
-    /// One row.
     pub(crate) fn row(&self, row: usize) -> &[Entry] {
         &self.entries[self.starts[row]..self.starts[row + 1]]
     }
 
-    /// The product with `x`, where each entry counts as `weight` makes of it.
+    /// The product with `x`, where `weight` transforms each entry.
     pub(crate) fn apply(&self, x: &[f64], weight: impl Fn(f64) -> f64 + Sync) -> Vec<f64> {
         let sum = |row: usize| self.row(row).iter().map(|&(at, w)| weight(w) * x[at as usize]).sum();
         (0..self.starts.len() - 1).into_par_iter().map(sum).collect()
     }
 
-    /// The sum of the squares of each row.
     pub(crate) fn squares(&self) -> Vec<f64> {
         let sum = |ends: &[usize]| self.entries[ends[0]..ends[1]].iter().map(|entry| entry.1 * entry.1).sum();
         self.starts.windows(2).map(sum).collect()
     }
 }
 
-/// The entries in ascending order of their columns, those of one column added up.
+/// The entries in ascending order of their columns. Entries of one column are added up.
 pub(crate) fn merged(mut entries: Vec<Entry>) -> Vec<Entry> {
     entries.sort_by_key(|entry| entry.0);
     let runs = entries.chunk_by(|a, b| a.0 == b.0);
@@ -135,13 +132,13 @@ mod tests {
     use super::*;
     use crate::image::Resolution;
 
-    /// A camera whose pixels lie across those of the projector sees a quarter of each of four.
+    /// A camera pixel that lies across four projector pixels sees a quarter of each.
     fn across() -> Spread {
         let size = Resolution::new(6, 5);
         let lens = LensMap {
             camera: size,
             projector: size,
-            // Half a pixel, in units of half a diagonal.
+            // The shift is half a pixel, in units of half a diagonal.
             homography: [1.0, 0.0, 1.0 / 61.0_f64.sqrt(), 0.0, 1.0, 1.0 / 61.0_f64.sqrt(), 0.0, 0.0],
             distortion: [0.0; 2],
         };

@@ -1,4 +1,4 @@
-//! The validation of a rig file's values. Each error names the file, the key, the valid range, and what to do.
+//! The validation of a rig file's values. Each error names the file, the key, the valid range and the remedy.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,6 @@ use crate::rig::{
 
 /// Checks the values of one file.
 pub(crate) struct Check {
-    /// The path of the file.
     pub(crate) path: PathBuf,
 }
 
@@ -25,7 +24,7 @@ impl Check {
         Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
     }
 
-    /// Checks that `value` lies from `low` to `high`. NaN does not.
+    /// Checks that `value` lies from `low` to `high`. NaN fails.
     pub(crate) fn range(&self, key: &str, value: f64, low: f64, high: f64) -> Checked {
         if (low..=high).contains(&value) {
             return Ok(());
@@ -152,7 +151,7 @@ impl Check {
         Ok(())
     }
 
-    /// That colours that are mixed are there, and that each channel sees something.
+    /// Checks that all colours of a mixture exist, and that each channel sees something.
     pub(crate) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
         let Some(matrix) = camera.crosstalk else { return Ok(()) };
         if (projector.channels, camera.channels) != (3, 3) {
@@ -232,7 +231,6 @@ impl Check {
 }
 
 impl Check {
-    /// Checks the description of the devices of a program.
     pub(crate) fn program(&self, rig: &ProgramRig) -> Checked {
         let (projector, camera) = (&rig.projector, &rig.camera);
         for (table, size, channels, bits) in [
@@ -251,7 +249,7 @@ impl Check {
     pub(crate) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
         match spec {
             CameraSpec::Gige(spec) => {
-                // From the least that every network carries to the largest datagram.
+                // The range goes from the least size that every network carries to the largest datagram.
                 self.range("camera.packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0)?;
                 self.vision(&spec.settings())
             }
@@ -306,7 +304,7 @@ impl Check {
 }
 
 impl Check {
-    /// Checks the way of the light: projector, camera, and what is between them.
+    /// Checks the path of the light: projector, camera, and everything between them.
     pub(crate) fn between(
         &self,
         projector: &VirtualProjector,

@@ -1,4 +1,4 @@
-//! The rig file: a TOML file that describes the devices of a rig, and how it is measured.
+//! The rig file: a TOML file that describes the devices of a rig and how it is measured.
 //!
 //! ```toml
 //! kind = "virtual"                # simulated devices
@@ -18,7 +18,7 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! Every imperfection that is left out is absent. The file of a rig of real devices has these tables instead:
+//! An imperfection that the file leaves out is absent. The file of a rig of real devices has these tables instead:
 //! ```toml
 //! kind = "hardware"
 //!
@@ -35,11 +35,11 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! A still camera is driven by programs. Those that the file names are run only if the file is in the user's own folder ([`own_folder`]) or
-//! if that is allowed otherwise ([`RigFile::require_programs_allowed`]).
+//! Programs drive a still camera. Programs that the file names run only if the file is in the user's own folder ([`own_folder`]) or if they
+//! are otherwise allowed ([`RigFile::require_programs_allowed`]).
 //!
-//! The devices of a program, such as a camera behind its maker's own library, are only described by the file; the program
-//! hands them over ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)):
+//! A program can hand over devices, such as a camera behind its maker's library ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)).
+//! The file then only describes them:
 //! ```toml
 //! kind = "program"
 //!
@@ -54,8 +54,8 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! A *camera file* is something else: it holds the poses of camera and projector in a scene (see
-//! [`crate::scene::load_with`]). A virtual rig may name one as `scene.camera_file`.
+//! A *camera file* is a different file: it holds the poses of camera and projector in a scene (see [`crate::scene::load_with`]). A virtual
+//! rig may name one as `scene.camera_file`.
 
 mod check;
 mod programs;
@@ -84,9 +84,9 @@ use scene::SceneTable;
 pub struct RigFile {
     /// The path of the file.
     pub path: PathBuf,
-    /// The BLAKE3 hash of its bytes.
+    /// The BLAKE3 hash of the file's bytes.
     pub hash: [u8; 32],
-    /// The folder of the calibration; `None` when the file names none.
+    /// The folder of the calibration. It is `None` when the file does not name one.
     pub calibration: Option<PathBuf>,
     /// How the rig is measured.
     pub measurement: MeasureOptions,
@@ -119,7 +119,7 @@ impl RigKind {
         }
     }
 
-    /// The channels of the light transport: RGB if projector or camera have three channels, else luma.
+    /// The channels of the light transport: RGB if projector or camera has three channels, else luma.
     pub fn channels(&self) -> Channels {
         let coloured = self.projector_info().channels.max(self.camera_info().channels) > 1;
         if coloured { Channels::Rgb } else { Channels::Luma }
@@ -135,7 +135,6 @@ impl RigKind {
     }
 }
 
-/// The tables of a virtual rig's file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct VirtualTables {
@@ -161,7 +160,7 @@ struct VirtualTables {
     measurement: MeasureOptions,
 }
 
-/// The tables of the file of a rig of real devices, with a camera of kind `C`.
+/// The tables of a file for real devices with a camera of kind `C`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct HardwareTables<C> {
@@ -174,7 +173,7 @@ struct HardwareTables<C> {
     measurement: MeasureOptions,
 }
 
-/// The tables of the file of a rig whose devices a program hands over.
+/// The tables of a file for devices that a program hands over.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ProgramTables {
@@ -187,7 +186,7 @@ struct ProgramTables {
     measurement: MeasureOptions,
 }
 
-/// The part of a file that says the kind of its camera. The type of the other tables depends on it.
+/// The part of a file that names the kind of its camera. The type of the other tables depends on it.
 #[derive(Deserialize)]
 struct OfKind {
     camera: Option<KindOnly>,
@@ -202,14 +201,14 @@ impl RigFile {
     /// Reads a rig file.
     ///
     /// # Errors
-    /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the
-    /// line or the key, the valid values, and for an unknown name the most similar known one.
+    /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the line or the key, the valid
+    /// values, and the known name that is most similar to an unknown one.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = crate::file::read(path)?;
         Self::from_bytes(path, &bytes)
     }
 
-    /// Parses `bytes`, which are or were the content of the file at `path`.
+    /// Parses `bytes` as the content of the file at `path`.
     pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
         let check = Check { path: path.to_path_buf() };
         let text = std::str::from_utf8(bytes)
@@ -236,10 +235,10 @@ impl RigFile {
     }
 }
 
-/// Parses the file of a rig of real devices, and checks its values.
+/// Parses the file of a rig of real devices and checks its values.
 fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, MeasureOptions)> {
     let OfKind { camera } = parse(&check.path, text)?;
-    // A missing camera is reported with the other errors of the file below.
+    // The table parser below reports a missing camera together with the other errors of the file.
     let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind) {
         CameraKind::Gige => hardware::<GigeSpec>(check, text)?,
         CameraKind::Usb3 => hardware::<Usb3Spec>(check, text)?,
@@ -272,7 +271,7 @@ impl VirtualTables {
     }
 }
 
-/// The kind of rig that the file describes. A missing or an unknown kind is an error.
+/// Returns the kind of rig that the file describes. A missing or an unknown kind is an error.
 fn kind_of(check: &Check, text: &str) -> Result<String> {
     let table: toml::Table = parse(&check.path, text)?;
     let known = KINDS.join(", ");
@@ -295,7 +294,6 @@ fn kind_of(check: &Check, text: &str) -> Result<String> {
     }
 }
 
-/// Parses `text`, the content of the file at `path`.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|error| explain(path, text, &error))
 }
@@ -304,8 +302,7 @@ fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
     let message = error.message().trim_end();
     let place = error.span().map_or_else(String::new, |span| place(text, span.start));
     let data = |fault, help| Error::Data { path: path.to_path_buf(), fault, help };
-    // The messages of serde are "unknown field `a`, expected one of `b`, `c`" and "unknown variant `a`,
-    // expected `b` or `c`".
+    // The messages of serde are "unknown field `a`, expected one of `b`, `c`" and "unknown variant `a`, expected `b` or `c`".
     let unknown = [("unknown field `", "key"), ("unknown variant `", "value")];
     for (beginning, what) in unknown {
         let Some((name, rest)) = message.strip_prefix(beginning).and_then(|rest| rest.split_once('`')) else {
@@ -321,16 +318,15 @@ fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
     data(format!("{place}{message}"), help.into())
 }
 
-/// `line 7, in [camera]: ` for the byte at `at`. The table is left out when that line is itself a table's
-/// header.
+/// Writes `line 7, in [camera]: ` for the byte at `at`. The table is left out when that line is itself a table's header.
 fn place(text: &str, at: usize) -> String {
-    // The span of an error may end at the end of the text, and inside of a character.
+    // The span of an error may end at the end of the text or inside a character.
     let before = String::from_utf8_lossy(text.as_bytes().get(..at).unwrap_or(text.as_bytes()));
     let line = before.matches('\n').count() + 1;
     let is_header = text.lines().nth(line - 1).is_some_and(|line| line.trim_start().starts_with('['));
     let table = before.lines().rev().find_map(|line| {
         let (name, _) = line.trim().strip_prefix('[')?.split_once(']')?;
-        // A line of an array of arrays begins with a bracket, too.
+        // A line of an array of arrays also begins with a bracket.
         name.starts_with(|c: char| c.is_ascii_alphabetic()).then(|| name.to_owned())
     });
     match table {
@@ -339,27 +335,25 @@ fn place(text: &str, at: usize) -> String {
     }
 }
 
-/// Seconds between the confirmation of a frame and its photo where neither the rig file nor a calibration
-/// gives them. Projectors that process their picture show it some frames late.
+/// Seconds between the confirmation of a frame and its photo when neither the rig file nor a calibration gives them. Projectors that
+/// process their picture show it some frames late.
 const CAREFUL_SETTLE: f64 = 0.1;
 
 impl RigFile {
-    /// Loads the calibration that the file names, and checks that it belongs to the file's devices. `None`
-    /// when the file names none.
+    /// Loads the calibration that the file names, and checks that it belongs to the file's devices. It is `None` when the file names none.
     pub fn load_calibration(&self) -> Option<Result<Calibration>> {
         let folder = self.calibration.as_ref()?;
         let (projector, camera) = (self.kind.projector_info(), self.kind.camera_info());
         Some(Calibration::load(folder).and_then(|known| known.check(&projector, &camera).map(|()| known)))
     }
 
-    /// Seconds between the confirmation of a frame and its photo: those of the file, else the calibration's,
-    /// else 0.1.
+    /// Seconds between the confirmation of a frame and its photo: the file's value, else the calibration's, else 0.1.
     pub fn settle(&self, known: Option<&Calibration>) -> f64 {
         let measured = known.map(|known| known.stability.settle);
         self.measurement.settle.or(measured).unwrap_or(CAREFUL_SETTLE)
     }
 
-    /// The longest exposure that the file gives, in seconds. `None` when it leaves the choice to the program.
+    /// The longest exposure that the file gives, in seconds. It is `None` when the file leaves the choice to the program.
     pub fn longest_exposure(&self) -> Option<f64> {
         self.measurement.exposures.last().copied()
     }

@@ -1,5 +1,5 @@
-//! Programs that a rig file names, and the line that the program itself writes into a rig file. The author of the file chooses what is run,
-//! and so a stranger's file runs nothing unasked.
+//! Programs that a rig file names, and the line that krylux itself writes into a rig file. The author of the file chooses the programs, so
+//! a stranger's file runs nothing without permission.
 
 use std::path::{Path, PathBuf};
 
@@ -12,8 +12,7 @@ use crate::measure::rig_file::{RigFile, RigKind};
 use crate::rig::{CameraSpec, Gphoto2Spec};
 
 impl RigFile {
-    /// The programs that the file names, with their arguments, one text for each. Those that are run where a file names none, `gphoto2` and
-    /// `dcraw`, are not among them.
+    /// The programs that the file names, each with its arguments as one text. The defaults `gphoto2` and `dcraw` are not included.
     pub fn named_programs(&self) -> Vec<String> {
         let RigKind::Hardware(rig) = &self.kind else { return Vec::new() };
         let CameraSpec::Gphoto2(camera) = &rig.camera else { return Vec::new() };
@@ -23,10 +22,10 @@ impl RigFile {
         program.into_iter().chain(decoder).collect()
     }
 
-    /// Checks that the programs that the file names may be run: because it is in the user's own folder, or because `allowed` says so.
+    /// Checks that the programs of the file may be run, because the file is in the user's own folder or because `allowed` is set.
     ///
     /// # Errors
-    /// [`Error::Data`], with the programs.
+    /// [`Error::Data`] with the programs.
     pub fn require_programs_allowed(&self, allowed: bool) -> Result<()> {
         let programs = self.named_programs();
         if programs.is_empty() || allowed {
@@ -48,15 +47,15 @@ impl RigFile {
     }
 }
 
-/// The user's own folder of rigs, `$XDG_CONFIG_HOME/krylux` or `~/.config/krylux`. `None` if neither `XDG_CONFIG_HOME` nor `HOME` is set.
+/// The user's own folder of rigs, `$XDG_CONFIG_HOME/krylux` or `~/.config/krylux`. It is `None` if neither variable is set.
 pub fn own_folder() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")))?;
     Some(base.join("krylux"))
 }
 
-/// Why somebody else may have written a file, as a clause; `None` if it is below the folder, links followed, and only this user or root writes it, the
-/// folder and all between them.
+/// The reason why somebody else may have written a file, as a clause. It is `None` if the file is below the folder with links followed, and
+/// only this user or root can write the file, the folder and all folders between them.
 fn objection(path: &Path, folder: &Path) -> Option<String> {
     let outside = || Some(format!("move it into your own folder {}", folder.display()));
     let [Ok(path), Ok(real)] = [path, folder].map(std::fs::canonicalize) else { return outside() };
@@ -72,14 +71,14 @@ fn objection(path: &Path, folder: &Path) -> Option<String> {
 }
 
 impl RigFile {
-    /// Writes into the rig file that `folder` holds its calibration, and returns the new content. Comments and the order of keys stay.
-    /// A folder below that of the rig file is named relative to it.
+    /// Enters `folder` into the rig file as the folder of its calibration, and returns the new content. Comments and the order of keys
+    /// stay. A folder below the folder of the rig file is named relative to it.
     ///
     /// # Errors
-    /// The errors of [`Self::load`]; [`Error::Write`].
+    /// The errors of [`Self::load`], and [`Error::Write`].
     pub fn name_calibration(&self, folder: &Path) -> Result<Self> {
         let bytes = file::read(&self.path)?;
-        // The user may have changed the file in the meantime; it must still be valid.
+        // The user may have changed the file in the meantime. It must still be valid.
         Self::from_bytes(&self.path, &bytes)?;
         let named = named_in(&String::from_utf8_lossy(&bytes), &relative(&self.path, folder)?);
         let named = named.map_err(|fault| Error::Data {
@@ -110,7 +109,7 @@ fn named_in(text: &str, calibration: &str) -> std::result::Result<String, toml_e
     Ok(document.to_string())
 }
 
-/// How the rig file at `path` names a folder.
+/// The name of a folder in the rig file at `path`.
 fn relative(path: &Path, folder: &Path) -> Result<String> {
     let real = |path: &Path| std::fs::canonicalize(path).map_err(Error::reading(path));
     let folder = real(folder)?;
@@ -169,7 +168,7 @@ mod tests {
         symlink(other.join("rig.toml"), own.join("link.toml")).expect("the folder is writable");
         assert!(!is_own(&own.join("link.toml")), "what counts is where the file is");
         assert!(!is_own(&own.join("none.toml")));
-        // Each part of the way, with each mode that lets others write.
+        // Each part of the path is tried with each mode that lets others write.
         for (part, usual) in [(own.clone(), 0o755), (own.join("lab"), 0o755), (inner.clone(), 0o644)] {
             for more in [0o002, 0o020, 0o022, 0o1002, 0o1022] {
                 fs::set_permissions(&part, fs::Permissions::from_mode(usual | more)).expect("it is ours");

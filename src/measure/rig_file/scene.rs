@@ -14,8 +14,7 @@ use crate::rig::VirtualScene;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SceneTable {
-    /// Width and height in pixels, of the projector and of the simulated photo before the camera resamples
-    /// it.
+    /// Width and height in pixels, of the projector and of the simulated photo before the camera resamples it.
     size: [usize; 2],
     /// The file of a scene to be traced.
     file: Option<PathBuf>,
