@@ -156,10 +156,7 @@ impl Finding {
         Self::graded(name, Grade::Fails, found, "", help)
     }
 
-    /// Returns an error when the finding fails.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] with the finding's name, state and remedy.
+    /// Returns [`Error::Rig`] with the finding's name, state and remedy if the finding fails.
     pub fn require(&self) -> Result<(), Error> {
         if self.grade != Grade::Fails {
             return Ok(());
@@ -203,7 +200,6 @@ pub fn merge(into: &mut Vec<Finding>, more: impl IntoIterator<Item = Finding>) {
     }
 }
 
-/// A percentage of two or three digits.
 fn percent(share: f64) -> String {
     match 100.0 * share {
         0.0 => "0".into(),

@@ -63,10 +63,7 @@ pub struct RawFrame {
 }
 
 impl RawFrame {
-    /// Checks that there is one count for each pixel and channel.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when the number of counts differs.
+    /// Checks that there is one count for each pixel and channel. Otherwise it returns [`Error::Dimension`].
     pub fn check(&self) -> Result<()> {
         check(self.resolution, self.channels, self.counts.len(), "counts of a camera's frame")
     }
@@ -126,10 +123,8 @@ impl ProjectorInfo {
         ((1_u32 << self.bits) - 1) as u16
     }
 
-    /// Checks that the projector can show a frame.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the frame has another size, another number of channels, or higher levels.
+    /// Checks that the projector can show a frame. Returns [`Error::Rig`] when the frame has another size, another number of channels, or
+    /// higher levels.
     pub fn check(&self, frame: &Frame) -> Result<()> {
         let highest = frame.levels().iter().copied().max().unwrap_or(0);
         if (frame.resolution(), frame.channels()) == (self.resolution, self.channels)
@@ -155,10 +150,7 @@ impl ProjectorInfo {
 }
 
 impl CameraInfo {
-    /// Checks that an exposure in seconds is within the camera's range.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when it is not within the range.
+    /// Checks that an exposure in seconds is within the camera's range. Otherwise it returns [`Error::Rig`].
     pub fn check_exposure(&self, exposure: f64) -> Result<()> {
         let [shortest, longest] = self.exposures;
         if (shortest..=longest).contains(&exposure) {

@@ -57,7 +57,6 @@ struct Link<T: Transport> {
 }
 
 impl<T: Transport> Link<T> {
-    /// Opens the camera, sets it up, and starts the acquisition.
     fn open(transport: &T, settings: &Settings) -> Result<Self> {
         let place = transport.place();
         // The protocol's library needs a thread, and would end the program without one.
@@ -264,7 +263,6 @@ impl<T: Transport> Camera for Triggered<T> {
 /// Half the range of a GigE Vision camera's frame numbers. A number that lies farther back than this belongs to the next round.
 const WRAP: u64 = 1 << 15;
 
-/// Converts a camera's frame numbers to the rig's frame numbers.
 pub(crate) struct Numbers {
     /// The number to add to the camera's number.
     base: u64,
@@ -272,7 +270,6 @@ pub(crate) struct Numbers {
 }
 
 impl Numbers {
-    /// Numbers from `after + 1`.
     pub(crate) fn past(after: u64) -> Self {
         Self { base: after, last: 0 }
     }

@@ -259,7 +259,6 @@ fn dcraw() -> Vec<String> {
     ["dcraw", "-4", "-D", "-t", "0", "-c"].map(String::from).to_vec()
 }
 
-/// Reads a text, or a number as text.
 fn worded<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<String>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged, expecting = "one of the camera's choices as text or number")]

@@ -140,7 +140,6 @@ pub(crate) fn in_use(place: &str) -> Error {
 mod tests {
     use super::*;
 
-    /// An error with a cause.
     #[derive(Debug, thiserror::Error)]
     #[error("claim the control interface (0)")]
     struct Caused(#[source] io::Error);

@@ -22,7 +22,6 @@ macro_rules! formats {
             $($(#[$of])? $name,)*
         }
 
-        /// All formats.
         const ALL: &[PixelFormat] = &[$(PixelFormat::$name),*];
         /// The formats' names in rig files, in the same order.
         const KEYS: &[&str] = &[$($key),*];
@@ -188,7 +187,6 @@ mod tests {
         bytes
     }
 
-    /// Packs pairs of counts into three bytes.
     fn pack_pairs(counts: &[u16], bits: u32) -> Vec<u8> {
         let low = bits - 8;
         let pairs = counts.chunks(2).map(|pair| [pair[0], pair.get(1).copied().unwrap_or(0)]);

@@ -107,7 +107,6 @@ impl DeviceOpener {
         (*open)(after)
     }
 
-    /// The error of a rig without devices from a program.
     pub(crate) fn missing() -> Error {
         Error::Rig {
             device: "rig".into(),

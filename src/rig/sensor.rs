@@ -90,7 +90,6 @@ impl Colour {
         if self == Self::Rgb { 3 } else { 1 }
     }
 
-    /// The number of additional bits in a sum of counts.
     fn more_bits(self) -> u32 {
         if self == Self::Luma { 2 } else { 1 }
     }
@@ -143,9 +142,7 @@ impl Binning {
 pub(crate) struct Sensor {
     /// Width and height of the part that is read, in photosites.
     pub(crate) size: [usize; 2],
-    /// The offset of that part from the sensor's top left photosite, to the right and down.
     pub(crate) offset: [usize; 2],
-    /// Bits of a photosite's count.
     pub(crate) bits: u32,
     /// The colour filters. `None`: the sensor is gray.
     pub(crate) tiles: Option<Tiles>,
@@ -244,7 +241,6 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    /// The properties of the camera at `place`.
     pub(crate) fn info(&self, place: &str) -> CameraInfo {
         let mut info = self.sensor.info(&format!("{place} {}", self.pixel_format.name()), self.exposures);
         if let Some(gain) = self.gain {

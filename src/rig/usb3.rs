@@ -136,7 +136,6 @@ impl Port for Usb3Spec {
     }
 }
 
-/// Lists the plugged-in cameras.
 pub(crate) fn devices() -> Result<Vec<U3vDeviceInfo>> {
     discover().map_err(|why| {
         camera_fault(
@@ -146,7 +145,6 @@ pub(crate) fn devices() -> Result<Vec<U3vDeviceInfo>> {
     })
 }
 
-/// Chooses the camera with this serial number, or the only one.
 fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDeviceInfo> {
     let known: Vec<String> =
         devices.iter().map(|device| device.serial.clone().unwrap_or_else(|| "?".into())).collect();

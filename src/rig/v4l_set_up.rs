@@ -9,16 +9,13 @@ use crate::error::Result;
 
 pub(crate) type Refusal = std::io::Error;
 
-/// The layout of a device's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
     pub(crate) code: [u8; 4],
     pub(crate) size: [usize; 2],
-    /// Bytes from one row to the next.
     pub(crate) stride: usize,
 }
 
-/// The requests to a video device.
 pub(crate) trait VideoDevice {
     /// The four-character codes of the supported pixel formats.
     fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal>;
@@ -29,7 +26,6 @@ pub(crate) trait VideoDevice {
     /// Reads a control's value. A missing control is an error.
     fn control(&self, id: u32) -> std::result::Result<i64, Refusal>;
 
-    /// Requests a control's value.
     fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal>;
 }
 
@@ -68,7 +64,6 @@ const PER_SECOND: f64 = 1e4;
 /// units, which also covers the rounding of drivers.
 const NEAR: f64 = 0.1;
 
-/// Sets a device up, and returns the layout of its frames.
 pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
     let layout = set_layout(device, spec)?;
     for (id, name, off) in AUTOMATIC {

@@ -77,7 +77,6 @@ pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
     Disparity { side, median, upper, error, cells }
 }
 
-/// The usable cells of `side` × `side` camera pixels.
 fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
     let (camera, step) = (map.camera, decoded.step as f64);
     let field = [map.projector.width as f64, map.projector.height as f64];

@@ -225,7 +225,6 @@ pub(crate) fn saturation(share: f64) -> Finding {
     Finding::told("saturation", share.into(), 0.0, meaning)
 }
 
-/// The failed check of a white photo that could not be taken.
 pub(crate) fn saturated(fault: &str) -> Finding {
     Finding::graded(
         "saturation",

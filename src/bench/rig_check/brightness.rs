@@ -16,7 +16,8 @@ const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
 /// The number of blocks along an axis into which the picture is divided for the search of stray light.
 const BLOCKS: usize = 24;
 
-/// Where even light is least, it grows at most by this power of the light under white. Light of the scene grows in proportion to it.
+/// The exponent that separates even light from light of the scene. In the blocks where it is least, even light grows at most by this power
+/// of the light under white, and light of the scene grows in proportion to it.
 const EVEN: f64 = 0.5;
 
 /// The least standard deviation of the logarithm of the brightnesses that shows such a power.
@@ -45,14 +46,12 @@ pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
     Ok(())
 }
 
-/// The light of white and of its four quadrants.
 struct Quadrants {
     /// White before and after the quadrants.
     whites: [Vec<f64>; 2],
     quadrants: Vec<Vec<f64>>,
 }
 
-/// Photographs white, its quadrants, and white again.
 fn quadrants(probe: &mut Probe<'_>) -> Result<Quadrants> {
     let size = probe.projector();
     let quadrant =
@@ -462,7 +461,7 @@ mod tests {
             (0.06, 0.0, Grade::Ok, "within 5.66 %"),
             // 1/1.1 − 1 at every level.
             (0.1, 0.0, Grade::Warning, "by -9.1 % at the highest level and by -9.1 % at half of it"),
-            // 1/1.2 − 1 at the highest level, where four tenths of the segment shine; none of the segment shines at half of it.
+            // Four tenths of the segment shine at the highest level, which gives 1/1.2 − 1. None of it shines at half of this level.
             (
                 0.5,
                 0.6,

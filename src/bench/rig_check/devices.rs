@@ -68,7 +68,7 @@ pub(crate) fn devices(
     Ok(shows && captures)
 }
 
-/// Finds the monitor that serves as the projector. Returns whether it exists.
+/// Finds the projector's monitor. Returns whether it exists.
 fn monitor(spec: &X11Spec, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     let monitor = match spec.monitor() {
         Ok(monitor) => monitor,
@@ -210,7 +210,6 @@ pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
     .measured(photos as f64, 0.0, SESSION_PHOTOS as f64)
 }
 
-/// The folder, or the nearest folder above it that exists.
 fn existing(folder: &Path) -> PathBuf {
     let named = folder.ancestors().find(|path| path.is_dir());
     match named {
@@ -231,7 +230,6 @@ fn free(_: &Path) -> Option<u64> {
     None
 }
 
-/// Loads the calibration. Returns it if it can be used.
 pub(crate) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Result<Option<Calibration>> {
     let (finding, known) = match (file.load_calibration(), &file.calibration) {
         (Some(Ok(known)), Some(folder)) => {

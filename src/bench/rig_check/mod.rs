@@ -82,7 +82,6 @@ pub fn unreadable(error: Error, report: &mut Report<'_>) -> Result<Findings> {
     Ok(recorder.findings)
 }
 
-/// Examines everything in order, and returns whether everything could be examined.
 fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     let file = rig.file;
     recorder.add(devices::file(file))?;
@@ -187,7 +186,6 @@ fn imperfections(
     brightness::colours(&mut probe, recorder)
 }
 
-/// Keeps the findings, and reports each one.
 struct Recorder<'a, 'b> {
     findings: Findings,
     report: &'a mut Report<'b>,

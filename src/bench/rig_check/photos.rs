@@ -15,10 +15,8 @@ use crate::measure::sight::judged;
 use crate::measure::{Calibration, Effort, FrameSource, Registration, noise_ratio};
 use crate::rig::RawFrame;
 
-/// The reason that a share of white's light is not known.
 const NO_WHITE: &str = "white has no more light than black";
 
-/// The settings for the photos of the check.
 pub(crate) struct Setup<'a> {
     /// Seconds between the confirmation of a frame and its photo.
     pub(crate) settle: f64,
@@ -137,7 +135,6 @@ fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
     )
 }
 
-/// Whether repeated photos of white have the same brightness.
 fn repeatability(means: &[[f64; 2]]) -> Finding {
     let repeated: Vec<f64> = means.iter().map(|[_, again]| *again).collect();
     let (middle, _) = average(&repeated);
@@ -169,7 +166,6 @@ fn noise(ratio: f64, error: f64) -> Finding {
     .measured(ratio, error, if ratio < 1.0 { least } else { most })
 }
 
-/// The mean of a few values, and its standard error.
 fn average(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -177,13 +173,10 @@ fn average(values: &[f64]) -> (f64, f64) {
     (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
 
-/// The exposure of white.
 pub(crate) struct Exposure {
-    /// The exposure, in seconds.
     pub(crate) seconds: f64,
     /// Whether the camera's exposures suit white.
     pub(crate) outcome: WhiteExposure,
-    /// Bits of a count.
     pub(crate) bits: u32,
 }
 
@@ -271,7 +264,6 @@ fn saturation(share: f64) -> Finding {
     .measured(share, 0.0, SATURATED_WARNING)
 }
 
-/// The light of black as a share of white's light.
 fn ambient(share: f64) -> Finding {
     Finding::at_most(
         "ambient",

@@ -344,7 +344,6 @@ mod tests {
         }
     }
 
-    /// A Gaussian blur along rows of `width` pixels.
     fn blurred(light: &[f64], width: i64, deviation: f64) -> Vec<f64> {
         let weight = |by: i64| (-0.5 * (by as f64 / deviation).powi(2)).exp();
         let sum: f64 = (-20..=20).map(weight).sum();

@@ -8,7 +8,7 @@ use crate::image::Resolution;
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
 use crate::rig::{Frame, RawFrame};
 
-/// The number of the first of these takes. It distinguishes them from the takes of black and white.
+/// The number of the first take of a pattern. It distinguishes these takes from the takes of black and white.
 const FIRST_TAKE: u32 = 1000;
 
 /// Takes photos at one exposure, and compares them with white.
@@ -114,7 +114,6 @@ impl<'a> Probe<'a> {
         Ok(light.iter().zip(&self.black).map(|(light, black)| light - black).collect())
     }
 
-    /// Takes a photo.
     pub(crate) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
         self.take += 1;
         self.frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take: self.take })
@@ -148,7 +147,6 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// The mean of some values, or 0 without values.
 pub(crate) fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
@@ -168,7 +166,6 @@ pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>,
 /// The number of rounds. In each round, white is shown after black and photographed twice.
 const ROUNDS: u32 = 4;
 
-/// The photos of the check.
 pub(crate) struct Photos {
     pub(crate) black: RawFrame,
     /// For each round, black photographed right after white.
@@ -179,7 +176,6 @@ pub(crate) struct Photos {
     pub(crate) dark_count: f64,
     /// Black at the shortest exposure.
     pub(crate) dark: RawFrame,
-    /// The cost of these photos.
     pub(crate) effort: Effort,
 }
 

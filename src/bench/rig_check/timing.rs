@@ -41,7 +41,6 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
     for exposure in EXPOSURES.iter().chain(&EXPOSURES).map(|share| share * base) {
         let photo = probe.capture(&white, exposure)?;
         let light = probe.channels(&photo);
-        // The light per second above black.
         let rate = |channel: usize| {
             let [light, dark, black] = [light[channel], dark[channel], black[channel]];
             (light - dark) / photo.exposure - (black - dark) / probe.exposure
@@ -107,7 +106,6 @@ pub(crate) fn shutter(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorde
     })
 }
 
-/// Whether the first rows of a photo see less of a newly shown frame than the last rows.
 fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
     let is_rolling = last - first - probe.scatter > ROLLING;
     let found = if is_rolling {

@@ -119,7 +119,6 @@ fn set_gain<T: RegisterIo>(camera: &mut Camera<T>, place: &str, gain: f64) -> Re
     Ok(())
 }
 
-/// Checks that the camera can set all exposures of the rig file.
 fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     let known = ["ExposureTime", "ExposureTimeAbs"];
     if known.iter().all(|name| camera.feature_state(name).is_err()) {
@@ -158,7 +157,6 @@ fn limits<T: RegisterIo>(camera: &Camera<T>, name: &str) -> Option<ValueRange> {
     camera.feature_state(name).ok()?.range
 }
 
-/// Whether a value is in the range and on one of its steps.
 fn allows(range: ValueRange, value: f64) -> bool {
     // Both values are integers that `f64` represents exactly.
     let is_step = range.inc.is_none_or(|step| step <= 0.0 || (value - range.min).rem_euclid(step) == 0.0);
@@ -244,10 +242,8 @@ const ADDRESS_SPACE: u64 = 1 << 20;
 /// The largest answer of that process in bytes.
 const MAX_ANSWER: u64 = 1 << 20;
 
-/// Reads a camera's abilities in a process of `helper`.
-///
-/// # Errors
-/// [`Error::Rig`] when the camera does not answer, or when its description cannot be read in bounded time and memory.
+/// Reads a camera's abilities in a process of `helper`. Returns [`Error::Rig`] when the camera does not answer, or when its description
+/// cannot be read in bounded time and memory.
 pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Abilities> {
     let name =
         place.map_or_else(|| format!("the {kind} camera"), |place| format!("the {kind} camera {place}"));
@@ -283,7 +279,6 @@ pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Ab
     }
 }
 
-/// The process that reads a camera's description.
 fn reader(helper: &Helper, kind: &str, place: Option<&str>) -> Command {
     let program = &helper.program;
     let mut command = if cfg!(unix) {

@@ -9,7 +9,6 @@ pub struct FoundStillCamera {
     pub port: String,
 }
 
-/// A setting of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Setting {
     pub(crate) is_read_only: bool,
@@ -80,7 +79,6 @@ pub(crate) fn seconds(speed: &str, stops: Option<u32>) -> Option<f64> {
     Some(((said.log2() * stops).round() / stops).exp2())
 }
 
-/// A picture with its width and height, and its counts row by row from the top left.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Gray {
     pub(crate) size: [usize; 2],

@@ -89,7 +89,6 @@ fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
     }
 }
 
-/// The first of `names` that the camera knows.
 fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     names.iter().find(|name| known.iter().any(|known| known == *name)).copied().ok_or_else(|| {
         let listed: Vec<&str> = known.iter().map(String::as_str).collect();
@@ -102,7 +101,6 @@ fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     })
 }
 
-/// Checks that a setting can have this value.
 fn check(name: &str, setting: &Setting, value: &str) -> Result<()> {
     if setting.is_read_only {
         return Err(camera_fault(
@@ -134,7 +132,6 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    /// Runs the program for this camera's port.
     pub(crate) fn run(&self, arguments: &[&str], limit: Duration) -> Result<Ran> {
         let arguments = ["--port", &self.port].into_iter().chain(arguments.iter().copied());
         run(&self.program, &arguments.map(String::from).collect::<Vec<_>>(), None, limit)
@@ -176,16 +173,13 @@ const REPEATED: usize = 300;
 /// The output of a program, and the folder in which it ran.
 pub(crate) struct Ran {
     pub(crate) folder: TempDir,
-    /// Its standard output.
     pub(crate) answer: Vec<u8>,
     /// The end of its standard error on one line, or of its standard output if standard error is empty.
     pub(crate) said: String,
 }
 
-/// Runs a program in a new temporary folder, or in the folder `before` of an earlier run.
-///
-/// # Errors
-/// [`Error::Rig`] when it is not installed, fails, or takes longer than `limit`. It is killed at that limit.
+/// Runs a program in a new temporary folder, or in the folder `before` of an earlier run. Returns [`Error::Rig`] when the program is not
+/// installed, fails, or takes longer than `limit`. It is killed at that limit.
 pub(crate) fn run(
     program: &str,
     arguments: &[String],
@@ -247,7 +241,6 @@ pub(crate) fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     None
 }
 
-/// The error of a program that cannot be started.
 fn missing(program: &str, why: &std::io::Error) -> Error {
     let name = Path::new(program).file_name().map_or(program.into(), |name| name.to_string_lossy());
     let package = match &*name {

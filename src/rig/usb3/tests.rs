@@ -22,7 +22,6 @@ use crate::rig::{Camera, Colour, PixelFormat, Usb3Spec, WallClock};
 
 const XML: &[u8] = include_bytes!("simulated.xml");
 
-/// The addresses of the registers.
 const SBRM: u64 = 0x800;
 const SIRM: u64 = 0x900;
 const MANIFEST: u64 = 0x1000;
@@ -35,7 +34,6 @@ const LATCH: u64 = 0x403C;
 const LATCHED: u64 = 0x4040;
 const XML_AT: u64 = 0x1_0000;
 
-/// The USB endpoints.
 const CONTROL_OUT: u8 = 0x01;
 const CONTROL_IN: u8 = 0x81;
 const STREAM_IN: u8 = 0x82;
@@ -55,7 +53,6 @@ struct State {
     frames: u64,
 }
 
-/// The 12-bit count of a photosite.
 fn count(site: usize) -> u16 {
     (site * 37 % 4096) as u16
 }

@@ -148,7 +148,6 @@ pub(crate) fn vignette(resolution: Resolution, vignetting: f64) -> Vec<f64> {
 /// Light on the sensor in the photo's units: one plane for each of the camera's channels.
 pub(crate) type SeenLight = Vec<Vec<f64>>;
 
-/// A scene seen through a camera's optics.
 pub(crate) struct View {
     transport: Box<dyn Transport + Send>,
     optics: Optics,
@@ -200,7 +199,6 @@ impl View {
             .collect();
     }
 
-    /// The light that a pattern adds to the scene's own light.
     pub(crate) fn lit_by(&mut self, pattern: &Image) -> Result<SeenLight> {
         let mixed = match self.crosstalk {
             Some(matrix) if pattern.channels() == 3 => Some(mixed(&matrix, pattern)?),

@@ -19,7 +19,6 @@ pub(crate) struct VirtualScreen {
 }
 
 impl VirtualScreen {
-    /// The screen of this projector with `resolution` pixels.
     pub(crate) fn new(spec: &VirtualProjector, resolution: Resolution) -> Self {
         let highest = (1_u32 << spec.bits) - 1;
         let response: Response = spec.response();
@@ -53,7 +52,6 @@ impl VirtualScreen {
         light
     }
 
-    /// The mean light of a frame, relative to white.
     pub(crate) fn mean(&self, frame: &Frame) -> f64 {
         self.light(frame).iter().sum::<f64>() / frame.levels().len() as f64
     }

@@ -62,7 +62,6 @@ impl VirtualSensor {
         counts
     }
 
-    /// A random count of a pixel with `mean` expected electrons.
     fn count(&self, mean: f64, random: &mut Pcg64) -> u16 {
         let spec = &self.spec;
         let electrons = if spec.shot_noise { poisson(mean, random) } else { mean };

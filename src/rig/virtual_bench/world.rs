@@ -21,7 +21,6 @@ use crate::rig::{Frame, RawFrame};
 /// The number of changes in the screen's history. Late frames look back by one.
 const HISTORY: usize = 8;
 
-/// A frame that was put on screen.
 pub(crate) struct Change {
     /// The time of the request, in seconds.
     pub(crate) asked: f64,
@@ -34,14 +33,12 @@ pub(crate) struct Change {
     pub(crate) iris: [f64; 2],
 }
 
-/// An open virtual rig.
 pub(crate) struct World {
     pub(crate) rig: VirtualRig,
     pub(crate) camera: Resolution,
     pub(crate) view: View,
     pub(crate) screen: VirtualScreen,
     pub(crate) sensor: VirtualSensor,
-    /// The scene's own light.
     pub(crate) own_light: SeenLight,
     /// The light of an ambient level of 1.
     pub(crate) ambient_unit: f64,

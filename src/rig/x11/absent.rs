@@ -28,19 +28,13 @@ impl Screen {
 }
 
 impl X11Spec {
-    /// Fails, because this krylux was built without X11.
-    ///
-    /// # Errors
-    /// Always [`Error::Rig`].
+    /// Fails with [`Error::Rig`], because this krylux was built without X11.
     pub fn monitor(&self) -> Result<MonitorInfo> {
         Err(not_built())
     }
 }
 
-/// Fails, because this krylux was built without X11.
-///
-/// # Errors
-/// Always [`Error::Rig`].
+/// Fails with [`Error::Rig`], because this krylux was built without X11.
 pub fn monitors(_: Option<&str>) -> Result<Vec<MonitorInfo>> {
     Err(not_built())
 }

@@ -11,7 +11,6 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// The number of bytes to read back in one request.
 const BAND: usize = 1 << 16;
 
 pub(crate) struct Canvas {
@@ -45,7 +44,6 @@ impl Canvas {
         Ok(Self { layout, depth: screen.root_depth, setup: connection.setup().clone(), magnify })
     }
 
-    /// Draws a frame in the screen's pixel format.
     pub(crate) fn draw(&self, frame: &Frame) -> Result<Picture> {
         let Resolution { width, height } = frame.resolution();
         let mut rows =
@@ -106,13 +104,11 @@ impl Picture {
         self.rows.width()
     }
 
-    /// The height of the picture on screen, in screen pixels.
     pub(crate) fn height(&self) -> u16 {
         // The picture fits the monitor, whose sides have 16 bits.
         (usize::from(self.rows.height()) * self.magnify) as u16
     }
 
-    /// The row of the pattern in screen row `y`.
     pub(crate) fn row(&self, y: u16) -> u16 {
         (usize::from(y) / self.magnify) as u16
     }
@@ -137,26 +133,22 @@ impl Picture {
         (top..top + seen.height()).map(drawn).eq(seen.data().chunks(stride))
     }
 
-    /// Bytes of a row.
     fn stride(&self) -> usize {
         self.rows.data().len() / usize::from(self.rows.height())
     }
 }
 
-/// The first pixel that differs from the drawn picture.
 pub(crate) struct Difference {
     pub(crate) x: u16,
     pub(crate) y: u16,
     pub(crate) drawn: [u16; 3],
     pub(crate) seen: [u16; 3],
-    /// The number of differing pixels.
     pub(crate) count: usize,
 }
 
 pub(crate) struct Reader {
     /// The root window contains all other windows, so a window that covers the projector's window is read too.
     pub(crate) root: Window,
-    /// The position of the pattern's top left pixel.
     pub(crate) corner: [i16; 2],
 }
 

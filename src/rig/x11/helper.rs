@@ -72,7 +72,6 @@ impl Helper {
     }
 }
 
-/// The places to search for the helper program.
 struct Places<'a> {
     variable: Option<OsString>,
     declared: Option<&'a Path>,

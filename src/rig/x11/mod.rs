@@ -37,7 +37,6 @@ use crate::image::Resolution;
 /// The device name in errors.
 const DEVICE: &str = "projector";
 
-/// An error of the projector, with the remedy `help`.
 fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
     Error::Rig { device: DEVICE.into(), fault: fault.into(), help: help.into() }
 }
@@ -176,7 +175,6 @@ impl X11Spec {
         }
     }
 
-    /// The size of a pattern on the monitor, in monitor pixels.
     #[cfg(feature = "x11")]
     pub(crate) fn shown(&self) -> Resolution {
         Resolution::new(self.size[0] * self.magnify, self.size[1] * self.magnify)

@@ -24,10 +24,8 @@ pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
 }
 
 impl X11Spec {
-    /// Finds the described monitor, and checks that it has the described properties and shows levels unchanged.
-    ///
-    /// # Errors
-    /// [`Error::Rig`], which names the difference and the remedy.
+    /// Finds the described monitor, and checks that it has the described properties and shows levels unchanged. An [`Error::Rig`] names the
+    /// difference and the remedy.
     pub fn monitor(&self) -> Result<MonitorInfo> {
         let (connection, screen) = connect(self.display.as_deref())?;
         let root = connection.setup().roots[screen].root;
@@ -37,7 +35,6 @@ impl X11Spec {
     }
 }
 
-/// The reason that a projector cannot be driven from a Wayland session.
 const WAYLAND: &str = "the compositor of a Wayland session may scale and recolour windows, and its X server (XWayland) does not say \
                        when a frame is on screen";
 
@@ -120,7 +117,6 @@ fn frame_time(
     Ok(known.map(|mode| f64::from(mode.htotal) * f64::from(mode.vtotal) / f64::from(mode.dot_clock)))
 }
 
-/// Chooses the monitor in `spec`, and checks its properties.
 pub(crate) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<MonitorInfo> {
     let names: Vec<String> = monitors.iter().map(|monitor| monitor.name.clone()).collect();
     let listed = names.iter().enumerate().map(|(at, name)| format!("{at} ({name})"));
@@ -227,7 +223,6 @@ fn is_line(ramp: &[u16]) -> bool {
         .all(|(at, &value)| (f64::from(value) / 65535.0 - at as f64 / last).abs() <= RAMP_TOLERANCE)
 }
 
-/// Whether a transform, in 16.16 fixed point, is the identity.
 fn is_identity(transform: &x11rb::protocol::render::Transform) -> bool {
     const ONE: i32 = 1 << 16;
     let rows = transform;

@@ -32,7 +32,6 @@ pub struct X11Projector {
     restarts: u64,
 }
 
-/// A running helper process.
 struct Process {
     child: Child,
     /// The helper's standard input. `None`: the helper was told to end.
@@ -41,11 +40,9 @@ struct Process {
     patience: Duration,
 }
 
-/// The reason that a request failed.
 enum Failure {
     /// The helper process ended or does not answer. The text gives the details.
     Helper(String),
-    /// The helper answered with an error of the projector.
     Projector(Error),
 }
 
@@ -232,10 +229,8 @@ impl Drop for Process {
 /// The length of the longest accepted header or payload: a colour frame of 16384² pixels.
 const LONGEST: usize = 3 << 28;
 
-/// A message to the helper.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Request {
-    /// Open the window.
     Open(X11Spec),
     /// Show the levels in the payload, which has one byte for each level.
     Show { resolution: Resolution, channels: usize },
@@ -265,7 +260,6 @@ pub struct ShowTimes {
     pub verify: f64,
 }
 
-/// Writes one message.
 pub(crate) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8]) -> io::Result<()> {
     let header = serde_json::to_vec(header)?;
     // The message is written in one piece, so that the reader is woken once.
@@ -286,7 +280,6 @@ pub(crate) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<O
         read => read?,
     }
     let [header, payload] = [0, 4].map(|at| {
-        // The array has eight bytes, and each length takes four.
         u32::from_le_bytes([lengths[at], lengths[at + 1], lengths[at + 2], lengths[at + 3]]) as usize
     });
     if header > LONGEST || payload > LONGEST {

@@ -26,7 +26,6 @@ use crate::rig::Frame;
 /// The number of refreshes that a compositor may take to bring a confirmed frame to the screen.
 const LAG: u32 = 6;
 
-/// The open window of a projector.
 pub(crate) struct Screen {
     connection: RustConnection,
     window: Window,
@@ -201,7 +200,6 @@ impl Screen {
         self.connection.flush().map_err(presenting)
     }
 
-    /// Waits for that event, and returns the number of the refresh.
     fn refreshed(&mut self) -> Result<u64> {
         Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
     }
@@ -285,7 +283,6 @@ pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &Mo
     Ok(window)
 }
 
-/// Makes two black pixmaps of the monitor's size, and their graphics context.
 pub(crate) fn pixmaps(
     connection: &RustConnection,
     screen: &XScreen,
@@ -304,7 +301,6 @@ pub(crate) fn pixmaps(
     Ok((gc, pixmaps))
 }
 
-/// Makes the pixmap that receives each row of a pattern once.
 pub(crate) fn rows(connection: &RustConnection, screen: &XScreen, spec: &X11Spec) -> Made<Pixmap> {
     let pixmap = connection.generate_id()?;
     // The pattern fits the monitor, whose sides have 16 bits.

@@ -37,7 +37,6 @@ enum Trouble {
     Rearranged,
 }
 
-/// A confirmation by the server.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Completed {
     serial: u32,
@@ -94,10 +93,8 @@ impl Watch {
         self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
     }
 
-    /// Reads all pending events.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the window was closed, hidden, moved or covered since the last check, or the server is gone.
+    /// Reads all pending events. Returns [`Error::Rig`] when the window was closed, hidden, moved or covered since the last check, or the
+    /// server is gone.
     pub(crate) fn look(&mut self, connection: &RustConnection) -> Result<()> {
         self.drain(connection)?;
         if self.trouble == Some(Trouble::Hidden) {
@@ -123,7 +120,6 @@ impl Watch {
                 ));
             }
         };
-        // A closed window stays closed.
         if trouble == Trouble::Closed {
             self.trouble = Some(trouble);
         }
