@@ -177,8 +177,7 @@ pub enum Sight {
     Outside,
 }
 
-/// Classifies each camera pixel. Pixels within `margin` projector pixels of the field's border count as outside unless they are
-/// lit.
+/// Classifies each camera pixel. Pixels within `margin` projector pixels of the field's border count as outside unless they are lit.
 pub(crate) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight> {
     let usual = percentile(decoded.seen.iter().map(|seen| decoded.direct[seen.pixel]), 0.5);
     let margin = margin.max(1.0) + decoded.step as f64;
@@ -235,8 +234,7 @@ pub(crate) fn symmetry(
         photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
         patterns.push(pattern);
     }
-    // The black photo is subtracted from all photos, so `2 photo − white` contains it once, and its noise is added to the noise
-    // of white.
+    // The black photo is subtracted from all photos, so `2 photo − white` contains it once, and its noise is added to the noise of white.
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();

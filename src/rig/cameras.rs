@@ -221,8 +221,7 @@ impl Usb3Spec {
     }
 }
 
-/// A description of a camera of Linux's video interface, for example a webcam. The camera runs freely, and krylux uses its gray
-/// counts.
+/// A description of a camera of Linux's video interface, for example a webcam. The camera runs freely, and krylux uses its gray counts.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct V4lSpec {

@@ -17,8 +17,7 @@ pub trait Projector: Send {
     /// [`crate::measure`] waits for the measured settle time.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device (see [`ProjectorInfo::check`]), or the device
-    /// fails.
+    /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device (see [`ProjectorInfo::check`]), or the device fails.
     fn show(&mut self, frame: &Frame) -> Result<Shown>;
 
     /// How long the last [`Projector::show`] waited for refreshes. The default is 0, which means unknown.
@@ -26,9 +25,8 @@ pub trait Projector: Send {
         Waited::default()
     }
 
-    /// Shows the frame that was on screen when an earlier session ended, so that this session can continue it. The default
-    /// shows it like any other frame. A virtual projector overrides this method, because no simulated time passes between
-    /// sessions.
+    /// Shows the frame that was on screen when an earlier session ended, so that this session can continue it. The default shows it like
+    /// any other frame. A virtual projector overrides this method, because no simulated time passes between sessions.
     fn restore(&mut self, frame: &Frame) -> Result<Shown> {
         self.show(frame)
     }
@@ -53,8 +51,7 @@ pub trait Camera: Send {
     /// Sets the exposure in seconds, and returns the exposure that the camera really set.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the exposure is out of range (see [`CameraInfo::check_exposure`]), or the camera
-    /// fails.
+    /// [`Error::Rig`](crate::Error::Rig) when the exposure is out of range (see [`CameraInfo::check_exposure`]), or the camera fails.
     fn configure(&mut self, exposure: f64) -> Result<f64>;
 
     /// Takes one frame. `None` means that no frame came in time, because it was dropped on the way or the camera hangs. The
