@@ -1,6 +1,5 @@
-//! Findings about a bench or an answer, and their reliability.
-//!
-//! Findings alone decide the colour of a page, the exit status of a verb, and the sentence that a bench can be used.
+//! Findings about a bench or an answer, and their reliability. Findings alone decide the colour of a page, the exit status of a verb, and
+//! the sentence that a bench can be used.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -166,8 +165,7 @@ impl Finding {
     }
 }
 
-/// One line: `exposure      warning  found; expected: … → what to do`. A finding that is as expected has only the first part, up to
-/// `found`.
+/// One line: `exposure      warning  found; expected: … → what to do`. It ends after `found` if the finding is as expected.
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:<13} {:<7}  {}", self.name, self.grade.word(), self.found)?;
@@ -308,8 +306,7 @@ impl fmt::Display for Ratio {
 }
 
 /// A number with this many decimals, as in `0.1235`. If that would show fewer than two significant digits, or more than nine digits before
-/// the point, the number has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Therefore only zero is
-/// shown as zero.
+/// the point, it has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Only zero is shown as zero.
 pub fn decimal(value: f64, decimals: usize) -> String {
     let least = 10_f64.powi(1 - decimals as i32);
     if value == 0.0 || !value.is_finite() || (least..1e9).contains(&value.abs()) {
@@ -429,9 +426,8 @@ mod tests {
             };
             (0..1000).map(measured).filter(|&is_measured| is_measured).count()
         };
-        // With noise alone, a sum of 64 squares exceeds 64 + 3 √128 in 4 of 1000 cases (χ²). It does so in 945 cases where light is as
-        // strong as noise, and in all but 1e-5 where light is half as strong again (noncentral χ²). The bounds are four deviations of such
-        // counts.
+        // With noise alone, a sum of 64 squares exceeds 64 + 3 √128 in 4 of 1000 cases (χ²). It does so in 945 cases with light as strong
+        // as noise, and in all but 1e-5 with light half as strong again (noncentral χ²). The bounds are four deviations of such counts.
         let [noise, faint, light] = [0.0, 1.0, 1.5].map(found);
         assert!(noise <= 12 && (916..=974).contains(&faint) && light == 1000, "{noise} {faint} {light}");
         let exact = Ratio::to_length(2.0, [[3.0, 0.0], [4.0, 0.0]]);

@@ -1,5 +1,4 @@
-//! Coaxial alignment: whether camera and projector share one centre of projection, and otherwise the direction in which the
-//! camera must move.
+//! Coaxial alignment: whether camera and projector share one centre of projection, and otherwise where the camera must move.
 //!
 //! A round of structured light finds the point of the projector's raster that each camera pixel sees. If both devices share one
 //! centre, one map joins their rasters for every scene. Otherwise, near surfaces are displaced relative to far ones:
@@ -203,8 +202,8 @@ pub(crate) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight
         .collect()
 }
 
-/// The symmetry score from patterns whose pixels are fully lit or dark, so that the projector's response need not be known.
-/// Photos are resampled with the round's own map. `None` when fewer than two projector pixels are seen.
+/// The symmetry score from patterns of fully lit and dark pixels, for which the projector's response need not be known. Photos are
+/// resampled with the round's own map. `None` when fewer than two projector pixels are seen.
 pub(crate) fn symmetry(
     observer: &mut StructuredLight<'_>,
     decoded: &Decoded,

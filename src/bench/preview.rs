@@ -1,6 +1,5 @@
-//! The live preview of a rig: one pattern is photographed repeatedly while a person sets up projector and camera.
-//!
-//! The figures describe the camera's counts; frames are not converted to light.
+//! The live preview of a rig: one pattern is photographed repeatedly while a person sets up projector and camera. The figures describe the
+//! camera's counts; frames are not converted to light.
 
 use std::sync::Arc;
 
@@ -43,10 +42,8 @@ impl CountRange {
 }
 
 /// The frame that shows an image as levels: 0 becomes level 0, and 1 the brightest level. Values outside this range are clamped, and the
-/// projector's response is not corrected.
-///
-/// # Errors
-/// [`Error::Dimension`](crate::Error::Dimension) when the image does not have the projector's pixels.
+/// projector's response is not corrected. An image with other pixels than the projector's is an
+/// [`Error::Dimension`](crate::Error::Dimension).
 pub fn level_frame(image: &Image, projector: &ProjectorInfo) -> Result<Frame> {
     let (size, channels, top) = (projector.resolution, projector.channels, f32::from(projector.highest()));
     if image.resolution() != size {
@@ -209,9 +206,7 @@ fn percent(share: f64) -> String {
     }
 }
 
-// The focus score tells how sharp a photo is, from two frames of it.
-//
-// The score is the Tenengrad, the mean square of the Sobel gradient (Tenenbaum, *Accommodation in computer vision*, 1970; Krotkov,
+// The focus score is the Tenengrad, the mean square of the Sobel gradient (Tenenbaum, *Accommodation in computer vision*, 1970; Krotkov,
 // *Focusing*, IJCV 1, 1988). It is divided by the squared mean, so that it does not depend on exposure and brightness. In the square of a
 // gradient, noise counts as much as an edge. The score therefore uses the *product* of the gradients of two frames of the same scene: their
 // noise is independent and averages out.
@@ -343,8 +338,7 @@ mod tests {
         assert!((dim / scores[2] - 1.0).abs() < 1e-2, "{dim} {}", scores[2]);
     }
 
-    /// Slopes of two frames in three channels. Their gradients, summed over channels, are (20, 6) and (40, −10), and the product is 740
-    /// everywhere.
+    /// Slopes of two frames. Their gradients, summed over three channels, are (20, 6) and (40, −10), and the product is 740 everywhere.
     #[test]
     fn the_score_of_slopes_is_the_product_of_their_gradients_over_that_of_their_light() {
         let slope = |right: i32, down: i32, channels: usize| {

@@ -5,10 +5,8 @@ use std::time::{Duration, Instant};
 use super::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 use crate::error::Result;
 
-/// A projector: a device that shows frames.
-///
-/// A projector must implement [`Projector::info`] and [`Projector::show`]. The defaults of the other methods fit a device whose
-/// frame stays on screen until the next one is shown.
+/// A device that shows frames. It must implement [`Projector::info`] and [`Projector::show`]. The defaults of the other methods fit a
+/// device whose frame stays on screen until the next one is shown.
 pub trait Projector: Send {
     /// The projector's properties. They do not change while it is open.
     fn info(&self) -> &ProjectorInfo;
@@ -41,9 +39,7 @@ pub trait Projector: Send {
     }
 }
 
-/// A camera: a device that counts light.
-///
-/// A camera must implement [`Camera::info`], [`Camera::configure`] and [`Camera::capture`].
+/// A device that counts light. It must implement [`Camera::info`], [`Camera::configure`] and [`Camera::capture`].
 pub trait Camera: Send {
     /// The camera's properties. They do not change while it is open.
     fn info(&self) -> &CameraInfo;
@@ -54,8 +50,7 @@ pub trait Camera: Send {
     /// [`Error::Rig`](crate::Error::Rig) when the exposure is out of range (see [`CameraInfo::check_exposure`]), or the camera fails.
     fn configure(&mut self, exposure: f64) -> Result<f64>;
 
-    /// Takes one frame. `None` means that no frame came in time, because it was dropped on the way or the camera hangs. The
-    /// caller may then try again.
+    /// Takes one frame. `None`: no frame came in time, because it was dropped on the way or the camera hangs. The caller may try again.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the camera fails for good.

@@ -123,8 +123,7 @@ impl ProjectorInfo {
         ((1_u32 << self.bits) - 1) as u16
     }
 
-    /// Checks that the projector can show a frame. Returns [`Error::Rig`] when the frame has another size, another number of channels, or
-    /// higher levels.
+    /// Returns [`Error::Rig`] when a frame has another size, another number of channels, or higher levels than the projector can show.
     pub fn check(&self, frame: &Frame) -> Result<()> {
         let highest = frame.levels().iter().copied().max().unwrap_or(0);
         if (frame.resolution(), frame.channels()) == (self.resolution, self.channels)

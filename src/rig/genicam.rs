@@ -120,8 +120,7 @@ impl<T: Transport> Triggered<T> {
         Ok(camera)
     }
 
-    /// Triggers a frame and waits for it. Returns the frame, the time at which the trigger was sent, and the time at which the frame
-    /// arrived.
+    /// Triggers a frame and waits for it. Returns the frame, and the times of its trigger and of its arrival.
     fn frame(&mut self, exposure: f64) -> std::result::Result<Option<(Frame, [f64; 2])>, GenicamError> {
         let Some(link) = &mut self.link else { return Ok(None) };
         // Late frames of the previous trigger are discarded.
@@ -291,10 +290,9 @@ impl Numbers {
     }
 }
 
-// The relation between the camera's clock and the rig's clock.
-//
-// A camera stamps its frames with its own clock. An anchor reads the camera's time between two readings of the rig's clock. This relates
-// the clocks with an error of at most half the interval. Afterwards the error grows with the drift between the two quartz oscillators.
+// The relation between the camera's clock and the rig's clock. A camera stamps its frames with its own clock. An anchor reads the camera's
+// time between two readings of the rig's clock, so its error is at most half the interval. Afterwards the error grows with the drift
+// between the two quartz oscillators.
 
 /// A bound on the relative drift between two quartz oscillators.
 const DRIFT: f64 = 1e-4;

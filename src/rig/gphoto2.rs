@@ -211,8 +211,7 @@ pub struct Gphoto2Spec {
     /// The aperture of the lens, which is one of the camera's choices, for example `8`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub aperture: Option<String>,
-    /// The format of the files, which is one of the camera's choices, for example `RAW` or `NEF (Raw)`. `None`: the camera's setting is
-    /// left unchanged.
+    /// The format of the files, one of the camera's choices such as `RAW` or `NEF (Raw)`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub image_format: Option<String>,
     /// Values of other settings, with the names in `gphoto2`.

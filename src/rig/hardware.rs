@@ -39,8 +39,7 @@ impl HardwareRig {
     }
 
     /// Opens projector and camera. A process of `helper` first reads the camera's description ([`Self::camera_abilities`]), and another one
-    /// holds the projector's window. `after` is the last frame of an earlier session; with it, time and frame numbers continue from that
-    /// frame.
+    /// holds the projector's window. Time and frame numbers continue from `after`, the last frame of an earlier session.
     ///
     /// # Errors
     /// [`Error::Rig`] when a device is missing, is in use, or cannot do what its description says.
@@ -104,8 +103,7 @@ fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Cam
     })
 }
 
-/// Words in the errors of libraries that have no code for a busy device: nusb ("interface is busy") and gphoto2 ("Could not claim the USB
-/// device").
+/// Words in errors about a busy device without an error code: nusb ("interface is busy"), gphoto2 ("Could not claim the USB device").
 const WORDS: [&str; 3] = ["is busy", "resource busy", "could not claim"];
 
 /// An error, its cause, the cause of that cause, and so on.

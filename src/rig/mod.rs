@@ -2,8 +2,8 @@
 //!
 //! A [`Frame`] holds the levels for a projector, and a [`RawFrame`] holds the counts of a camera. Nothing here is linear or calibrated:
 //! [`crate::measure`] turns levels and counts into light. Hardware and virtual devices implement the same three traits, [`Projector`],
-//! [`Camera`] and [`Clock`]. An open rig is a [`Devices`] and may move between threads. [`Devices`] has a complete example of your own
-//! projector and camera.
+//! [`Camera`] and [`Clock`]. An open rig is a [`Devices`], which may move between threads. Its documentation has a complete example of your
+//! own devices.
 //!
 //! | kind of rig | projector | camera |
 //! |---|---|---|

@@ -14,8 +14,8 @@ use super::sensor::Tiles;
 
 macro_rules! formats {
     ($($(#[$of:meta])? $name:ident $key:literal $bits:literal $tiles:expr;)*) => {
-        /// The format in which a camera sends counts. Rig files use lower case, for example `mono12p`. The spelling of the convention is
-        /// also accepted.
+        /// The format in which a camera sends counts. Rig files use lower case, such as `mono12p`, but the convention's spelling is
+        /// accepted too.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the convention's names are the documentation")]
         pub enum PixelFormat {
@@ -141,7 +141,7 @@ mod tests {
             (F::Mono12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
             // The high bytes AB and 12 are outside, and the low halves C and 3 between them, the first in the lower half: AB 3C 12.
             (F::Mono12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
-            // 0x3FF, 0x000, 0x2AA and 0x155 have ten bits each, from bit 0 on. As one number of 40 bits, they are 0101010101 1010101010
+            // Ten bits each of 0x3FF, 0x000, 0x2AA and 0x155, from bit 0 on. As one number of 40 bits, they are 0101010101 1010101010
             // 0000000000 1111111111.
             (F::Mono10p, &[0xFF, 0x03, 0xA0, 0x6A, 0x55], &[0x3FF, 0x000, 0x2AA, 0x155]),
             // 0x2AB = AA high, 11 low; 0x155 = 55 high, 01 low. The low bits are at bits 1-0 and 5-4.

@@ -95,8 +95,7 @@ pub struct DeviceOpener(Arc<Mutex<OpenDevices>>);
 type OpenDevices = dyn FnMut(Option<Stamp>) -> Result<Devices> + Send;
 
 impl DeviceOpener {
-    /// An opener that calls `open`. The argument of `open` is the last frame of an earlier session, after which time and frame numbers
-    /// continue.
+    /// An opener that calls `open` with the last frame of an earlier session. Time and frame numbers continue after that frame.
     pub fn new(open: impl FnMut(Option<Stamp>) -> Result<Devices> + Send + 'static) -> Self {
         Self(Arc::new(Mutex::new(open)))
     }

@@ -1,5 +1,4 @@
-//! The conversion of photosite counts to pixels, for the part of a sensor that is read. Colour sensors have a mosaic of filters in cells of
-//! 2×2.
+//! The conversion of photosite counts to pixels, for the part of a sensor that is read and for colour filters in cells of 2×2.
 //!
 //! Each cell becomes one pixel, without interpolation. No count contributes to two pixels. Therefore the noise of pixels is independent,
 //! and each pixel is the same linear function of light. The photo has half the width and height of the sensor.
@@ -39,8 +38,8 @@ pub enum Colour {
 /// The conversion of a colour sensor's cells to pixels.
 ///
 /// A pixel is a sum, not a mean, so that nothing is lost by rounding. A sum of more than 16 bits is halved or quartered, and rounded. If
-/// one photosite of a cell is saturated, all channels of the pixel get the highest count, because the excess light may have spilled over to
-/// the neighbours.
+/// one photosite of a cell is saturated, all channels get the highest count, because the excess light may have spilled over to the
+/// neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Binning {
     /// The colour filters.
@@ -106,8 +105,7 @@ impl Binning {
         Resolution::new(mosaic.width / 2, mosaic.height / 2)
     }
 
-    /// Converts the counts of a mosaic to pixels, row by row with interleaved channels. `counts` has one count for each photosite of
-    /// `mosaic`.
+    /// Converts the counts of the photosites of `mosaic` to pixels, row by row with interleaved channels.
     pub fn bin(&self, mosaic: Resolution, counts: &[u16]) -> Vec<u16> {
         debug_assert_eq!(counts.len(), mosaic.pixels());
         let size = self.resolution(mosaic);

@@ -107,8 +107,7 @@ impl Camera for V4l {
             Ok(Some(counts)) => counts,
             Ok(None) => return Ok(None),
             Err(why) if is_busy(&why) => return Err(in_use(&self.spec.device)),
-            // The frame did not arrive in time, or the camera failed. The next capture starts a new stream, and the next restart opens the
-            // device again.
+            // The frame is late, or the camera failed. The next capture starts a new stream, and the next restart opens the device again.
             Err(_) => {
                 self.stream = None;
                 return Ok(None);

@@ -12,8 +12,7 @@ const SIDE: f64 = 4.0;
 /// A cell is used if at least this share of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
-/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone moves no code this
-/// far.
+/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone moves them less.
 const APART: f64 = 0.75;
 
 /// The least scatter within a cell that is assumed, in projector pixels.
@@ -208,8 +207,7 @@ pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     })
 }
 
-/// The displacement at which the sorted cumulative sum reaches half. Cells at an object's border see the object only in part, so they have
-/// little weight.
+/// The displacement at which the sorted cumulative sum reaches half. It gives little weight to cells at the border of an object.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();

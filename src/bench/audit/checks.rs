@@ -21,8 +21,7 @@ fn of_length(numerator: f64, seen: &Plane) -> Ratio {
 fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f64) {
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
-    // The sum of squares of n noisy values has a standard error of √(2 Σ var²). The standard error of its root is half of that divided by
-    // the root.
+    // The sum of squares of n noisy values has a standard error of √(2 Σ var²), and its root has half of that divided by the root.
     let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
     let excess = (squares - noise).max(0.0);
     let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());

@@ -66,8 +66,7 @@ pub struct Audit {
     pub additivity: Vec<f64>,
     /// Number of patterns photographed.
     pub photos: usize,
-    /// Findings about automatic behaviour of a rig's devices: an iris, pulses, overscan and others. They explain a failed check, and do not
-    /// fail the audit.
+    /// Findings about automatic behaviour of a rig's devices, such as an iris. They explain a failed check, and do not fail the audit.
     pub devices: Vec<Finding>,
 }
 

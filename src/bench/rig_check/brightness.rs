@@ -26,8 +26,7 @@ const LEAST_SPREAD: f64 = 0.05;
 /// The approximate number of seconds that an iris needs for a frame.
 const IRIS_SECONDS: f64 = 1.5;
 
-/// Photographs white, its four quadrants one by one, white again, and two levels near black and white: eight frames. `settle` is the usual
-/// waiting time.
+/// Photographs white, its four quadrants, white again, and two levels near black and white: eight frames. `settle` is the usual wait.
 pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorder<'_, '_>) -> Result<()> {
     probe.frames.set_settle(settle.max(IRIS_SECONDS));
     let photos = quadrants(probe);
@@ -140,8 +139,7 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     .measured(share, probe.scatter / SIGMAS, STRAY)
 }
 
-/// The slope of the line through points, and its standard error. `None` for fewer than nine points, and where all points have nearly the
-/// same first coordinate.
+/// The slope of the line through points, and its standard error. `None` for fewer than nine points or nearly equal first coordinates.
 fn slope(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let count = points.len() as f64;
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
@@ -261,8 +259,7 @@ mod tests {
         let [value, error] = slope(&points).expect("the points are apart");
         assert!((value - 0.3).abs() < 3.0 * error && error < 2e-3, "{value} ± {error}");
         assert_eq!(slope(&[[1.0, 2.0]; 20]), None);
-        // The ordinates of nine points rise by 2. The first point is 3 too high and the last is 3 too low, and the line through these
-        // errors falls by 0.4.
+        // Nine ordinates rise by 2. The first is 3 too high and the last is 3 too low, which lowers the slope by 0.4.
         let mut points: Vec<[f64; 2]> = (0..9).map(|at| [f64::from(at), 2.0 * f64::from(at)]).collect();
         points[0][1] += 3.0;
         points[8][1] -= 3.0;
@@ -429,8 +426,7 @@ mod tests {
         }
     }
 
-    /// The findings of a gray camera without a calibration. The white segment of the projector adds the share `segment` of gray above the
-    /// level `above`.
+    /// The findings of a gray camera without a calibration. The white segment adds the share `segment` of gray above the level `above`.
     fn found(segment: f64, above: f64) -> Vec<Finding> {
         let photo = move |request: &CaptureRequest, _| {
             let light = |levels: &[u16]| {

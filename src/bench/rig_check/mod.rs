@@ -72,10 +72,8 @@ pub fn check(rig: RigToCheck<'_>, report: &mut Report<'_>) -> Result<Findings> {
     Ok(recorder.findings)
 }
 
-/// The findings of a rig whose file could not be read. The only finding is `error`.
-///
-/// # Errors
-/// [`Error::Interrupted`] when `report` breaks, or when `error` is this error.
+/// The only finding of a rig whose file could not be read is `error`. Returns [`Error::Interrupted`] when `report` breaks, or when `error`
+/// is this error.
 pub fn unreadable(error: Error, report: &mut Report<'_>) -> Result<Findings> {
     let mut recorder = Recorder::new(report);
     recorder.failure("file", error)?;

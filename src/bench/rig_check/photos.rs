@@ -113,8 +113,7 @@ fn sequence(effort: &Effort) -> Finding {
     )
 }
 
-/// Whether all light of white is there when white is photographed right after black. `means` are the mean counts of the two photos of white
-/// in each round.
+/// Whether white has all of its light right after black. `means` are the mean counts of the two photos of white in each round.
 fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
     let missing: Option<Vec<f64>> =
         means.iter().map(|[first, again]| Ratio::of(again - first, *again, 0.0).value()).collect();
@@ -388,8 +387,7 @@ mod tests {
         assert_eq!(graded(WhiteExposure::TooBright, 1.0), Grade::Fails);
     }
 
-    /// Photos of a hundred pixels have 5 counts without light, 30 for black, and 155 for white. In photos of white, `saturated` pixels have
-    /// 255 counts.
+    /// Photos of a hundred pixels have 5 counts without light, 30 for black, and 155 for white, where `saturated` pixels have 255.
     #[test]
     fn range_saturation_and_ambient_light_are_those_of_the_counts() {
         for (saturated, in_range, grade) in

@@ -294,8 +294,7 @@ mod tests {
             };
             let finding = found([projector, camera], scene, border);
             assert!(finding.grade == Grade::Ok && finding.found.contains("row and column at"), "{finding}");
-            // The border may cover part of a camera pixel. The scene is then taken as even inside this pixel, where it changes by less than
-            // 5 %.
+            // The scene counts as even inside a camera pixel that the border covers in part; it changes there by less than 5 %.
             assert!((numbers(&finding)[0] - 100.0).abs() <= 1.0, "{finding}");
         }
     }

@@ -32,8 +32,7 @@ pub(crate) struct Probe<'a> {
 }
 
 impl<'a> Probe<'a> {
-    /// Continues from photos of black and white at this exposure. If light has not `settled` in the first photo of a frame, the second one
-    /// is used.
+    /// Continues from photos of black and white at this exposure. Where light has not `settled` in the first photo, the second one is used.
     pub(crate) fn new(
         frames: &'a mut dyn FrameSource,
         known: Option<&Calibration>,
@@ -151,8 +150,7 @@ pub(crate) fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// A picture whose pixels are the means over squares of `side` pixels, and its resolution. Remaining pixels at the right and at the bottom
-/// are dropped.
+/// The means over squares of `side` pixels, and the picture's resolution. Remaining pixels at the right and at the bottom are dropped.
 pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>, Resolution) {
     let small = Resolution::new(size.width / side, size.height / side);
     let value = |pixel: usize| {

@@ -60,8 +60,8 @@ fn set_format<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place:
     })
 }
 
-/// Sets the part of the sensor that is read. The limits of sizes and offsets depend on each other, so the offsets are first set to their
-/// minimum.
+/// Sets the part of the sensor that is read. Offsets are first set to their minimum, because the limits of sizes and offsets depend on each
+/// other.
 fn set_region<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     for name in ["OffsetX", "OffsetY"] {
         let least = limits(camera, name).map_or(0, |range| range.min as i64);

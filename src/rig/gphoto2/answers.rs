@@ -85,9 +85,8 @@ pub(crate) struct Gray {
     pub(crate) counts: Vec<u16>,
 }
 
-/// Reads a PGM (`P5`): width, height and the highest count as text, with comments between them, one white space, and then the counts. A
-/// count has one byte, or two bytes (high byte first) if the highest count is 256 or more. `None`: the bytes have another form, or end too
-/// early.
+/// Reads a PGM (`P5`): width, height and the highest count as text, with comments between them, one white space, and the counts. A count
+/// has one byte, or two bytes (high byte first) if the highest count is 256 or more. `None`: the bytes are invalid or end too early.
 pub(crate) fn read_pgm(bytes: &[u8]) -> Option<Gray> {
     let mut rest = bytes.strip_prefix(b"P5")?;
     let mut next = || -> Option<usize> {

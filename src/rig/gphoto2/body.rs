@@ -197,8 +197,8 @@ pub(crate) fn run(
         Some(folder) => folder,
         None => tempfile::Builder::new().prefix("krylux-").tempdir().map_err(failed)?,
     };
-    // The output goes to files instead of pipes. Then nothing has to read it while the program runs, and the program's children cannot keep
-    // pipes open.
+    // The output goes to files, which nothing has to read while the program runs. The program's children cannot keep them open, unlike
+    // pipes.
     let [answer, said] = ["answer", "said"].map(|name| logs.path().join(name));
     let mut command = Command::new(program);
     command.args(arguments).current_dir(folder.path()).env("LC_ALL", "C").stdin(Stdio::null());

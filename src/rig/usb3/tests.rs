@@ -1,7 +1,5 @@
 //! Tests with a simulated USB3 Vision camera, which replaces the USB transfer. It has the camera's registers, and sends a frame for each
-//! trigger.
-//!
-//! The layouts follow GenCP (1.2, tables 4 to 12 and 15) and `viva_u3v::registers`.
+//! trigger. The layouts follow GenCP (1.2, tables 4 to 12 and 15) and `viva_u3v::registers`.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 

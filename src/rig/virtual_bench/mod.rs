@@ -57,15 +57,13 @@ impl VirtualRig {
         }
     }
 
-    /// Opens the rig on `light`, which must be the light transport of the rig's [`scene`](Self::scene) with at least
-    /// [`channels`](Self::channels) channels. The screen shows level 0. `after` is the last frame of an earlier session; with it, the rig
-    /// continues as if that session had never ended (see [`Projector::restore`]).
-    ///
-    /// The units of the light transport do not matter, because the camera's sensitivity is relative to the white photo.
+    /// Opens the rig on `light`, the light transport of its [`scene`](Self::scene) with at least [`channels`](Self::channels) channels. The
+    /// units of `light` do not matter, because the camera's sensitivity is relative to the white photo. The screen shows level 0. With
+    /// `after`, the last frame of an earlier session, the rig continues as if that session had never ended (see [`Projector::restore`]).
     ///
     /// # Errors
-    /// [`Error::Rig`] when the light transport has another size or too few channels, or the white photo is dark; an error of `light` when
-    /// it cannot be photographed.
+    /// [`Error::Rig`] when `light` has another size or too few channels, or the white photo is dark. An error of `light` when it cannot be
+    /// photographed.
     pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());

@@ -163,8 +163,7 @@ pub(crate) struct View {
 }
 
 impl View {
-    /// The view of this camera with `pixels` through this splitter, without stray light. The scene must have at least as many channels as
-    /// the camera.
+    /// The view of this camera through this splitter, without stray light. The scene has at least as many channels as the camera.
     pub(crate) fn new(
         mut transport: Box<dyn Transport + Send>,
         pixels: Resolution,

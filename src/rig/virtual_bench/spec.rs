@@ -125,9 +125,10 @@ impl Default for VirtualProjector {
     }
 }
 
-/// A description of a virtual camera. After an exposure of `t` seconds to `light`, a pixel holds `e = Poisson(t · (sensitivity · light +
-/// dark_current))` electrons. Its count is `black_level + (2^bits − 1 − black_level) · (response(e / full_well) + Normal(read_noise /
-/// full_well))`, rounded and clamped to \[0, saturation\]. The full well is the saturation capacity of EMVA 1288.
+/// A description of a virtual camera. After an exposure of `t` seconds to `light`, a pixel holds
+/// `e = Poisson(t · (sensitivity · light + dark_current))` electrons. Its count is
+/// `black_level + (2^bits − 1 − black_level) · (response(e / full_well) + Normal(read_noise / full_well))`, rounded and clamped to \[0,
+/// saturation\]. The full well is the saturation capacity of EMVA 1288.
 ///
 /// The sensitivity is chosen so that the white photo (without ambient light and drift) fills the share `white_fill` of the full well within
 /// `white_exposure` seconds, at the 99th percentile of the pixels.
@@ -224,10 +225,10 @@ impl Default for VirtualCamera {
 /// The misregistration of a camera: a map from the point that a camera pixel should see to the point that it sees.
 ///
 /// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a point
-/// `q` of the photo raster, in projector pixels from its top left corner. With misregistration, the camera point sees `H(c + (q − c)(1 + k₁
-/// r²))`, where `c` is the centre of the field and `r` is the distance from it, relative to the corner's distance. `H` rotates by
-/// `rotation` degrees (clockwise in the picture) and scales about the centre, then shifts. A given homography in the same coordinates
-/// replaces this `H`.
+/// `q` of the photo raster, in projector pixels from its top left corner. With misregistration, the camera point sees
+/// `H(c + (q − c)(1 + k₁ r²))`, where `c` is the centre of the field and `r` is the distance from it, relative to the corner's distance.
+/// `H` rotates by `rotation` degrees (clockwise in the picture) and scales about the centre, then shifts. A given homography in the same
+/// coordinates replaces this `H`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Misregistration {
     /// The shift to the right and down, in projector pixels.

@@ -215,8 +215,8 @@ fn mean_sine(period: f64, middle: f64, exposure: f64) -> f64 {
     (std::f64::consts::TAU * middle / period).sin() * half.sin() / half
 }
 
-/// An automatic iris, or a lamp that follows the picture. A frame with mean light `m`, relative to white, is shown with the brightness `1
-/// − dimming · (1 − m)`. The iris approaches this brightness exponentially after the frame appears. When the rig is opened or reopened,
+/// An automatic iris, or a lamp that follows the picture. A frame with mean light `m`, relative to white, is shown with the brightness
+/// `1 − dimming · (1 − m)`. The iris approaches this brightness exponentially after the frame appears. When the rig is opened or reopened,
 /// the frame on screen has been there for a long time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -269,8 +269,7 @@ impl Default for Pulse {
 }
 
 impl Pulse {
-    /// The mean brightness of a colour from one time to a later one, in seconds on the rig's clock, relative to steady light. `colour` is
-    /// 0 without a wheel.
+    /// The mean brightness of a colour between two times on the rig's clock, relative to steady light. `colour` is 0 without a wheel.
     pub(crate) fn mean(&self, colour: usize, from: f64, until: f64) -> f64 {
         if self.period == 0.0 {
             return 1.0;

@@ -92,7 +92,7 @@ impl Canvas {
     }
 }
 
-/// A frame in the server's pixel format. It holds each row of the pattern once, in the width that is shown. The server repeats the rows, so
+/// A frame in the server's pixel format. It holds each row of the pattern once, in the width on screen. The server repeats the rows, so
 /// that less data is sent.
 pub(crate) struct Picture {
     pub(crate) rows: Image<'static>,

@@ -27,8 +27,8 @@ static DECLARED: OnceLock<PathBuf> = OnceLock::new();
 pub struct Helper {
     /// The `krylux` program.
     pub program: PathBuf,
-    /// The longest wait for an answer, 15 s by default. The helper itself waits 5 s for the X server. This wait must be longer, so that the
-    /// helper can report a failure.
+    /// The longest wait for an answer, 15 s by default. It must exceed the helper's own wait of 5 s for the X server, so that the helper
+    /// can report a failure.
     pub patience: Duration,
 }
 

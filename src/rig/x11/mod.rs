@@ -1,5 +1,4 @@
-//! A projector that is a monitor of an X server. It shows exact levels on chosen pixels, and the server confirms each frame before a photo
-//! is taken.
+//! A projector that is a monitor of an X server. It shows exact levels on chosen pixels, and the server confirms each frame.
 //!
 //! | step | what it does | file |
 //! |---|---|---|

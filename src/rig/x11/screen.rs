@@ -103,8 +103,7 @@ impl Screen {
         &self.monitor
     }
 
-    /// Shows a frame that fits. On return, the server has confirmed the frame, the settle refreshes have passed, and the frame has been
-    /// read back.
+    /// Shows a frame that fits. On return, the server has confirmed it, the settle refreshes have passed, and it has been read back.
     pub(crate) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
         self.watch.look(&self.connection)?;

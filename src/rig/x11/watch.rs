@@ -87,14 +87,12 @@ impl Watch {
         }
     }
 
-    /// The confirmation of a frame or of a refresh with this serial number, if it has arrived. Other confirmations belong to earlier
-    /// requests.
+    /// The confirmation of a frame or refresh with this serial number, if it has arrived. Others belong to earlier requests.
     fn confirmation(&mut self, serial: u32, of_frame: bool) -> Option<Completed> {
         self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
     }
 
-    /// Reads all pending events. Returns [`Error::Rig`] when the window was closed, hidden, moved or covered since the last check, or the
-    /// server is gone.
+    /// Reads all pending events. Returns [`Error::Rig`] when the window was closed, hidden, moved or covered, or the server is gone.
     pub(crate) fn look(&mut self, connection: &RustConnection) -> Result<()> {
         self.drain(connection)?;
         if self.trouble == Some(Trouble::Hidden) {
