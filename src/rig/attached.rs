@@ -85,7 +85,6 @@ impl AttachedCamera {
                 self.lines.push(abilities.to_string());
                 self.add("abilities", json!(abilities));
             }
-            // The camera exists, but does not answer this request.
             Err(why) => self.unknown = Some(why.to_string()),
         }
         self

@@ -80,7 +80,6 @@ pub(crate) fn timeout() -> f64 {
     1.0
 }
 
-/// The error of a krylux that was built without support for a kind of camera.
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
 pub(crate) fn not_built(what: &str, feature: &str) -> crate::Error {
     crate::rig::camera_fault(

@@ -123,7 +123,6 @@ impl<T: Transport> Triggered<T> {
     /// Triggers a frame and waits for it. Returns the frame, and the times of its trigger and of its arrival.
     fn frame(&mut self, exposure: f64) -> std::result::Result<Option<(Frame, [f64; 2])>, GenicamError> {
         let Some(link) = &mut self.link else { return Ok(None) };
-        // Late frames of the previous trigger are discarded.
         while T::next(&mut link.stream, Duration::ZERO).is_ok_and(|frame| frame.is_some()) {}
         let now = self.clock.seconds();
         if self.anchor.is_none_or(|anchor| anchor.is_old(now)) {
@@ -263,7 +262,6 @@ impl<T: Transport> Camera for Triggered<T> {
 const WRAP: u64 = 1 << 15;
 
 pub(crate) struct Numbers {
-    /// The number to add to the camera's number.
     base: u64,
     last: u64,
 }

@@ -27,7 +27,6 @@ pub struct Gphoto2 {
     spec: Gphoto2Spec,
     clock: WallClock,
     body: Body,
-    /// The name of the setting of the shutter speed, and the setting.
     shutter: (String, Setting),
     /// The requested exposure, and the exposure that was set, in seconds.
     exposure: [f64; 2],
@@ -80,7 +79,6 @@ impl Gphoto2 {
         }
     }
 
-    /// Decodes a RAW file to the counts of the used part of the sensor.
     fn decode(&self, raw: &Path, folder: TempDir) -> Result<Vec<u16>> {
         let limit = Duration::from_secs_f64(self.spec.timeout);
         let (program, arguments) = self.spec.decoder.split_first().ok_or_else(|| {

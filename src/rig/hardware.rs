@@ -106,7 +106,6 @@ fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Cam
 /// Words in errors about a busy device without an error code: nusb ("interface is busy"), gphoto2 ("Could not claim the USB device").
 const WORDS: [&str; 3] = ["is busy", "resource busy", "could not claim"];
 
-/// An error, its cause, the cause of that cause, and so on.
 pub(crate) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &'a (dyn Why + 'static)> {
     let mut next = Some(why);
     std::iter::from_fn(move || {

@@ -23,7 +23,6 @@ macro_rules! formats {
         }
 
         const ALL: &[PixelFormat] = &[$(PixelFormat::$name),*];
-        /// The formats' names in rig files, in the same order.
         const KEYS: &[&str] = &[$($key),*];
 
         impl PixelFormat {

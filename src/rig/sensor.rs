@@ -142,7 +142,6 @@ pub(crate) struct Sensor {
     pub(crate) size: [usize; 2],
     pub(crate) offset: [usize; 2],
     pub(crate) bits: u32,
-    /// The colour filters. `None`: the sensor is gray.
     pub(crate) tiles: Option<Tiles>,
     /// The conversion of a colour sensor's cells to pixels.
     pub(crate) colour: Colour,

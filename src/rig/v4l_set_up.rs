@@ -133,7 +133,6 @@ pub(crate) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposu
     ))
 }
 
-/// Sets a control, and checks it by reading it back.
 fn put(device: &mut impl VideoDevice, spec: &V4lSpec, (id, name): (u32, &str), value: i64) -> Result<()> {
     let help = "`v4l2-ctl --list-ctrls` names the device's controls and their limits";
     device
@@ -199,9 +198,7 @@ mod tests {
         most: [usize; 2],
         /// Value, minimum and maximum for each control number.
         controls: BTreeMap<u32, [i64; 3]>,
-        /// The controls that keep their value.
         stubborn: Vec<u32>,
-        /// Whether another program streams from the device.
         is_busy: bool,
     }
 

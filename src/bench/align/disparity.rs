@@ -52,7 +52,6 @@ struct Patch {
     scatter: f64,
 }
 
-/// Compares the codes with the map for each cell.
 pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
     let (map, camera) = (&fit.map, fit.map.camera);
     let step = decoded.step as f64;

@@ -217,7 +217,6 @@ pub(crate) fn crosstalk(crosstalk: &Crosstalk) -> Finding {
     Finding::told("crosstalk", most.into(), 0.0, meaning)
 }
 
-/// Reports samples that some exposures saturate, but not all.
 pub(crate) fn saturation(share: f64) -> Finding {
     let meaning =
         "of the camera's samples of white are saturated in some exposure: the shorter ones count there";

@@ -46,7 +46,6 @@ pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
 }
 
 struct Quadrants {
-    /// White before and after the quadrants.
     whites: [Vec<f64>; 2],
     quadrants: Vec<Vec<f64>>,
 }
@@ -61,7 +60,6 @@ fn quadrants(probe: &mut Probe<'_>) -> Result<Quadrants> {
     Ok(Quadrants { whites: [before, probe.gray(1.0)?], quadrants })
 }
 
-/// Whether the four quadrants of white add up to white.
 fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) -> Finding {
     let sum: f64 = quadrants.iter().map(|light| average(light)).sum();
     let white = 0.5 * (before + after);

@@ -127,7 +127,6 @@ fn screen(
     }
 }
 
-/// The frames that together contain each level in each channel.
 fn ramp(info: &ProjectorInfo) -> Result<Vec<Frame>> {
     let (pixels, levels) = (info.resolution.pixels(), usize::from(info.highest()) + 1);
     (0..levels.div_ceil(pixels))
@@ -218,7 +217,6 @@ fn existing(folder: &Path) -> PathBuf {
     }
 }
 
-/// The number of bytes that the user may still write to the folder.
 #[cfg(unix)]
 fn free(folder: &Path) -> Option<u64> {
     let found = rustix::fs::statvfs(folder).ok()?;

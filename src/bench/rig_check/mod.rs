@@ -113,7 +113,6 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
     examined.or_else(|error| recorder.failure("frames", error))
 }
 
-/// Measures the error of the pixel map, if the photos of white allow that.
 fn map(
     setup: &Setup<'_>,
     seen: &Seen,

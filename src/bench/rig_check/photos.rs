@@ -22,7 +22,6 @@ pub(crate) struct Setup<'a> {
     pub(crate) settle: f64,
     /// The exposure in the rig file, in seconds.
     pub(crate) exposure: Option<f64>,
-    /// The calibration, if a usable one exists.
     pub(crate) known: Option<&'a Calibration>,
 }
 
@@ -32,7 +31,6 @@ pub(crate) struct Seen {
     pub(crate) photos: Photos,
     /// Whether the first photo of a frame has all of its light.
     pub(crate) settled: bool,
-    /// Whether hardly any sample of white is saturated.
     pub(crate) in_range: bool,
 }
 
@@ -83,7 +81,6 @@ pub(crate) fn photos(
     Ok(Some(Seen { exposure: seconds, photos, settled, in_range }))
 }
 
-/// Whether frames came in order, and each was exposed after its pattern had settled.
 fn sequence(effort: &Effort) -> Finding {
     let refused = effort.dropped + effort.incomplete + effort.repeated + effort.late;
     let found = match refused {
@@ -174,7 +171,6 @@ fn average(values: &[f64]) -> (f64, f64) {
 
 pub(crate) struct Exposure {
     pub(crate) seconds: f64,
-    /// Whether the camera's exposures suit white.
     pub(crate) outcome: WhiteExposure,
     pub(crate) bits: u32,
 }

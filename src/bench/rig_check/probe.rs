@@ -15,9 +15,7 @@ const FIRST_TAKE: u32 = 1000;
 pub(crate) struct Probe<'a> {
     pub(crate) frames: &'a mut dyn FrameSource,
     pub(crate) exposure: f64,
-    /// Whether the camera's response is known, so that counts can be converted to light.
     pub(crate) is_known: bool,
-    /// The light of white above black for each camera pixel.
     pub(crate) white: Vec<f64>,
     /// The largest relative difference between repeated photos of white.
     pub(crate) scatter: f64,
@@ -118,7 +116,6 @@ impl<'a> Probe<'a> {
         self.frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take: self.take })
     }
 
-    /// A frame filled with the darkest or the brightest level.
     pub(crate) fn filled(&self, is_white: bool) -> Arc<Frame> {
         let info = self.frames.projector();
         let level = if is_white { info.highest() } else { 0 };
@@ -216,7 +213,6 @@ pub(crate) fn mean(frame: &RawFrame) -> f64 {
     frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / frame.counts.len() as f64
 }
 
-/// The count at this quantile (0 to 1) of a frame.
 pub(crate) fn percentile(frame: &RawFrame, quantile: f64) -> f64 {
     image::percentile(frame.counts.iter().map(|&count| f64::from(count)), quantile)
 }

@@ -61,7 +61,6 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
     })
 }
 
-/// Whether the light of white per second is the same at exposures of parts of a refresh.
 fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
     let bound = if probe.is_known { PULSES } else { PULSES_UNCALIBRATED };
     let is_pulsed = spread - 3.0 * error > bound;

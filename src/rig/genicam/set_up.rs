@@ -170,7 +170,6 @@ fn told(range: ValueRange) -> String {
     format!("{} to {}{steps}", range.min, range.max)
 }
 
-/// The error of a camera that failed to do something. `why` is the protocol's error.
 pub(crate) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
     if is_busy(why) || matches!(why, GenicamError::NotInControl(_)) {
         return in_use(place);
@@ -195,7 +194,6 @@ pub struct Abilities {
 }
 
 impl Abilities {
-    /// Reads the abilities of an open camera, without setting anything.
     pub(crate) fn of<T: RegisterIo>(camera: &Camera<T>) -> Self {
         let range = |names: &[&str]| {
             let mut states = names.iter().filter_map(|name| camera.feature_state(name).ok());

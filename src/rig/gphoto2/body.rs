@@ -15,7 +15,6 @@ use crate::rig::gphoto2::answers::{FoundStillCamera, Setting, cameras, names, se
 use crate::rig::hardware::{in_use, is_busy};
 use crate::rig::nearest::nearest;
 
-/// The longest time that `gphoto2` may take to answer a request.
 const ANSWER: Duration = Duration::from_secs(20);
 
 /// The names of the setting of the shutter speed. The preferred name comes first, because `shutterspeed2` has fractions.
@@ -142,7 +141,6 @@ impl Body {
         setting(&ran.answer).ok_or_else(|| unreadable(name, &ran))
     }
 
-    /// Sets a setting, and checks it by reading it back.
     pub(crate) fn put(&self, name: &str, value: &str) -> Result<()> {
         let assigned = format!("{name}={value}");
         let ran = self.run(&["--set-config-value", &assigned, "--get-config", name], ANSWER)?;
@@ -164,13 +162,10 @@ fn unreadable(name: &str, ran: &Ran) -> Error {
     )
 }
 
-/// The time between two checks whether a program has ended.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// The number of characters of a program's output that an error quotes.
 const REPEATED: usize = 300;
 
-/// The output of a program, and the folder in which it ran.
 pub(crate) struct Ran {
     pub(crate) folder: TempDir,
     pub(crate) answer: Vec<u8>,
@@ -256,7 +251,6 @@ fn missing(program: &str, why: &std::io::Error) -> Error {
     camera_fault(format!("the program {program} cannot be run: {why}"), "check its file's permissions")
 }
 
-/// The end of a program's output, on one line.
 pub(crate) fn last(answer: &[u8]) -> String {
     let text = String::from_utf8_lossy(answer);
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();

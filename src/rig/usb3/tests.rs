@@ -80,7 +80,6 @@ impl State {
             .collect()
     }
 
-    /// Performs the effect of a write to the address `at`.
     fn follow(&mut self, at: u64, ticks: u64) {
         let payload = self.pixels();
         self.put(SIRM + sirm::REQUIRED_PAYLOAD_SIZE, &(payload.len() as u64).to_le_bytes());
@@ -149,7 +148,6 @@ impl SimulatedCamera {
         simulated
     }
 
-    /// A camera without the command that reports its time.
     fn without_time() -> Arc<Self> {
         let simulated = Self::new();
         let xml = std::str::from_utf8(XML).expect("XML is text").replace("TimestampLatch", "SomethingLatch");

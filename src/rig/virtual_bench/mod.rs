@@ -182,7 +182,6 @@ impl Camera for VirtualCameraHandle {
         let [shortest, longest] = self.info.exposures;
         let mut set = exposure;
         if self.step > 0.0 {
-            // The nearest multiple within the range.
             let [fewest, most] = [(shortest / self.step).ceil(), (longest / self.step).floor()];
             set = (exposure / self.step).round().clamp(fewest, most.max(fewest)) * self.step;
         }

@@ -65,7 +65,6 @@ impl Optics {
         optics
     }
 
-    /// One channel of the photo as the camera sees it.
     pub(crate) fn see(&self, photo: &Image, channel: usize) -> Vec<f64> {
         let samples = photo.samples();
         self.resample(|pixel| f64::from(samples[pixel * photo.channels() + channel]))
@@ -158,7 +157,6 @@ pub(crate) struct View {
     stray: Vec<f64>,
     channels: usize,
     crosstalk: Option<[[f64; 3]; 3]>,
-    /// The photo without light from the projector.
     unlit: Image,
 }
 
@@ -215,7 +213,6 @@ impl View {
         Ok(light)
     }
 
-    /// The mean light of a pattern in each camera channel.
     fn means(&self, pattern: &Image) -> Vec<f64> {
         let pixels = pattern.resolution().pixels() as f64;
         let means: Vec<f64> =

@@ -25,7 +25,6 @@ pub(crate) struct Change {
     /// The time of the request, in seconds.
     pub(crate) asked: f64,
     pub(crate) confirmed: f64,
-    /// The time at which its light appears.
     pub(crate) appears: f64,
     /// Its light on the sensor: one entry for all of the light, or three entries for red, green and blue where a wheel shows them in turn.
     pub(crate) light: Vec<SeenLight>,
@@ -50,7 +49,6 @@ pub(crate) struct World {
     pub(crate) changes: VecDeque<Change>,
     /// The frame that the camera returned last. `None` before the first frame of a session.
     pub(crate) handed_out: Option<RawFrame>,
-    /// The number of the last frame before the camera was restarted.
     pub(crate) restarted_at: Option<u64>,
 }
 
@@ -103,7 +101,6 @@ impl World {
             .collect()
     }
 
-    /// Takes a frame. `None`: the frame does not arrive.
     pub(crate) fn capture(&mut self) -> Option<RawFrame> {
         let (exposure, camera) = (self.exposure, &self.rig.camera);
         let (readout, timeout) = (camera.readout, camera.timeout);
@@ -171,7 +168,6 @@ impl World {
         light
     }
 
-    /// The light of each frame that is on screen during an exposure, with its share.
     fn shares(&self, started: f64, exposure: f64) -> Vec<(&SeenLight, f64)> {
         let (ended, projector) = (started + exposure, &self.rig.projector);
         let brightness = self.brightness(started + 0.5 * exposure, exposure);
@@ -288,7 +284,6 @@ impl Pulse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Fate {
     Good,
-    /// The frame does not arrive.
     Dropped,
     /// The previous frame arrives again in its place.
     Repeated,

@@ -126,7 +126,6 @@ impl Picture {
         (0..height).step_by(rows.into()).map(move |top| [top, rows.min(height - top)])
     }
 
-    /// Whether the rows of `seen`, from row `top` on, have the drawn bytes.
     fn is_same(&self, top: u16, seen: &Image<'_>) -> bool {
         let stride = self.stride();
         let drawn = |y: u16| &self.rows.data()[usize::from(self.row(y)) * stride..][..stride];
@@ -153,7 +152,6 @@ pub(crate) struct Reader {
 }
 
 impl Reader {
-    /// Compares the framebuffer with the drawn picture. `None`: they are equal.
     pub(crate) fn difference(
         &self,
         connection: &RustConnection,

@@ -33,7 +33,6 @@ use super::ProjectorInfo;
 use crate::error::Error;
 use crate::image::Resolution;
 
-/// The device name in errors.
 const DEVICE: &str = "projector";
 
 fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {

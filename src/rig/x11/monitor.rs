@@ -215,7 +215,6 @@ fn is_ramp(ramps: [&[u16]; 3]) -> bool {
     ramps.iter().all(|ramp| goes_one_way(ramp)) && ramps.iter().any(|ramp| spans(ramp))
 }
 
-/// Whether a gamma ramp is a straight line from zero to full scale.
 fn is_line(ramp: &[u16]) -> bool {
     let last = (ramp.len() - 1) as f64;
     ramp.iter()
@@ -223,6 +222,7 @@ fn is_line(ramp: &[u16]) -> bool {
         .all(|(at, &value)| (f64::from(value) / 65535.0 - at as f64 / last).abs() <= RAMP_TOLERANCE)
 }
 
+/// Whether a transform, in 16.16 fixed point, is the identity.
 fn is_identity(transform: &x11rb::protocol::render::Transform) -> bool {
     const ONE: i32 = 1 << 16;
     let rows = transform;

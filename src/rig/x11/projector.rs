@@ -26,7 +26,6 @@ pub struct X11Projector {
     helper: Helper,
     clock: WallClock,
     process: Option<Process>,
-    /// The frame on screen. `None`: unknown.
     shown: Option<Frame>,
     times: ShowTimes,
     restarts: u64,
@@ -234,11 +233,9 @@ pub(crate) enum Request {
     Open(X11Spec),
     /// Show the levels in the payload, which has one byte for each level.
     Show { resolution: Resolution, channels: usize },
-    /// Check whether the last frame has been on screen without interruption.
     Confirm,
 }
 
-/// The helper's reply to a request.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Reply {
     Opened { monitor: String, resolution: Resolution },
@@ -272,7 +269,6 @@ pub(crate) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8])
     to.flush()
 }
 
-/// Reads one message. `None`: the pipe has ended.
 pub(crate) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<Option<(T, Vec<u8>)>> {
     let mut lengths = [0; 8];
     match from.read_exact(&mut lengths) {

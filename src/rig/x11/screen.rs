@@ -42,7 +42,6 @@ pub(crate) struct Screen {
     monitor: MonitorInfo,
     offset: [i16; 2],
     spec: X11Spec,
-    /// The picture on screen. `None`: unknown.
     shown: Option<Picture>,
 }
 
@@ -182,7 +181,6 @@ impl Screen {
         Ok(())
     }
 
-    /// Confirms that the last frame is still on screen, and that nothing has covered it.
     pub(crate) fn confirm(&mut self) -> Result<()> {
         self.watch.look(&self.connection)?;
         let Some(picture) = self.shown.take() else { return Ok(()) };

@@ -64,7 +64,6 @@ impl Watch {
         Ok(())
     }
 
-    /// Waits for the confirmation of a frame or of a refresh with this serial number.
     pub(crate) fn completed(
         &mut self,
         connection: &RustConnection,
