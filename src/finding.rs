@@ -1,6 +1,5 @@
-//! Findings about a bench or an answer, and how far they can be relied on.
-//!
-//! The colour of a page, the exit status of a verb, and the sentence that a bench can be used follow from findings, and from nothing else.
+//! Findings about a bench or an answer, and their reliability. Findings alone decide the colour of a page, the exit status of a verb, and
+//! the sentence that a bench can be used.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -9,25 +8,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 
-/// A measured value counts as outside of its bound when it lies this many standard errors beyond it.
+/// A measured value is outside its bound when it lies this many standard errors beyond the bound.
 pub const SIGMAS: f64 = 3.0;
 
-/// How serious a finding is, the least serious first.
+/// The seriousness of a finding, with the least serious grade first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
     /// Nothing is amiss.
     Ok,
-    /// Nothing could be measured. That is no confirmation.
+    /// Nothing could be measured, so nothing is confirmed.
     Unmeasured,
-    /// It can be used, but something should be improved.
+    /// The bench or answer can be used, but something should be improved.
     Warning,
-    /// It cannot be used like this.
+    /// The bench or answer cannot be used in this state.
     Fails,
 }
 
 impl Grade {
-    /// The grade in a word; capitals for a failure.
+    /// The grade in a word. A failure is written in capitals.
     pub fn word(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -43,15 +42,15 @@ impl Grade {
 pub struct Finding {
     /// The thing that was examined, in a word or two: `disk`, `pixel map`.
     pub name: Cow<'static, str>,
-    /// How serious it is.
+    /// The seriousness of the finding.
     pub grade: Grade,
-    /// The value that was measured, where the grade follows from one.
+    /// The measured value, if the grade follows from one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub value: Option<f64>,
     /// The standard error of the value.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub error: Option<f64>,
-    /// The bound on the value; none where nothing is judged.
+    /// The bound on the value. `None` when the value is not judged.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub bound: Option<f64>,
     /// The state that was found.
@@ -59,7 +58,7 @@ pub struct Finding {
     /// The expected state. It is empty when the finding states no bound.
     #[serde(skip_serializing_if = "String::is_empty", default)]
     pub expected: String,
-    /// The remedy. It is empty when nothing need be done.
+    /// The remedy. It is empty when nothing needs to be done.
     #[serde(skip_serializing_if = "String::is_empty", default)]
     pub help: String,
 }
@@ -83,13 +82,13 @@ impl Finding {
         Self { name, grade, value: None, error: None, bound: None, found, expected, help }
     }
 
-    /// Something that cannot be measured, for this reason: a clause.
+    /// A finding that something cannot be measured. `because` is a clause with the reason.
     pub fn unmeasured(name: &'static str, because: impl fmt::Display) -> Self {
         Self::graded(name, Grade::Unmeasured, format!("not measured, because {because}"), "", "")
     }
 
-    /// A value with its standard error, which must not exceed the bound by more than [`SIGMAS`] of these; otherwise the grade is `beyond`. An
-    /// error that is NaN does not pass.
+    /// A value with its standard error. The grade is `beyond` when the value exceeds the bound by more than [`SIGMAS`] standard errors, or
+    /// when the error is NaN.
     pub fn at_most(
         name: &'static str,
         [value, error, bound]: [f64; 3],
@@ -102,7 +101,7 @@ impl Finding {
         Self::graded(name, grade, found, expected, help).measured(value, error, bound)
     }
 
-    /// As [`Self::at_most`], for a value that must not be less than the bound.
+    /// Like [`Self::at_most`], for a value that must not be less than the bound.
     pub fn at_least(
         name: &'static str,
         [value, error, bound]: [f64; 3],
@@ -115,8 +114,8 @@ impl Finding {
         Self::graded(name, grade, found, expected, help).measured(value, error, bound)
     }
 
-    /// A share of the light with its standard error, as [`Self::at_most`]. The sentences say what it means that the share passes, and that
-    /// it fails.
+    /// A share of the light with its standard error, judged like [`Self::at_most`]. The two sentences explain a share that passes and a
+    /// share that fails.
     pub fn judged(
         name: &'static str,
         share: Ratio,
@@ -134,7 +133,7 @@ impl Finding {
         finding
     }
 
-    /// A share of the light that is told, but not judged.
+    /// A share of the light that is reported but not judged.
     pub fn told(name: &'static str, share: Ratio, error: f64, meaning: &str) -> Self {
         let Some(value) = share.value() else {
             return Self::unmeasured(name, "there is no light to compare it with");
@@ -143,23 +142,20 @@ impl Finding {
         Self { value: Some(value), error: Some(error), ..finding }
     }
 
-    /// The same finding with the numbers that its grade follows from.
+    /// The same finding with the numbers that determine its grade.
     #[must_use]
     pub fn measured(self, value: f64, error: f64, bound: f64) -> Self {
         Self { value: Some(value), error: Some(error), bound: Some(bound), ..self }
     }
 
-    /// An error that prevents the examination.
+    /// A failure because of an error that prevents the examination.
     pub fn error(name: &'static str, error: &Error) -> Self {
         let text = error.to_string();
         let (found, help) = text.split_once("\n  help: ").unwrap_or((&text, ""));
         Self::graded(name, Grade::Fails, found, "", help)
     }
 
-    /// Fails where the finding does, as an error of the rig.
-    ///
-    /// # Errors
-    /// [`Error::Rig`].
+    /// Returns [`Error::Rig`] with the finding's name, state and remedy if the finding fails.
     pub fn require(&self) -> Result<(), Error> {
         if self.grade != Grade::Fails {
             return Ok(());
@@ -169,8 +165,7 @@ impl Finding {
     }
 }
 
-/// One line: `exposure      warning  found; expected: … → what to do`. The last two are left out of a finding
-/// that is as expected.
+/// One line: `exposure      warning  found; expected: … → what to do`. It ends after `found` if the finding is as expected.
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:<13} {:<7}  {}", self.name, self.grade.word(), self.found)?;
@@ -187,12 +182,12 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The most serious grade among findings; [`Grade::Ok`] of none.
+/// The most serious grade among findings. It is [`Grade::Ok`] when there are none.
 pub fn worst<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Grade {
     findings.into_iter().map(|finding| finding.grade).max().unwrap_or(Grade::Ok)
 }
 
-/// Adds findings to others. Of two of one name the more serious one is kept.
+/// Adds findings to others. When two findings have the same name, the more serious one is kept.
 pub fn merge(into: &mut Vec<Finding>, more: impl IntoIterator<Item = Finding>) {
     for finding in more {
         match into.iter_mut().find(|known| known.name == finding.name) {
@@ -203,7 +198,6 @@ pub fn merge(into: &mut Vec<Finding>, more: impl IntoIterator<Item = Finding>) {
     }
 }
 
-/// A percentage of two or three digits.
 fn percent(share: f64) -> String {
     match 100.0 * share {
         0.0 => "0".into(),
@@ -213,22 +207,22 @@ fn percent(share: f64) -> String {
     }
 }
 
-/// All findings of a check, in the order of the examination.
+/// All findings of a check, in the order of examination.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Findings {
     /// The findings.
     pub all: Vec<Finding>,
-    /// Whether everything was examined. A failure may prevent the rest.
+    /// Whether everything was examined. A failure may prevent the remaining examination.
     pub complete: bool,
 }
 
 impl Findings {
-    /// How many findings have this grade.
+    /// The number of findings with this grade.
     pub fn count(&self, grade: Grade) -> usize {
         self.all.iter().filter(|finding| finding.grade == grade).count()
     }
 
-    /// Whether everything was examined that the use of the bench depends on, and nothing fails.
+    /// Whether everything that the use of the bench depends on was examined, and nothing failed.
     pub fn passed(&self) -> bool {
         self.complete && self.count(Grade::Fails) == 0
     }
@@ -252,22 +246,23 @@ fn plural(count: usize) -> &'static str {
     if count == 1 { "" } else { "s" }
 }
 
-/// A ratio, or nothing where the denominator is no more than [`SIGMAS`] of its standard errors: there is then nothing to measure. It is never
-/// infinite or NaN. It displays as a percentage of three digits, such as `3.14 %`, or as `–`.
+/// A ratio, or nothing where the denominator does not exceed [`SIGMAS`] of its standard errors, because nothing can then be measured. A
+/// ratio is never infinite or NaN. It displays as a percentage of three digits, such as `3.14 %`, or as `–`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Ratio(Option<f64>);
 
 impl Ratio {
-    /// `numerator / denominator`, where `error` is the standard error of the denominator; 0 where it is exact.
+    /// `numerator / denominator`, where `error` is the standard error of the denominator. The error is 0 for an exact denominator.
     pub fn of(numerator: f64, denominator: f64, error: f64) -> Self {
         let is_measured = denominator.abs() > SIGMAS * error;
         Self(Some(numerator / denominator).filter(|value| is_measured && value.is_finite()))
     }
 
-    /// `numerator / ‖v‖` for measured values, each with its variance: the length without what noise adds to it. Of noise alone, which has a length
-    /// as well, there is nothing to measure: it passes for light in one case of 45 with a single value, of 246 with 64, and of 741 with many. The sum
-    /// of their squares is compared with [`SIGMAS`] of its standard errors, and it is skewed where they are few.
+    /// `numerator / ‖v‖` for measured values, each with its variance. The contribution of noise is subtracted from the length. Noise alone
+    /// also has a length, but there is then nothing to measure. Such noise is mistaken for light in one case of 45 with a single value, of
+    /// 246 with 64 values, and of 741 with many. The reason is that the sum of squares is compared with [`SIGMAS`] of its standard errors,
+    /// and its distribution is skewed when there are few values.
     pub fn to_length(numerator: f64, measured: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let [mut excess, mut spread] = [0.0; 2];
         for [value, variance] in measured {
@@ -278,7 +273,7 @@ impl Ratio {
         Self::of(numerator, excess.max(0.0).sqrt(), (spread.sqrt() / SIGMAS).sqrt())
     }
 
-    /// The ratio; `None` where there is nothing to measure.
+    /// The ratio. `None` where there is nothing to measure.
     pub fn value(self) -> Option<f64> {
         self.0
     }
@@ -296,7 +291,7 @@ impl Ratio {
     }
 }
 
-/// A share that is known; what is infinite or NaN is none.
+/// A known share. An infinite value or NaN becomes a ratio without a value.
 impl From<f64> for Ratio {
     fn from(share: f64) -> Self {
         Self(Some(share).filter(|share| share.is_finite()))
@@ -310,8 +305,8 @@ impl fmt::Display for Ratio {
     }
 }
 
-/// A number with so many decimals, as in `0.1235`. Where that would show fewer than two of its digits, or more than nine before the point, it has so
-/// many significant digits (three or more) and a power of ten, as in `1.235e-7`: only zero is shown as zero.
+/// A number with this many decimals, as in `0.1235`. If that would show fewer than two significant digits, or more than nine digits before
+/// the point, it has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Only zero is shown as zero.
 pub fn decimal(value: f64, decimals: usize) -> String {
     let least = 10_f64.powi(1 - decimals as i32);
     if value == 0.0 || !value.is_finite() || (least..1e9).contains(&value.abs()) {
@@ -385,7 +380,7 @@ mod tests {
         assert_eq!(serde_json::from_str::<Vec<Finding>>(&text).expect("and read"), all);
     }
 
-    /// Numerators and denominators of every size, zeros, infinities and NaN among them.
+    /// Numerators and denominators of every size, including zeros, infinities and NaN.
     #[test]
     fn a_ratio_is_a_number_beyond_the_error_of_its_denominator_or_nothing() {
         let mut random = Pcg64::seed_from_u64(3);
@@ -431,8 +426,8 @@ mod tests {
             };
             (0..1000).map(measured).filter(|&is_measured| is_measured).count()
         };
-        // A sum of 64 squares is beyond 64 + 3 √128 in 4 of 1000 cases of noise alone (χ²), in 945 where light is as strong as noise, and in
-        // all but 1e-5 where it is half as strong again (noncentral χ²). The bounds are four deviations of such counts.
+        // With noise alone, a sum of 64 squares exceeds 64 + 3 √128 in 4 of 1000 cases (χ²). It does so in 945 cases with light as strong
+        // as noise, and in all but 1e-5 with light half as strong again (noncentral χ²). The bounds are four deviations of such counts.
         let [noise, faint, light] = [0.0, 1.0, 1.5].map(found);
         assert!(noise <= 12 && (916..=974).contains(&faint) && light == 1000, "{noise} {faint} {light}");
         let exact = Ratio::to_length(2.0, [[3.0, 0.0], [4.0, 0.0]]);
@@ -454,7 +449,7 @@ mod tests {
             let text = decimal(value, decimals);
             let shown: f64 = text.parse().expect("a number");
             prop_assert!(text.bytes().any(|digit| (b'1'..=b'9').contains(&digit)), "{value:e} is shown as {text}");
-            // Half of the last digit, and what the arithmetic of this test rounds.
+            // Half of the last digit, plus the rounding in this test's arithmetic.
             let last = match text.contains('e') {
                 true => 10_f64.powi(1 - decimals as i32) * value.abs(),
                 false => 10_f64.powi(-(decimals as i32)),

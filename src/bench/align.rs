@@ -1,18 +1,18 @@
-//! Coaxial alignment: whether camera and projector share one centre of projection, and if not, which way the camera must move.
+//! Coaxial alignment: whether camera and projector share one centre of projection, and otherwise where the camera must move.
 //!
-//! A round of structured light finds where each camera pixel looks on the projector's raster. If both devices share one centre,
-//! one map joins their rasters whatever the scene. If they do not, near surfaces are displaced against far ones:
+//! A round of structured light finds the point of the projector's raster that each camera pixel sees. If both devices share one
+//! centre, one map joins their rasters for every scene. Otherwise, near surfaces are displaced relative to far ones:
 //!
-//! | figure | from |
+//! | figure | source |
 //! |---|---|
-//! | disparity | codes against the one map that fits most of them |
+//! | disparity | codes compared with the one map that fits most of them |
 //! | camera offset | the cells displaced from that map, which are assumed to be nearer |
 //! | shadow | camera pixels that see the scene, but no light straight from the projector |
-//! | symmetry | `yᵀ A x` against `xᵀ A y`, as in [`crate::bench::audit`] |
+//! | symmetry | `yᵀ A x` compared with `xᵀ A y`, as in [`crate::bench::audit`] |
 //!
 //! **These figures cannot distinguish near from far**: a bump seen from the left has the same codes and shadows as a dent seen
-//! from the right (relief reversal). So the larger part of the view is taken as the background, and whatever is displaced from
-//! its map as an object in front of it: hang a small object there to align by. On a flat scene all figures are 0.
+//! from the right (relief reversal). The larger part of the view is therefore taken as the background, and everything displaced
+//! from its map as an object in front of it. Hang a small object there to align by. On a flat scene all figures are 0.
 
 mod disparity;
 
@@ -31,7 +31,7 @@ use crate::measure::{LensMap, Plane, Registration};
 /// The options of an alignment round.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AlignOptions {
-    /// Number of random patterns; symmetry is judged from all pairs of them, and not at all with fewer than two.
+    /// Number of random patterns. Symmetry is judged from all pairs of them, and is not judged with fewer than two.
     pub patterns: usize,
     /// The largest `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
     pub asymmetry: f64,
@@ -52,28 +52,28 @@ pub struct Alignment {
     pub camera: Resolution,
     /// Each camera pixel's light under white, in linear digital numbers (DN).
     pub white: Vec<f64>,
-    /// The sight of each camera pixel.
+    /// The kind of thing that each camera pixel sees.
     pub sights: Vec<Sight>,
     /// The share of shadow among the pixels that see the scene.
     pub shadow: f64,
     /// The share of the projector's field where the camera sees nothing: a black surface, or a shadow without any light.
     pub dark: f64,
-    /// The displacements that a common map does not explain.
+    /// The displacements that the common map does not explain.
     pub disparity: Disparity,
-    /// The camera offset; none if no cells are displaced from the map.
+    /// The camera offset. `None` if too few cells are displaced from the map.
     pub stand: Option<CameraOffset>,
-    /// The symmetry score; none if it is not judged.
+    /// The symmetry score. `None` if symmetry is not judged.
     pub symmetry: Option<Finding>,
 }
 
-/// A round: its result, or why there is none.
+/// The result of a round, or the reason that there is none.
 #[derive(Clone, Debug)]
 pub enum Round {
     /// The round succeeded.
     Found(Box<Alignment>),
     /// No map could be fitted.
     Lost {
-        /// The fault that the rig shows instead.
+        /// The fault of the rig that prevented the fit.
         fault: String,
         /// The remedy.
         help: String,
@@ -86,7 +86,7 @@ impl Alignment {
         disparity::least(&self.disparity)
     }
 
-    /// The findings: displacement from the common map, shadow, and symmetry where it is judged.
+    /// The findings: displacement from the common map, shadow, and symmetry if it is judged.
     pub fn findings(&self, options: &AlignOptions) -> Vec<Finding> {
         let (disparity, least) = (&self.disparity, self.least());
         let [size, error] =
@@ -94,7 +94,7 @@ impl Alignment {
         let displaced = self.stand.map_or(0.0, |stand| 100.0 * stand.share);
         let found = format!("{displaced:.0} % of the field is displaced from one map, by {size:.3} pixels");
         let help = "move the camera to the projector's centre of projection";
-        // The grade follows from enough displaced cells, and not from the size of their displacement alone.
+        // The grade depends on whether enough cells are displaced, and not only on the size of their displacement.
         let grade = if self.stand.is_none() { Grade::Ok } else { Grade::Fails };
         let disparity =
             Finding::graded("disparity", grade, found, format!("at most {least:.3} pixels"), help);
@@ -123,7 +123,7 @@ impl Alignment {
 /// Takes a round.
 ///
 /// # Errors
-/// Any error of taking frames; an [`Error::Rig`] of the fit is returned as [`Round::Lost`].
+/// Any error of taking frames. An [`Error::Rig`] of the fit is returned as [`Round::Lost`].
 pub fn align(observer: &mut StructuredLight<'_>, options: &AlignOptions) -> Result<Round> {
     let decoded = observer.codes()?;
     let fit = match observer.fit(&decoded) {
@@ -151,24 +151,24 @@ pub fn align(observer: &mut StructuredLight<'_>, options: &AlignOptions) -> Resu
     })))
 }
 
-/// A pixel with less than this share of the median direct light is not lit, …
+/// A pixel that is not lit has less direct light than this share of the median direct light.
 const UNLIT: f64 = 0.05;
 
-/// … and at most this share of its light under white is direct.
+/// A pixel that is not lit has at most this share of direct light in its light under white.
 const INDIRECT: f64 = 0.25;
 
-/// A pixel sees the scene if its light exceeds this many standard deviations of the noise, …
+/// A pixel sees the scene if its light exceeds this many standard deviations of the noise and also [`GLIMMER`].
 const SIGMAS: f64 = 5.0;
 
-/// … and this share of the median direct light; less is negligible.
+/// The least light of a pixel that sees the scene, as a share of the median direct light. Less light is negligible.
 const GLIMMER: f64 = 0.01;
 
-/// The kinds of things that a camera pixel sees.
+/// The kinds of things that a camera pixel can see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
-    /// Light straight from the projector.
+    /// A place that receives light straight from the projector.
     Lit,
-    /// The scene by indirect or ambient light, but no light straight from the projector.
+    /// A place that receives only indirect or ambient light.
     Shadow,
     /// Nothing: a black surface, or a shadow without any light.
     Dark,
@@ -176,7 +176,7 @@ pub enum Sight {
     Outside,
 }
 
-/// Classifies each camera pixel. Within `margin` projector pixels of the field's border, pixels are outside unless they are lit.
+/// Classifies each camera pixel. Pixels within `margin` projector pixels of the field's border count as outside unless they are lit.
 pub(crate) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight> {
     let usual = percentile(decoded.seen.iter().map(|seen| decoded.direct[seen.pixel]), 0.5);
     let margin = margin.max(1.0) + decoded.step as f64;
@@ -202,8 +202,8 @@ pub(crate) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight
         .collect()
 }
 
-/// The score from patterns whose pixels are fully lit or dark, so that the projector's response need not be known. Photos are
-/// resampled by the round's own map. None where fewer than two projector pixels are seen.
+/// The symmetry score from patterns of fully lit and dark pixels, for which the projector's response need not be known. Photos are
+/// resampled with the round's own map. `None` when fewer than two projector pixels are seen.
 pub(crate) fn symmetry(
     observer: &mut StructuredLight<'_>,
     decoded: &Decoded,
@@ -233,7 +233,7 @@ pub(crate) fn symmetry(
         photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
         patterns.push(pattern);
     }
-    // The black photo is subtracted from all photos, so `2 photo − white` contains it once: its noise is added to white's.
+    // The black photo is subtracted from all photos, so `2 photo − white` contains it once, and its noise is added to the noise of white.
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();
@@ -241,7 +241,7 @@ pub(crate) fn symmetry(
     Ok(Some(score(&patterns, &photos, &white, &mask, options.asymmetry)))
 }
 
-/// A photo minus black, resampled to the projector's pixels, with the photo's own noise.
+/// A photo minus black, resampled to the projector's pixels, with the noise of the photo.
 fn resampled(map: &Registration, photo: &[f64], black: &[f64], variance: impl Fn(f64) -> f64) -> Plane {
     let row = |pixel: usize, of: &dyn Fn(usize, f64) -> f64| -> f64 {
         map.row(pixel).map(|(camera, weight)| of(camera, weight)).sum()

@@ -1,4 +1,4 @@
-//! The questions that a bench is asked before its photos are trusted. Each answer is a list of [`Finding`](crate::finding::Finding)s.
+//! The questions to answer about a bench before its photos are trusted. Each answer is a list of [`Finding`](crate::finding::Finding)s.
 //!
 //! | question | module |
 //! |---|---|

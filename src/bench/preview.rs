@@ -1,6 +1,5 @@
-//! The live preview of a rig: one pattern is photographed again and again while a person sets up projector and camera.
-//!
-//! Frames are not converted to light: their figures are those of the camera's counts.
+//! The live preview of a rig: one pattern is photographed repeatedly while a person sets up projector and camera. The figures describe the
+//! camera's counts; frames are not converted to light.
 
 use std::sync::Arc;
 
@@ -17,15 +16,15 @@ use crate::rig::{Frame, ProjectorInfo, RawFrame};
 pub struct CountRange {
     /// The count without light.
     pub black: f64,
-    /// Counts from here on are saturated.
+    /// The count from which counts are saturated.
     pub limit: f64,
     /// The largest count.
     pub full: f64,
 }
 
 impl CountRange {
-    /// The range that a calibration knows. Without one, a frame of the black projector at the shortest
-    /// exposure is taken: its median is the count without light, and only the largest count is saturated.
+    /// The range from a calibration. Without one, a frame of the black projector is taken at the shortest exposure. Its median is then the
+    /// count without light, and only the largest count is saturated.
     pub fn measure(known: Option<&CameraResponse>, frames: &mut dyn FrameSource) -> Result<Self> {
         let camera = frames.camera();
         let full = f64::from((1_u32 << camera.bits) - 1);
@@ -42,11 +41,9 @@ impl CountRange {
     }
 }
 
-/// The frame that shows an image as levels: 0 is level 0, and 1 the brightest level. Values outside of that
-/// are clamped, and the projector's response is not corrected.
-///
-/// # Errors
-/// [`Error::Dimension`](crate::Error::Dimension) when the image does not have the projector's pixels.
+/// The frame that shows an image as levels: 0 becomes level 0, and 1 the brightest level. Values outside this range are clamped, and the
+/// projector's response is not corrected. An image with other pixels than the projector's is an
+/// [`Error::Dimension`](crate::Error::Dimension).
 pub fn level_frame(image: &Image, projector: &ProjectorInfo) -> Result<Frame> {
     let (size, channels, top) = (projector.resolution, projector.channels, f32::from(projector.highest()));
     if image.resolution() != size {
@@ -64,21 +61,20 @@ pub fn level_frame(image: &Image, projector: &ProjectorInfo) -> Result<Frame> {
     Frame::new(size, channels, (0..size.pixels() * channels).map(level).collect())
 }
 
-/// A running preview. Each call is handed the same source of frames.
+/// A running preview. Every call must be given the same source of frames.
 pub struct Preview {
     frame: Arc<Frame>,
     exposure: f64,
     range: CountRange,
     /// The time on the rig's clock when the preview began, in seconds.
     began: f64,
-    /// Frames taken.
     taken: u64,
     last: Option<RawFrame>,
     best_focus: Option<f64>,
 }
 
 impl Preview {
-    /// Starts a preview of `frame` with exposures of so many seconds.
+    /// Starts a preview of `frame` with this exposure in seconds.
     pub fn new(frames: &dyn FrameSource, frame: Arc<Frame>, exposure: f64, range: CountRange) -> Self {
         let began = frames.effort().seconds;
         Self { frame, exposure, range, began, taken: 0, last: None, best_focus: None }
@@ -103,7 +99,7 @@ impl Preview {
         Ok(figures)
     }
 
-    /// How many frames were taken.
+    /// The number of frames taken.
     pub fn taken(&self) -> u64 {
         self.taken
     }
@@ -119,8 +115,7 @@ impl Preview {
     }
 }
 
-/// The figures of one frame. Shares are of all samples; the mean is above black, as a share of the camera's
-/// range.
+/// The figures of one frame. Shares are shares of all samples.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameFigures {
     /// The number of the frame, from 1.
@@ -133,7 +128,7 @@ pub struct FrameFigures {
     pub saturated: f64,
     /// The share of the samples whose count is 0.
     pub black: f64,
-    /// The [focus score](focus()) of this frame and the one before; none of the first frame.
+    /// The [focus score](focus()) of this frame and the previous one. The first frame has none.
     pub focus: Option<f64>,
     /// The best focus score so far.
     pub best_focus: Option<f64>,
@@ -144,8 +139,7 @@ pub struct FrameFigures {
 }
 
 impl FrameFigures {
-    /// The figures of the frame with this number, taken at so many frames per second; the focus score and the
-    /// best so far.
+    /// The figures of frame number `frame`, with the rate in frames per second, the focus score and the best score so far.
     pub(crate) fn of(
         raw: &RawFrame,
         range: &CountRange,
@@ -212,18 +206,14 @@ fn percent(share: f64) -> String {
     }
 }
 
-// A focus score: how sharp a photo is, from two frames of it.
-//
-// The score is the Tenengrad, the mean square of the Sobel gradient (Tenenbaum, *Accommodation in computer
-// vision*, 1970; Krotkov, *Focusing*, IJCV 1, 1988), divided by the squared mean, so that it does not depend
-// on exposure and brightness. In the square of a gradient, noise counts as much as an edge. The score
-// therefore takes the *product* of the gradients of two frames of the same scene: their noise is independent
-// and averages out.
+// The focus score is the Tenengrad, the mean square of the Sobel gradient (Tenenbaum, *Accommodation in computer vision*, 1970; Krotkov,
+// *Focusing*, IJCV 1, 1988). It is divided by the squared mean, so that it does not depend on exposure and brightness. In the square of a
+// gradient, noise counts as much as an edge. The score therefore uses the *product* of the gradients of two frames of the same scene: their
+// noise is independent and averages out.
 
-/// The focus score of two frames of the same scene under the same pattern. A larger score is sharper; that of
-/// a uniform surface is 0 up to noise. `black` is the count without light. Pixels with a count of `limit` or
-/// more are left out, and so are their neighbours. `None` when the frames differ in size, when no pixel
-/// remains, or when there is no light.
+/// The focus score of two frames of the same scene under the same pattern. A larger score is sharper, and a uniform surface scores 0 up to
+/// noise. `black` is the count without light. Pixels with a count of `limit` or more are left out together with their neighbours. The score
+/// is `None` when the frames differ in size, no pixel remains, or there is no light.
 pub fn focus(first: &RawFrame, second: &RawFrame, black: f64, limit: f64) -> Option<f64> {
     let (width, height, channels) = (first.resolution.width, first.resolution.height, first.channels);
     if (second.resolution, second.channels) != (first.resolution, channels) {
@@ -292,7 +282,7 @@ mod tests {
         assert!(figures.line(&range).contains("123.4 a second of 0.0333 s"));
     }
 
-    /// Ten counts of two pixels of five channels: one black, three at the limit of 200 or above.
+    /// Ten counts of two pixels with five channels: one count is 0, and three are at the limit of 200 or above.
     #[test]
     fn figures_are_those_of_the_counts_and_lines_say_them() {
         let counts = vec![0, 10, 200, 255, 199, 201, 20, 30, 40, 45];
@@ -320,7 +310,7 @@ mod tests {
         RawFrame { resolution: SIZE, channels: 1, counts, exposure: 0.1, id: 0, started: 0.0 }
     }
 
-    /// A blurred checkerboard with squares of eight pixels, and with this much light on average.
+    /// A blurred checkerboard with squares of eight pixels and with mean `light`.
     fn squares(blur: f64, light: f64) -> Vec<f64> {
         let sharp: Vec<f64> = (0..SIZE.pixels())
             .map(|pixel| (pixel % SIZE.width / 8 + pixel / SIZE.width / 8) % 2)
@@ -344,18 +334,18 @@ mod tests {
         let scores = [0.0, 0.7, 1.5, 3.0].map(|blur| score(&squares(blur, 10_000.0), 0.0, 0));
         assert!(scores.is_sorted_by(|a, b| a > b), "{scores:?}");
         let dim = score(&squares(1.5, 2_500.0), 0.0, 0);
-        // Rounding to counts is 1e-4 of the light.
+        // Rounding to counts changes the light by 1e-4.
         assert!((dim / scores[2] - 1.0).abs() < 1e-2, "{dim} {}", scores[2]);
     }
 
-    /// Two slopes in three channels: gradients of (20, 6) and (40, −10), summed over channels, and a product of 740 everywhere.
+    /// Slopes of two frames. Their gradients, summed over three channels, are (20, 6) and (40, −10), and the product is 740 everywhere.
     #[test]
     fn the_score_of_slopes_is_the_product_of_their_gradients_over_that_of_their_light() {
         let slope = |right: i32, down: i32, channels: usize| {
             let value = |sample: usize| {
                 let (pixel, channel) = (sample / channels, sample % channels);
                 let (x, y) = ((pixel % SIZE.width) as i32, (pixel / SIZE.width) as i32);
-                // Channels share the slope; the third has none.
+                // Two channels have the slope, and the third has none.
                 let share = if channel < 2 { 1 } else { 0 };
                 (5000 + share * (right * x + down * y)) as u16
             };
@@ -364,7 +354,7 @@ mod tests {
         };
         let (first, second) = (slope(10, 3, 3), slope(20, -5, 3));
         let found = focus(&first, &second, 1000.0, 65_535.0).expect("there is light");
-        // The light of all pixels but the border's, on average that of the middle; black is subtracted from each channel.
+        // The mean light of all pixels inside the border equals the light in the middle. Black is subtracted from each channel.
         let light = |right: f64, down: f64| 3.0 * 4000.0 + 2.0 * (31.5 * right + 23.5 * down);
         let expected = (20.0 * 40.0 - 6.0 * 10.0) / (light(10.0, 3.0) * light(20.0, -5.0));
         // All numbers are whole until the last division.
@@ -382,8 +372,7 @@ mod tests {
             let frame = frame(|pixel| noisy[pixel]);
             focus(&frame, &frame, 0.0, 65535.0).expect("there is light")
         };
-        // Noise of 6 %: its square has a large mean, but the product of two independent gradients has the
-        // mean 0.
+        // The noise is 6 %. Its square has a large mean, but the product of two independent gradients has the mean 0.
         let by_two = (0..8).map(|seed| score(&even, 577.0, seed).abs()).fold(0.0, f64::max);
         assert!(by_two < 0.1 * by_one_frame, "{by_two} {by_one_frame}");
         let (noisy, clean) =

@@ -1,4 +1,4 @@
-//! The devices that are attached to this computer, as far as they can be found: what a rig file may name.
+//! The devices attached to this computer, as far as they can be found. A rig file may name them.
 
 use std::net::Ipv4Addr;
 
@@ -13,25 +13,26 @@ use crate::error::{Error, Result};
 pub struct AttachedDevices {
     /// The monitors of the X server, in its order.
     pub monitors: Vec<MonitorInfo>,
-    /// The cameras of every kind that this program was built with.
+    /// The cameras of every kind that this program supports.
     pub cameras: Vec<AttachedCamera>,
 }
 
 /// A camera that was found.
 #[derive(Clone, Debug)]
 pub struct AttachedCamera {
-    /// The lines for a person: its kind, address and name, then its abilities.
+    /// The lines to print: first kind, address and name, then the abilities.
     pub lines: Vec<String>,
-    /// Why its abilities are not known, where it was asked for them.
+    /// The reason that its abilities are unknown although they were requested.
     pub unknown: Option<String>,
-    /// The same as an object: `kind`, as in a rig file, what identifies the camera, and `abilities` where they are known.
+    /// The same data as an object: `kind` as in a rig file, the identity of the camera, and `abilities` if they are known.
     pub described: Value,
 }
 
 impl AttachedDevices {
-    /// Searches for monitors and cameras. `display` names the X server; by default it is that of `of_file`, or that of DISPLAY. The camera of
-    /// `of_file`, a rig file's devices, is asked what it can do; with `all` every camera is. What a camera says of itself is read by a process of
-    /// the helper program ([`Helper::find`](super::Helper::find)). What cannot be searched for is told to `note`, and does not hide the rest.
+    /// Searches for monitors and cameras. `display` names the X server; the default is the server of `of_file`, or otherwise of DISPLAY.
+    /// `of_file` has the devices of a rig file, and its camera is asked for its abilities. With `all`, every camera is asked. A process of
+    /// the helper program ([`Helper::find`](super::Helper::find)) reads each camera's description. If a search fails, `note` receives the
+    /// error, and the other searches continue.
     pub fn find(
         display: Option<&str>,
         of_file: Option<&HardwareRig>,
@@ -64,14 +65,14 @@ impl AttachedDevices {
 }
 
 impl AttachedCamera {
-    /// A camera of this kind, by the name of the kind in a rig file.
+    /// A camera of this kind. `kind` is the name in a rig file.
     fn new(kind: &str, camera: &impl Serialize, said: String) -> Self {
         let mut found = Self { lines: vec![said], unknown: None, described: json!(camera) };
         found.add("kind", kind.into());
         found
     }
 
-    /// The same camera with its abilities, where it `is_asked`.
+    /// The same camera with its abilities, if `is_asked`.
     #[cfg(any(feature = "gige", feature = "usb3"))]
     fn able(mut self, is_asked: bool, kind: &str, place: Option<&str>) -> Self {
         if !is_asked {
@@ -84,7 +85,6 @@ impl AttachedCamera {
                 self.lines.push(abilities.to_string());
                 self.add("abilities", json!(abilities));
             }
-            // The camera exists, but does not answer this question.
             Err(why) => self.unknown = Some(why.to_string()),
         }
         self

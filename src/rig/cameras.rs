@@ -1,4 +1,4 @@
-//! The kinds of cameras, and the description of each in a rig file. That of a still camera is beside its driver.
+//! The kinds of cameras, and the description of each kind in a rig file. The description of a still camera is beside its driver.
 
 use std::net::Ipv4Addr;
 
@@ -21,7 +21,7 @@ pub enum CameraKind {
     Gphoto2,
 }
 
-/// The description of a camera of any kind.
+/// The description of a camera of one of these kinds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSpec {
     /// See [`GigeSpec`].
@@ -70,17 +70,16 @@ impl From<Gphoto2Spec> for CameraSpec {
     }
 }
 
-/// The default range of exposures, in seconds, which most machine vision cameras have.
+/// The default range of exposures in seconds. Most machine vision cameras have it.
 pub(crate) fn exposures() -> [f64; 2] {
     [1e-4, 1.0]
 }
 
-/// The default time in seconds to wait for a frame beyond its exposure.
+/// The default number of seconds to wait for a frame beyond its exposure.
 pub(crate) fn timeout() -> f64 {
     1.0
 }
 
-/// The error where krylux was built without support for a kind of camera.
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
 pub(crate) fn not_built(what: &str, feature: &str) -> crate::Error {
     crate::rig::camera_fault(
@@ -126,7 +125,7 @@ pub struct GigeSpec {
 }
 
 impl GigeSpec {
-    /// The camera at this address, with counts of 12 bits and an image of `width` by `height` pixels.
+    /// A description of the camera at this address, with counts of 12 bits and an image of `width` by `height` pixels.
     pub fn new(address: Ipv4Addr, width: usize, height: usize) -> Self {
         Self {
             kind: CameraKind::Gige,
@@ -191,7 +190,7 @@ pub struct Usb3Spec {
 }
 
 impl Usb3Spec {
-    /// The only camera that is plugged in, with counts of 12 bits and an image of `width` by `height` pixels.
+    /// A description of the only camera that is plugged in, with counts of 12 bits and an image of `width` by `height` pixels.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             kind: CameraKind::Usb3,
@@ -221,7 +220,7 @@ impl Usb3Spec {
     }
 }
 
-/// A description of a camera of Linux's video interface, e.g. a webcam. It runs freely, and its gray counts are used.
+/// A description of a camera of Linux's video interface, for example a webcam. The camera runs freely, and krylux uses its gray counts.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct V4lSpec {
@@ -246,13 +245,13 @@ pub struct V4lSpec {
     /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "timeout")]
     pub timeout: f64,
-    /// The number of frames that are discarded before each photo, in addition to those that the driver buffers: those that the camera
-    /// itself may have begun too early.
+    /// The number of additional frames to discard before each photo, because the camera itself may have begun them too early. The
+    /// frames that the driver buffers are discarded anyway.
     #[serde(default = "two")]
     pub skip: u32,
 }
 
-/// The pixel formats that are supported.
+/// The supported pixel formats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum V4lFormat {
@@ -265,7 +264,7 @@ pub enum V4lFormat {
     /// 16 bits of gray.
     #[default]
     Y16,
-    /// Luma and chroma alternately, 8 bits each; only luma is used.
+    /// Alternating luma and chroma of 8 bits each. Only luma is used.
     Yuyv,
 }
 

@@ -5,35 +5,32 @@ use std::time::{Duration, Instant};
 use super::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 use crate::error::Result;
 
-/// A projector: a device that shows frames.
-///
-/// [`Projector::info`] and [`Projector::show`] must be written; the defaults of the other methods fit a device whose frame
-/// stays on screen until the next one is shown.
+/// A device that shows frames. It must implement [`Projector::info`] and [`Projector::show`]. The defaults of the other methods fit a
+/// device whose frame stays on screen until the next one is shown.
 pub trait Projector: Send {
     /// The projector's properties. They do not change while it is open.
     fn info(&self) -> &ProjectorInfo;
 
-    /// Shows `frame`, and returns when the device confirms that it is on screen. Whether its light is there by then is another
-    /// question: [`crate::measure`] waits for the measured settle time.
+    /// Shows `frame`, and returns when the device confirms that the frame is on screen. The light may appear later:
+    /// [`crate::measure`] waits for the measured settle time.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device (see [`ProjectorInfo::check`]), or the device
-    /// fails.
+    /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device (see [`ProjectorInfo::check`]), or the device fails.
     fn show(&mut self, frame: &Frame) -> Result<Shown>;
 
-    /// How long the last [`Projector::show`] waited for refreshes. The default is 0: not known.
+    /// How long the last [`Projector::show`] waited for refreshes. The default is 0, which means unknown.
     fn waited(&self) -> Waited {
         Waited::default()
     }
 
-    /// Shows the frame that was on screen when an earlier session ended, so that this session can continue it. The default
-    /// shows it as any other. A virtual projector overrides this: in simulated time no time passed between the sessions.
+    /// Shows the frame that was on screen when an earlier session ended, so that this session can continue it. The default shows it like
+    /// any other frame. A virtual projector overrides this method, because no simulated time passes between sessions.
     fn restore(&mut self, frame: &Frame) -> Result<Shown> {
         self.show(frame)
     }
 
     /// Confirms that the last frame has been on screen without interruption since it was shown, so that a photo taken meanwhile
-    /// is of this frame. The default is for a device that nothing can cover.
+    /// shows this frame. The default is for a device whose frame nothing can cover.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when something else was on screen, or the device fails.
@@ -42,28 +39,25 @@ pub trait Projector: Send {
     }
 }
 
-/// A camera: a device that counts light.
-///
-/// [`Camera::info`], [`Camera::configure`] and [`Camera::capture`] must be written.
+/// A device that counts light. It must implement [`Camera::info`], [`Camera::configure`] and [`Camera::capture`].
 pub trait Camera: Send {
     /// The camera's properties. They do not change while it is open.
     fn info(&self) -> &CameraInfo;
 
-    /// Sets the exposure, in seconds, and returns the exposure that the camera really set.
+    /// Sets the exposure in seconds, and returns the exposure that the camera really set.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when it is out of range (see [`CameraInfo::check_exposure`]), or the camera fails.
+    /// [`Error::Rig`](crate::Error::Rig) when the exposure is out of range (see [`CameraInfo::check_exposure`]), or the camera fails.
     fn configure(&mut self, exposure: f64) -> Result<f64>;
 
-    /// Takes one frame. `None` means that none came in time (it was dropped on the way, or the camera hangs) and that the
-    /// caller may try again.
+    /// Takes one frame. `None`: no frame came in time, because it was dropped on the way or the camera hangs. The caller may try again.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the camera fails for good.
     fn capture(&mut self) -> Result<Option<RawFrame>>;
 
-    /// Closes the stream of frames and opens it again, for a camera that hangs. The exposure stays as it was set. The default
-    /// does nothing: it is for a camera that has no stream.
+    /// Closes the stream of frames of a camera that hangs, and opens it again. The exposure stays as it was set. The default
+    /// does nothing, for a camera without a stream.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the camera does not come back.
@@ -71,7 +65,7 @@ pub trait Camera: Send {
         Ok(())
     }
 
-    /// The losses on the way from the camera since it was opened. The default is none.
+    /// The losses on the way from the camera since it was opened. The default reports none.
     fn losses(&self) -> Losses {
         Losses::default()
     }
@@ -80,11 +74,11 @@ pub trait Camera: Send {
 /// Losses on the way from a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
-    /// Packets that were lost, and sent again on request.
+    /// Packets that were lost and sent again on request.
     pub resent: u64,
-    /// Frames that came without some of their packets. They are not used.
+    /// Frames that came without some of their packets. They are discarded.
     pub incomplete: u64,
-    /// The packets of these frames that never came.
+    /// The packets that never came of these incomplete frames.
     pub missing: u64,
 }
 
@@ -100,13 +94,13 @@ impl std::ops::Add for Losses {
     }
 }
 
-/// The clock of a rig, in seconds: real time ([`WallClock`]) for hardware, simulated time for virtual
-/// devices. A projector's confirmations and a camera's frames carry times of this clock.
+/// The clock of a rig, in seconds. Hardware uses real time ([`WallClock`]), and virtual devices use simulated time. The times
+/// in a projector's confirmations and a camera's frames are read from this clock.
 pub trait Clock: Send {
-    /// Seconds since the rig was opened; a session that continues an earlier one counts on from its end.
+    /// Seconds since the rig was opened. A session that continues an earlier one counts on from the end of that session.
     fn now(&self) -> f64;
 
-    /// Lets this many seconds pass. The default lets the thread sleep.
+    /// Lets this many seconds pass. By default the thread sleeps.
     fn sleep(&mut self, seconds: f64) {
         if let Ok(time) = Duration::try_from_secs_f64(seconds) {
             std::thread::sleep(time);
@@ -117,25 +111,25 @@ pub trait Clock: Send {
 /// A projector's confirmation that a frame is on screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
-    /// When the device confirmed it, in seconds on the rig's clock.
+    /// The time of the confirmation, in seconds on the rig's clock.
     pub at: f64,
 }
 
-/// Seconds that a projector spent waiting for its own refreshes.
+/// The seconds that a projector spent waiting for refreshes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Waited {
-    /// Until the next refresh, which brought the frame.
+    /// The wait until the next refresh, which brought the frame.
     pub refresh: f64,
-    /// The settle refreshes after that one.
+    /// The wait for the settle refreshes after that one.
     pub settle: f64,
 }
 
-/// The last frame of a session; a later session continues after it.
+/// The number and time of a session's last frame, after which a later session continues.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamp {
     /// The frame's number.
     pub id: u64,
-    /// When its exposure ended, in seconds on the rig's clock.
+    /// The end of its exposure, in seconds on the rig's clock.
     pub time: f64,
 }
 
@@ -148,8 +142,7 @@ impl Stamp {
 
 /// The open devices of a rig.
 ///
-/// A device of your own needs two methods if it is a projector, three if it is a camera; the other methods have
-/// defaults:
+/// You can implement your own devices. A projector needs two methods and a camera three; the other methods have defaults:
 ///
 /// ```
 /// use std::sync::{Arc, Mutex};
@@ -258,12 +251,12 @@ pub struct Devices {
     pub projector: Box<dyn Projector>,
     /// The camera.
     pub camera: Box<dyn Camera>,
-    /// The clock whose times both report.
+    /// The clock that both devices use.
     pub clock: Box<dyn Clock>,
 }
 
 impl Devices {
-    /// These three devices together.
+    /// Devices made of a projector, a camera and a clock.
     pub fn new(
         projector: impl Projector + 'static,
         camera: impl Camera + 'static,
@@ -273,16 +266,16 @@ impl Devices {
     }
 }
 
-/// Real time in seconds, from a given moment on. Copies tell the same time.
+/// Real time in seconds, counted from a given moment. Copies tell the same time.
 #[derive(Clone, Copy, Debug)]
 pub struct WallClock {
     origin: Instant,
-    /// The time that it told at the origin, in seconds.
+    /// The time at the origin, in seconds.
     start: f64,
 }
 
 impl WallClock {
-    /// A clock that tells `start` seconds now.
+    /// A clock whose time is now `start` seconds.
     pub fn starting_at(start: f64) -> Self {
         Self { origin: Instant::now(), start }
     }

@@ -1,9 +1,9 @@
-//! Frames, rasters of a projector's levels and of a camera's counts, and the properties of both devices.
+//! Frames are rasters of a projector's levels or of a camera's counts. The properties of both devices are here too.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// A frame for a projector: a level from 0 to `2^bits − 1` for each pixel and channel, interleaved, row by row from the top left as in
+/// A frame for a projector: a level from 0 to `2^bits − 1` for each pixel and channel, interleaved row by row from the top left as in
 /// [`crate::image::Image`].
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Frame {
@@ -13,7 +13,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame with these levels, laid out as the type says.
+    /// A frame with these levels, laid out as described at the type.
     ///
     /// # Errors
     /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or the number of levels is not `w·h·channels`.
@@ -22,7 +22,7 @@ impl Frame {
         Ok(Self { resolution, channels, levels })
     }
 
-    /// A frame that has this level everywhere. `channels` is 1 or 3.
+    /// A frame with the same level everywhere. `channels` is 1 or 3.
     pub fn filled(resolution: Resolution, channels: usize, level: u16) -> Self {
         debug_assert!(channels == 1 || channels == 3);
         Self { resolution, channels, levels: vec![level; resolution.pixels() * channels] }
@@ -44,7 +44,7 @@ impl Frame {
     }
 }
 
-/// A frame of a camera: the counts of one exposure, with the data to verify that it is the expected one.
+/// A frame of a camera. It holds the counts of one exposure, and the data to verify that it is the expected frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawFrame {
     /// Size in camera pixels.
@@ -53,20 +53,17 @@ pub struct RawFrame {
     pub channels: usize,
     /// Counts (digital numbers) from 0 to `2^bits − 1`, interleaved, row by row from the top left.
     pub counts: Vec<u16>,
-    /// The exposure in seconds that was really set.
+    /// The exposure that was really set, in seconds.
     pub exposure: f64,
-    /// The number of the frame, which increases from frame to frame. A gap means that a frame was lost; a repetition means that the
-    /// same frame was returned twice.
+    /// The number of the frame, which increases from frame to frame. A gap means that a frame was lost. A repetition means that the same
+    /// frame was returned twice.
     pub id: u64,
-    /// When the exposure began, in seconds on the rig's clock (see [`crate::rig::Clock`]).
+    /// The time at which the exposure began, in seconds on the rig's clock (see [`crate::rig::Clock`]).
     pub started: f64,
 }
 
 impl RawFrame {
-    /// Checks that there is one count for each pixel and channel.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when there is not.
+    /// Checks that there is one count for each pixel and channel. Otherwise it returns [`Error::Dimension`].
     pub fn check(&self) -> Result<()> {
         check(self.resolution, self.channels, self.counts.len(), "counts of a camera's frame")
     }
@@ -93,22 +90,22 @@ fn check(resolution: Resolution, channels: usize, found: usize, what: &'static s
 /// The properties of a projector.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ProjectorInfo {
-    /// The projector's name; it is part of every photo's key in a journal.
+    /// The projector's name, which is part of every photo's key in a journal.
     pub name: String,
-    /// The pixels that can be addressed.
+    /// The number of addressable pixels.
     pub resolution: Resolution,
     /// 1 (gray) or 3.
     pub channels: usize,
     /// Bits of a level, 1 to 16: the highest level is `2^bits − 1`.
     pub bits: u32,
-    /// Seconds from one refresh to the next; exposures should be whole multiples of it. 0: the projector shows steadily.
+    /// Seconds from one refresh to the next. Exposures should be whole multiples of it. 0: the projector shows steadily.
     pub frame_time: f64,
 }
 
 /// The properties of a camera.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CameraInfo {
-    /// The camera's name; it is part of every photo's key in a journal.
+    /// The camera's name, which is part of every photo's key in a journal.
     pub name: String,
     /// The pixels of a frame.
     pub resolution: Resolution,
@@ -126,10 +123,7 @@ impl ProjectorInfo {
         ((1_u32 << self.bits) - 1) as u16
     }
 
-    /// Checks that the projector can show a frame.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the frame has another size, another number of channels, or higher levels.
+    /// Returns [`Error::Rig`] when a frame has another size, another number of channels, or higher levels than the projector can show.
     pub fn check(&self, frame: &Frame) -> Result<()> {
         let highest = frame.levels().iter().copied().max().unwrap_or(0);
         if (frame.resolution(), frame.channels()) == (self.resolution, self.channels)
@@ -155,10 +149,7 @@ impl ProjectorInfo {
 }
 
 impl CameraInfo {
-    /// Checks that an exposure, in seconds, is within the camera's range.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when it is not.
+    /// Checks that an exposure in seconds is within the camera's range. Otherwise it returns [`Error::Rig`].
     pub fn check_exposure(&self, exposure: f64) -> Result<()> {
         let [shortest, longest] = self.exposures;
         if (shortest..=longest).contains(&exposure) {

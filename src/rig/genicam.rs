@@ -1,8 +1,9 @@
-//! Machine vision cameras that are triggered by software: what GigE Vision and USB3 Vision share. Both describe their features by GenICam, and
-//! the crate `viva-genicam` implements the protocols.
+//! Machine vision cameras that are triggered by software, as far as GigE Vision and USB3 Vision are alike. Both describe their features by
+//! GenICam, and the crate `viva-genicam` implements the protocols.
 //!
-//! Each trigger gives one frame, which has a number and a time. An [`Anchor`] relates the camera's clock to the rig's, and [`Numbers`] increase
-//! over all sessions with a camera. The function [`set_up()`](set_up::set_up) checks the camera's limits, switches automatics off, and reads what the camera can do.
+//! Each trigger gives one frame, which has a number and a time. An [`Anchor`] relates the camera's clock to the rig's clock. [`Numbers`]
+//! increase over all sessions with a camera. The function [`set_up()`](set_up::set_up) checks the camera's limits, switches automatic
+//! features off, and reads the camera's abilities.
 
 pub(crate) mod set_up;
 
@@ -36,7 +37,7 @@ pub trait Transport: Send {
         camera: &mut Described<Self::Registers>,
     ) -> std::result::Result<Self::Stream, GenicamError>;
 
-    /// The next complete frame. `None` or [`GenicamError::Timeout`]: none came within `patience`.
+    /// The next complete frame. `None` or [`GenicamError::Timeout`] means that no frame came within `patience`.
     fn next(
         stream: &mut Self::Stream,
         patience: Duration,
@@ -56,10 +57,9 @@ struct Link<T: Transport> {
 }
 
 impl<T: Transport> Link<T> {
-    /// Opens the camera, sets it up, and starts the acquisition.
     fn open(transport: &T, settings: &Settings) -> Result<Self> {
         let place = transport.place();
-        // The protocol's library needs one, and would end the program.
+        // The protocol's library needs a thread, and would end the program without one.
         if !machine::has_thread() {
             let fault = format!("no thread can be started for the camera {place}");
             return Err(camera_fault(fault, "raise the limit of processes (`ulimit -u`)"));
@@ -74,7 +74,7 @@ impl<T: Transport> Link<T> {
 
 impl<T: Transport> Drop for Link<T> {
     fn drop(&mut self) {
-        // A camera that no longer answers stops by itself.
+        // A camera that no longer answers stops without this request.
         let _ = self.camera.acquisition_stop();
     }
 }
@@ -87,7 +87,7 @@ pub struct Triggered<T: Transport> {
     clock: WallClock,
     link: Option<Link<T>>,
     anchor: Option<Anchor>,
-    /// The exposure that was asked for, and the one that was set, in seconds.
+    /// The requested exposure, and the exposure that the camera set, in seconds.
     exposure: Option<[f64; 2]>,
     numbers: Numbers,
     /// The losses of earlier sessions.
@@ -95,7 +95,7 @@ pub struct Triggered<T: Transport> {
 }
 
 impl<T: Transport> Triggered<T> {
-    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
+    /// Opens the camera. Its frames have times of `clock`, and numbers from `after + 1`.
     pub(crate) fn start(
         transport: T,
         settings: Settings,
@@ -120,10 +120,9 @@ impl<T: Transport> Triggered<T> {
         Ok(camera)
     }
 
-    /// Triggers a frame and waits for it. Returns the frame, and the times when the trigger was sent and when the frame arrived.
+    /// Triggers a frame and waits for it. Returns the frame, and the times of its trigger and of its arrival.
     fn frame(&mut self, exposure: f64) -> std::result::Result<Option<(Frame, [f64; 2])>, GenicamError> {
         let Some(link) = &mut self.link else { return Ok(None) };
-        // Discard frames of the previous trigger that arrived too late.
         while T::next(&mut link.stream, Duration::ZERO).is_ok_and(|frame| frame.is_some()) {}
         let now = self.clock.seconds();
         if self.anchor.is_none_or(|anchor| anchor.is_old(now)) {
@@ -139,10 +138,10 @@ impl<T: Transport> Triggered<T> {
         }
     }
 
-    /// The time when the exposure began, estimated from the camera's stamp and the trigger.
+    /// The time at which the exposure began, estimated from the camera's time stamp and the trigger.
     fn started(&self, frame: &Frame, exposure: f64, [triggered, came]: [f64; 2]) -> f64 {
         let (Some(anchor), Some(stamp)) = (self.anchor, frame.ts_dev) else {
-            // Without a stamp only the trigger's time is known. Late frames of an earlier trigger were discarded before.
+            // Without a stamp, only the time of the trigger is known. Late frames of earlier triggers have already been discarded.
             return triggered;
         };
         let [time, error] = anchor.time_of(stamp);
@@ -153,7 +152,7 @@ impl<T: Transport> Triggered<T> {
         time.min(came - exposure).max(triggered)
     }
 
-    /// The counts of a frame, which must have the format and the size that were set.
+    /// The counts of a frame, which must have the requested format and size.
     fn counts(&self, frame: &Frame) -> Result<Vec<u16>> {
         let format = self.settings.pixel_format;
         let [width, height] = self.settings.sensor.size;
@@ -184,7 +183,6 @@ impl<T: Transport> Triggered<T> {
         })
     }
 
-    /// Sets the exposure of an open camera, in seconds.
     fn set(&mut self, exposure: f64) -> Result<f64> {
         match &mut self.link {
             Some(link) => set_exposure(&mut link.camera, &self.transport.place(), exposure),
@@ -231,7 +229,7 @@ impl<T: Transport> Camera for Triggered<T> {
         let (frame, times) = match self.frame(exposure) {
             Ok(Some(came)) => came,
             Ok(None) => return Ok(None),
-            // The camera does not answer, or another program holds it: the next restart opens it again, or fails.
+            // The camera does not answer, or another program holds it. The next restart opens it again, or fails.
             Err(_) => {
                 self.close();
                 return Ok(None);
@@ -260,19 +258,15 @@ impl<T: Transport> Camera for Triggered<T> {
     }
 }
 
-/// Half the range of a GigE Vision camera's frame numbers. A number that is further back than this belongs to the next round.
+/// Half the range of a GigE Vision camera's frame numbers. A number that lies farther back than this belongs to the next round.
 const WRAP: u64 = 1 << 15;
 
-/// Converts a camera's frame numbers to those of the rig.
 pub(crate) struct Numbers {
-    /// The number that is added to the camera's.
     base: u64,
-    /// The camera's last number.
     last: u64,
 }
 
 impl Numbers {
-    /// Numbers from `after + 1` on.
     pub(crate) fn past(after: u64) -> Self {
         Self { base: after, last: 0 }
     }
@@ -287,26 +281,25 @@ impl Numbers {
         self.base + number
     }
 
-    /// Notes that the camera starts again at 1.
+    /// Notes that the camera's numbers start again at 1.
     pub(crate) fn begin(&mut self) {
         self.base += self.last;
         self.last = 0;
     }
 }
 
-// The relation between the camera's clock and the rig's.
-//
-// A camera stamps its frames by its own clock. An anchor reads the camera's time between two readings of the rig's clock, which
-// relates both with an error of at most half the interval. Afterwards the error grows with the drift between the two quartzes.
+// The relation between the camera's clock and the rig's clock. A camera stamps its frames with its own clock. An anchor reads the camera's
+// time between two readings of the rig's clock, so its error is at most half the interval. Afterwards the error grows with the drift
+// between the two quartz oscillators.
 
-/// A bound on the relative drift between two quartzes.
+/// A bound on the relative drift between two quartz oscillators.
 const DRIFT: f64 = 1e-4;
 
 /// The age in seconds after which an anchor is renewed.
 const AGE: f64 = 10.0;
 
-/// The features that latch and read the camera's time: the command, the value, and ticks per second where the standard fixes them.
-/// The first are of SFNC 2, the second of GigE Vision 1.
+/// The features that latch and read the camera's time: the command, the value, and the ticks per second if the standard fixes them. The
+/// first entry belongs to SFNC 2, and the second to GigE Vision 1.
 const LATCHES: [(&str, &str, Option<f64>); 2] = [
     ("TimestampLatch", "TimestampLatchValue", Some(1e9)),
     ("GevTimestampControlLatch", "GevTimestampValue", None),
@@ -315,18 +308,15 @@ const LATCHES: [(&str, &str, Option<f64>); 2] = [
 /// One simultaneous reading of both clocks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Anchor {
-    /// The camera's time in ticks.
     ticks: f64,
-    /// Ticks of the camera per second.
     per_second: f64,
-    /// The rig's time in seconds.
     time: f64,
     /// The largest error of `time` in seconds.
     error: f64,
 }
 
 impl Anchor {
-    /// Reads both clocks. `None`: the camera does not tell its time.
+    /// Reads both clocks. `None`: the camera does not report its time.
     pub(crate) fn take<T: RegisterIo>(camera: &mut Described<T>, clock: WallClock) -> Option<Self> {
         for (latch, value, unit) in LATCHES {
             let before = clock.seconds();
@@ -346,12 +336,11 @@ impl Anchor {
         None
     }
 
-    /// Whether the anchor is too old at the rig's time `now`.
     pub(crate) fn is_old(&self, now: f64) -> bool {
         now - self.time > AGE
     }
 
-    /// The rig's time of a camera's time stamp, and its largest error, both in seconds.
+    /// The rig's time for a time stamp of the camera, and its largest error, both in seconds.
     pub(crate) fn time_of(&self, stamp: u64) -> [f64; 2] {
         let since = (stamp as f64 - self.ticks) / self.per_second;
         [self.time + since, self.error + DRIFT * since.abs()]

@@ -1,5 +1,5 @@
-//! A machine vision camera on the network: GigE Vision (feature `gige`). Lost packets are sent again. [`super::genicam`] does what is shared
-//! with USB3 Vision.
+//! A machine vision camera on the network: GigE Vision (feature `gige`). Lost packets are sent again. [`super::genicam`] contains the
+//! functions shared with USB3 Vision.
 
 use std::net::Ipv4Addr;
 use std::time::{Duration, Instant};
@@ -15,21 +15,21 @@ use super::hardware::{causes, in_use};
 use super::{GigeSpec, Losses, WallClock, camera_fault};
 use crate::error::Result;
 
-/// How long to wait for a camera that does not answer or is held. After a session that ended abruptly, the camera is free once its
+/// The longest wait for a camera that does not answer or is held. After a session that ended abruptly, the camera is free once its
 /// heartbeat of 3 s has run out.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The GigE Vision status of a camera that another program holds.
 const ACCESS_DENIED: u16 = 0x8006;
 
-/// How long to wait for the answer to one request.
+/// The longest wait for the answer to one request.
 pub(crate) const ANSWER: Duration = Duration::from_millis(500);
 
 /// A GigE Vision camera.
 pub type GigeVision = Triggered<GigeSpec>;
 
 impl GigeVision {
-    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
+    /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when no camera answers there, another program holds it, or it cannot do what `spec` says.
@@ -100,14 +100,15 @@ impl Transport for GigeSpec {
     }
 }
 
-/// Whether the camera refuses because another program controls it. One that is held exclusively refuses to be read, too, as its description is.
+/// Whether the camera refuses because another program controls it. A camera that is held exclusively also refuses to be read, for example
+/// when its description is requested.
 pub(crate) fn is_denied(why: &GenicamError) -> bool {
     causes(why).any(|why| {
         matches!(why.downcast_ref(), Some(GigeError::Status(status)) if status.to_raw() == ACCESS_DENIED)
     })
 }
 
-/// How long cameras may take to answer.
+/// The longest wait for cameras to answer.
 const FIND_ANSWER: Duration = Duration::from_millis(500);
 
 /// A GigE Vision camera that answered.
@@ -115,15 +116,15 @@ const FIND_ANSWER: Duration = Duration::from_millis(500);
 pub struct FoundGigeCamera {
     /// The camera's address.
     pub address: Ipv4Addr,
-    /// The maker, if the camera says.
+    /// The maker, if the camera reports it.
     pub maker: Option<String>,
-    /// The model, if the camera says.
+    /// The model, if the camera reports it.
     pub model: Option<String>,
-    /// The serial number, if the camera says.
+    /// The serial number, if the camera reports it.
     pub serial: Option<String>,
 }
 
-/// Finds the GigE Vision cameras that answer on the computer's own networks, and those at `addresses`.
+/// Finds the GigE Vision cameras that answer on the computer's networks or at `addresses`.
 ///
 /// # Errors
 /// [`Error::Rig`](crate::Error::Rig) when no request can be sent.
@@ -150,10 +151,10 @@ pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundGigeCamera>> {
     Ok(found.into_iter().map(camera).collect())
 }
 
-/// Reads what the camera at an address can do. A program that holds the camera keeps it.
+/// Reads the abilities of the camera at an address. A program that holds the camera keeps it.
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when it does not answer, or cannot be read while another program holds it.
+/// [`Error::Rig`](crate::Error::Rig) when the camera does not answer, or cannot be read while another program holds it.
 pub fn gige_camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
     let failed = |why: GenicamError| match is_denied(&why) {
         true => in_use(&format!("at {address}")),

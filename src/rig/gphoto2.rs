@@ -1,5 +1,5 @@
-//! A still camera that the program `gphoto2` drives. Another program decodes its RAW files. Both run as processes of their own, and their output
-//! is parsed. This has not been tried on hardware.
+//! A still camera that the program `gphoto2` drives. Another program decodes its RAW files. Both run as separate processes, and krylux
+//! parses their output. This has not been tried on hardware.
 
 pub(crate) mod answers;
 pub(crate) mod body;
@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use answers::Setting;
 use body::{Body, Ran, last, prepare, run};
 
-/// The largest factor between a shutter speed and the exposure that is asked for: half a stop, with a margin for rounded speeds.
+/// The largest allowed factor between a shutter speed and the requested exposure: half a stop, with a margin for rounded speeds.
 const NEAR: f64 = 1.5;
 
 /// An open still camera that `gphoto2` drives.
@@ -27,18 +27,17 @@ pub struct Gphoto2 {
     spec: Gphoto2Spec,
     clock: WallClock,
     body: Body,
-    /// The name and the setting of the shutter speed.
     shutter: (String, Setting),
-    /// The exposure that was asked for, and the one that was set, in seconds.
+    /// The requested exposure, and the exposure that was set, in seconds.
     exposure: [f64; 2],
     id: u64,
 }
 
 impl Gphoto2 {
-    /// Opens the camera and sets it as `spec` says. Frames carry the times of `clock`, and numbers from `after + 1` on.
+    /// Opens the camera and sets it up according to `spec`. Frames have times of `clock`, and numbers from `after + 1`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when a program is not installed, there is no such camera, or it has no such choice.
+    /// [`Error::Rig`] when a program is not installed, there is no such camera, or the camera does not offer such a choice.
     pub fn open(spec: &Gphoto2Spec, clock: WallClock, after: u64) -> Result<Self> {
         let (body, shutter) = prepare(spec)?;
         let mut camera = Self {
@@ -54,7 +53,7 @@ impl Gphoto2 {
         Ok(camera)
     }
 
-    /// Releases the shutter and downloads the file; returns its path, and the folder that it is in.
+    /// Releases the shutter and downloads the file. Returns the file's path and folder.
     fn release(&self) -> Result<(PathBuf, TempDir)> {
         let limit = Duration::from_secs_f64(self.exposure[1] + self.spec.timeout);
         let arguments = ["--force-overwrite", "--filename", "photo.%C", "--capture-image-and-download"];
@@ -80,7 +79,6 @@ impl Gphoto2 {
         }
     }
 
-    /// Decodes a RAW file to the counts of the part of the sensor that is used.
     fn decode(&self, raw: &Path, folder: TempDir) -> Result<Vec<u16>> {
         let limit = Duration::from_secs_f64(self.spec.timeout);
         let (program, arguments) = self.spec.decoder.split_first().ok_or_else(|| {
@@ -149,7 +147,7 @@ impl Camera for Gphoto2 {
     }
 
     fn capture(&mut self) -> Result<Option<RawFrame>> {
-        // No still camera says when its shutter opened; it opened after it was released.
+        // A still camera does not report when its shutter opened. The shutter opened after this time.
         let started = self.clock.seconds();
         let (raw, folder) = self.release()?;
         let counts = self.spec.sensor().pixels(self.decode(&raw, folder)?);
@@ -165,31 +163,30 @@ impl Camera for Gphoto2 {
     }
 
     fn restart(&mut self) -> Result<()> {
-        // A camera that was switched off and on has another port and may have other settings.
+        // A camera that was switched off and on has another port, and may have other settings.
         (self.body, self.shutter) = prepare(&self.spec)?;
         self.configure(self.exposure[0]).map(|_| ())
     }
 }
 
-/// The files in a folder, sorted.
 fn files(folder: &Path) -> Vec<PathBuf> {
-    // If our own temporary folder cannot be read, there are no usable files in it.
+    // If the temporary folder cannot be read, there are no usable files in it.
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();
     files
 }
 
-/// A description of a still camera (e.g. a DSLR) that the program `gphoto2` drives, and whose RAW files another program decodes.
+/// A description of a still camera (for example a DSLR) that the program `gphoto2` drives. Another program decodes its RAW files.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gphoto2Spec {
     /// The kind of camera.
     pub kind: CameraKind,
-    /// The model, as `gphoto2 --auto-detect` names it. `None`: the only camera.
+    /// The model as printed by `gphoto2 --auto-detect`. `None`: the only camera.
     #[serde(default)]
     pub model: Option<String>,
-    /// Width and height of the part of the RAW picture that is used, in photosites.
+    /// Width and height of the used part of the RAW picture, in photosites.
     pub size: [usize; 2],
     /// The offset of that part from the sensor's top left photosite, to the right and down.
     #[serde(default)]
@@ -197,43 +194,43 @@ pub struct Gphoto2Spec {
     /// The colour filters of the 2×2 cell at the picture's top left photosite. `None`: the sensor is gray.
     #[serde(default)]
     pub tiles: Option<Tiles>,
-    /// How cells become pixels.
+    /// The conversion of cells to pixels.
     #[serde(default)]
     pub colour: Colour,
     /// Bits of a photosite's count.
     #[serde(default = "fourteen")]
     pub bits: u32,
-    /// The count from which a photosite is saturated. `None`: `2^bits − 1`. The white level of most sensors is lower.
+    /// The count from which a photosite is saturated. `None`: `2^bits − 1`. Most sensors have a lower white level.
     #[serde(default)]
     pub saturation: Option<u16>,
-    /// The sensitivity: one of the camera's choices, e.g. `100`. `None`: it is left unchanged.
+    /// The sensitivity, which is one of the camera's choices, for example `100`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub iso: Option<String>,
-    /// The aperture of the lens: one of the camera's choices, e.g. `8`. `None`: it is left unchanged.
+    /// The aperture of the lens, which is one of the camera's choices, for example `8`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub aperture: Option<String>,
-    /// The format of the files: one of the camera's choices, e.g. `RAW` or `NEF (Raw)`. `None`: it is left unchanged.
+    /// The format of the files, one of the camera's choices such as `RAW` or `NEF (Raw)`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub image_format: Option<String>,
-    /// Values of other settings, by the names that `gphoto2` gives them.
+    /// Values of other settings, with the names in `gphoto2`.
     #[serde(default)]
     pub settings: BTreeMap<String, String>,
     /// The shortest and the longest exposure, in seconds.
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
-    /// Steps of the shutter speed to a doubling. With `stops = 3`, each speed is replaced by the nearest power of the cube root of 2,
-    /// which is the true speed of most cameras (1/60 means 1/64 s, 30 means 32 s); with 2, of the square root. `None`: the camera's
-    /// numbers are taken literally.
+    /// The number of steps of the shutter speed per doubling. With `stops = 3`, each speed is replaced by the nearest power of the cube
+    /// root of 2, which is the true speed of most cameras (1/60 means 1/64 s, 30 means 32 s). With 2, the root is the square root. `None`:
+    /// the camera's numbers are taken literally.
     #[serde(default)]
     pub stops: Option<u32>,
-    /// Seconds beyond the exposure that `gphoto2` may take for a photo, and that the decoder may take for its file.
+    /// Seconds beyond the exposure that `gphoto2` may take for a photo. The decoder may take the same number of seconds for the file.
     #[serde(default = "half_a_minute")]
     pub timeout: f64,
     /// The `gphoto2` program: its absolute path, or a name on `PATH`.
     #[serde(default = "gphoto2")]
     pub program: String,
-    /// The program that decodes RAW, with its arguments; the file's name is appended. It prints a PGM or leaves one beside the file,
-    /// with the sensor's counts, neither scaled nor rotated.
+    /// The program that decodes RAW, with its arguments. The file's name is appended. The program prints a PGM or leaves one beside the
+    /// file. The PGM has the sensor's counts, neither scaled nor rotated.
     #[serde(default = "dcraw")]
     pub decoder: Vec<String>,
 }
@@ -254,12 +251,11 @@ fn gphoto2() -> String {
     "gphoto2".into()
 }
 
-/// `dcraw` with the options for raw counts (`-D`), linear 16 bits (`-4`), no rotation (`-t 0`), to standard output (`-c`).
+/// `dcraw` with options for raw counts (`-D`), linear 16 bits (`-4`), no rotation (`-t 0`), and output to standard output (`-c`).
 fn dcraw() -> Vec<String> {
     ["dcraw", "-4", "-D", "-t", "0", "-c"].map(String::from).to_vec()
 }
 
-/// Reads a text, or a number as its text.
 fn worded<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<String>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged, expecting = "one of the camera's choices as text or number")]
@@ -276,7 +272,7 @@ fn worded<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Opt
 }
 
 impl Gphoto2Spec {
-    /// The only camera, with `width` by `height` gray photosites.
+    /// A description of the only camera, with `width` by `height` gray photosites.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             kind: CameraKind::Gphoto2,
@@ -299,7 +295,7 @@ impl Gphoto2Spec {
         }
     }
 
-    /// The camera's properties. The name contains every setting that changes counts, so that photos and calibrations of other settings
+    /// The camera's properties. The name contains every setting that changes counts. Photos and calibrations with other settings therefore
     /// belong to another camera.
     pub fn info(&self) -> CameraInfo {
         let model = self.model.as_deref().map_or_else(String::new, |model| format!(" {model}"));
@@ -319,7 +315,7 @@ impl Gphoto2Spec {
         Sensor { size, offset, bits, tiles, colour, saturation }
     }
 
-    /// The settings that the rig file asks for: the possible names of each, and its value.
+    /// The settings in the rig file: the possible names of each setting, and its value.
     pub(crate) fn wanted(&self) -> impl Iterator<Item = (Vec<&str>, &str)> {
         let known: [(&[&str], &Option<String>); 3] = [
             (&["iso"], &self.iso),

@@ -1,5 +1,5 @@
-//! A rig of real devices: a projector that is a monitor of an X server, and a camera. Cameras that another program has open are recognized
-//! here, which every kind of camera reports in its own way.
+//! A rig of real devices: a projector that is a monitor of an X server, and a camera. This module also recognizes cameras that another
+//! program has opened, which each kind of camera reports differently.
 
 use std::error::Error as Why;
 use std::io;
@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 #[cfg(any(feature = "gige", feature = "usb3"))]
 use super::genicam::set_up::{self, Abilities as Described};
 
-/// Without features for machine vision cameras none describes itself.
+/// Without the features for machine vision cameras, no camera describes itself.
 #[cfg(not(any(feature = "gige", feature = "usb3")))]
 type Described = String;
 
@@ -38,9 +38,8 @@ impl HardwareRig {
         self.camera.info()
     }
 
-    /// Opens projector and camera, the projector's window in a process of `helper`, after another such process has read what the camera says of
-    /// itself ([`Self::camera_abilities`]). With `after`, the last frame of an earlier session,
-    /// time and frame numbers continue from there.
+    /// Opens projector and camera. A process of `helper` first reads the camera's description ([`Self::camera_abilities`]), and another one
+    /// holds the projector's window. Time and frame numbers continue from `after`, the last frame of an earlier session.
     ///
     /// # Errors
     /// [`Error::Rig`] when a device is missing, is in use, or cannot do what its description says.
@@ -52,24 +51,24 @@ impl HardwareRig {
         Ok(Devices { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
 
-    /// The abilities that a machine vision camera states, in words; `None` of other cameras. Its description is a stranger's program in XML: it is read by a
-    /// process of `helper`, in at most 15 s and 1 GiB of address space, and can end only that process.
+    /// The abilities that a machine vision camera states, in words. `None` for other cameras. A camera's description is a foreign program
+    /// in XML. A process of `helper` reads it in at most 15 s and 1 GiB of address space, so that it can end only that process.
     ///
     /// # Errors
-    /// [`Error::Rig`] when it does not answer, or when its description cannot be read within these bounds.
+    /// [`Error::Rig`] when the camera does not answer, or when its description cannot be read within these bounds.
     pub fn camera_abilities(&self, helper: &Helper) -> Result<Option<String>> {
         let described = match &self.camera {
             #[cfg(feature = "gige")]
             CameraSpec::Gige(spec) => Some(set_up::ask(helper, "gige", Some(&spec.address.to_string()))?),
             #[cfg(feature = "usb3")]
             CameraSpec::Usb3(spec) => Some(set_up::ask(helper, "usb3", spec.serial.as_deref())?),
-            // It has no description, or it cannot be opened at all.
+            // Such a camera has no description, or cannot be opened at all.
             _ => None::<Described>,
         };
         Ok(described.map(|abilities| abilities.to_string()))
     }
 
-    /// Opens only the camera, whose description was read before by [`Self::camera_abilities`].
+    /// Opens only the camera. [`Self::camera_abilities`] must have read its description.
     pub(crate) fn open_checked_camera(&self) -> Result<Box<dyn Camera>> {
         camera(&self.camera, WallClock::starting_at(0.0), 0)
     }
@@ -86,7 +85,6 @@ impl HardwareRig {
     }
 }
 
-/// Opens the camera.
 fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Camera>> {
     Ok(match spec {
         #[cfg(feature = "gige")]
@@ -105,10 +103,9 @@ fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Cam
     })
 }
 
-/// Words by which libraries say so whose errors have no code for it: nusb ("interface is busy") and gphoto2 ("Could not claim the USB device").
+/// Words in errors about a busy device without an error code: nusb ("interface is busy"), gphoto2 ("Could not claim the USB device").
 const WORDS: [&str; 3] = ["is busy", "resource busy", "could not claim"];
 
-/// An error, what caused it, and so on.
 pub(crate) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &'a (dyn Why + 'static)> {
     let mut next = Some(why);
     std::iter::from_fn(move || {
@@ -118,7 +115,7 @@ pub(crate) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &
     })
 }
 
-/// Whether an error, or what caused it, says that another program has the device open.
+/// Whether an error or one of its causes says that another program has opened the device.
 pub(crate) fn is_busy(why: &(dyn Why + 'static)) -> bool {
     causes(why).any(|why| {
         let text = why.to_string().to_lowercase();
@@ -127,7 +124,7 @@ pub(crate) fn is_busy(why: &(dyn Why + 'static)) -> bool {
     })
 }
 
-/// The error of such a camera. `place` is e.g. `at 192.168.1.20`.
+/// The error of a camera that another program has opened. `place` is for example `at 192.168.1.20`.
 pub(crate) fn in_use(place: &str) -> Error {
     camera_fault(
         format!("the camera {place} is in use by another program"),
@@ -140,7 +137,6 @@ pub(crate) fn in_use(place: &str) -> Error {
 mod tests {
     use super::*;
 
-    /// An error with a cause.
     #[derive(Debug, thiserror::Error)]
     #[error("claim the control interface (0)")]
     struct Caused(#[source] io::Error);

@@ -1,9 +1,9 @@
-//! A rig: a projector and a camera, in the devices' own integers.
+//! A rig is a projector and a camera, in the devices' integers.
 //!
-//! A [`Frame`] holds the levels that a projector is told to show; a [`RawFrame`] holds the counts of a camera. Nothing here is
-//! linear or calibrated: [`crate::measure`] turns levels and counts into light. Hardware and virtual devices implement the
-//! same three traits, [`Projector`], [`Camera`] and [`Clock`]; an open rig is a [`Devices`] and may move between threads.
-//! [`Devices`] has a complete example of a projector and a camera of your own.
+//! A [`Frame`] holds the levels for a projector, and a [`RawFrame`] holds the counts of a camera. Nothing here is linear or calibrated:
+//! [`crate::measure`] turns levels and counts into light. Hardware and virtual devices implement the same three traits, [`Projector`],
+//! [`Camera`] and [`Clock`]. An open rig is a [`Devices`], which may move between threads. Its documentation has a complete example of your
+//! own devices.
 //!
 //! | kind of rig | projector | camera |
 //! |---|---|---|
@@ -11,7 +11,7 @@
 //! | [`HardwareRig`] | [`X11Projector`], a monitor of an X server | one of the kinds of [`CameraSpec`] |
 //! | [`ProgramRig`], the devices of a program | any [`Projector`] | any [`Camera`] |
 //!
-//! | kind of camera | needs |
+//! | kind of camera | requirement |
 //! |---|---|
 //! | `GigeVision`, on the network | the feature `gige` (default) |
 //! | `Usb3Vision`, on USB 3 | the feature `usb3` (default) |
@@ -76,7 +76,7 @@ pub use x11::monitor::monitors;
 pub use x11::projector::{ShowTimes, X11Projector};
 pub use x11::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 
-/// An error of the device "camera"; `help` says what to do.
+/// An error of the device "camera", with the remedy `help`.
 fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Error {
     crate::Error::Rig { device: "camera".into(), fault: fault.into(), help: help.into() }
 }

@@ -1,9 +1,9 @@
 //! Suggestions for mistyped names.
 
-// A swap of two neighbouring letters is one edit.
+// A swap of two neighbouring letters counts as one edit.
 use strsim::osa_distance as distance;
 
-/// The known name with the fewest edits from `name`. `None`: all are so different that they are probably other words.
+/// The known name with the fewest edits from `name`. `None`: all known names differ so much that they are probably other words.
 pub(crate) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let distances = known.iter().map(|known| (distance(name, known), *known));
     let (edits, known) = distances.min_by_key(|(edits, _)| *edits)?;

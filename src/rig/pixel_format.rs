@@ -1,6 +1,6 @@
 //! Pixel formats: the number of bits of a count, the packing of counts into bytes, and the colour filters.
 //!
-//! The names are those of EMVA's Pixel Format Naming Convention (PFNC 2.4). The crate `viva-pfnc` unpacks bytes to counts:
+//! The names follow EMVA's Pixel Format Naming Convention (PFNC 2.4). The crate `viva-pfnc` unpacks bytes to counts:
 //!
 //! | suffix | layout | source |
 //! |---|---|---|
@@ -14,17 +14,15 @@ use super::sensor::Tiles;
 
 macro_rules! formats {
     ($($(#[$of:meta])? $name:ident $key:literal $bits:literal $tiles:expr;)*) => {
-        /// The format in which a camera sends counts. Rig files write it in lower case, e.g. `mono12p`; the convention's own spelling
-        /// is accepted, too.
+        /// The format in which a camera sends counts. Rig files use lower case, such as `mono12p`, but the convention's spelling is
+        /// accepted too.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the convention's names are the documentation")]
         pub enum PixelFormat {
             $($(#[$of])? $name,)*
         }
 
-        /// All formats.
         const ALL: &[PixelFormat] = &[$(PixelFormat::$name),*];
-        /// Their names in rig files, in the same order.
         const KEYS: &[&str] = &[$($key),*];
 
         impl PixelFormat {
@@ -105,8 +103,8 @@ impl<'de> Deserialize<'de> for PixelFormat {
 
 #[cfg(any(feature = "gige", feature = "usb3"))]
 impl PixelFormat {
-    /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous one
-    /// (`None`: without a gap). The result is `None` if there are too few bytes.
+    /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous one (`None`:
+    /// without a gap). The result is `None` if there are too few bytes.
     pub(crate) fn counts(
         self,
         [width, height]: [u32; 2],
@@ -130,8 +128,8 @@ mod tests {
     #[test]
     fn bytes_are_unpacked_as_the_conventions_say() {
         use PixelFormat as F;
-        // Computed by hand from PFNC 2.4: 6.1.1 (whole bytes), figures 6-8 and 6-9 (`p`), and from the layout of GigE Vision 2.0 that makers
-        // of cameras document for `Packed`.
+        // The values were computed by hand from PFNC 2.4: 6.1.1 (whole bytes), and figures 6-8 and 6-9 (`p`). For `Packed` they follow the
+        // layout of GigE Vision 2.0 in the documentation of camera makers.
         for (format, bytes, expected) in [
             (F::Mono8, &[0x00, 0xFF, 0x07][..], &[0, 255, 7][..]),
             (F::Mono10, &[0xFF, 0x03, 0x01, 0x02], &[1023, 0x201]),
@@ -140,12 +138,12 @@ mod tests {
             (F::Mono16, &[0xFF, 0xFF, 0x34, 0x12], &[65535, 0x1234]),
             // 0xABC is stored as BC, A; 0x123 continues with 3 in the upper half of the second byte: BC 3A 12.
             (F::Mono12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
-            // High bytes AB and 12 outside, low halves C and 3 between, the first in the lower one: AB 3C 12.
+            // The high bytes AB and 12 are outside, and the low halves C and 3 between them, the first in the lower half: AB 3C 12.
             (F::Mono12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
-            // 0x3FF, 0x000, 0x2AA, 0x155, ten bits each, from bit 0 on:
-            // 0101010101 1010101010 0000000000 1111111111 as one number of 40 bits.
+            // Ten bits each of 0x3FF, 0x000, 0x2AA and 0x155, from bit 0 on. As one number of 40 bits, they are 0101010101 1010101010
+            // 0000000000 1111111111.
             (F::Mono10p, &[0xFF, 0x03, 0xA0, 0x6A, 0x55], &[0x3FF, 0x000, 0x2AA, 0x155]),
-            // 0x2AB = AA high, 11 low; 0x155 = 55 high, 01 low; low bits at 1-0 and 5-4.
+            // 0x2AB = AA high, 11 low; 0x155 = 55 high, 01 low. The low bits are at bits 1-0 and 5-4.
             (F::Mono10Packed, &[0xAA, 0x13, 0x55], &[0x2AB, 0x155]),
             (F::BayerRG12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
             (F::BayerGB12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
@@ -188,7 +186,6 @@ mod tests {
         bytes
     }
 
-    /// Packs pairs of counts into three bytes.
     fn pack_pairs(counts: &[u16], bits: u32) -> Vec<u8> {
         let low = bits - 8;
         let pairs = counts.chunks(2).map(|pair| [pair[0], pair.get(1).copied().unwrap_or(0)]);

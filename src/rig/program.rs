@@ -1,4 +1,4 @@
-//! A rig whose devices a program hands over, such as a camera behind its maker's own library.
+//! A rig with devices of another program, for example a camera behind its maker's library.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,7 +9,7 @@ use super::{CameraInfo, Devices, ProjectorInfo, Stamp};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// A description of the devices of a program: what a rig file of `kind = "program"` says of them.
+/// A description of a program's devices, from a rig file with `kind = "program"`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProgramRig {
     /// The projector.
@@ -18,11 +18,11 @@ pub struct ProgramRig {
     pub camera: ProgramCamera,
 }
 
-/// A description of a projector of a program.
+/// A description of a program's projector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramProjector {
-    /// The projector's name; it is part of every photo's key in a journal.
+    /// The projector's name, which is part of every photo's key in a journal.
     #[serde(default = "projector_name")]
     pub name: String,
     /// Width and height in pixels.
@@ -38,11 +38,11 @@ pub struct ProgramProjector {
     pub frame_time: f64,
 }
 
-/// A description of a camera of a program.
+/// A description of a program's camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramCamera {
-    /// The camera's name; it is part of every photo's key in a journal.
+    /// The camera's name, which is part of every photo's key in a journal.
     #[serde(default = "camera_name")]
     pub name: String,
     /// Width and height in pixels.
@@ -95,8 +95,7 @@ pub struct DeviceOpener(Arc<Mutex<OpenDevices>>);
 type OpenDevices = dyn FnMut(Option<Stamp>) -> Result<Devices> + Send;
 
 impl DeviceOpener {
-    /// An opener that calls `open`. Its argument is the last frame of an earlier session: time and frame numbers continue
-    /// after it.
+    /// An opener that calls `open` with the last frame of an earlier session. Time and frame numbers continue after that frame.
     pub fn new(open: impl FnMut(Option<Stamp>) -> Result<Devices> + Send + 'static) -> Self {
         Self(Arc::new(Mutex::new(open)))
     }
@@ -107,7 +106,6 @@ impl DeviceOpener {
         (*open)(after)
     }
 
-    /// The error of a rig whose devices no program has handed over.
     pub(crate) fn missing() -> Error {
         Error::Rig {
             device: "rig".into(),

@@ -1,14 +1,14 @@
-//! From counts of photosites to pixels: the part of a sensor that is read, and colour sensors with a mosaic of filters in cells of 2×2.
+//! The conversion of photosite counts to pixels, for the part of a sensor that is read and for colour filters in cells of 2×2.
 //!
-//! Each cell becomes one pixel, without interpolation. No count contributes to two pixels; therefore the noise of pixels is independent, and
-//! each pixel is the same linear function of light. The photo has half the width and height of the sensor.
+//! Each cell becomes one pixel, without interpolation. No count contributes to two pixels. Therefore the noise of pixels is independent,
+//! and each pixel is the same linear function of light. The photo has half the width and height of the sensor.
 
 use serde::Deserialize;
 
 use super::{CameraInfo, PixelFormat};
 use crate::image::Resolution;
 
-/// The colour filters of a cell: the upper row, then the lower row.
+/// The colour filters of a cell: the upper row first, then the lower row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Tiles {
@@ -22,14 +22,14 @@ pub enum Tiles {
     Bggr,
 }
 
-/// How the four counts R, G₁, G₂ and B of a cell become a pixel.
+/// The conversion of a cell's four counts R, G₁, G₂ and B to a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
     /// Three channels: 2R, G₁ + G₂, 2B. They have one bit more than a photosite.
     #[default]
     Rgb,
-    /// One channel: R + G₁ + G₂ + B, all the light of the cell. It has two bits more than a photosite.
+    /// One channel with all the light of the cell: R + G₁ + G₂ + B. It has two bits more than a photosite.
     Luma,
     /// One channel: G₁ + G₂. It has one bit more than a photosite.
     Green,
@@ -37,9 +37,9 @@ pub enum Colour {
 
 /// The conversion of a colour sensor's cells to pixels.
 ///
-/// A pixel is a sum, not a mean, so that nothing is lost by rounding. A sum of more than 16 bits is halved or quartered, and rounded.
-/// If one photosite of a cell is saturated, all channels of the pixel get the highest count, because the excess light may have spilled
-/// over into the neighbours.
+/// A pixel is a sum, not a mean, so that nothing is lost by rounding. A sum of more than 16 bits is halved or quartered, and rounded. If
+/// one photosite of a cell is saturated, all channels get the highest count, because the excess light may have spilled over to the
+/// neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Binning {
     /// The colour filters.
@@ -53,7 +53,7 @@ pub struct Binning {
 }
 
 impl Tiles {
-    /// The colours in capital letters, e.g. `RGGB`.
+    /// The colours in capital letters, for example `RGGB`.
     pub fn letters(self) -> &'static str {
         match self {
             Self::Rggb => "RGGB",
@@ -63,7 +63,7 @@ impl Tiles {
         }
     }
 
-    /// The positions of red, the two greens, and blue in a cell, where 0 and 1 are the upper row, 2 and 3 the lower row.
+    /// The positions of red, the two greens, and blue in a cell. Positions 0 and 1 are in the upper row, 2 and 3 in the lower row.
     fn places(self) -> [usize; 4] {
         match self {
             Self::Rggb => [0, 1, 2, 3],
@@ -89,7 +89,6 @@ impl Colour {
         if self == Self::Rgb { 3 } else { 1 }
     }
 
-    /// The number of bits that a sum has more than its counts.
     fn more_bits(self) -> u32 {
         if self == Self::Luma { 2 } else { 1 }
     }
@@ -101,13 +100,12 @@ impl Binning {
         (self.bits + self.colour.more_bits()).min(16)
     }
 
-    /// The size in pixels of a mosaic with this size in photosites. An odd last row or column is dropped.
+    /// The size in pixels of a mosaic with this size in photosites. The last row or column is dropped if the size is odd.
     pub fn resolution(&self, mosaic: Resolution) -> Resolution {
         Resolution::new(mosaic.width / 2, mosaic.height / 2)
     }
 
-    /// Converts the counts of a mosaic to pixels, row by row, channels interleaved. `counts` has one count for each photosite of
-    /// `mosaic`.
+    /// Converts the counts of the photosites of `mosaic` to pixels, row by row with interleaved channels.
     pub fn bin(&self, mosaic: Resolution, counts: &[u16]) -> Vec<u16> {
         debug_assert_eq!(counts.len(), mosaic.pixels());
         let size = self.resolution(mosaic);
@@ -142,21 +140,18 @@ impl Binning {
 pub(crate) struct Sensor {
     /// Width and height of the part that is read, in photosites.
     pub(crate) size: [usize; 2],
-    /// The offset of that part from the sensor's top left photosite, to the right and down.
     pub(crate) offset: [usize; 2],
-    /// Bits of a photosite's count.
     pub(crate) bits: u32,
-    /// The colour filters. `None`: the sensor is gray.
     pub(crate) tiles: Option<Tiles>,
-    /// How the cells of a colour sensor become pixels.
+    /// The conversion of a colour sensor's cells to pixels.
     pub(crate) colour: Colour,
     /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
     pub(crate) saturation: Option<u16>,
 }
 
 impl Sensor {
-    /// The properties of a camera with this sensor. Its name is `name`, followed by every setting of the sensor that changes counts,
-    /// so that photos and calibrations of other settings belong to another camera.
+    /// The properties of a camera with this sensor. The camera's name is `name`, followed by every setting of the sensor that changes
+    /// counts. Photos and calibrations with other settings therefore belong to another camera.
     pub(crate) fn info(&self, name: &str, exposures: [f64; 2]) -> CameraInfo {
         let [[width, height], [x, y]] = [self.size, self.offset];
         let mut name = format!("{name} {width}x{height}+{x}+{y}");
@@ -192,7 +187,7 @@ impl Sensor {
         ((1_u32 << self.bits) - 1) as u16
     }
 
-    /// Converts the counts of all photosites to the pixels of [`Self::info`]'s camera. Saturated pixels get the highest count.
+    /// Converts the counts of all photosites to pixels of the camera from [`Self::info`]. Saturated pixels get the highest count.
     pub(crate) fn pixels(&self, mut counts: Vec<u16>) -> Vec<u16> {
         if let Some(binning) = self.binning() {
             return binning.bin(self.raster(), &counts);
@@ -202,7 +197,7 @@ impl Sensor {
         counts
     }
 
-    /// Finds a contradiction in the description: what is wrong, and what to do. `None`: there is none.
+    /// Finds a contradiction in the description, and returns the fault and the remedy. `None`: there is no contradiction.
     pub(crate) fn fault(&self) -> Option<[String; 2]> {
         let fault = |fault: String, help: String| Some([fault, help]);
         for (key, [a, b]) in [("size", self.size), ("offset", self.offset)] {
@@ -229,12 +224,12 @@ impl Sensor {
     }
 }
 
-/// The settings that a rig file asks for, without the camera's address.
+/// The settings in a rig file, without the camera's address.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Settings {
     pub(crate) pixel_format: PixelFormat,
     pub(crate) sensor: Sensor,
-    /// The gain in the camera's own unit. `None`: it is left unchanged.
+    /// The gain in the camera's own unit. `None`: the camera's setting is left unchanged.
     pub(crate) gain: Option<f64>,
     /// The shortest and the longest exposure, in seconds.
     pub(crate) exposures: [f64; 2],
@@ -243,7 +238,6 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    /// The properties of the camera at `place`.
     pub(crate) fn info(&self, place: &str) -> CameraInfo {
         let mut info = self.sensor.info(&format!("{place} {}", self.pixel_format.name()), self.exposures);
         if let Some(gain) = self.gain {
@@ -268,7 +262,7 @@ mod tests {
     #[test]
     fn each_channel_is_taken_from_the_photosites_of_its_colour() {
         for tiles in ALL {
-            // In the order of the letters: red 100, the first green 7, the second 9, blue 1000.
+            // The counts in the order of the letters are 100 for red, 7 for the first green, 9 for the second, and 1000 for blue.
             let mut greens = [7, 9].into_iter();
             let cell: Vec<u16> = tiles
                 .letters()

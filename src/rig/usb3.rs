@@ -1,5 +1,5 @@
-//! A machine vision camera on USB 3: USB3 Vision (feature `usb3`), which has not been tried on hardware. [`super::genicam`] does what is
-//! shared with GigE Vision, and is tested there.
+//! A machine vision camera on USB 3: USB3 Vision (feature `usb3`), which has not been tried on hardware. [`super::genicam`] contains and
+//! tests the functions shared with GigE Vision.
 
 #[cfg(test)]
 mod tests;
@@ -19,16 +19,16 @@ use crate::error::{Error, Result};
 pub type Usb3Vision = Triggered<OnUsb<Usb3Spec>>;
 
 impl Usb3Vision {
-    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
+    /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when it is not plugged in, another program holds it, or it cannot do what `spec` says.
+    /// [`Error::Rig`] when the camera is not plugged in, another program holds it, or it cannot do what `spec` says.
     pub fn open(spec: &Usb3Spec, clock: WallClock, after: u64) -> Result<Self> {
         Self::start(OnUsb(spec.clone()), spec.settings(), spec.info(), clock, after)
     }
 }
 
-/// The USB3 Vision protocol over a port, which is real or simulated.
+/// The USB3 Vision protocol over a real or simulated port.
 pub struct OnUsb<P>(pub(crate) P);
 
 impl<P: Port> Transport for OnUsb<P> {
@@ -71,17 +71,17 @@ impl<P: Port> Transport for OnUsb<P> {
 /// A USB3 Vision camera that is plugged in.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FoundUsbCamera {
-    /// The serial number, if the camera says.
+    /// The serial number, if the camera reports it.
     pub serial: Option<String>,
-    /// The maker, if the camera says.
+    /// The maker, if the camera reports it.
     pub maker: Option<String>,
-    /// The model, if the camera says.
+    /// The model, if the camera reports it.
     pub model: Option<String>,
     /// The speed of the connection, if known.
     pub speed: Option<String>,
 }
 
-/// Finds the USB3 Vision cameras that are plugged in, without opening them.
+/// Finds the plugged-in USB3 Vision cameras without opening them.
 ///
 /// # Errors
 /// [`Error::Rig`] when the system does not list its USB devices.
@@ -95,10 +95,10 @@ pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
     Ok(devices()?.into_iter().map(camera).collect())
 }
 
-/// Opens the camera with this serial number (`None`: the only camera), reads what it can do, and closes it.
+/// Opens the camera with this serial number (`None`: the only camera), reads its abilities, and closes it.
 ///
 /// # Errors
-/// [`Error::Rig`] when it is not plugged in, or another program holds it.
+/// [`Error::Rig`] when the camera is not plugged in, or another program holds it.
 pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
     let spec = Usb3Spec { serial: serial.map(str::to_owned), ..Usb3Spec::new(1, 1) };
     Ok(Abilities::of(&spec.open()?))
@@ -109,7 +109,7 @@ pub trait Port: Send {
     /// The transfer of bytes to the camera and back.
     type Wire: UsbTransfer + 'static;
 
-    /// The camera's place, for errors, e.g. `on USB`.
+    /// The camera's place in errors, for example `on USB`.
     fn place(&self) -> String;
 
     /// Opens the camera.
@@ -136,7 +136,6 @@ impl Port for Usb3Spec {
     }
 }
 
-/// Lists the cameras that are plugged in.
 pub(crate) fn devices() -> Result<Vec<U3vDeviceInfo>> {
     discover().map_err(|why| {
         camera_fault(
@@ -146,7 +145,6 @@ pub(crate) fn devices() -> Result<Vec<U3vDeviceInfo>> {
     })
 }
 
-/// Chooses the camera with this serial number, or the only one.
 fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDeviceInfo> {
     let known: Vec<String> =
         devices.iter().map(|device| device.serial.clone().unwrap_or_else(|| "?".into())).collect();

@@ -1,5 +1,5 @@
-//! A camera of Linux's video interface V4L2 (feature `v4l`), which has not been tried on hardware. It runs freely: for each photo, frames that
-//! may have begun before are discarded.
+//! A camera of Linux's video interface V4L2 (feature `v4l`), which has not been tried on hardware. The camera runs freely. For each photo,
+//! frames that may have begun too early are discarded.
 
 use std::io::Error as Refusal;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use super::v4l_set_up::{Layout, VideoDevice, counts, set_exposure, set_up};
 use super::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 use crate::error::Result;
 
-/// The number of frames that the driver buffers. After a pause these are from before the pause.
+/// The number of frames that the driver buffers. After a pause, the buffers hold frames from before the pause.
 const BUFFERS: u32 = 2;
 
 /// An open camera of Linux's video interface.
@@ -27,15 +27,15 @@ pub struct V4l {
     clock: WallClock,
     device: Device,
     layout: Layout,
-    /// The stream of frames. `None`: not started, or ended by an error.
+    /// The stream of frames. `None`: it has not been started, or an error has ended it.
     stream: Option<Stream<'static>>,
-    /// The exposure that was asked for, and the one that was set, in seconds.
+    /// The requested exposure, and the exposure that was set, in seconds.
     exposure: [f64; 2],
     id: u64,
 }
 
 impl V4l {
-    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
+    /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when there is no such device, it is in use, or it cannot do what `spec` says.
@@ -55,7 +55,7 @@ impl V4l {
         Ok(camera)
     }
 
-    /// Discards the frames that may be too early, and returns the counts of the next one. `None`: the frame is damaged.
+    /// Discards frames that may be too early, and returns the counts of the next frame. `None`: the frame is damaged.
     fn next(&mut self) -> std::io::Result<Option<Vec<u16>>> {
         let stream = match &mut self.stream {
             Some(stream) => stream,
@@ -76,7 +76,6 @@ impl V4l {
     }
 }
 
-/// Opens the device and sets it up.
 fn ready(spec: &V4lSpec) -> Result<(Device, Layout)> {
     let mut device = Device::with_path(&spec.device).map_err(|why| match is_busy(&why) {
         true => in_use(&spec.device),
@@ -102,14 +101,13 @@ impl Camera for V4l {
     }
 
     fn capture(&mut self) -> Result<Option<RawFrame>> {
-        // Frames that began before this time are discarded.
+        // The frames that began before this time are discarded.
         let started = self.clock.seconds();
         let counts = match self.next() {
             Ok(Some(counts)) => counts,
             Ok(None) => return Ok(None),
             Err(why) if is_busy(&why) => return Err(in_use(&self.spec.device)),
-            // The frame did not arrive in time, or the camera failed: the next capture starts a new stream, and the next restart opens
-            // the device again.
+            // The frame is late, or the camera failed. The next capture starts a new stream, and the next restart opens the device again.
             Err(_) => {
                 self.stream = None;
                 return Ok(None);
@@ -133,27 +131,27 @@ impl Camera for V4l {
     }
 }
 
-/// A video device that may be a camera.
+/// A video device, which may be a camera.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FoundVideoDevice {
-    /// The device file; `device` in a rig file.
+    /// The device file, which is `device` in a rig file.
     pub device: String,
-    /// The driver's name of the device.
+    /// The driver's name for the device.
     pub name: String,
-    /// The formats that krylux supports; `pixel_format` in a rig file.
+    /// The formats that krylux supports, which are `pixel_format` in a rig file.
     pub formats: Vec<&'static str>,
 }
 
 /// Lists the computer's video devices that capture images.
 pub fn video_devices() -> Vec<FoundVideoDevice> {
-    // Without the folder there are no video devices.
+    // Without this folder, there are no video devices.
     let entries = std::fs::read_dir("/sys/class/video4linux").into_iter().flatten().flatten();
     let mut found: Vec<FoundVideoDevice> = entries
         .filter_map(|entry| {
             let device = format!("/dev/{}", entry.file_name().to_string_lossy());
             let name = std::fs::read_to_string(entry.path().join("name")).unwrap_or_default();
             let codes = Device::with_path(&device).ok()?.formats().ok()?;
-            // A device without any format captures no images.
+            // A device without a format does not capture images.
             let known = V4lFormat::ALL.iter().filter(|format| codes.contains(&format.code()));
             let formats = known.map(|format| format.key()).collect();
             (!codes.is_empty()).then(|| FoundVideoDevice { device, name: name.trim().into(), formats })

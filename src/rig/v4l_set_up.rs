@@ -1,42 +1,35 @@
-//! The setup of a video device, and the counts of its frames. Format, exposure and gain are as the rig file says, and nothing is automatic. A
-//! driver may set another value than it is asked for, without an error; therefore each value is read back. The device is reached through a
-//! trait, so that this is tested on a simulated device.
+//! The setup of a video device, and the counts of its frames. Format, exposure and gain follow the rig file, and automatic controls are
+//! off. A driver may set another value than requested without an error, so each value is read back. A trait gives access to the device, so
+//! that a simulated device can replace it in tests.
 
 use super::camera_fault;
 use super::cameras::{V4lFormat, V4lSpec};
 use super::hardware::{in_use, is_busy};
 use crate::error::Result;
 
-/// The error of a video device.
 pub(crate) type Refusal = std::io::Error;
 
-/// The layout of a device's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
-    /// The four-character code of the pixel format.
     pub(crate) code: [u8; 4],
-    /// Width and height in pixels.
     pub(crate) size: [usize; 2],
-    /// Bytes from one row to the next.
     pub(crate) stride: usize,
 }
 
-/// The requests to a video device.
 pub(crate) trait VideoDevice {
-    /// The four-character codes of its pixel formats.
+    /// The four-character codes of the supported pixel formats.
     fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal>;
 
-    /// Asks for a format and a size; returns the layout that was set.
+    /// Requests a format and a size, and returns the layout that was set.
     fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<Layout, Refusal>;
 
-    /// Reads a control's value. It is an error if there is no such control.
+    /// Reads a control's value. A missing control is an error.
     fn control(&self, id: u32) -> std::result::Result<i64, Refusal>;
 
-    /// Asks for a control's value.
     fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal>;
 }
 
-/// Controls by the numbers of the kernel's `v4l2-controls.h`.
+/// The numbers of controls in the kernel's `v4l2-controls.h`.
 pub(crate) mod id {
     pub(crate) const AUTO_WHITE_BALANCE: u32 = 0x0098_090C;
     pub(crate) const AUTO_GAIN: u32 = 0x0098_0912;
@@ -51,7 +44,7 @@ pub(crate) mod id {
     pub(crate) const STABILIZATION: u32 = 0x009A_0916;
 }
 
-/// The automatic controls, with the value that switches each off (of `EXPOSURE_AUTO`, 1 means manual).
+/// The automatic controls, with the value that switches each control off. For `EXPOSURE_AUTO`, 1 means manual.
 const AUTOMATIC: [(u32, &str, i64); 9] = [
     (id::EXPOSURE_AUTO, "the automatic exposure", 1),
     (id::AUTO_GAIN, "the automatic gain", 0),
@@ -64,18 +57,17 @@ const AUTOMATIC: [(u32, &str, i64); 9] = [
     (id::STABILIZATION, "the image stabilization", 0),
 ];
 
-/// Units of `EXPOSURE` in a second.
+/// The number of `EXPOSURE` units per second.
 const PER_SECOND: f64 = 1e4;
 
-/// The largest relative difference between the exposure that was asked for and the one that was set: half a unit at an exposure of five
+/// The largest relative difference between the requested exposure and the exposure that was set. It is half a unit at an exposure of five
 /// units, which also covers the rounding of drivers.
 const NEAR: f64 = 0.1;
 
-/// Sets a device up; returns the layout of its frames.
 pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
     let layout = set_layout(device, spec)?;
     for (id, name, off) in AUTOMATIC {
-        // A control that the device does not have is off.
+        // An automatic control that the device does not have is off.
         if device.control(id).is_ok_and(|value| value != off) {
             put(device, spec, (id, name), off)?;
         }
@@ -83,7 +75,7 @@ pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<La
     if let Some(gain) = spec.gain {
         put(device, spec, (id::GAIN, "gain"), gain)?;
     }
-    // The rig file promises exposures between these two.
+    // The rig file promises the exposures between these two.
     let [shortest, longest] = spec.exposures;
     set_exposure(device, spec, longest)?;
     set_exposure(device, spec, shortest)?;
@@ -121,7 +113,7 @@ fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
     Ok(set)
 }
 
-/// Sets the exposure in seconds; returns the exposure that was really set.
+/// Sets the exposure in seconds, and returns the exposure that was really set.
 pub(crate) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposure: f64) -> Result<f64> {
     let units = (exposure * PER_SECOND).round().max(1.0) as i64;
     let failed = |why: Refusal| {
@@ -141,7 +133,6 @@ pub(crate) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposu
     ))
 }
 
-/// Sets a control, and checks it by reading it back.
 fn put(device: &mut impl VideoDevice, spec: &V4lSpec, (id, name): (u32, &str), value: i64) -> Result<()> {
     let help = "`v4l2-ctl --list-ctrls` names the device's controls and their limits";
     device
@@ -165,11 +156,11 @@ fn known(formats: &[[u8; 4]]) -> String {
     formats.iter().map(|&code| letters(code)).collect::<Vec<_>>().join(", ")
 }
 
-/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous one. `None`: there
-/// are too few bytes.
+/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous one. `None`: there are
+/// too few bytes.
 ///
-/// The layouts are those of the kernel's documentation (V4L2_PIX_FMT_GREY, _Y10, _Y12, _Y16, _YUYV). Counts of more than 8 bits take 16
-/// bits, low byte first; in YUYV every second byte is luma.
+/// The layouts follow the kernel's documentation (V4L2_PIX_FMT_GREY, _Y10, _Y12, _Y16, _YUYV). Counts of more than 8 bits take 16 bits, low
+/// byte first. In YUYV, every second byte is luma, starting with the first.
 pub(crate) fn counts(
     format: V4lFormat,
     [width, height]: [usize; 2],
@@ -185,7 +176,7 @@ pub(crate) fn counts(
             V4lFormat::Grey => counts.extend(row.iter().map(|&byte| u16::from(byte))),
             V4lFormat::Yuyv => counts.extend(row.as_chunks::<2>().0.iter().map(|[luma, _]| u16::from(*luma))),
             V4lFormat::Y10 | V4lFormat::Y12 | V4lFormat::Y16 => {
-                // The driver may leave anything in the unused upper bits.
+                // The driver may leave any values in the unused upper bits.
                 let mask = ((1_u32 << format.bits()) - 1) as u16;
                 counts.extend(row.as_chunks::<2>().0.iter().map(|&pair| u16::from_le_bytes(pair) & mask));
             }
@@ -201,15 +192,13 @@ mod tests {
     use std::collections::BTreeMap;
     use std::io::ErrorKind;
 
-    /// A simulated device that acts as drivers do: it clamps values to their limits, and sizes to the largest one.
+    /// A simulated device that acts like a driver: it clamps values to their limits, and sizes to the largest size.
     struct SimulatedDevice {
         formats: Vec<[u8; 4]>,
         most: [usize; 2],
-        /// Each number's value, least and most.
+        /// Value, minimum and maximum for each control number.
         controls: BTreeMap<u32, [i64; 3]>,
-        /// Controls that stay as they are.
         stubborn: Vec<u32>,
-        /// Another program streams from it.
         is_busy: bool,
     }
 
@@ -241,7 +230,7 @@ mod tests {
         }
     }
 
-    /// A webcam after it was plugged in: everything is automatic.
+    /// A newly plugged-in webcam, with everything automatic.
     fn webcam() -> SimulatedDevice {
         SimulatedDevice {
             formats: vec![*b"MJPG", *b"YUYV", *b"Y16 "],

@@ -1,21 +1,21 @@
-//! Disparity, the distance between the projector position that a camera pixel sees and the one that a common map predicts; and the camera's
-//! offset, which follows from the cells that are displaced.
+//! Disparity is the distance between the projector position that a camera pixel sees and the position that a common map predicts. The
+//! camera's offset follows from the displaced cells.
 
 use crate::calibrate::map_fit::fit;
 use crate::calibrate::{Decoded, Fit};
 use crate::image::percentile;
 use crate::measure::{LensMap, Match};
 
-/// Side of a cell in projector pixels: small enough to have one depth, large enough to average out the rounding of the codes.
+/// The side of a cell in projector pixels. It is small enough for one depth, and large enough to average out the rounding of the codes.
 const SIDE: f64 = 4.0;
 
 /// A cell is used if at least this share of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
-/// Codes farther than this from their cell's median, in steps, are misread or of another depth; rounding alone moves none so far.
+/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone moves them less.
 const APART: f64 = 0.75;
 
-/// The least scatter that is assumed within a cell, in projector pixels.
+/// The least scatter within a cell that is assumed, in projector pixels.
 const LEAST: f64 = 0.03;
 
 /// A cell of the camera's raster.
@@ -23,8 +23,8 @@ const LEAST: f64 = 0.03;
 pub struct Cell {
     /// The cell's centre, in camera pixels from the top left corner.
     pub at: [f64; 2],
-    /// The displacement of the projector light that the cell sees from where the map predicts it, in projector pixels, to the
-    /// right and down *in the photo*. Nearer surfaces are displaced towards the camera's side.
+    /// The displacement of the projector light that the cell sees, relative to the map's prediction, in projector pixels to the right and
+    /// down *in the photo*. Nearer surfaces are displaced towards the camera's side.
     pub off: [f64; 2],
 }
 
@@ -39,29 +39,26 @@ pub struct Disparity {
     pub median: f64,
     /// The 95th percentile of these lengths.
     pub upper: f64,
-    /// The standard error of one cell's displacement along an axis.
+    /// The standard error of the displacement of one cell along an axis.
     pub error: f64,
 }
 
-/// A cell of the camera's raster, with its displacement on the projector's raster.
 struct Patch {
-    /// The cell's centre in camera pixels.
     at: [f64; 2],
-    /// The projector position that the map predicts for it.
+    /// The projector position that the map predicts for the centre.
     expected: [f64; 2],
-    /// The mean displacement of its codes from there, and their standard deviation along an axis.
+    /// The mean displacement of the cell's codes from that position. `scatter` is their standard deviation along an axis.
     off: [f64; 2],
     scatter: f64,
 }
 
-/// Compares the codes with the map, cell by cell.
 pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
     let (map, camera) = (&fit.map, fit.map.camera);
     let step = decoded.step as f64;
     let scale = photo_axes(map, [0.5 * camera.width as f64, 0.5 * camera.height as f64]).1;
     let side = ((SIDE * step / scale).ceil() as usize).clamp(2, camera.width.min(camera.height).max(2));
     let mut patches = patches(decoded, map, side);
-    // The rounding of codes is the same along a projector line, and a cell covers `SIDE` lines.
+    // All pixels along a projector line have the same rounding of codes, and a cell covers `SIDE` lines.
     let within = percentile(patches.iter().map(|patch| patch.scatter), 0.5) / SIDE.sqrt();
     let fit_error = refine(&mut patches, map, within.max(LEAST)).unwrap_or(fit.error);
     let cells: Vec<Cell> = patches
@@ -73,19 +70,18 @@ pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
         .collect();
     let lengths = || cells.iter().map(|cell| cell.off[0].hypot(cell.off[1]));
     let (median, upper) = (percentile(lengths(), 0.5), percentile(lengths(), 0.95));
-    // If there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
+    // If there is only noise, the noise causes the typical displacement. The median length of a two-dimensional Gaussian is 1.18 σ.
     let error = within.min(median / 1.18).hypot(fit_error);
     Disparity { side, median, upper, error, cells }
 }
 
-/// The usable cells of `side` × `side` camera pixels.
 fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
     let (camera, step) = (map.camera, decoded.step as f64);
     let field = [map.projector.width as f64, map.projector.height as f64];
     let (across, down) = (camera.width.div_ceil(side), camera.height.div_ceil(side));
     let mut members: Vec<Vec<[f64; 2]>> = vec![Vec::new(); across * down];
     for seen in decoded.all() {
-        // A pixel that looks across the field's border is lit only in part, which shifts its centroid.
+        // A pixel that looks across the field's border is only partly lit, which shifts its centroid.
         if (0..2).any(|axis| seen.at[axis] < step || seen.at[axis] > field[axis] - step) {
             continue;
         }
@@ -116,8 +112,8 @@ fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
     members.iter().enumerate().filter_map(patch).collect()
 }
 
-/// Refits the common map to the cells and updates their displacements: a map fitted to single codes, which are rounded to pixels,
-/// may lie between two depths. Returns the map's standard error, or none where there are too few cells to fit one.
+/// Refits the common map to the cells and updates their displacements. The original map may lie between two depths, because it was fitted
+/// to single codes, which are rounded to pixels. Returns the map's standard error, or `None` when there are too few cells to fit a map.
 fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     let seen = |patch: &Patch| [patch.expected[0] + patch.off[0], patch.expected[1] + patch.off[1]];
     let matches: Vec<Match> =
@@ -130,7 +126,7 @@ fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     Some(refitted.error)
 }
 
-/// The matrix that turns a displacement on the projector's raster to the photo's axes, and the projector pixels per camera pixel.
+/// The matrix that turns a displacement on the projector's raster to the photo's axes, and the number of projector pixels per camera pixel.
 fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     let [west, east] = [-0.5, 0.5].map(|by| map.to_projector([x + by, y]));
     let [north, south] = [-0.5, 0.5].map(|by| map.to_projector([x, y + by]));
@@ -142,32 +138,32 @@ fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     ([[d * by, -b * by], [-c * by, a * by]], scale)
 }
 
-/// A cell counts as displaced beyond this many standard errors, …
+/// A cell counts as displaced if its displacement exceeds this many standard errors and also [`LEAST_OFF`].
 const SIGMAS: f64 = 4.0;
 
-/// … and beyond this many projector pixels, the accuracy that calibration promises for a map. Indirect light shifts codes by up
-/// to 0.07 pixels where surfaces meet, even in an aligned rig.
+/// The least displacement of a displaced cell in projector pixels. It is the accuracy that calibration promises for a map. Indirect light
+/// shifts codes by up to 0.07 pixels where surfaces meet, even in an aligned rig.
 const LEAST_OFF: f64 = 0.1;
 
-/// The least number of displaced cells, and their least share of all cells.
+/// The least number of displaced cells, and the least share of displaced cells among all cells.
 const CELLS: (usize, f64) = (3, 0.01);
 
-/// The share of the displacement that must point to one side before that side is called certain.
+/// The least share of the displacement that must point to one side for that side to be certain.
 const ONE_SIDED: f64 = 0.8;
 
-/// `tan 22.5°`: a direction's component below this multiple of the other one is not mentioned.
+/// `tan 22.5°`. A component of a direction is not mentioned if it is below this multiple of the other component.
 const ASIDE: f64 = 0.414;
 
 /// The camera's offset as seen from the projector.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct CameraOffset {
-    /// The direction, of length 1, to the right and down in the photo.
+    /// The direction as a vector of length 1, to the right and down in the photo.
     pub toward: [f64; 2],
     /// The typical displacement of the displaced cells, in projector pixels.
     pub size: f64,
     /// The standard error of `size`.
     pub error: f64,
-    /// Whether the side is certain; if not, the camera may equally be on the opposite side.
+    /// Whether the side is certain. If not, the camera may equally be on the opposite side.
     pub is_certain: bool,
     /// The share of displaced cells in the field.
     pub share: f64,
@@ -178,7 +174,7 @@ pub(crate) fn least(disparity: &Disparity) -> f64 {
     (SIGMAS * disparity.error).max(LEAST_OFF)
 }
 
-/// The offset by the displaced cells; none where there are too few.
+/// The offset that follows from the displaced cells. `None` when there are too few.
 pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     let least = least(disparity);
     let out: Vec<&Cell> =
@@ -210,7 +206,7 @@ pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     })
 }
 
-/// The displacement at which the sorted cumulative sum reaches half: cells at an object's border belong to it only in part.
+/// The displacement at which the sorted cumulative sum reaches half. It gives little weight to cells at the border of an object.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();
@@ -246,7 +242,7 @@ impl CameraOffset {
         ways.into_iter().flatten().collect::<Vec<_>>().join(" and ")
     }
 
-    /// Whether the camera is to the right, and below; none for a component that is too small.
+    /// Whether the camera is to the right, and whether it is below. `None` for a component that is too small.
     fn parts(&self) -> [Option<bool>; 2] {
         let [x, y] = self.toward;
         [(x.abs() > ASIDE * y.abs()).then_some(x > 0.0), (y.abs() > ASIDE * x.abs()).then_some(y > 0.0)]
@@ -277,7 +273,7 @@ mod tests {
         }
     }
 
-    /// Cells of which every tenth is displaced by `off`, and all by noise of 0.01.
+    /// Cells with noise of 0.01. Every tenth cell is also displaced by `off`.
     fn disparity(off: impl Fn(usize) -> [f64; 2]) -> Disparity {
         let cell = |number: usize| {
             let noise = 0.01 * [1.0, -1.0][number % 2];

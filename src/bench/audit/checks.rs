@@ -1,4 +1,4 @@
-//! The checks of an audit, one function each.
+//! The checks of an audit. Each check is a function.
 
 use crate::analysis::Crosstalk;
 use crate::finding::{Finding, Grade, Ratio};
@@ -10,7 +10,6 @@ const SHADOW: f64 = 0.05;
 /// Pixels with less than this share of the brightest pixel's light are too dark to be judged.
 const DARK: f64 = 0.02;
 
-/// A share of the length of a photo.
 fn of_length(numerator: f64, seen: &Plane) -> Ratio {
     Ratio::to_length(
         numerator,
@@ -18,11 +17,11 @@ fn of_length(numerator: f64, seen: &Plane) -> Ratio {
     )
 }
 
-/// `√(Σ r² − Σ var) / ‖reference‖`: the relative deviation without the expected noise, and its standard error.
+/// The relative deviation without the expected noise, `√(Σ r² − Σ var) / ‖reference‖`, and its standard error.
 fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f64) {
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
-    // The sum of squares of n noisy values has a standard error of √(2 Σ var²), its root one of half of that over the root.
+    // The sum of squares of n noisy values has a standard error of √(2 Σ var²), and its root has half of that divided by the root.
     let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
     let excess = (squares - noise).max(0.0);
     let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());
@@ -30,7 +29,7 @@ fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f
     (figure, if spread > 0.0 { error.value().unwrap_or(0.0) } else { 0.0 })
 }
 
-/// Root mean square of the residuals in units of their predicted standard errors; none where there is no noise.
+/// The root mean square of the residuals in units of their predicted standard errors. `None` without noise.
 fn z(residual: &[f64], variance: &[f64]) -> Option<f64> {
     let pairs = residual.iter().zip(variance).filter(|(_, variance)| **variance > 0.0);
     let (sum, count) =
@@ -71,7 +70,7 @@ pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) ->
                 * (dimmed.variance[pixel] / (share * share) + photo.variance[pixel]);
         }
         let off = Ratio::of((dot / share - norm).abs(), norm, variance.sqrt());
-        // If there is nothing to measure, no other share can tell more.
+        // If there is nothing to measure for this share, no other share can give more information.
         if off.value() >= worst.0.value() || off.value().is_none() {
             worst = (off, variance.sqrt() / norm, *share);
         }
@@ -143,7 +142,7 @@ pub(crate) fn symmetry(
         }
     }
     let figure = Ratio::of((squares - noise).max(0.0).sqrt(), energy.sqrt(), 0.0);
-    // A mean of squares of `pairs` Gaussians has a relative error of √(2/pairs), and its root one of half of that.
+    // A mean of squares of `pairs` Gaussian values has a relative error of √(2/pairs), and its root has half of that relative error.
     let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
     Finding::judged(
         "symmetry",
@@ -158,7 +157,7 @@ pub(crate) fn symmetry(
     )
 }
 
-/// Finds pixels that see light, but hardly any straight from their own projector pixel.
+/// Finds pixels that see light, but hardly any light straight from their own projector pixel.
 pub(crate) fn shadows(direct: &Plane, white: &Plane, mask: &[bool], bound: f64) -> (Finding, Vec<bool>) {
     let brightest = white.values.iter().copied().fold(0.0, f64::max);
     let lit = |pixel: usize| {
@@ -207,7 +206,7 @@ pub(crate) fn drift(largest: f64) -> Finding {
     Finding::told("drift", largest.into(), 0.0, meaning)
 }
 
-/// The largest share of another projector colour that a camera channel sees, relative to its own colour.
+/// The largest share of another projector colour in a camera channel, relative to the channel's own colour.
 pub(crate) fn crosstalk(crosstalk: &Crosstalk) -> Finding {
     let others = crosstalk.matrix().iter().enumerate().flat_map(|(channel, row)| {
         row.iter().enumerate().filter(move |(color, _)| *color != channel).map(|(_, entry)| *entry)
@@ -218,14 +217,12 @@ pub(crate) fn crosstalk(crosstalk: &Crosstalk) -> Finding {
     Finding::told("crosstalk", most.into(), 0.0, meaning)
 }
 
-/// Reports samples that some exposures saturate, but not all.
 pub(crate) fn saturation(share: f64) -> Finding {
     let meaning =
         "of the camera's samples of white are saturated in some exposure: the shorter ones count there";
     Finding::told("saturation", share.into(), 0.0, meaning)
 }
 
-/// The failed check when the white photo could not be taken.
 pub(crate) fn saturated(fault: &str) -> Finding {
     Finding::graded(
         "saturation",

@@ -1,6 +1,6 @@
-//! Audit: whether a source is the linear, symmetric operator that all other analyses assume.
+//! An audit checks whether a source is the linear, symmetric operator that all other analyses assume.
 //!
-//! Each check compares photos of random patterns and gives a figure, its standard error from the photos' noise, and a bound:
+//! Each check compares photos of random patterns. It gives a figure, its standard error from the photos' noise, and a bound:
 //!
 //! | check | what is compared | what breaks it |
 //! |---|---|---|
@@ -9,11 +9,11 @@
 //! | repeatability | the first and the last `A p` | drift |
 //! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, a camera with another centre than the projector |
 //! | crosstalk | each channel under red, green and blue alone | a camera channel that sees the projector's other colours |
-//! | direct light | pixels with light, but without direct light | as for symmetry: shadows |
+//! | direct light | pixels with light, but without direct light | the same causes as for symmetry: shadows |
 //!
-//! Why a check fails is told by what the devices of a rig do without being asked, which [`crate::bench::rig_check::faults`] names.
+//! The reason for a failed check may be automatic behaviour of a rig's devices, which [`crate::bench::rig_check::faults`] reports.
 //!
-//! O'Toole and Kutulakos, section 8.
+//! Source: O'Toole and Kutulakos, section 8.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -31,7 +31,7 @@ mod checks;
 /// The options of an audit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AuditOptions {
-    /// Number of random patterns; symmetry is judged from all pairs of them.
+    /// Number of random patterns. Symmetry is judged from all pairs of them.
     pub patterns: usize,
     /// The largest relative deviation from additivity, homogeneity and repeatability that passes.
     pub tolerance: f64,
@@ -56,9 +56,9 @@ pub struct Audit {
     pub checks: Vec<Finding>,
     /// The resolution of all images.
     pub resolution: Resolution,
-    /// The white photo; empty if it could not be taken.
+    /// The white photo. Empty if it could not be taken.
     pub white: Vec<f64>,
-    /// The share of direct light in each pixel's light under white; empty if it is not known.
+    /// The share of direct light in each pixel's light under white. Empty if it is not known.
     pub direct_share: Vec<f64>,
     /// Pixels that see light, but no direct light.
     pub shadow: Vec<bool>,
@@ -66,18 +66,17 @@ pub struct Audit {
     pub additivity: Vec<f64>,
     /// Number of patterns photographed.
     pub photos: usize,
-    /// Findings about things that the devices of a rig do without being asked: an iris, pulses, overscan and others. Empty where there are none. They explain a check
-    /// that fails, and do not fail the audit.
+    /// Findings about automatic behaviour of a rig's devices, such as an iris. They explain a failed check, and do not fail the audit.
     pub devices: Vec<Finding>,
 }
 
 impl Audit {
-    /// The faults of the devices that were found.
+    /// The faults that were found in the devices.
     pub fn faults(&self) -> impl Iterator<Item = &Finding> {
         self.devices.iter().filter(|finding| finding.grade >= Grade::Warning)
     }
 
-    /// The findings of the audit: its checks.
+    /// The checks of the audit.
     pub fn findings(&self) -> Vec<Finding> {
         self.checks.clone()
     }
@@ -113,13 +112,13 @@ impl Audit {
     }
 }
 
-/// The name of the finding that there is light to measure.
+/// The name of the finding that says whether there is light to measure.
 const LIGHT: &str = "light";
 
 /// Audits `subject`. A camera that is saturated in every exposure gives a failed check, not an error.
 ///
 /// # Errors
-/// [`Error::Option`] for fewer than two patterns; any error of taking photos.
+/// [`Error::Option`] for fewer than two patterns, and any error of taking photos.
 pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit> {
     if options.patterns < 2 {
         return Err(Error::Option {
@@ -214,7 +213,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     Ok(audit)
 }
 
-/// A source that can be audited: one channel, with equal rasters of camera and projector.
+/// A source that can be audited. It has one channel, and equal rasters of camera and projector.
 pub trait Audited {
     /// The resolution of patterns and photos.
     fn resolution(&self) -> Resolution;
@@ -222,10 +221,10 @@ pub trait Audited {
     /// The photo of a pattern of values in \[0, 1\].
     fn photograph(&mut self, pattern: &[f64]) -> Result<Plane>;
 
-    /// Whether white gives any light to measure: a finding of the name `light`. It is asked after the white photo was taken.
+    /// A finding named `light` that says whether white gives any light to measure. It is called after the white photo was taken.
     fn sight(&mut self) -> Result<Finding>;
 
-    /// Which pixels the camera sees; the others are never lit.
+    /// Marks the pixels that the camera sees. The other pixels are never lit.
     fn seen(&self) -> Vec<bool>;
 
     /// The direct light under white, if it is known.
@@ -234,23 +233,23 @@ pub trait Audited {
     /// The light without a pattern, if it is known.
     fn ambient(&mut self) -> Result<Option<Plane>>;
 
-    /// The share of the camera's samples of white that are saturated in some exposure; none where there is no camera.
+    /// The share of the camera's samples of white that are saturated in some exposure. `None` without a camera.
     fn saturated(&mut self) -> Result<Option<f64>>;
 
-    /// Photos of the projector's red, green and blue alone, in each camera channel; none if either device is monochrome.
+    /// Photos of the projector's red, green and blue alone, in each camera channel. `None` if either device is monochrome.
     fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
         Ok(None)
     }
 
-    /// The largest relative change of the lamp's light that was measured and corrected; none if it was not monitored.
+    /// The largest relative change of the lamp's light that was measured and corrected. `None` if the lamp was not monitored.
     fn drift(&mut self) -> Result<Option<f64>>;
 }
 
-/// Operators without noise, as of a simulated scene.
+/// Operators without noise, for example from a simulated scene.
 pub struct Exact<'a> {
-    /// All of the light.
+    /// The operator of all light.
     pub full: &'a mut dyn Operator,
-    /// Direct light under white; none if unknown.
+    /// Direct light under white, if it is known.
     pub direct: Option<Vec<f64>>,
     /// The resolution of patterns and photos.
     pub resolution: Resolution,

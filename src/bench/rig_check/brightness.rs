@@ -1,5 +1,5 @@
-//! The check of the projector's brightness: whether it follows the frame (automatic iris), whether all levels are shown (limited-range
-//! video), and whether light reaches the camera without the scene (stray light).
+//! The check of the projector's brightness. It finds whether the brightness follows the frame (automatic iris), whether all levels are
+//! shown (limited-range video), and whether light reaches the camera without the scene (stray light).
 
 use crate::bench::rig_check::probe::{Probe, average, binned};
 use crate::bench::rig_check::thresholds::{
@@ -10,23 +10,23 @@ use crate::error::Result;
 use crate::finding::Ratio;
 use crate::image::percentile;
 
-/// Levels by which limited-range video is recognized, as shares of the highest.
+/// The levels by which limited-range video is recognized, as shares of the highest level.
 const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
 
-/// Blocks that the picture is divided into along an axis, for the search of stray light.
+/// The number of blocks along an axis into which the picture is divided for the search of stray light.
 const BLOCKS: usize = 24;
 
-/// Even light grows, where it is least, at most by this power of the light under white. Light of the scene grows in proportion.
+/// The exponent that separates even light from light of the scene. In the blocks where it is least, even light grows at most by this power
+/// of the light under white, and light of the scene grows in proportion to it.
 const EVEN: f64 = 0.5;
 
-/// Brightnesses that differ by less than this factor's logarithm do not show such a power.
+/// The least standard deviation of the logarithm of the brightnesses that shows such a power.
 const LEAST_SPREAD: f64 = 0.05;
 
-/// An iris needs about so many seconds for a frame.
+/// The approximate number of seconds that an iris needs for a frame.
 const IRIS_SECONDS: f64 = 1.5;
 
-/// Photographs the four quadrants of white one by one between two whites, and two levels near black and white: eight frames. `settle` is
-/// the usual waiting time.
+/// Photographs white, its four quadrants, white again, and two levels near black and white: eight frames. `settle` is the usual wait.
 pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorder<'_, '_>) -> Result<()> {
     probe.frames.set_settle(settle.max(IRIS_SECONDS));
     let photos = quadrants(probe);
@@ -45,14 +45,11 @@ pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
     Ok(())
 }
 
-/// The light of white and of its four quadrants.
 struct Quadrants {
-    /// White before and after the quadrants.
     whites: [Vec<f64>; 2],
     quadrants: Vec<Vec<f64>>,
 }
 
-/// Photographs white, its quadrants, and white again.
 fn quadrants(probe: &mut Probe<'_>) -> Result<Quadrants> {
     let size = probe.projector();
     let quadrant =
@@ -63,7 +60,6 @@ fn quadrants(probe: &mut Probe<'_>) -> Result<Quadrants> {
     Ok(Quadrants { whites: [before, probe.gray(1.0)?], quadrants })
 }
 
-/// Whether the four quadrants of white add up to it.
 fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) -> Finding {
     let sum: f64 = quadrants.iter().map(|light| average(light)).sum();
     let white = 0.5 * (before + after);
@@ -72,7 +68,7 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
         return Finding::unmeasured("iris", "white has no more light than black");
     };
     let bound = if probe.is_known { IRIS } else { IRIS_UNCALIBRATED };
-    // Pulses and flicker change each photo by the scatter, and the sum of four by half of that.
+    // Pulses and flicker change each photo by the scatter, and the sum of four photos by half of it.
     let scatter = (0.5 * probe.scatter).max(change.abs());
     let is_off = off.abs() - 1.5 * scatter > bound;
     let found = match (is_off, off < 0.0) {
@@ -98,15 +94,15 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
     Finding::at_most("iris", [off.abs(), 0.5 * scatter, bound], beyond, found, expected, help)
 }
 
-/// Whether light reaches all pixels evenly, and in proportion to the mean of the pattern. Light of the scene itself does not: what comes
-/// from far away is little somewhere, and is in proportion to what the pixel reflects.
+/// Whether light reaches all pixels evenly, in proportion to the mean of the pattern. Light of the scene does not: light from far away is
+/// weak somewhere, and is proportional to the pixel's reflectance.
 fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     let side = (probe.camera().width.min(probe.camera().height) / BLOCKS).max(1);
     let small = |light: &[f64]| binned(light, probe.camera(), side).0;
     let white = small(&probe.white);
     let quadrants: Vec<Vec<f64>> = quadrants.iter().map(|light| small(light)).collect();
     let unit = average(&white);
-    // A quadrant of a frame has a quarter of the mean light of white.
+    // The mean light of a quadrant is a quarter of the mean light of white.
     let least =
         |block: usize| quadrants.iter().map(|light| 4.0 * light[block]).fold(f64::MAX, f64::min) / unit;
     let floor: Vec<f64> = (0..white.len()).map(least).collect();
@@ -141,8 +137,7 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     .measured(share, probe.scatter / SIGMAS, STRAY)
 }
 
-/// The slope of the line through points, and its standard error. None where all points have nearly the same first coordinate: no slope is
-/// known then.
+/// The slope of the line through points, and its standard error. `None` for fewer than nine points or nearly equal first coordinates.
 fn slope(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let count = points.len() as f64;
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
@@ -186,12 +181,12 @@ fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
 // The check of the projector's colours: whether red, green and blue add up to gray of the same level.
 //
 // A colour wheel with a white segment makes gray brighter than its colours together, and so does a projector that trades saturation for
-// brightness. Gray patterns are still in proportion to their photos; colours are not.
+// brightness. Photos are then still proportional to gray patterns, but not to coloured ones.
 
-/// The levels of the colours, as shares of the highest: a white segment may be used for bright colours only.
+/// The levels of the colours, as shares of the highest level. A white segment may be used for bright colours only.
 const LEVELS: [f64; 2] = [1.0, 0.5];
 
-/// Photographs gray, red, green and blue at two levels: eight frames. There is nothing to photograph of a gray projector.
+/// Photographs gray, red, green and blue at two levels: eight frames. A gray projector needs no photos.
 pub(crate) fn colours(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> Result<()> {
     if probe.frames.projector().channels != 3 {
         return Ok(());
@@ -212,10 +207,10 @@ pub(crate) fn colours(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) ->
     recorder.add(sum(probe, off))
 }
 
-/// Judges by which shares the three colours together differ from gray, at both levels.
+/// Judges the relative differences of the three colours together from gray, at both levels.
 fn sum(probe: &Probe<'_>, off: [f64; 2]) -> Finding {
     let bound = if probe.is_known { COLOURS } else { COLOURS_UNCALIBRATED };
-    // The scatter of a photo of gray, and of the sum of three that have a third of its light each.
+    // The scatter of a photo of gray, plus the scatter of the sum of three photos with a third of its light each.
     let is_off = |off: f64| off.abs() - 1.5 * probe.scatter > bound || off.is_nan();
     let [full, half] = off.map(|off| 100.0 * off);
     let is_less = off.iter().any(|&off| is_off(off) && off < 0.0);
@@ -262,17 +257,17 @@ mod tests {
         let [value, error] = slope(&points).expect("the points are apart");
         assert!((value - 0.3).abs() < 3.0 * error && error < 2e-3, "{value} ± {error}");
         assert_eq!(slope(&[[1.0, 2.0]; 20]), None);
-        // The ordinates of nine points rise by 2, and the first and the last are 3 and −3 off, whose line falls by 0.4.
+        // Nine ordinates rise by 2. The first is 3 too high and the last is 3 too low, which lowers the slope by 0.4.
         let mut points: Vec<[f64; 2]> = (0..9).map(|at| [f64::from(at), 2.0 * f64::from(at)]).collect();
         points[0][1] += 3.0;
         points[8][1] -= 3.0;
         let [value, error] = slope(&points).expect("the points are apart");
-        // The residuals' squares are 18 less 24²/60, of seven degrees of freedom.
+        // The sum of the squared residuals is 18 − 24²/60, with seven degrees of freedom.
         assert!((value - 1.6).abs() < 1e-12 && (error - (8.4_f64 / 7.0 / 60.0).sqrt()).abs() < 1e-12);
         assert_eq!(slope(&points[1..]), None, "eight are too few");
     }
 
-    /// A probe of a bench of five by four pixels that sees each pixel by itself, without a calibration, and whose whites are all equal.
+    /// A probe of a bench without a calibration whose camera sees each of five by four pixels separately. All whites are equal.
     fn with_probe<T>(bits: u32, check: impl FnOnce(&mut Probe<'_>) -> T) -> T {
         use crate::measure::CaptureRequest;
         let top = f64::from((1_u32 << bits) - 1);
@@ -291,7 +286,7 @@ mod tests {
         check(&mut Probe::new(&mut frames, None, &photos, 0.1, true))
     }
 
-    /// A photo from before the check is not counted among its photos.
+    /// Photos from before the check are not counted.
     #[test]
     fn a_check_counts_its_own_photos() {
         use crate::measure::{CaptureRequest, FrameSource};
@@ -303,7 +298,7 @@ mod tests {
             frames.capture(&request).expect("it never fails");
         }
         let photos = take(&mut frames, 0.1).expect("it never fails");
-        // One at the shortest exposure, four rounds of one black and two white photos, and two black ones.
+        // One photo at the shortest exposure, four rounds of one black and two white photos, and two black photos.
         assert_eq!(photos.effort.taken, 1 + 4 * 3 + 2);
     }
 
@@ -322,7 +317,7 @@ mod tests {
     fn the_quadrants_of_a_frame_have_no_pixel_in_common_and_make_up_all_of_it() {
         with_probe(8, |probe| {
             let Quadrants { whites, quadrants } = quadrants(probe).expect("it never fails");
-            // The third of five columns belongs to the left: its beginning does.
+            // The third of five columns belongs to the left quadrants, because its left edge does.
             let lit = |light: &[f64]| {
                 light.iter().map(|light| (light / 50_000.0).round() as u8).collect::<Vec<u8>>()
             };
@@ -336,7 +331,7 @@ mod tests {
         });
     }
 
-    /// Without a calibration the sum may be off by 5 %, and by one and a half times the scatter.
+    /// Without a calibration, the sum may be off by 5 % plus one and a half times the scatter.
     #[test]
     fn an_iris_is_found_where_the_quadrants_do_not_add_up_to_white() {
         with_probe(8, |probe| {
@@ -355,7 +350,7 @@ mod tests {
                     Grade::Warning,
                     "dims dark frames: the quadrants of white together have 5.5 % less",
                 ),
-                // Whites that differ by 4 % of their mean allow 6 % more.
+                // Whites that differ by 4 % of their mean allow another 6 %.
                 ([1.96, 2.04], 2.21, Grade::Ok, "within 10.50 %"),
                 ([1.96, 2.04], 2.23, Grade::Warning, "11.5 % more"),
             ] {
@@ -372,7 +367,7 @@ mod tests {
         });
     }
 
-    /// Every pixel has the same share of white's light beyond its own quadrant: 3 %, of which photos that scatter by 2 % leave too little.
+    /// Light of 3 % of white's mean reaches all pixels evenly. A scatter of more than 1 % leaves less than the bound of 2 %.
     #[test]
     fn stray_light_is_what_exceeds_the_scatter_of_photos() {
         with_probe(8, |probe| {
@@ -429,7 +424,7 @@ mod tests {
         }
     }
 
-    /// The finding of a gray camera, without a calibration, before a projector whose white segment adds this share to gray above this level.
+    /// The findings of a gray camera without a calibration. The white segment adds the share `segment` of gray above the level `above`.
     fn found(segment: f64, above: f64) -> Vec<Finding> {
         let photo = move |request: &CaptureRequest, _| {
             let light = |levels: &[u16]| {
@@ -437,7 +432,7 @@ mod tests {
                 let gray = colours.iter().copied().fold(1.0, f64::min);
                 colours.iter().sum::<f64>() + 3.0 * segment * (gray - above).max(0.0)
             };
-            // Forty counts for each level, so that none is rounded where no segment shines.
+            // Forty counts for each level avoid rounding where no segment shines.
             let count = |levels: &[u16]| (100.0 + 40.0 * 255.0 * light(levels)).round() as u16;
             request.frame.levels().chunks_exact(request.frame.channels()).map(count).collect()
         };
@@ -460,7 +455,7 @@ mod tests {
             (0.06, 0.0, Grade::Ok, "within 5.66 %"),
             // 1/1.1 − 1 at every level.
             (0.1, 0.0, Grade::Warning, "by -9.1 % at the highest level and by -9.1 % at half of it"),
-            // 1/1.2 − 1 at the highest level, where four tenths of the segment shine, and none of it at half.
+            // Four tenths of the segment shine at the highest level, which gives 1/1.2 − 1. None of it shines at half of this level.
             (
                 0.5,
                 0.6,

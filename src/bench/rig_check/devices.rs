@@ -1,4 +1,4 @@
-//! The check of the rig file, the disk, each device by itself, and the calibration with its pixel map.
+//! The check of the rig file, the disk, each device separately, and the calibration with its pixel map.
 
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
@@ -15,7 +15,7 @@ use crate::io::atomic;
 use crate::measure::{Calibration, FrameSource, MeasureOptions, RigFile, RigKind, sight};
 use crate::rig::{CameraInfo, CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
-/// The rig that the file describes, and whether its exposures suit its projector.
+/// Describes the rig of the file, and checks whether its exposures suit its projector.
 pub(crate) fn file(file: &RigFile) -> Finding {
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     let kind = match file.kind {
@@ -37,8 +37,7 @@ pub(crate) fn file(file: &RigFile) -> Finding {
     }
 }
 
-/// The first exposure that is not a whole multiple of the refresh time. Such an exposure contains more of one
-/// refresh than of another.
+/// The first exposure that is not a whole multiple of the refresh time. Such an exposure contains more of one refresh than of another.
 fn uneven(options: &MeasureOptions, frame_time: f64) -> Option<f64> {
     let is_uneven = |exposure: &f64| {
         let refreshes = exposure / frame_time;
@@ -47,7 +46,7 @@ fn uneven(options: &MeasureOptions, frame_time: f64) -> Option<f64> {
     options.exposures.iter().copied().find(|exposure| frame_time > 0.0 && is_uneven(exposure))
 }
 
-/// Opens projector and camera, each by itself. Returns whether both can be used.
+/// Opens projector and camera separately. Returns whether both can be used.
 pub(crate) fn devices(
     kind: &RigKind,
     helper: &dyn Fn() -> Result<Helper>,
@@ -64,12 +63,12 @@ pub(crate) fn devices(
     };
     let has_monitor = monitor(&rig.projector, recorder)?;
     let shows = has_monitor && screen(rig, helper, recorder)?;
-    // The camera is checked whatever the projector does, so that two faults are reported at once.
+    // The camera is checked even if the projector fails, so that two faults are reported at once.
     let captures = camera(rig, helper, recorder)?;
     Ok(shows && captures)
 }
 
-/// Finds the monitor that is the projector. Returns whether there is one.
+/// Finds the projector's monitor. Returns whether it exists.
 fn monitor(spec: &X11Spec, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     let monitor = match spec.monitor() {
         Ok(monitor) => monitor,
@@ -103,7 +102,7 @@ fn monitor(spec: &X11Spec, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     Ok(true)
 }
 
-/// Shows every level and reads it back. Returns whether the projector shows what it should.
+/// Shows every level and reads it back. Returns whether the projector shows the expected levels.
 fn screen(
     rig: &HardwareRig,
     helper: &dyn Fn() -> Result<Helper>,
@@ -128,12 +127,11 @@ fn screen(
     }
 }
 
-/// The frames that together contain each level in each channel.
 fn ramp(info: &ProjectorInfo) -> Result<Vec<Frame>> {
     let (pixels, levels) = (info.resolution.pixels(), usize::from(info.highest()) + 1);
     (0..levels.div_ceil(pixels))
         .map(|frame| {
-            // The channels differ, so that exchanged channels are found.
+            // The channels differ, so that exchanged channels are detected.
             let level = |sample: usize| {
                 let (pixel, channel) = (sample / info.channels, sample % info.channels);
                 ((frame * pixels + pixel + 85 * channel) % levels) as u16
@@ -179,7 +177,7 @@ fn camera(
 /// Whether the folder can be written, and has space for a session's photos.
 pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
     let there = existing(folder);
-    // Nothing is written under this name.
+    // Only the permission is checked; no file of this name remains.
     if let Err(why) = atomic::check_writable(&there.join("krylux-check")) {
         return Finding::error("disk", &why);
     }
@@ -211,7 +209,6 @@ pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
     .measured(photos as f64, 0.0, SESSION_PHOTOS as f64)
 }
 
-/// The folder, or the nearest folder above it that exists.
 fn existing(folder: &Path) -> PathBuf {
     let named = folder.ancestors().find(|path| path.is_dir());
     match named {
@@ -220,7 +217,6 @@ fn existing(folder: &Path) -> PathBuf {
     }
 }
 
-/// Bytes that the user may still write there.
 #[cfg(unix)]
 fn free(folder: &Path) -> Option<u64> {
     let found = rustix::fs::statvfs(folder).ok()?;
@@ -232,7 +228,6 @@ fn free(_: &Path) -> Option<u64> {
     None
 }
 
-/// Loads the calibration. Returns it when it can be used.
 pub(crate) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Result<Option<Calibration>> {
     let (finding, known) = match (file.load_calibration(), &file.calibration) {
         (Some(Ok(known)), Some(folder)) => {
@@ -261,7 +256,7 @@ pub(crate) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Re
     Ok(known)
 }
 
-/// `, 3 days old`; empty where the file system does not say.
+/// The age as in `, 3 days old`. It is empty if the file system does not know it.
 fn age(folder: &Path) -> String {
     let written = std::fs::metadata(folder.join("calibration.toml")).and_then(|file| file.modified()).ok();
     let hours = written
@@ -274,8 +269,8 @@ fn age(folder: &Path) -> String {
     }
 }
 
-/// Photographs random squares, and measures how far the pixel map is off: the calibration's, or without one that of two rasters of the same
-/// field, which a run would take.
+/// Photographs random squares to measure the error of the pixel map. Without a calibration, the map assumes that both rasters cover the
+/// same field, as a run would.
 pub(crate) fn pixel_map(
     known: Option<&Calibration>,
     frames: &mut dyn FrameSource,
@@ -297,7 +292,7 @@ pub(crate) fn pixel_map(
             Finding::graded("pixel map", Grade::Fails, fault, expected, help)
         }
         Err(error) => return Err(error),
-        // No shift at all that fits gives no correlation.
+        // No shift fits at all, so there is no correlation.
         Ok(found) if found.agreement < MIN_CORRELATION || found.agreement.is_nan() => {
             let by = if found.agreement.is_finite() {
                 format!(" (correlation {:.2})", found.agreement)
@@ -321,8 +316,7 @@ pub(crate) fn pixel_map(
     recorder.add(finding)
 }
 
-/// The grade of an offset with this standard error, both in projector pixels. An offset that is too uncertain
-/// to be judged is a warning.
+/// The grade of an offset with this standard error, both in projector pixels. An offset that is too uncertain to be judged is a warning.
 fn offset_grade(offset: f64, error: f64) -> Grade {
     match offset - SIGMAS * error {
         surely if surely > MAP_OFFSET_FAILURE => Grade::Fails,

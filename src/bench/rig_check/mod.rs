@@ -1,9 +1,9 @@
-//! The check of a rig before a session: rig file, disk space, devices, light, frames, calibration, and what
-//! projectors and cameras do without being asked (an automatic iris, pulses, overscan), in under a minute.
+//! The check of a rig before a session, in under a minute: rig file, disk space, devices, light, frames, calibration, and automatic
+//! behaviour of projectors and cameras (an iris, pulses, overscan).
 //!
-//! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is
-//! known. A finding says what was found, what was expected, and what to do; its [`Grade`] follows from the
-//! bounds in [`thresholds`]. `krylux rig check` prints these findings.
+//! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is known. A finding has the state that
+//! was found, the expected state, and the remedy. Its [`Grade`] follows from the bounds in [`thresholds`]. `krylux rig check` prints these
+//! findings.
 //!
 //! ```no_run
 //! use std::ops::ControlFlow;
@@ -47,43 +47,39 @@ use crate::rig::Helper;
 use photos::{Seen, Setup};
 use probe::Probe;
 
-/// The rig to be checked, and how to open it.
+/// The rig to be checked, and the means to open it.
 pub struct RigToCheck<'a> {
     /// The rig file.
     pub file: &'a RigFile,
     /// The folder of the session's runs. It need not exist yet.
     pub folder: &'a Path,
-    /// Finds the program that draws on the screen of an X11 projector. It is called for a rig of real devices
-    /// only.
+    /// Finds the program that draws on the screen of an X11 projector. It is called only for a rig of real devices.
     pub helper: &'a dyn Fn() -> Result<Helper>,
-    /// Opens projector and camera together. It is called after each device was opened and closed by itself.
+    /// Opens projector and camera together. It is called after each device was opened and closed separately.
     pub open: &'a mut dyn FnMut() -> Result<Box<dyn FrameSource>>,
 }
 
 /// Receives each finding. [`ControlFlow::Break`] ends the check with [`Error::Interrupted`].
 pub type Report<'a> = dyn FnMut(&Finding) -> ControlFlow<()> + 'a;
 
-/// Checks a rig. What is wrong with it is a finding, and so is an error of its devices.
+/// Checks a rig. Each fault of the rig and each error of its devices becomes a finding.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when `report` or the devices say so.
+/// [`Error::Interrupted`] when `report` or the devices return it.
 pub fn check(rig: RigToCheck<'_>, report: &mut Report<'_>) -> Result<Findings> {
     let mut recorder = Recorder::new(report);
     recorder.findings.complete = examine(rig, &mut recorder)?;
     Ok(recorder.findings)
 }
 
-/// The findings of a rig whose file could not be read because of `error`: that alone.
-///
-/// # Errors
-/// [`Error::Interrupted`] when `report` says so, or when it is the `error`.
+/// The only finding of a rig whose file could not be read is `error`. Returns [`Error::Interrupted`] when `report` breaks, or when `error`
+/// is this error.
 pub fn unreadable(error: Error, report: &mut Report<'_>) -> Result<Findings> {
     let mut recorder = Recorder::new(report);
     recorder.failure("file", error)?;
     Ok(recorder.findings)
 }
 
-/// Examines everything in order. Returns whether all of it could be examined.
 fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     let file = rig.file;
     recorder.add(devices::file(file))?;
@@ -117,7 +113,6 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
     examined.or_else(|error| recorder.failure("frames", error))
 }
 
-/// Measures how far the pixel map is off, where the photos of white allow that.
 fn map(
     setup: &Setup<'_>,
     seen: &Seen,
@@ -132,12 +127,12 @@ fn map(
     recorder.add(Finding::unmeasured("pixel map", because))
 }
 
-/// Findings about things that the devices of an open rig do without being asked, and about obstacles to their light: an automatic iris, stray light, limited-range
-/// video, pulses of a lamp or colour wheel, a rolling shutter, overscan, blur, ghosts, and a white segment. These are the last findings of [`check`]; an audit names
-/// them, too. There are none where white cannot be seen; an error of the devices is a finding.
+/// Findings about automatic behaviour of an open rig's devices and about obstacles to their light: an automatic iris, stray light,
+/// limited-range video, pulses of a lamp or colour wheel, a rolling shutter, overscan, blur, ghosts, and a white segment. They are the last
+/// findings of [`check`], and an audit names them too. The list is empty when white cannot be seen. An error of the devices is a finding.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when the devices say so.
+/// [`Error::Interrupted`] when the devices return it.
 pub fn faults(
     file: &RigFile,
     known: Option<&Calibration>,
@@ -155,7 +150,7 @@ pub fn faults(
             return Ok(recorder.findings.all);
         }
     };
-    // The caller's own photos judge what black and white show by themselves.
+    // The caller judges black and white with photos taken separately, so the findings about them are dropped.
     recorder.findings.all.clear();
     if let Some(seen) = seen
         && let Err(error) = imperfections(&setup, &seen, frames, &mut recorder)
@@ -165,9 +160,9 @@ pub fn faults(
     Ok(recorder.findings.all)
 }
 
-/// Looks for what benches have and menus hide: an automatic iris, stray light, limited-range video, pulses of light, a rolling shutter,
-/// overscan, blur, ghosts, and a white segment. That takes 23 photos, and eight more of a colour projector; twice as many of patterns where they
-/// have not settled.
+/// Looks for common effects of benches that menus hide: an automatic iris, stray light, limited-range video, pulses of light, a rolling
+/// shutter, overscan, blur, ghosts, and a white segment. This takes 23 photos, and eight more with a colour projector. Patterns are
+/// photographed twice where their light has not settled.
 fn imperfections(
     setup: &Setup<'_>,
     seen: &Seen,
@@ -188,7 +183,6 @@ fn imperfections(
     brightness::colours(&mut probe, recorder)
 }
 
-/// Keeps the findings, and reports each.
 struct Recorder<'a, 'b> {
     findings: Findings,
     report: &'a mut Report<'b>,
@@ -208,7 +202,7 @@ impl<'a, 'b> Recorder<'a, 'b> {
         }
     }
 
-    /// Adds the error that prevents the rest of the check. The check is then not complete: `false`.
+    /// Adds the error that prevents the rest of the check. Returns `false`, because the check is then incomplete.
     fn failure(&mut self, name: &'static str, error: Error) -> Result<bool> {
         if matches!(error, Error::Interrupted) {
             return Err(error);

@@ -1,4 +1,4 @@
-//! The check by photos of black and white: exposure, saturation, ambient light, frames, settling, repeatability and noise.
+//! The check with photos of black and white: exposure, saturation, ambient light, frames, settling, repeatability and noise.
 
 use std::borrow::Cow;
 
@@ -15,32 +15,26 @@ use crate::measure::sight::judged;
 use crate::measure::{Calibration, Effort, FrameSource, Registration, noise_ratio};
 use crate::rig::RawFrame;
 
-/// Why a share of white's light is not known.
 const NO_WHITE: &str = "white has no more light than black";
 
-/// How the photos of the check are taken.
 pub(crate) struct Setup<'a> {
     /// Seconds between the confirmation of a frame and its photo.
     pub(crate) settle: f64,
-    /// The exposure that the rig file gives, in seconds.
+    /// The exposure in the rig file, in seconds.
     pub(crate) exposure: Option<f64>,
-    /// The calibration, where there is a usable one.
     pub(crate) known: Option<&'a Calibration>,
 }
 
-/// The photos of black and white, and how far they allow to examine further.
+/// The photos of black and white, and the conditions for further checks.
 pub(crate) struct Seen {
-    /// The exposure of white, in seconds.
     pub(crate) exposure: f64,
-    /// The photos.
     pub(crate) photos: Photos,
     /// Whether the first photo of a frame has all of its light.
     pub(crate) settled: bool,
-    /// Whether hardly any sample of white is saturated.
     pub(crate) in_range: bool,
 }
 
-/// Takes photos of black and white, and examines them. Returns them when white can be seen.
+/// Takes and examines photos of black and white. Returns them if white can be seen.
 pub(crate) fn photos(
     setup: &Setup<'_>,
     frames: &mut dyn FrameSource,
@@ -55,7 +49,7 @@ pub(crate) fn photos(
     let [projector, camera] = [frames.projector().resolution, frames.camera().resolution];
     let map = match setup.known {
         Some(known) => Cow::Borrowed(&known.registration),
-        // A run without a calibration takes this map.
+        // A run without a calibration uses this map.
         None => Cow::Owned(Registration::by_area(projector, camera)),
     };
     let exposure = Exposure { seconds, outcome, bits };
@@ -79,7 +73,7 @@ pub(crate) fn photos(
     recorder.add(repeatability(&means))?;
     if let Some(known) = setup.known {
         let [first, second] = &photos.whites[0];
-        // A white that is saturated everywhere is a finding already.
+        // A white that is saturated everywhere has already been reported.
         if let Some(found) = noise_ratio(first, second, &known.camera, bits)? {
             recorder.add(noise(found.ratio, found.error))?;
         }
@@ -87,7 +81,6 @@ pub(crate) fn photos(
     Ok(Some(Seen { exposure: seconds, photos, settled, in_range }))
 }
 
-/// Whether frames came in order, each exposed after its pattern had settled.
 fn sequence(effort: &Effort) -> Finding {
     let refused = effort.dropped + effort.incomplete + effort.repeated + effort.late;
     let found = match refused {
@@ -117,8 +110,7 @@ fn sequence(effort: &Effort) -> Finding {
     )
 }
 
-/// Whether all light of white is there when it is photographed right after black. `means` are the mean counts
-/// of the two photos of white in each round.
+/// Whether white has all of its light right after black. `means` are the mean counts of the two photos of white in each round.
 fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
     let missing: Option<Vec<f64>> =
         means.iter().map(|[first, again]| Ratio::of(again - first, *again, 0.0).value()).collect();
@@ -139,7 +131,6 @@ fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
     )
 }
 
-/// Whether repeated photos of white have the same brightness.
 fn repeatability(means: &[[f64; 2]]) -> Finding {
     let repeated: Vec<f64> = means.iter().map(|[_, again]| *again).collect();
     let (middle, _) = average(&repeated);
@@ -157,7 +148,7 @@ fn repeatability(means: &[[f64; 2]]) -> Finding {
     )
 }
 
-/// Whether the noise of a photo is what the calibration predicts. `ratio` is measured over predicted noise.
+/// Whether the noise of a photo agrees with the calibration. `ratio` is the measured noise divided by the predicted noise.
 fn noise(ratio: f64, error: f64) -> Finding {
     let [least, most] = NOISE_RATIO;
     let is_off = ratio - SIGMAS * error > most || ratio + SIGMAS * error < least;
@@ -171,7 +162,6 @@ fn noise(ratio: f64, error: f64) -> Finding {
     .measured(ratio, error, if ratio < 1.0 { least } else { most })
 }
 
-/// The mean of a few values, and its standard error.
 fn average(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -179,18 +169,14 @@ fn average(values: &[f64]) -> (f64, f64) {
     (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
 
-/// How white was exposed.
 pub(crate) struct Exposure {
-    /// The exposure, in seconds.
     pub(crate) seconds: f64,
-    /// Whether the camera's exposures suit white.
     pub(crate) outcome: WhiteExposure,
-    /// The bits of a count.
     pub(crate) bits: u32,
 }
 
-/// Examines exposure, saturation, and whether the camera sees the projector where the pixel map says so; if it does, ambient light. Returns
-/// whether white can be seen at all, and whether hardly any of its samples is saturated.
+/// Examines exposure, saturation, whether the camera sees the projector where the pixel map says, and then ambient light. Returns whether
+/// white can be seen at all, and whether hardly any of its samples is saturated.
 pub(crate) fn light(
     known: Option<&Calibration>,
     map: &Registration,
@@ -201,7 +187,7 @@ pub(crate) fn light(
     let full = f64::from((1_u32 << exposure.bits) - 1);
     let limit = known.map_or(full, |known| known.camera.saturation);
     let (dark, white) = (photos.dark_count, &photos.whites[0][1]);
-    // A camera that is saturated without a pattern has no range left.
+    // A camera that is saturated without a pattern has no remaining range.
     let reached = Ratio::of(percentile(white, 0.98) - dark, full - dark, 0.0).value().unwrap_or(0.0);
     recorder.add(range(reached, &exposure))?;
     let saturated = white.counts.iter().filter(|&&count| f64::from(count) >= limit).count() as f64;
@@ -217,8 +203,8 @@ pub(crate) fn light(
     Ok((is_seen, saturated <= SATURATED_WARNING))
 }
 
-/// White less black in each sample, and the variance that this would have without any light of the projector: that of white less black from
-/// round to round.
+/// White minus black in each sample, and the variance that this difference would have without light of the projector. The variance follows
+/// from the changes of white minus black between rounds.
 fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
     let rounds = photos.whites.len() as f64;
     let sample = |sample: usize| {
@@ -232,14 +218,13 @@ fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
             .collect();
         let mean = steps.iter().sum::<f64>() / rounds;
         let scatter = steps.iter().map(|step| (step - mean).powi(2)).sum::<f64>() / (rounds - 1.0).max(1.0);
-        // A difference has the noise of two photos, and the rounding of two counts.
+        // A difference has the noise of two photos and the rounding of two counts.
         [white - of(&photos.black), 0.5 * scatter.max(1.0 / 6.0) * (1.0 + 1.0 / rounds)]
     };
     (0..photos.black.counts.len()).map(sample).collect()
 }
 
-/// The part of the camera's range that white fills: `reached` is its 98th percentile above black, as a share
-/// of the range.
+/// The share of the camera's range that white fills. `reached` is its 98th percentile above black, as a share of the range.
 fn range(reached: f64, exposure: &Exposure) -> Finding {
     let found =
         format!("white reaches {:.0} % of the range in {} s", 100.0 * reached, decimal(exposure.seconds, 4));
@@ -258,7 +243,6 @@ fn range(reached: f64, exposure: &Exposure) -> Finding {
     Finding::graded("exposure", grade, found, expected, help).measured(reached, 0.0, DIM_WHITE)
 }
 
-/// The share of white's samples that are saturated.
 fn saturation(share: f64) -> Finding {
     let grade = match share {
         share if share > SATURATED_FAILURE => Grade::Fails,
@@ -275,7 +259,6 @@ fn saturation(share: f64) -> Finding {
     .measured(share, 0.0, SATURATED_WARNING)
 }
 
-/// The light of black, as a share of white's.
 fn ambient(share: f64) -> Finding {
     Finding::at_most(
         "ambient",
@@ -325,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_has_not_settled_fails_beyond_its_error() {
-        // Two rounds: 1 % and 2 % less light, 1.5 ± 0.5 %; and the same without scatter.
+        // Two rounds with 1 % and 2 % less light give 1.5 ± 0.5 %. The next rounds have no scatter.
         let found = settling(&[[99.0, 100.0], [98.0, 100.0]], 0.25);
         assert_eq!(found.grade, Grade::Ok, "three errors are as much as is missing");
         assert!(
@@ -372,7 +355,7 @@ mod tests {
         let frame = RawFrame { resolution, channels: 1, counts, exposure: 0.1, id: 0, started: 0.0 };
         assert_eq!(mean(&frame), 5.0);
         assert_eq!([0.0, 0.3, 0.5, 0.98].map(|at| percentile(&frame, at)), [1.0, 3.0, 5.0, 9.0]);
-        // Deviations of −3, 0 and 3: a variance of 9, and a third of it for the mean.
+        // The deviations are −3, 0 and 3. The variance is 9, and the variance of the mean is a third of it.
         assert_eq!(average(&[1.0, 4.0, 7.0]), (4.0, 3.0_f64.sqrt()));
         assert_eq!(average(&[4.0]), (4.0, 0.0));
     }
@@ -400,7 +383,7 @@ mod tests {
         assert_eq!(graded(WhiteExposure::TooBright, 1.0), Grade::Fails);
     }
 
-    /// Photos of a hundred pixels: 5 counts without light, 30 for black, 155 for white, and `saturated` pixels at 255.
+    /// Photos of a hundred pixels have 5 counts without light, 30 for black, and 155 for white, where `saturated` pixels have 255.
     #[test]
     fn range_saturation_and_ambient_light_are_those_of_the_counts() {
         for (saturated, in_range, grade) in
@@ -435,7 +418,7 @@ mod tests {
             );
             assert_eq!(saturation.grade, grade, "{saturation}");
             assert!(saturation.found.starts_with(&format!("{saturated}.00 %")), "{saturation}");
-            // 25 of 150, and of more where there are saturated pixels.
+            // 25 of 150 counts, or of more with saturated pixels.
             let black = 100.0 * 25.0 / (150.0 + f64::from(saturated));
             assert!(ambient.found.contains(&format!("black has {black:.1} %")), "{ambient}");
             assert_eq!(ambient.grade, Grade::Ok);

@@ -1,5 +1,5 @@
-//! The check of the picture: whether all of the frame is shown (overscan), whether it is sharp, and whether a beam splitter's back reflects a
-//! second image of it (ghost).
+//! The check of the picture. It finds whether all of the frame is shown (overscan), whether it is sharp, and whether the back of a beam
+//! splitter reflects a second image of it (ghost).
 
 use rayon::prelude::*;
 
@@ -11,10 +11,10 @@ use crate::finding::Ratio;
 use crate::image::{Resolution, percentile};
 use crate::measure::sight;
 
-/// A projector with fewer pixels along an axis has no room for the patterns of sharpness and ghost.
+/// The least number of pixels along an axis that the patterns of sharpness and ghost need.
 const LEAST_PIXELS: usize = 24;
 
-/// The pixels of a period of fine and of coarse stripes.
+/// The periods of fine and coarse stripes, in projector pixels.
 const STRIPES: [usize; 2] = [4, 16];
 
 /// The share of the frame's shorter side that is examined at each border.
@@ -34,8 +34,8 @@ pub(crate) fn picture(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) ->
     recorder.add(finding)
 }
 
-/// Whether the outermost rows and columns of the frame are seen. In a coaxial rig their light, summed over all of the photo, is the light
-/// that white has where they should be seen.
+/// Whether the outermost rows and columns of the frame are seen. In a coaxial rig, their light in the whole photo equals the light of white
+/// in the area where they should be seen.
 fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     let (projector, camera) = (probe.projector(), probe.camera());
     let wide = ((BORDER_SHARE * projector.width.min(projector.height) as f64).round() as usize).max(1);
@@ -43,7 +43,7 @@ fn border(probe: &mut Probe<'_>) -> Result<Finding> {
         .pattern(|x, y| x.min(projector.width - 1 - x) < wide || y.min(projector.height - 1 - y) < wide)?;
     let margin = [(camera.width, projector.width), (camera.height, projector.height)]
         .map(|(camera, projector)| wide as f64 * camera as f64 / projector as f64);
-    // The part of a camera pixel, along an axis, that lies within the border.
+    // The share of a camera pixel, along an axis, that lies within the border.
     let within = |at: usize, of: usize, margin: f64| (margin - at.min(of - 1 - at) as f64).clamp(0.0, 1.0);
     let expected: f64 = (0..camera.pixels())
         .map(|pixel| {
@@ -74,8 +74,8 @@ fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     ))
 }
 
-/// How sharp fine stripes are compared with coarse ones. The fine ones are shown in two positions, a quarter of a period apart, so that it
-/// does not matter where the camera's pixels are.
+/// The sharpness of fine stripes compared with coarse ones. The fine stripes are shown in two positions, a quarter of a period apart, so
+/// that the positions of the camera's pixels do not matter.
 fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     let [fine, coarse] = STRIPES;
     let ratio = probe.camera().width as f64 / probe.projector().width as f64;
@@ -115,23 +115,24 @@ fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     ))
 }
 
-/// The distance of the dots in projector pixels, and their side. All dots have the same second image beside them, while light of the
-/// scene differs from dot to dot.
+/// The distance of the dots and their side, in projector pixels. All dots have the same second image beside them, whereas light of the
+/// scene differs between dots.
 const DOTS: [usize; 2] = [16, 2];
 
-/// Second images nearer and farther than these distances, in projector pixels, cannot be distinguished from the first one and from that of the next dot.
+/// The range of distances of a second image, in projector pixels. A nearer second image cannot be distinguished from the first image, and a
+/// farther one not from the second image of the next dot.
 const RANGE: [f64; 2] = [3.5, 7.5];
 
-/// A second image is a ghost if it is so many times as strong as any other. Mirrors in the scene make several.
+/// A second image is a ghost if it is this many times as strong as any other. Mirrors in the scene cause several second images.
 const STANDS_OUT: f64 = 2.5;
 
-/// The largest share of a second image. More is another dot, which a camera that sees more than the frame has nearer.
+/// The largest share of a second image. A larger share belongs to another dot, which is nearer if the camera sees more than the frame.
 const LARGEST: f64 = 0.4;
 
-/// The photo is made coarser until it has this many pixels for each of the projector's, at most.
+/// The largest number of photo pixels per projector pixel. A finer photo is made coarser first.
 const FINEST: f64 = 3.0;
 
-/// Photographs dots, and compares the photo with itself, displaced.
+/// Photographs dots, and correlates the photo with its displaced copies.
 pub(crate) fn ghost(probe: &mut Probe<'_>) -> Result<Finding> {
     let [distance, side] = DOTS;
     let light = probe.pattern(|x, y| [x, y].iter().all(|at| (at + distance / 2) % distance < side))?;
@@ -159,8 +160,8 @@ pub(crate) fn ghost(probe: &mut Probe<'_>) -> Result<Finding> {
     ))
 }
 
-/// The strongest second image of a photo of dots: its share, and its displacement in projector pixels, of which the sign is not known.
-/// `ratio` is the number of the photo's pixels for each of the projector's.
+/// The strongest second image of a photo of dots: its share, and its displacement in projector pixels. The sign of the displacement is
+/// unknown. `ratio` is the number of photo pixels per projector pixel.
 fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
     let background = percentile(light.iter().copied(), 0.5);
     let light: Vec<f64> = light.iter().map(|value| value - background).collect();
@@ -197,7 +198,7 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let &(share, [x, y]) = peaks.first()?;
     let next = peaks.iter().skip(1).find(|(_, [u, v])| {
-        // Equal neighbours are the same peak, and on the axis so are opposite ones.
+        // Equal neighbours belong to the same peak. On the axis, opposite displacements do too.
         let near = |sign: i64| (u - sign * x).abs().max((v - sign * y).abs()) as f64 <= 1.5 * ratio;
         !near(1) && !near(-1)
     });
@@ -205,13 +206,13 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
     stands_out.then_some([share, x as f64 / ratio, y as f64 / ratio])
 }
 
-/// The sum of the products of a picture's pixels with those `lag` to the right and down.
+/// The sum of the products of a picture's pixels with the pixels that are displaced by `[right, down]`.
 fn correlation(light: &[f64], size: Resolution, [right, down]: [i64; 2]) -> f64 {
     let span = |by: i64, of: usize| {
         let by = by.unsigned_abs() as usize;
         by.min(of)..of
     };
-    // The displaced picture begins at the later of both starts.
+    // Only the part where both pictures overlap is summed.
     let columns = span(right, size.width).len();
     let [x0, x1] = if right >= 0 { [0, right as usize] } else { [right.unsigned_abs() as usize, 0] };
     (0..span(down, size.height).len())
@@ -236,7 +237,7 @@ mod tests {
     use crate::measure::simulated::Simulated;
     use std::ops::ControlFlow;
 
-    /// The shares of a row of `fine` pixels in each of `coarse` pixels that cover the same field, from where the row is seen.
+    /// For each of `coarse` pixels, the weights of the `fine` pixels that it covers, in a row that spans the same field.
     fn shares(coarse: usize, fine: usize) -> Vec<Vec<(usize, f64)>> {
         let scale = fine as f64 / coarse as f64;
         let one = |at: usize| {
@@ -247,7 +248,7 @@ mod tests {
         (0..coarse).map(one).collect()
     }
 
-    /// A picture, seen by a camera in the pixels of `to`: each is the mean over its area.
+    /// A picture as a camera with the pixels of `to` sees it. Each pixel is the mean over its area.
     fn resampled(light: &[f64], from: Resolution, to: Resolution) -> Vec<f64> {
         let [across, down] = [shares(to.width, from.width), shares(to.height, from.height)];
         let value = |pixel: usize| {
@@ -260,8 +261,8 @@ mod tests {
         (0..to.pixels()).map(value).collect()
     }
 
-    /// The finding of `check` on a bench without a calibration whose camera sees `optics` of the light that the projector shows, in
-    /// the camera's pixels; white has 50,000 counts above 100.
+    /// The finding of `check` on a bench without a calibration. `optics` turns the projector's light into the light in the camera's pixels.
+    /// White has 50,000 counts above 100.
     fn found<T>(
         [projector, camera]: [Resolution; 2],
         optics: impl Fn(&[f64]) -> Vec<f64> + Send,
@@ -278,7 +279,6 @@ mod tests {
         check(&mut probe).expect("a simulated bench never fails")
     }
 
-    /// The numbers of a sentence.
     fn numbers(finding: &Finding) -> Vec<f64> {
         finding.found.split(' ').filter_map(|word| word.parse().ok()).collect()
     }
@@ -294,13 +294,13 @@ mod tests {
             };
             let finding = found([projector, camera], scene, border);
             assert!(finding.grade == Grade::Ok && finding.found.contains("row and column at"), "{finding}");
-            // If a camera's pixel holds the border in part, the scene is taken as even inside of it: it changes by less than 5 %.
+            // The scene counts as even inside a camera pixel that the border covers in part; it changes there by less than 5 %.
             assert!((numbers(&finding)[0] - 100.0).abs() <= 1.0, "{finding}");
         }
     }
 
-    /// Overscan: a projector that shows its frame larger than its field. With borders two pixels wide, the outer two columns, or
-    /// rows, are lost. The border has 240 · 160 − 236 · 156 = 1584 pixels.
+    /// Overscan: the projector shows its frame larger than its field. With borders two pixels wide, the outer two columns or rows are lost.
+    /// The border has 240 · 160 − 236 · 156 = 1584 pixels.
     #[test]
     fn a_border_that_is_cut_off_at_two_sides_has_the_light_of_the_other_two() {
         let size = Resolution::new(240, 160);
@@ -319,13 +319,13 @@ mod tests {
                 finding.grade == grade && finding.found.contains("outermost 2 rows and columns"),
                 "{finding}"
             );
-            // It is written in whole percent; the first number is the width.
+            // The share is a whole percentage. The first number is the width.
             assert!((numbers(&finding)[1] - share).abs() <= 0.5, "{finding}");
         }
     }
 
-    /// The border has 1584 of 38,400 pixels, 4.1 %. Where it reflects the share `b` of the rest, it has `b / (0.959 + 0.041 b)` of
-    /// an even share of the light: 5.5 and 4.5 %.
+    /// The border has 1584 of 38,400 pixels, or 4.1 %. If the border reflects the share `b` relative to the rest, it has
+    /// `b / (0.959 + 0.041 b)` of an even share of the light: 5.5 and 4.5 %.
     #[test]
     fn a_border_is_not_examined_where_the_scene_is_dark_there() {
         let size = Resolution::new(240, 160);
@@ -343,7 +343,6 @@ mod tests {
         }
     }
 
-    /// A Gaussian blur along rows of so many pixels.
     fn blurred(light: &[f64], width: i64, deviation: f64) -> Vec<f64> {
         let weight = |by: i64| (-0.5 * (by as f64 / deviation).powi(2)).exp();
         let sum: f64 = (-20..=20).map(weight).sum();
@@ -355,8 +354,8 @@ mod tests {
     }
 
     /// Stripes blurred by `σ` keep the share `exp(−f² σ² / 2)` of their first harmonic, with f = π/2 for a period of four. The coarse
-    /// stripes have an edge every eight pixels, and lose `2 σ √(2/π)` of their light at each. What is found is the blur whose
-    /// harmonic is that share of theirs.
+    /// stripes have an edge every eight pixels, and lose `2 σ √(2/π)` of their light at each edge. The check finds the blur for which the
+    /// ratio of the fine stripes' harmonic to the coarse stripes' light is this share.
     #[test]
     fn the_blur_of_stripes_is_found_in_pixels_of_both_devices() {
         let [projector, camera] = [Resolution::new(96, 24), Resolution::new(384, 24)];
@@ -368,7 +367,7 @@ mod tests {
             let said = numbers(&finding);
             assert_eq!(said.len(), 3, "{finding}");
             let (period, blur, of_camera) = (said[0], said[1], said[2]);
-            // The harmonics above the first, and the borders of the picture, which are not blurred alike.
+            // The tolerance covers the higher harmonics, and the borders of the picture, which are blurred differently.
             assert!((blur - expected).abs() < 0.02, "{finding}; expected {expected}");
             assert!(
                 period == 2.0 && (of_camera - 4.0 * blur).abs() < 0.03 && finding.grade == grade,
@@ -404,7 +403,7 @@ mod tests {
         }
     }
 
-    /// A photo of dots, two pixels for each of the projector's, on a background that varies, with a second image.
+    /// A photo of dots and their second image on a varying background, with two photo pixels per projector pixel.
     fn dots(share: f64) -> (Vec<f64>, Resolution) {
         let size = Resolution::new(128, 128);
         let dot =
@@ -416,7 +415,7 @@ mod tests {
         (light.collect(), size)
     }
 
-    /// Sums of squares of whole numbers, and every lag there is, also beyond the picture.
+    /// Sums of products of whole numbers, for every displacement and some beyond the picture.
     #[test]
     fn a_correlation_is_the_sum_over_all_pairs_of_pixels_that_far_apart() {
         let size = Resolution::new(5, 4);

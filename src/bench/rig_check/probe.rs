@@ -1,4 +1,4 @@
-//! The photos of black and white that the check takes, and photos of patterns as light above black.
+//! The check's photos of black and white, and photos of patterns as light above black.
 
 use std::sync::Arc;
 
@@ -8,33 +8,29 @@ use crate::image::Resolution;
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
 use crate::rig::{Frame, RawFrame};
 
-/// The first number of the takes of these photos, so that they differ from those of black and white.
+/// The number of the first take of a pattern. It distinguishes these takes from the takes of black and white.
 const FIRST_TAKE: u32 = 1000;
 
 /// Takes photos at one exposure, and compares them with white.
 pub(crate) struct Probe<'a> {
     pub(crate) frames: &'a mut dyn FrameSource,
-    /// The exposure in seconds.
     pub(crate) exposure: f64,
-    /// Whether the camera's response is known, so that counts become light.
     pub(crate) is_known: bool,
-    /// The light of white above black, one value for each camera pixel.
     pub(crate) white: Vec<f64>,
-    /// The share by which repeated photos of white differ at most.
+    /// The largest relative difference between repeated photos of white.
     pub(crate) scatter: f64,
-    /// The light of each count, where the camera's response is not a line.
+    /// The light of each count, if the camera's response is not linear.
     curve: Option<Vec<f64>>,
     black: Vec<f64>,
-    /// The mean of each channel in a photo without light, and in one of black at the exposure.
+    /// The mean of each channel in a photo without light, and in a photo of black at the exposure.
     pub(crate) unlit: [Vec<f64>; 2],
-    /// Whether the first photo of a frame still has light of the frame before.
+    /// Whether the first photo of a frame still contains light of the previous frame.
     is_hasty: bool,
     take: u32,
 }
 
 impl<'a> Probe<'a> {
-    /// Continues from photos of black and white, taken at this exposure. Where light has not `settled` in the first photo of a frame,
-    /// the second one is used.
+    /// Continues from photos of black and white at this exposure. Where light has not `settled` in the first photo, the second one is used.
     pub(crate) fn new(
         frames: &'a mut dyn FrameSource,
         known: Option<&Calibration>,
@@ -68,17 +64,15 @@ impl<'a> Probe<'a> {
         probe
     }
 
-    /// The camera's pixels.
     pub(crate) fn camera(&self) -> Resolution {
         self.frames.camera().resolution
     }
 
-    /// The projector's pixels.
     pub(crate) fn projector(&self) -> Resolution {
         self.frames.projector().resolution
     }
 
-    /// The light above black of a frame that is white where `is_lit` says so of a column and a row, and black elsewhere.
+    /// The light above black of a frame that is white in each column and row for which `is_lit` is true, and black elsewhere.
     pub(crate) fn pattern(&mut self, is_lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
         let (info, size) = (self.frames.projector(), self.projector());
         let level = |pixel: usize| {
@@ -89,7 +83,7 @@ impl<'a> Probe<'a> {
         self.above_black(frame)
     }
 
-    /// The light above black of a frame of one level, which is given as a share of the highest.
+    /// The light above black of a frame of one level, given as a share of the highest level.
     pub(crate) fn gray(&mut self, share: f64) -> Result<Vec<f64>> {
         let info = self.frames.projector();
         let level = (share * f64::from(info.highest())).round() as u16;
@@ -97,7 +91,7 @@ impl<'a> Probe<'a> {
         self.above_black(frame)
     }
 
-    /// The light above black of a frame of one of the projector's three colours alone, at a share of its highest level.
+    /// The light above black of a frame with only one of the projector's three colours, at a share of its highest level.
     pub(crate) fn colour(&mut self, colour: usize, share: f64) -> Result<Vec<f64>> {
         let info = self.frames.projector();
         let level = (share * f64::from(info.highest())).round() as u16;
@@ -117,20 +111,18 @@ impl<'a> Probe<'a> {
         Ok(light.iter().zip(&self.black).map(|(light, black)| light - black).collect())
     }
 
-    /// Takes a new photo.
     pub(crate) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
         self.take += 1;
         self.frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take: self.take })
     }
 
-    /// A frame of the darkest or the brightest level.
     pub(crate) fn filled(&self, is_white: bool) -> Arc<Frame> {
         let info = self.frames.projector();
         let level = if is_white { info.highest() } else { 0 };
         Arc::new(Frame::filled(info.resolution, info.channels, level))
     }
 
-    /// The light of a photo, black included: the mean of the channels of each pixel.
+    /// The light of a photo, including black: the mean of each pixel's channels.
     pub(crate) fn light(&self, photo: &RawFrame) -> Vec<f64> {
         let linear = |&count: &u16| match &self.curve {
             Some(curve) => curve[usize::from(count).min(curve.len() - 1)],
@@ -140,7 +132,7 @@ impl<'a> Probe<'a> {
         pixels.map(|counts| counts.iter().map(linear).sum::<f64>() / photo.channels as f64).collect()
     }
 
-    /// The mean light of each channel of a photo, black included.
+    /// The mean light of each channel of a photo, including black.
     pub(crate) fn channels(&self, photo: &RawFrame) -> Vec<f64> {
         let one = |channel: usize| RawFrame {
             channels: 1,
@@ -151,13 +143,11 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// The mean of some values; 0 of none.
 pub(crate) fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// A picture whose pixels are the means over squares of `side` pixels, and its resolution. What is left over at the right and at the
-/// bottom is dropped.
+/// The means over squares of `side` pixels, and the picture's resolution. Remaining pixels at the right and at the bottom are dropped.
 pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>, Resolution) {
     let small = Resolution::new(size.width / side, size.height / side);
     let value = |pixel: usize| {
@@ -168,26 +158,23 @@ pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>,
     ((0..small.pixels()).map(value).collect(), small)
 }
 
-/// The number of rounds. In each, white is shown after black and photographed twice.
+/// The number of rounds. In each round, white is shown after black and photographed twice.
 const ROUNDS: u32 = 4;
 
-/// The photos of the check.
 pub(crate) struct Photos {
-    /// Black at the exposure of white.
     pub(crate) black: RawFrame,
-    /// Black, photographed right after white, of each round.
+    /// For each round, black photographed right after white.
     pub(crate) blacks: Vec<RawFrame>,
-    /// White: the first photo after black, and the next one, of each round.
+    /// For each round, the first photo of white after black, and the next one.
     pub(crate) whites: Vec<[RawFrame; 2]>,
-    /// The count without light: the median of black at the shortest exposure.
+    /// The count without light, which is the median of black at the shortest exposure.
     pub(crate) dark_count: f64,
     /// Black at the shortest exposure.
     pub(crate) dark: RawFrame,
-    /// The cost of these photos.
     pub(crate) effort: Effort,
 }
 
-/// Takes the photos, those of white at `exposure` seconds.
+/// Takes the photos. White is exposed for `exposure` seconds.
 pub(crate) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos> {
     let before = frames.effort();
     let info = frames.projector().clone();
@@ -204,8 +191,7 @@ pub(crate) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
         blacks.push(capture(&black, exposure, round)?);
         whites.push([capture(&white, exposure, 2 * round)?, capture(&white, exposure, 2 * round + 1)?]);
     }
-    // After a wait that is too short some of white's light is left in the first photo of black. That is not
-    // ambient light.
+    // If the wait is too short, the first photo of black contains some of white's light, which is not ambient light.
     capture(&black, exposure, ROUNDS)?;
     let black = capture(&black, exposure, ROUNDS + 1)?;
     let after = frames.effort();
@@ -223,12 +209,10 @@ pub(crate) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
     Ok(Photos { black, blacks, whites, dark_count, dark, effort })
 }
 
-/// The mean count of a frame.
 pub(crate) fn mean(frame: &RawFrame) -> f64 {
     frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / frame.counts.len() as f64
 }
 
-/// The count at this quantile of a frame, from 0 to 1.
 pub(crate) fn percentile(frame: &RawFrame, quantile: f64) -> f64 {
     image::percentile(frame.counts.iter().map(|&count| f64::from(count)), quantile)
 }
@@ -241,7 +225,7 @@ mod tests {
     #[test]
     fn squares_are_averaged_and_what_is_left_over_is_dropped() {
         let light: Vec<f64> = (0..35).map(f64::from).collect();
-        // Seven by five pixels in squares of two: the last column and row are left over.
+        // Squares of two leave over the last column and row of seven by five pixels.
         let (small, size) = binned(&light, Resolution::new(7, 5), 2);
         assert_eq!(size, Resolution::new(3, 2));
         assert_eq!(small, [4.0, 6.0, 8.0, 18.0, 20.0, 22.0]);

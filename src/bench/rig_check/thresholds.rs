@@ -1,92 +1,86 @@
-//! The bounds of the check: where a finding becomes a warning, and where it fails.
+//! The bounds at which a finding of the check becomes a warning or a failure.
 
-/// An exposure may differ from a whole number of the projector's refreshes by this share of one refresh.
+/// An exposure may differ from a whole number of projector refreshes by this share of one refresh.
 pub const REFRESH_FRACTION: f64 = 0.02;
 
-/// Photos of a long session: a capture with several exposures and takes, its calibration, and a second try.
-/// Less disk space than that is a warning.
+/// The check warns when there is disk space for fewer photos. This is a long session: a capture with several exposures and takes, its
+/// calibration, and a second try.
 pub const SESSION_PHOTOS: u64 = 5000;
 
-/// With disk space for fewer photos than this the check fails: not even one capture fits.
+/// The check fails when there is disk space for fewer photos than this, because not even one capture fits.
 pub const MIN_PHOTOS: u64 = 200;
 
-/// White's 98th percentile, as a share of the camera's range, below which most of the range is unused: a
-/// warning.
+/// The check warns when white's 98th percentile is below this share of the camera's range. Most of the range is then unused.
 pub const DIM_WHITE: f64 = 0.2;
 
-/// White's 98th percentile, as a share of the camera's range, below which the camera does not see the
-/// projector: a failure.
+/// The check fails when white's 98th percentile is below this share of the camera's range. The camera then does not see the projector.
 pub const INVISIBLE_WHITE: f64 = 0.01;
 
-/// A warning when more than this share of white's samples is saturated.
+/// The check warns when more than this share of white's samples is saturated.
 pub const SATURATED_WARNING: f64 = 0.01;
 
-/// A failure when more than this share of white's samples is saturated.
+/// The check fails when more than this share of white's samples is saturated.
 pub const SATURATED_FAILURE: f64 = 0.1;
 
-/// A warning when the light without a pattern is more than this share of white's light. At this share it adds
-/// a tenth to the noise of white.
+/// The check warns when the light without a pattern exceeds this share of white's light, which adds a tenth to the noise of white.
 pub const AMBIENT: f64 = 0.2;
 
-/// A warning when drift and flicker change the light of white by more than this share from photo to photo.
-/// `krylux audit` has the same bound.
+/// The check warns when drift and flicker change white by more than this share between photos. `krylux audit` has the same bound.
 pub const REPEATABILITY: f64 = 0.01;
 
-/// A failure when white right after black has less light than a repeated white by more than this share. The
-/// latency measurement of the calibration has the same tolerance.
+/// The check fails when white right after black has less light than a repeated white by more than this share. The latency measurement of
+/// the calibration has the same tolerance.
 pub const SETTLING: f64 = 2e-3;
 
-/// A warning when the noise of a photo, as a multiple of what the calibration predicts, lies outside of this
-/// interval.
+/// The check warns when a photo's noise, as a multiple of the noise that the calibration predicts, is outside this interval.
 pub const NOISE_RATIO: [f64; 2] = [0.8, 1.25];
 
-/// A warning when the pixel map is off by more than this, in projector pixels. The calibration promises as
-/// much.
+/// The check warns when the error of the pixel map exceeds this many projector pixels. The calibration promises this accuracy.
 pub const MAP_OFFSET_WARNING: f64 = 0.1;
 
-/// A failure when the pixel map is off by more than this, in projector pixels: a third of the direct light is
-/// then assigned to a neighbouring pixel.
+/// The check fails when the error of the pixel map exceeds this many projector pixels. A third of the direct light is then assigned to a
+/// neighbouring pixel.
 pub const MAP_OFFSET_FAILURE: f64 = 0.3;
 
-/// A failure when the photo of a random pattern correlates less than this with the pattern that was shown.
+/// The check fails when the correlation of a photo of a random pattern with the pattern is less than this.
 pub const MIN_CORRELATION: f64 = 0.5;
 
-/// The automatic iris: the quadrants of white may differ from white by this share.
+/// The bound on an automatic iris: the sum of the quadrants of white may differ from white by this share.
 pub const IRIS: f64 = 0.02;
 
-/// The same as [`IRIS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 4 %.
+/// The same as [`IRIS`] where the camera's response is not known. A response of `x^0.95` causes a difference of 4 %.
 pub const IRIS_UNCALIBRATED: f64 = 0.05;
 
-/// The white segment of a colour wheel: red, green and blue may differ from gray by this share.
+/// The bound on the white segment of a colour wheel: the sum of red, green and blue may differ from gray by this share.
 pub const COLOURS: f64 = 0.02;
 
-/// The same as [`COLOURS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 5.6 % where the camera has no colours.
+/// The same as [`COLOURS`] where the camera's response is not known. With a monochrome camera, `x^0.95` causes a difference of 5.6 %.
 pub const COLOURS_UNCALIBRATED: f64 = 0.07;
 
-/// A warning when this share of white's light reaches all pixels evenly, and follows the pattern.
+/// The check warns when more than this share of white's light reaches all pixels evenly and follows the pattern.
 pub const STRAY: f64 = 0.02;
 
-/// A warning when level 235 of 255 is darker than white by less than this share. In proportion it would be 8 %.
+/// The check warns when level 235 of 255 is darker than white by less than this share. A level in proportion to light is 8 % darker.
 pub const CLIPPED: f64 = 0.01;
 
-/// Pulses of light: white's light per second may differ by this share between exposures of parts of a refresh.
+/// The bound on pulses of light: white's light per second may differ by this share between exposures of parts of a refresh.
 pub const PULSES: f64 = 0.02;
 
-/// The same as [`PULSES`], where the camera's response is not known. A response of `x^0.95` makes 5 %.
+/// The same as [`PULSES`] where the camera's response is not known. A response of `x^0.95` causes a difference of 5 %.
 pub const PULSES_UNCALIBRATED: f64 = 0.08;
 
-/// A warning when the last rows of a photo see more of a frame that was just shown than the first rows, by this share.
+/// The check warns when the last rows of a photo see more of a newly shown frame than the first rows, by more than this share.
 pub const ROLLING: f64 = 0.02;
 
-/// A warning when the frame's border has less than this share of the light that it should have.
+/// The check warns when the frame's border has less than this share of the expected light.
 pub const BORDER: f64 = 0.5;
 
-/// A warning when stripes are blurred by more than this, in projector pixels. The pixels of a camera as coarse as the projector blur by
-/// up to 0.35.
+/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as coarse as the projector's blur by up to
+/// 0.35.
 pub const BLUR: f64 = 0.6;
 
-/// A warning when a second image of the frame has more than this share of the first one's light. A mirror ball and the noise of a camera of
-/// 8 bits have made 1.2 %.
+/// The check warns when a second image has more than this share of the first one's light. A mirror ball and the noise of an 8-bit camera
+/// have caused 1.2 %.
 pub const GHOST: f64 = 0.02;
 
 pub use crate::finding::SIGMAS;

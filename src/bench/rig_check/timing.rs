@@ -6,16 +6,16 @@ use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::{Ratio, decimal};
 
-/// Exposures in refreshes of the projector that are not whole multiples of it, or of its usual parts.
+/// Exposures in refreshes of the projector. They are not whole multiples of a refresh or of its usual parts.
 const EXPOSURES: [f64; 3] = [0.63, 1.37, 1.63];
 
-/// A refresh in seconds, where the projector's is not known.
+/// The assumed time of a refresh in seconds, if the projector's refresh time is not known.
 const REFRESH: f64 = 1.0 / 60.0;
 
 /// Rows with less than this share of the mean light are too dark to be compared.
 const LEAST_LIGHT: f64 = 0.02;
 
-/// The counts by which rounding may change the mean of a photo.
+/// The largest change of a photo's mean by rounding, in counts.
 const ROUNDING: f64 = 0.3;
 
 /// Takes six photos of white at short exposures.
@@ -36,12 +36,11 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
     let [dark, black] = probe.unlit.clone();
     let mut rates: Vec<Vec<f64>> = Vec::new();
     let mut error = 0.0_f64;
-    // The first photo of a frame may have light of the frame before.
+    // The first photo of a frame may contain light of the previous frame.
     probe.capture(&white, probe.exposure)?;
     for exposure in EXPOSURES.iter().chain(&EXPOSURES).map(|share| share * base) {
         let photo = probe.capture(&white, exposure)?;
         let light = probe.channels(&photo);
-        // Light per second above that of black.
         let rate = |channel: usize| {
             let [light, dark, black] = [light[channel], dark[channel], black[channel]];
             (light - dark) / photo.exposure - (black - dark) / probe.exposure
@@ -53,7 +52,7 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
         let rates: Vec<f64> = rates.iter().map(|rates| rates[channel]).collect();
         let (least, most) =
             rates.iter().fold((f64::MAX, f64::MIN), |(low, high), &rate| (low.min(rate), high.max(rate)));
-        // A channel that sees none of the projector's light has only the rounding of its counts.
+        // In a channel that sees none of the projector's light, only the rounding of its counts changes.
         Ratio::of(most - least, average(&rates), ROUNDING / (EXPOSURES[0] * base)).value()
     });
     recorder.add(match spread.reduce(f64::max) {
@@ -62,7 +61,6 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
     })
 }
 
-/// Whether white has the same light per second at exposures of parts of a refresh.
 fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
     let bound = if probe.is_known { PULSES } else { PULSES_UNCALIBRATED };
     let is_pulsed = spread - 3.0 * error > bound;
@@ -83,7 +81,7 @@ fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
     )
 }
 
-/// Photographs white right after black, without waiting for it to settle: two photos. `settle` is restored.
+/// Photographs black, and then white right after it without waiting for white to settle. Restores `settle`.
 pub(crate) fn shutter(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorder<'_, '_>) -> Result<()> {
     let [black, white] = [probe.filled(false), probe.filled(true)];
     probe.capture(&black, probe.exposure)?;
@@ -107,7 +105,6 @@ pub(crate) fn shutter(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorde
     })
 }
 
-/// Whether the first rows of a photo see less of a frame that has just been shown than the last rows.
 fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
     let is_rolling = last - first - probe.scatter > ROLLING;
     let found = if is_rolling {
@@ -145,8 +142,8 @@ mod tests {
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
 
-    /// The finding of `check` on a bench of four by eight pixels whose photos of one second have 100 counts without light, 300 more for black, and
-    /// 40,000 more for white, times `share` of the row, the exposure and the wait.
+    /// The finding of `check` on a bench of four by eight pixels. Photos of one second have 100 counts without light, 300 more for black,
+    /// and 40,000 more for white, times `share` of the row, the exposure and the wait.
     fn found(
         share: impl Fn(usize, f64, f64) -> f64 + Send,
         check: impl FnOnce(&mut Probe<'_>, &mut Recorder<'_, '_>) -> Result<()>,
@@ -175,7 +172,7 @@ mod tests {
             let share = move |row: usize, _, wait| if wait > 0.0 { 1.0 } else { 0.2 + slope * row as f64 };
             found(share, |probe, recorder| shutter(probe, 0.25, recorder))
         };
-        // The first and the last two of eight rows have 0.25 and 0.85 of the light of white.
+        // The first two of eight rows have 0.25 of the light of white, and the last two have 0.85.
         let finding = rolling(0.1);
         assert_eq!(finding.grade, Grade::Warning);
         let text = "the first rows see 25 % of a frame that was just shown, and the last rows 85 %";
@@ -183,7 +180,7 @@ mod tests {
             finding.found.contains(text) && finding.found.contains("at least 0.6000 s after"),
             "{finding}"
         );
-        // Two percent are allowed, and less light below is no rolling shutter.
+        // A difference of 2 % is allowed. Less light in the last rows is not a rolling shutter.
         for (slope, text) in [(0.0, "within 0.0 %"), (0.003, "within 1.8 %"), (-0.01, "within 6.0 %")] {
             let finding = rolling(slope);
             assert!(finding.grade == Grade::Ok && finding.found.contains(text), "{finding}");
@@ -191,7 +188,7 @@ mod tests {
         assert_eq!(rolling(0.004).grade, Grade::Warning);
     }
 
-    /// Exposures of 0.63, 1.37 and 1.63 refreshes of 1/60 s have 420, 913 and 1087 counts of white.
+    /// Exposures of 0.63, 1.37 and 1.63 refreshes of 1/60 s give 420, 913 and 1087 counts of white.
     #[test]
     fn light_that_is_pulsed_is_not_in_proportion_to_exposures_of_parts_of_a_refresh() {
         let pulsed = |more: f64| {
@@ -202,14 +199,14 @@ mod tests {
         };
         let finding = pulsed(0.15);
         assert_eq!(finding.grade, Grade::Warning);
-        // 0.15 of a mean of 1.05.
+        // The difference of 0.15 relative to the mean of 1.05.
         assert!(
             finding.found.contains("differs by 14.3 % between exposures of 0.0105 to 0.0272 s"),
             "{finding}"
         );
         let steady = pulsed(0.0);
         assert!(steady.grade == Grade::Ok && steady.found.contains("differs by 0."), "{steady}");
-        // Eight percent, and three times the rounding of 0.3 counts in 425: 0.2 %.
+        // The bound is 8 % plus three times the rounding of 0.3 counts in 425, which is 0.2 %.
         assert_eq!((pulsed(0.0835).grade, pulsed(0.0875).grade), (Grade::Ok, Grade::Warning));
     }
 
@@ -224,7 +221,8 @@ mod tests {
                 },
             )
         };
-        // At most what white is exposed for: 0.63 / 1.63 of it are less than the shortest exposure, one millisecond, below 2.59 ms.
+        // The exposures are limited to the exposure of white. The shortest is 0.63 / 1.63 of it, which is less than the camera's shortest
+        // exposure of one millisecond if white is exposed for less than 2.59 ms.
         assert!(limited(2.5e-3).found.contains("not examined: the camera cannot expose for 0.00097 s"));
         assert!(!limited(2.7e-3).found.contains("not examined"));
     }

@@ -1,5 +1,5 @@
-//! The setup of a machine vision camera: one frame for each software trigger, nothing automatic, all values within its limits; and what the
-//! camera can do.
+//! The setup of a machine vision camera, and its abilities. The camera takes one frame for each software trigger, its automatic features
+//! are off, and all values are within its limits.
 
 use std::io::Read;
 use std::process::{Command, Stdio};
@@ -15,11 +15,11 @@ use crate::rig::hardware::{in_use, is_busy};
 use crate::rig::sensor::Settings;
 use crate::rig::{Helper, camera_fault};
 
-/// The largest difference between the gain that was asked for and the one that was set, in the camera's unit (usually decibels):
-/// half of the usual step of a tenth, with a margin.
+/// The largest difference between the requested gain and the gain that was set, in the camera's unit (usually decibels). It is half of the
+/// usual step of a tenth, with a margin.
 const GAIN_TOLERANCE: f64 = 0.06;
 
-/// Sets an open camera up. `place` says where it is, for errors.
+/// Sets an open camera up. `place` is the camera's place in errors.
 pub(crate) fn set_up<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
     // A session that ended abruptly leaves the acquisition running.
@@ -60,8 +60,8 @@ fn set_format<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place:
     })
 }
 
-/// Sets the part of the sensor that is read. The limit of a size depends on the offset and vice versa; therefore the offsets are
-/// first set to their minimum.
+/// Sets the part of the sensor that is read. Offsets are first set to their minimum, because the limits of sizes and offsets depend on each
+/// other.
 fn set_region<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     for name in ["OffsetX", "OffsetY"] {
         let least = limits(camera, name).map_or(0, |range| range.min as i64);
@@ -119,7 +119,6 @@ fn set_gain<T: RegisterIo>(camera: &mut Camera<T>, place: &str, gain: f64) -> Re
     Ok(())
 }
 
-/// Checks that the camera can set all exposures of the rig file.
 fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     let known = ["ExposureTime", "ExposureTimeAbs"];
     if known.iter().all(|name| camera.feature_state(name).is_err()) {
@@ -145,7 +144,7 @@ fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place
     Ok(())
 }
 
-/// Sets the exposure in seconds; returns the exposure that was really set.
+/// Sets the exposure in seconds, and returns the exposure that was really set.
 pub(crate) fn set_exposure<T: RegisterIo>(camera: &mut Camera<T>, place: &str, exposure: f64) -> Result<f64> {
     let failed = |why: GenicamError| said(place, &format!("set an exposure of {exposure} s"), &why);
     camera.set_exposure_time(1e6 * exposure).map_err(failed)?;
@@ -153,26 +152,24 @@ pub(crate) fn set_exposure<T: RegisterIo>(camera: &mut Camera<T>, place: &str, e
     Ok(set / 1e6)
 }
 
-/// The range that a feature's value may have now, if the camera says.
+/// The range of values that a feature may have now, if the camera reports it.
 fn limits<T: RegisterIo>(camera: &Camera<T>, name: &str) -> Option<ValueRange> {
     camera.feature_state(name).ok()?.range
 }
 
-/// Whether a value is in the range and on one of its steps.
 fn allows(range: ValueRange, value: f64) -> bool {
-    // Both are integers that `f64` represents exactly.
+    // Both values are integers that `f64` represents exactly.
     let is_step = range.inc.is_none_or(|step| step <= 0.0 || (value - range.min).rem_euclid(step) == 0.0);
     (range.min..=range.max).contains(&value) && is_step
 }
 
-/// A range in words, e.g. `4 to 48 in steps of 4`.
+/// A range in words, for example `4 to 48 in steps of 4`.
 fn told(range: ValueRange) -> String {
     let steps = range.inc.filter(|step| *step > 1.0);
     let steps = steps.map_or_else(String::new, |step| format!(" in steps of {step}"));
     format!("{} to {}{steps}", range.min, range.max)
 }
 
-/// The error where the camera failed to do something; `why` is the protocol's error.
 pub(crate) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
     if is_busy(why) || matches!(why, GenicamError::NotInControl(_)) {
         return in_use(place);
@@ -183,12 +180,12 @@ pub(crate) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
     )
 }
 
-/// The abilities of a machine vision camera, as far as it states them.
+/// The abilities of a machine vision camera, as far as the camera states them.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Abilities {
     /// Width and height of the sensor, in pixels.
     pub sensor: Option<[usize; 2]>,
-    /// The camera's names of its pixel formats.
+    /// The camera's names for its pixel formats.
     pub pixel_formats: Vec<String>,
     /// The shortest and the longest exposure, in seconds.
     pub exposures: Option<[f64; 2]>,
@@ -197,7 +194,6 @@ pub struct Abilities {
 }
 
 impl Abilities {
-    /// Reads the abilities of an open camera, without setting anything.
     pub(crate) fn of<T: RegisterIo>(camera: &Camera<T>) -> Self {
         let range = |names: &[&str]| {
             let mut states = names.iter().filter_map(|name| camera.feature_state(name).ok());
@@ -207,7 +203,7 @@ impl Abilities {
             let number = names.iter().find_map(|name| camera.get_integer(name).ok());
             number.and_then(|number| usize::try_from(number).ok()).filter(|&number| number > 0)
         };
-        // Width and Height may be a part of the sensor now: their maximum is the sensor's.
+        // Width and height may describe a part of the sensor, but their maximum describes the whole sensor.
         let sides = [whole(&["WidthMax", "SensorWidth"]), whole(&["HeightMax", "SensorHeight"])];
         Self {
             sensor: sides[0].zip(sides[1]).map(|(width, height)| [width, height]),
@@ -237,17 +233,15 @@ impl std::fmt::Display for Abilities {
     }
 }
 
-/// How long a camera's description may take. Reading one takes about a second.
+/// The longest time for reading a camera's description, which usually takes about a second.
 const PATIENCE: Duration = Duration::from_secs(15);
-/// The address space of the process that reads a description, in KiB. Descriptions have a few MiB.
+/// The address space, in KiB, of the process that reads a description. A description has a few MiB.
 const ADDRESS_SPACE: u64 = 1 << 20;
 /// The largest answer of that process in bytes.
 const MAX_ANSWER: u64 = 1 << 20;
 
-/// Asks a camera what it can do, in a process of `helper`.
-///
-/// # Errors
-/// [`Error::Rig`] when it does not answer, or when its description cannot be read in bounded time and memory.
+/// Reads a camera's abilities in a process of `helper`. Returns [`Error::Rig`] when the camera does not answer, or when its description
+/// cannot be read in bounded time and memory.
 pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Abilities> {
     let name =
         place.map_or_else(|| format!("the {kind} camera"), |place| format!("the {kind} camera {place}"));
@@ -261,7 +255,7 @@ pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Ab
     let ended = wait(&mut child, PATIENCE);
     let (mut said, mut complaint) = (String::new(), String::new());
     if let (Some(stdout), Some(stderr)) = (child.stdout.take(), child.stderr.take()) {
-        // Bytes that cannot be read are missing from the answer, which then cannot be parsed.
+        // Unreadable bytes are missing from the answer, which then cannot be parsed.
         let _ = stdout.take(MAX_ANSWER).read_to_string(&mut said);
         let _ = stderr.take(MAX_ANSWER).read_to_string(&mut complaint);
     }
@@ -270,7 +264,7 @@ pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Ab
             serde_json::from_str(&said).map_err(|why| fault(format!("its description gave no answer: {why}")))
         }
         Some(status) => Err(match serde_json::from_str::<Value>(&complaint) {
-            // The fault that the process found, which names the camera itself.
+            // The process found this fault, which already names the camera.
             Ok(error) => {
                 let [what, help] = ["error", "help"].map(|key| error[key].as_str().unwrap_or_default());
                 camera_fault(what.trim_start_matches("camera: "), help)
@@ -283,7 +277,6 @@ pub(crate) fn ask(helper: &Helper, kind: &str, place: Option<&str>) -> Result<Ab
     }
 }
 
-/// The process that reads the description of a camera.
 fn reader(helper: &Helper, kind: &str, place: Option<&str>) -> Command {
     let program = &helper.program;
     let mut command = if cfg!(unix) {

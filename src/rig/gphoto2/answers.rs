@@ -1,31 +1,29 @@
-//! The output of `gphoto2` and of the decoder, parsed: cameras, settings, shutter speeds, and gray pictures.
+//! Parsers for the output of `gphoto2` and of the decoder: cameras, settings, shutter speeds, and gray pictures.
 
 /// A still camera that `gphoto2` found.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FoundStillCamera {
-    /// Its name in `gphoto2`; `model` in a rig file.
+    /// The name in `gphoto2`, which is `model` in a rig file.
     pub model: String,
-    /// Its port, e.g. `usb:001,005`, which changes when the camera is switched off and on.
+    /// The port, for example `usb:001,005`. It changes when the camera is switched off and on.
     pub port: String,
 }
 
-/// One of a camera's settings.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Setting {
     pub(crate) is_read_only: bool,
-    /// The current value.
     pub(crate) current: String,
-    /// The possible values; empty: any value.
+    /// The possible values. If it is empty, every value is possible.
     pub(crate) choices: Vec<String>,
 }
 
-/// Parses the cameras that `gphoto2 --auto-detect` prints: a heading, a line of dashes, and for each camera a line with its model and
-/// its port, separated by spaces.
+/// Parses the cameras that `gphoto2 --auto-detect` prints. The output has a heading, a line of dashes, and a line for each camera with its
+/// model and port, separated by spaces.
 pub(crate) fn cameras(answer: &[u8]) -> Vec<FoundStillCamera> {
     let text = String::from_utf8_lossy(answer);
     let rows = text.lines().skip_while(|line| !line.starts_with("---")).skip(1);
     let camera = |line: &str| {
-        // A port contains no spaces; a model may.
+        // A port contains no spaces, but a model may.
         let (model, port) = line.trim_end().rsplit_once(' ')?;
         let model = model.trim();
         (!model.is_empty() && port.contains(':'))
@@ -34,14 +32,14 @@ pub(crate) fn cameras(answer: &[u8]) -> Vec<FoundStillCamera> {
     rows.filter_map(camera).collect()
 }
 
-/// Parses the names of settings that `gphoto2 --list-config` prints: the last parts of the paths, one path on each line.
+/// Parses the names of settings that `gphoto2 --list-config` prints. Each line is a path, and the name is its last part.
 pub(crate) fn names(answer: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(answer);
     let paths = text.lines().filter(|line| line.starts_with('/'));
     paths.filter_map(|path| Some(path.trim_end().rsplit_once('/')?.1.to_owned())).collect()
 }
 
-/// Parses the setting that `gphoto2 --get-config NAME` prints. `None`: the output is something else.
+/// Parses the setting that `gphoto2 --get-config NAME` prints. `None`: the output has another form.
 pub(crate) fn setting(answer: &[u8]) -> Option<Setting> {
     let text = String::from_utf8_lossy(answer);
     let of = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)).map(str::trim);
@@ -55,8 +53,8 @@ pub(crate) fn setting(answer: &[u8]) -> Option<Setting> {
 }
 
 impl Setting {
-    /// The shutter speed whose ratio to `exposure` (in seconds) is nearest to 1: the camera's name for it, and its seconds. `stops` is
-    /// that of the rig file.
+    /// The camera's name of the shutter speed whose ratio to `exposure` (in seconds) is nearest to 1, and the speed in seconds. `stops` is
+    /// the value in the rig file.
     pub(crate) fn nearest_speed(&self, exposure: f64, stops: Option<u32>) -> Option<(&str, f64)> {
         let speeds =
             self.choices.iter().filter_map(|choice| Some((choice.as_str(), seconds(choice, stops)?)));
@@ -65,10 +63,10 @@ impl Setting {
     }
 }
 
-/// The seconds of a speed such as `1/200`, `0.5`, `30`, `1.3s`, `1/1.3` or `0"4`. `None`: it is not a time, e.g. `bulb`.
+/// The seconds of a speed such as `1/200`, `0.5`, `30`, `1.3s`, `1/1.3` or `0"4`. `None`: it is not a time, for example `bulb`.
 ///
-/// Cameras name powers of a root of 2 by round numbers, e.g. 1/64 s by 1/60. With `stops` steps to a doubling, the result is the
-/// nearest power of `2^(1/stops)`.
+/// Cameras use round numbers as names for powers of a root of 2, for example 1/60 for 1/64 s. With `stops` steps per doubling, the result
+/// is the nearest power of `2^(1/stops)`.
 pub(crate) fn seconds(speed: &str, stops: Option<u32>) -> Option<f64> {
     let speed = speed.trim().trim_end_matches(['s', '"']).trim_end().replace('"', ".");
     let number = |text: &str| text.trim().parse::<f64>().ok();
@@ -81,16 +79,14 @@ pub(crate) fn seconds(speed: &str, stops: Option<u32>) -> Option<f64> {
     Some(((said.log2() * stops).round() / stops).exp2())
 }
 
-/// A picture: its width and height, and its counts row by row from the top left.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Gray {
     pub(crate) size: [usize; 2],
     pub(crate) counts: Vec<u16>,
 }
 
-/// Reads a PGM (`P5`): width, height and the highest count as text, with comments in between, one white space, and then the counts.
-/// A count has one byte, or two bytes (high byte first) if the highest is 256 or more. `None`: the bytes are anything else, or end
-/// too early.
+/// Reads a PGM (`P5`): width, height and the highest count as text, with comments between them, one white space, and the counts. A count
+/// has one byte, or two bytes (high byte first) if the highest count is 256 or more. `None`: the bytes are invalid or end too early.
 pub(crate) fn read_pgm(bytes: &[u8]) -> Option<Gray> {
     let mut rest = bytes.strip_prefix(b"P5")?;
     let mut next = || -> Option<usize> {
@@ -131,7 +127,7 @@ fn skipped(mut bytes: &[u8]) -> Option<&[u8]> {
 }
 
 impl Gray {
-    /// The counts of the part of this size that begins at this offset. `None`: it does not fit.
+    /// The counts of the part with this size and offset. `None`: the part does not fit.
     pub(crate) fn part(&self, [width, height]: [usize; 2], [x, y]: [usize; 2]) -> Option<Vec<u16>> {
         if x + width > self.size[0] || y + height > self.size[1] {
             return None;
@@ -230,7 +226,7 @@ mod tests {
         let wide = b"P5\n# by hand\n2 2 # and here\n65535\n\x00\x01\x3f\xff\xff\xff\x12\x34";
         let found = read_pgm(wide).expect("it is one");
         assert_eq!(found, Gray { size: [2, 2], counts: vec![1, 16383, 65535, 0x1234] });
-        // A byte of a count may look like white space; counts are not scaled to the highest.
+        // A byte of a count may look like white space. Counts are not scaled to the highest count.
         assert_eq!(read_pgm(b"P5 3 1 15\n\n\x0f\x01").expect("it is one").counts, [10, 15, 1]);
         assert_eq!(found.part([1, 2], [1, 0]), Some(vec![16383, 0x1234]));
         assert_eq!(found.part([2, 1], [1, 0]), None);

@@ -1,4 +1,4 @@
-//! The setup of a still camera, whose settings are set and read back, and the programs that run with a time limit for it.
+//! The setup of a still camera, with settings that are set and read back. It also runs the necessary programs with a time limit.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -15,13 +15,12 @@ use crate::rig::gphoto2::answers::{FoundStillCamera, Setting, cameras, names, se
 use crate::rig::hardware::{in_use, is_busy};
 use crate::rig::nearest::nearest;
 
-/// How long `gphoto2` may take to answer a request.
 const ANSWER: Duration = Duration::from_secs(20);
 
-/// The names of the setting of the shutter speed, the preferred one first: `shutterspeed2` has fractions.
+/// The names of the setting of the shutter speed. The preferred name comes first, because `shutterspeed2` has fractions.
 const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
 
-/// The setting where photos are kept until they are downloaded, and its value: through the memory card it would take longer.
+/// The setting of the place that keeps photos until they are downloaded, and its value. The memory card would take longer.
 const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
 
 /// Lists the still cameras that `gphoto2` finds.
@@ -32,7 +31,7 @@ pub fn still_cameras() -> Result<Vec<FoundStillCamera>> {
     Ok(cameras(&run("gphoto2", &["--auto-detect".into()], None, ANSWER)?.answer))
 }
 
-/// Finds the camera and sets everything except the shutter speed, whose name and setting it returns.
+/// Finds the camera and sets everything except the shutter speed. Returns the name of that setting, and the setting.
 pub(crate) fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
     let found = run(&spec.program, &["--auto-detect".into()], None, ANSWER)?;
     let body = Body { program: spec.program.clone(), port: choose(&found, spec.model.as_deref())? };
@@ -61,7 +60,7 @@ pub(crate) fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
     Ok((body, (name.to_owned(), setting)))
 }
 
-/// Chooses the camera of this model, or the only camera; returns its port.
+/// Chooses the camera of this model, or the only camera, and returns its port.
 fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
     let found = cameras(&ran.answer);
     let told = |found: &[FoundStillCamera]| {
@@ -89,7 +88,6 @@ fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
     }
 }
 
-/// The first of `names` that the camera knows.
 fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     names.iter().find(|name| known.iter().any(|known| known == *name)).copied().ok_or_else(|| {
         let listed: Vec<&str> = known.iter().map(String::as_str).collect();
@@ -102,7 +100,6 @@ fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     })
 }
 
-/// Checks that a setting can have this value.
 fn check(name: &str, setting: &Setting, value: &str) -> Result<()> {
     if setting.is_read_only {
         return Err(camera_fault(
@@ -127,26 +124,23 @@ impl Setting {
     }
 }
 
-/// A camera, which `program` reaches at `port`.
+/// A camera that `program` reaches at `port`.
 pub(crate) struct Body {
     program: String,
     port: String,
 }
 
 impl Body {
-    /// Runs the program on this camera's port.
     pub(crate) fn run(&self, arguments: &[&str], limit: Duration) -> Result<Ran> {
         let arguments = ["--port", &self.port].into_iter().chain(arguments.iter().copied());
         run(&self.program, &arguments.map(String::from).collect::<Vec<_>>(), None, limit)
     }
 
-    /// Reads a setting.
     fn get(&self, name: &str) -> Result<Setting> {
         let ran = self.run(&["--get-config", name], ANSWER)?;
         setting(&ran.answer).ok_or_else(|| unreadable(name, &ran))
     }
 
-    /// Sets a setting, and checks it by reading it back.
     pub(crate) fn put(&self, name: &str, value: &str) -> Result<()> {
         let assigned = format!("{name}={value}");
         let ran = self.run(&["--set-config-value", &assigned, "--get-config", name], ANSWER)?;
@@ -168,25 +162,19 @@ fn unreadable(name: &str, ran: &Ran) -> Error {
     )
 }
 
-/// The time between two looks whether a program has ended.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// The number of characters of a program's output that an error quotes.
 const REPEATED: usize = 300;
 
-/// The output of a program, and the folder in which it ran.
 pub(crate) struct Ran {
     pub(crate) folder: TempDir,
-    /// Its standard output.
     pub(crate) answer: Vec<u8>,
-    /// The end of its standard error, or of its standard output if that is empty, on one line.
+    /// The end of its standard error on one line, or of its standard output if standard error is empty.
     pub(crate) said: String,
 }
 
-/// Runs a program in a fresh temporary folder, or in the folder `before` of an earlier run.
-///
-/// # Errors
-/// [`Error::Rig`] when it is not installed, fails, or takes longer than `limit`, in which case it is killed.
+/// Runs a program in a new temporary folder, or in the folder `before` of an earlier run. Returns [`Error::Rig`] when the program is not
+/// installed, fails, or takes longer than `limit`. It is killed at that limit.
 pub(crate) fn run(
     program: &str,
     arguments: &[String],
@@ -204,12 +192,13 @@ pub(crate) fn run(
         Some(folder) => folder,
         None => tempfile::Builder::new().prefix("krylux-").tempdir().map_err(failed)?,
     };
-    // Files instead of pipes: nothing has to read them while the program runs, and its own children cannot keep them open.
+    // The output goes to files, which nothing has to read while the program runs. The program's children cannot keep them open, unlike
+    // pipes.
     let [answer, said] = ["answer", "said"].map(|name| logs.path().join(name));
     let mut command = Command::new(program);
     command.args(arguments).current_dir(folder.path()).env("LC_ALL", "C").stdin(Stdio::null());
     command.stdout(File::create(&answer).map_err(failed)?).stderr(File::create(&said).map_err(failed)?);
-    // In a separate process group, so that the terminal's interrupt does not reach it: a photo that has begun is finished.
+    // A separate process group keeps the terminal's interrupt from the program, so that a photo that has begun is finished.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn().map_err(|why| missing(program, &why))?;
@@ -232,7 +221,7 @@ pub(crate) fn run(
     }
 }
 
-/// Waits for a program to end. `None`: it did not end in time, and was killed.
+/// Waits for a program to end. `None`: it did not end in time and was killed.
 pub(crate) fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     let began = Instant::now();
     while began.elapsed() < limit {
@@ -241,13 +230,12 @@ pub(crate) fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
         }
         std::thread::sleep(LOOK);
     }
-    // Killing fails if the program has just ended, which does not matter.
+    // Killing fails if the program has just ended, which is harmless.
     let _ = child.kill();
     let _ = child.wait();
     None
 }
 
-/// The error where a program cannot be started.
 fn missing(program: &str, why: &std::io::Error) -> Error {
     let name = Path::new(program).file_name().map_or(program.into(), |name| name.to_string_lossy());
     let package = match &*name {
@@ -263,7 +251,6 @@ fn missing(program: &str, why: &std::io::Error) -> Error {
     camera_fault(format!("the program {program} cannot be run: {why}"), "check its file's permissions")
 }
 
-/// The end of a program's output, on one line.
 pub(crate) fn last(answer: &[u8]) -> String {
     let text = String::from_utf8_lossy(answer);
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();

@@ -1,7 +1,5 @@
-//! Tests on a simulated USB3 Vision camera. It replaces the USB transfer: it has the camera's registers and sends a frame for each
-//! trigger.
-//!
-//! The layouts are those of GenCP (1.2, tables 4 to 12 and 15) and of `viva_u3v::registers`.
+//! Tests with a simulated USB3 Vision camera, which replaces the USB transfer. It has the camera's registers, and sends a frame for each
+//! trigger. The layouts follow GenCP (1.2, tables 4 to 12 and 15) and `viva_u3v::registers`.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -22,7 +20,6 @@ use crate::rig::{Camera, Colour, PixelFormat, Usb3Spec, WallClock};
 
 const XML: &[u8] = include_bytes!("simulated.xml");
 
-/// The addresses of the registers.
 const SBRM: u64 = 0x800;
 const SIRM: u64 = 0x900;
 const MANIFEST: u64 = 0x1000;
@@ -35,12 +32,10 @@ const LATCH: u64 = 0x403C;
 const LATCHED: u64 = 0x4040;
 const XML_AT: u64 = 0x1_0000;
 
-/// The USB endpoints.
 const CONTROL_OUT: u8 = 0x01;
 const CONTROL_IN: u8 = 0x81;
 const STREAM_IN: u8 = 0x82;
 
-/// The simulated camera.
 struct SimulatedCamera {
     began: Instant,
     state: Mutex<State>,
@@ -49,14 +44,13 @@ struct SimulatedCamera {
 struct State {
     memory: Vec<u8>,
     answers: VecDeque<Vec<u8>>,
-    /// Leaders, payloads and trailers that are not yet read.
+    /// Leaders, payloads and trailers that have not been read yet.
     stream: VecDeque<Vec<u8>>,
-    /// The packets that are sent late; `None`: none are.
+    /// The packets to send late. `None`: no packet is late.
     held: Option<Vec<Vec<u8>>>,
     frames: u64,
 }
 
-/// The 12-bit count of a photosite.
 fn count(site: usize) -> u16 {
     (site * 37 % 4096) as u16
 }
@@ -71,7 +65,7 @@ impl State {
         u32::from_le_bytes(*bytes)
     }
 
-    /// The bytes of a frame in the format that is set: Mono12p with two counts in three bytes, or the upper 8 bits of each count.
+    /// The bytes of a frame in the current format: Mono12p with two counts in three bytes, or the upper 8 bits of each count.
     fn pixels(&self) -> Vec<u8> {
         let counts = (0..(self.word(WIDTH) * self.word(HEIGHT)) as usize).map(count);
         if self.word(FORMAT) == 0x0108_0009 {
@@ -86,7 +80,6 @@ impl State {
             .collect()
     }
 
-    /// Carries out what a write to the address `at` causes.
     fn follow(&mut self, at: u64, ticks: u64) {
         let payload = self.pixels();
         self.put(SIRM + sirm::REQUIRED_PAYLOAD_SIZE, &(payload.len() as u64).to_le_bytes());
@@ -155,7 +148,6 @@ impl SimulatedCamera {
         simulated
     }
 
-    /// A camera that does not tell its time: it has no such command.
     fn without_time() -> Arc<Self> {
         let simulated = Self::new();
         let xml = std::str::from_utf8(XML).expect("XML is text").replace("TimestampLatch", "SomethingLatch");
@@ -208,7 +200,7 @@ impl UsbTransfer for SimulatedCamera {
                 other => panic!("there is no endpoint {other:#x}"),
             };
             if let Some(mut bytes) = queue.pop_front() {
-                // Bytes that do not fit the buffer are left for the next transfer.
+                // Bytes that do not fit the buffer remain for the next transfer.
                 let rest = bytes.split_off(bytes.len().min(buffer.len()));
                 if !rest.is_empty() {
                     queue.push_front(rest);
@@ -266,7 +258,7 @@ fn frames_come_by_triggers_with_their_counts_numbers_and_times() {
         assert_eq!(found.exposure, 0.02);
         assert!(found.started >= before && found.started <= clock.seconds(), "{}", found.started);
     }
-    // A camera that is opened again starts its own numbers anew; those of the rig continue.
+    // A reopened camera restarts its numbers, but the rig's numbers continue.
     camera.restart().expect("it is there");
     assert!(camera.capture().expect("it is there").expect("it comes").id > 45);
     assert!(simulated.is_streaming());
@@ -317,7 +309,7 @@ fn a_late_frame_is_not_taken_for_the_next_one_where_the_camera_does_not_tell_its
     let late = state.held.take().expect("it was held back");
     state.stream.extend(late);
     drop(state);
-    // A busy machine may take a while to receive it.
+    // A busy machine may take some time to receive the late frame.
     std::thread::sleep(Duration::from_millis(500));
     let before = clock.seconds();
     let found = camera.capture().expect("it is there").expect("it comes");

@@ -1,16 +1,16 @@
-//! A virtual rig: a simulated scene behind a simulated projector and camera, which have the imperfections of real devices and are driven
-//! through the same traits.
+//! A virtual rig: a simulated scene behind a simulated projector and camera. These devices have the imperfections of real devices, and are
+//! driven through the same traits.
 //!
 //! | step | what it does | file |
 //! |---|---|---|
 //! | levels → light | limited range, response, black level, overscan, blur, vignetting | `screen` |
 //! | light → photo | the scene's light transport | [`crate::transport`] |
-//! | photo → sensor | misregistration, the camera's own pixels, its blur, the splitter's ghost and stray light | `optics` |
+//! | photo → sensor | misregistration, the camera's pixels, its blur, the splitter's ghost and stray light | `optics` |
 //! | time | latency, iris, pulses, drift, ambient light, rolling shutter, faults | `world` |
 //! | light → counts | vignetting, shot noise, read noise, response, quantization | `sensor` |
 //!
-//! Time is simulated: nothing sleeps. Every count is a function of the rig's description, the frame's number and the time. Therefore runs
-//! repeat to the last bit, and an interrupted run continues where it stopped.
+//! Time is simulated, so nothing sleeps. Every count is a function of the rig's description, the frame's number and the time. Therefore
+//! runs repeat to the last bit, and an interrupted run continues at the point of interruption.
 
 mod optics;
 mod screen;
@@ -57,15 +57,13 @@ impl VirtualRig {
         }
     }
 
-    /// Opens the rig on `light`, the light transport of its [`scene`](Self::scene) with at least [`channels`](Self::channels)
-    /// channels. The screen shows level 0. With `after`, the last frame of an earlier session, the rig continues as if that session
-    /// had never ended (see [`Projector::restore`]).
-    ///
-    /// The units of the light transport do not matter: the camera's sensitivity is relative to the white photo.
+    /// Opens the rig on `light`, the light transport of its [`scene`](Self::scene) with at least [`channels`](Self::channels) channels. The
+    /// units of `light` do not matter, because the camera's sensitivity is relative to the white photo. The screen shows level 0. With
+    /// `after`, the last frame of an earlier session, the rig continues as if that session had never ended (see [`Projector::restore`]).
     ///
     /// # Errors
-    /// [`Error::Rig`] when the light transport has another size or too few channels, or the white photo is dark; an error of
-    /// `light` when it cannot be photographed.
+    /// [`Error::Rig`] when `light` has another size or too few channels, or the white photo is dark. An error of `light` when it cannot be
+    /// photographed.
     pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());
@@ -134,10 +132,10 @@ impl VirtualRig {
     }
 }
 
-/// The world that the three handles share. Each handle may be on another thread.
+/// The world of the rig, shared by the three handles. Each handle may be on another thread.
 pub(crate) type SharedWorld = Arc<Mutex<World>>;
 
-/// A thread that panicked while it held the world leaves a frame unfinished, but no inconsistent state.
+/// Locks the world. A thread that panicked with the lock leaves a frame unfinished, but no inconsistent state.
 fn locked(world: &SharedWorld) -> MutexGuard<'_, World> {
     world.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -184,7 +182,6 @@ impl Camera for VirtualCameraHandle {
         let [shortest, longest] = self.info.exposures;
         let mut set = exposure;
         if self.step > 0.0 {
-            // The nearest multiple that is in range.
             let [fewest, most] = [(shortest / self.step).ceil(), (longest / self.step).floor()];
             set = (exposure / self.step).round().clamp(fewest, most.max(fewest)) * self.step;
         }
@@ -212,10 +209,10 @@ impl Clock for VirtualClock {
     }
 }
 
-/// The light transport of an evenly coloured matte sheet that stands square to projector and camera: the photo is the pattern.
+/// The light transport of an evenly coloured matte sheet that is perpendicular to projector and camera. The photo equals the pattern.
 #[derive(Clone, Copy, Debug)]
 pub struct MatteSheet {
-    /// The pixels of patterns and of photos.
+    /// The number of pixels of patterns and photos.
     pub resolution: Resolution,
     /// Gray or coloured.
     pub channels: Channels,

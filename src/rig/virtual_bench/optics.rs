@@ -1,9 +1,9 @@
-//! The camera's optics: they resample the photo to camera pixels, by area.
+//! The camera's optics resample the photo to camera pixels by area.
 //!
-//! Each camera pixel is divided into sub-pixels. The misregistration maps the centre of a sub-pixel, and its local scale gives the
-//! sides. Each sub-pixel is a mean over the photo pixels (squares of constant light), weighted by the area of the overlap. This is
-//! exact for shifts and scales; the error is of second order in a sub-pixel's rotation. Light outside the photo is 0. The
-//! resampling is linear, so that it is one sparse matrix, which is built once.
+//! Each camera pixel is divided into sub-pixels. The misregistration maps the centre of a sub-pixel, and its local scale gives the sides.
+//! Each sub-pixel is a mean over photo pixels (squares of constant light), weighted by the area of overlap. This is exact for shifts and
+//! scales, and the error is of second order in a sub-pixel's rotation. Light outside the photo is 0. The resampling is linear, so it is one
+//! sparse matrix, which is built once.
 
 use rayon::prelude::*;
 
@@ -16,8 +16,8 @@ use crate::transport::{Transport, luminance};
 const SUB_PIXELS: usize = 4;
 
 impl Misregistration {
-    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of `raster` from its top left corner.
-    /// The result is not finite where a homography maps the point to infinity.
+    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of `raster` from its top left corner. The
+    /// result is not finite if a homography maps the point to infinity.
     pub fn apply(&self, raster: Resolution, [x, y]: [f64; 2]) -> [f64; 2] {
         let centre = [raster.width as f64 / 2.0, raster.height as f64 / 2.0];
         let from_centre = [x - centre[0], y - centre[1]];
@@ -45,8 +45,8 @@ pub(crate) struct Optics {
 }
 
 impl Optics {
-    /// The optics of a camera with `camera` pixels in front of a photo with `photo` pixels. `map` takes a point that should be seen to
-    /// the one that is seen, both in pixels of the photo from its top left corner.
+    /// The optics of a camera with `camera` pixels for a photo with `photo` pixels. `map` maps the point that should be seen to the point
+    /// that is seen, both in pixels of the photo from its top left corner.
     pub(crate) fn new(
         camera: Resolution,
         photo: Resolution,
@@ -65,13 +65,12 @@ impl Optics {
         optics
     }
 
-    /// One channel of the photo as the camera sees it.
     pub(crate) fn see(&self, photo: &Image, channel: usize) -> Vec<f64> {
         let samples = photo.samples();
         self.resample(|pixel| f64::from(samples[pixel * photo.channels() + channel]))
     }
 
-    /// The camera's pixels, where `light` is that of a photo's pixel.
+    /// The values of the camera's pixels. `light` is the light of a photo pixel.
     pub(crate) fn resample(&self, light: impl Fn(usize) -> f64) -> Vec<f64> {
         let row = |ends: &[usize]| {
             let range = ends[0]..ends[1];
@@ -82,7 +81,7 @@ impl Optics {
     }
 }
 
-/// The photo pixels that one camera pixel sees, with their weights, ordered by pixel.
+/// The photo pixels that a camera pixel sees, with their weights, ordered by pixel.
 fn row(
     pixel: usize,
     camera: Resolution,
@@ -111,7 +110,7 @@ fn row(
     runs.map(|run| (run[0].0, weight * run.iter().map(|share| share.1).sum::<f64>())).collect()
 }
 
-/// Adds the share of a rectangle with the centre `middle` that lies in each photo pixel.
+/// Adds, for each photo pixel, the share of a rectangle with the centre `middle` that lies in it.
 fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut Vec<(u32, f64)>) {
     let ends = [photo.width as f64, photo.height as f64];
     let spans = [0, 1].map(|axis| {
@@ -148,24 +147,21 @@ pub(crate) fn vignette(resolution: Resolution, vignetting: f64) -> Vec<f64> {
 /// Light on the sensor in the photo's units: one plane for each of the camera's channels.
 pub(crate) type SeenLight = Vec<Vec<f64>>;
 
-/// A scene seen through a camera's optics.
 pub(crate) struct View {
     transport: Box<dyn Transport + Send>,
     optics: Optics,
-    /// The share of the splitter's second image, and how it is seen.
+    /// The share of the splitter's second image, and the optics of this image.
     ghost: Option<(f64, Optics)>,
     blur: Option<Blur>,
-    /// Stray light on each of the camera's channels for a pattern of the mean light 1.
+    /// Stray light in each camera channel, for a pattern with a mean light of 1.
     stray: Vec<f64>,
     channels: usize,
     crosstalk: Option<[[f64; 3]; 3]>,
-    /// The photo without light from the projector.
     unlit: Image,
 }
 
 impl View {
-    /// The view of this camera, with `pixels`, through this splitter, without stray light. The scene has at least as many channels as
-    /// the camera.
+    /// The view of this camera through this splitter, without stray light. The scene has at least as many channels as the camera.
     pub(crate) fn new(
         mut transport: Box<dyn Transport + Send>,
         pixels: Resolution,
@@ -190,7 +186,7 @@ impl View {
         Ok(Self { transport, optics, ghost, blur, stray, channels, crosstalk, unlit })
     }
 
-    /// Adds stray light: this share of `white`, the light that `pattern` adds without it.
+    /// Adds stray light as a share of `white`, the light that `pattern` adds without stray light.
     pub(crate) fn set_stray(&mut self, share: f64, pattern: &Image, white: &SeenLight) {
         let means = self.means(pattern);
         self.stray = means
@@ -200,7 +196,6 @@ impl View {
             .collect();
     }
 
-    /// The light that a pattern adds to the scene's own light.
     pub(crate) fn lit_by(&mut self, pattern: &Image) -> Result<SeenLight> {
         let mixed = match self.crosstalk {
             Some(matrix) if pattern.channels() == 3 => Some(mixed(&matrix, pattern)?),
@@ -218,7 +213,6 @@ impl View {
         Ok(light)
     }
 
-    /// The mean light of a pattern in each of the camera's channels.
     fn means(&self, pattern: &Image) -> Vec<f64> {
         let pixels = pattern.resolution().pixels() as f64;
         let means: Vec<f64> =
@@ -230,7 +224,6 @@ impl View {
         }
     }
 
-    /// The scene's own light.
     pub(crate) fn unlit(&self) -> Result<SeenLight> {
         self.on_sensor(&self.unlit)
     }
@@ -244,7 +237,6 @@ impl View {
         Ok((0..self.channels).map(|channel| self.plane(photo, channel)).collect())
     }
 
-    /// One channel of a photo on the sensor.
     fn plane(&self, photo: &Image, channel: usize) -> Vec<f64> {
         let mut plane = self.optics.see(photo, channel);
         if let Some((share, ghost)) = &self.ghost {
@@ -258,7 +250,7 @@ impl View {
     }
 }
 
-/// The pattern whose channel `c` is the light that camera channel `c` responds to: `matrix` times the pattern's channels.
+/// The pattern in which channel `c` is the light that camera channel `c` responds to: `matrix` times the pattern's channels.
 fn mixed(matrix: &[[f64; 3]; 3], pattern: &Image) -> Result<Image> {
     let light = pattern.samples().chunks_exact(3).flat_map(|colors| {
         matrix.map(|row| row.iter().zip(colors).map(|(m, &color)| m * f64::from(color)).sum::<f64>() as f32)

@@ -5,22 +5,20 @@ use super::spec::{Response, VirtualProjector};
 use crate::image::{Image, Resolution};
 use crate::rig::Frame;
 
-/// Converts levels to light.
 pub(crate) struct VirtualScreen {
     /// The light of each level, relative to white.
     light: Vec<f64>,
-    /// The share that the white segment adds to the light that a pixel's colours have in common.
+    /// The white segment's addition, as a share of the light that a pixel's colours have in common.
     white_segment: f64,
-    /// The part of the frame that each pixel shows; none where it shows its own.
+    /// The part of the frame that each pixel shows. `None`: each pixel shows the frame's pixel at the same place.
     overscan: Option<Optics>,
     vignette: Vec<f64>,
-    /// The weights of the blur at the offsets 0, ±1, ±2, …; a single weight means no blur.
+    /// The weights of the blur at the offsets 0, ±1, ±2, …. A single weight means no blur.
     kernel: Vec<f64>,
     resolution: Resolution,
 }
 
 impl VirtualScreen {
-    /// The screen of this projector with `resolution` pixels.
     pub(crate) fn new(spec: &VirtualProjector, resolution: Resolution) -> Self {
         let highest = (1_u32 << spec.bits) - 1;
         let response: Response = spec.response();
@@ -54,12 +52,11 @@ impl VirtualScreen {
         light
     }
 
-    /// The mean light of a frame, relative to white.
     pub(crate) fn mean(&self, frame: &Frame) -> f64 {
         self.light(frame).iter().sum::<f64>() / frame.levels().len() as f64
     }
 
-    /// The light of a frame, which must fit the screen, as a pattern.
+    /// The light of a frame as a pattern. The frame must fit the screen.
     pub(crate) fn emit(&self, frame: &Frame) -> Image {
         let (channels, all) = (frame.channels(), self.light(frame));
         let mut pattern = Image::filled(self.resolution, channels, 0.0);
@@ -79,12 +76,12 @@ impl VirtualScreen {
     }
 }
 
-/// The level that limited-range video means, both from 0 to 1: 16 of 255 is black, and 235 is white.
+/// The limited-range video value of a level, both from 0 to 1. Level 16 of 255 is black, and level 235 is white.
 fn video(share: f64) -> f64 {
     ((255.0 * share - 16.0) / 219.0).clamp(0.0, 1.0)
 }
 
-/// The weights of a Gaussian at the distances 0, 1, … up to four standard deviations. Counted on both sides, they sum to 1.
+/// The weights of a Gaussian at the distances 0, 1, … up to four standard deviations. They sum to 1 when both sides are counted.
 fn gaussian(deviation: f64) -> Vec<f64> {
     if deviation == 0.0 {
         return vec![1.0];
@@ -95,7 +92,7 @@ fn gaussian(deviation: f64) -> Vec<f64> {
     weights.iter().map(|weight| weight / sum).collect()
 }
 
-/// Blurs along both axes. The border mirrors, so that no light is lost.
+/// Blurs along both axes. The border reflects, so that no light is lost.
 fn blur(light: Vec<f64>, resolution: Resolution, kernel: &[f64]) -> Vec<f64> {
     if kernel.len() == 1 {
         return light;
@@ -119,7 +116,7 @@ fn blur(light: Vec<f64>, resolution: Resolution, kernel: &[f64]) -> Vec<f64> {
     along(&rows, height, width, &|pixel| pixel % width)
 }
 
-/// The index in `0..of` that `at` is reflected to, with mirrors at both ends.
+/// The index in `0..of` at which `at` ends after reflection at both ends.
 fn mirrored(at: i64, of: usize) -> usize {
     let of = of as i64;
     let at = at.rem_euclid(2 * of);
@@ -149,7 +146,7 @@ mod tests {
         let levels = vec![255, 255, 255, 255, 0, 0, 51, 51, 51, 255, 51, 0];
         let frame = Frame::new(resolution, 3, levels).expect("three levels for each pixel");
         let light = VirtualScreen::new(&spec, resolution).emit(&frame);
-        // White is 1, grays are in proportion to it, and red alone is half of white's red.
+        // White is 1, grays are in proportion to white, and red alone is half of white's red.
         let expected = [1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.2, 0.2, 0.2, 0.5, 0.1, 0.0];
         for (found, expected) in light.samples().iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{:?}", light.samples());
@@ -172,7 +169,7 @@ mod tests {
                 .sum()
         };
         assert!((moment(0) - 1.0).abs() < 1e-6 && moment(1).abs() < 1e-6);
-        // The Gaussian is cut at four deviations, where 6e-5 of the light has 1e-3 of the variance.
+        // The Gaussian is cut off at four deviations. The remainder has 6e-5 of the light and 1e-3 of the variance.
         assert!((moment(2).sqrt() - 1.3).abs() < 2e-3, "{}", moment(2).sqrt());
         let corner = Frame::new(resolution, 1, {
             let mut levels = vec![0; 31 * 31];
@@ -191,7 +188,7 @@ mod tests {
         let light = |level| screen.emit(&Frame::filled(resolution, 1, level)).samples()[0];
         assert_eq!([0, 16, 235, 255].map(light), [0.0, 0.0, 1.0, 1.0]);
         assert!((light(126) - 110.0 / 219.0).abs() < 1e-6);
-        // A quarter of 32 pixels is four at each end.
+        // A quarter of 32 pixels is eight, so four pixels at each end.
         let spec = VirtualProjector { overscan: 0.25, ..VirtualProjector::default() };
         let screen = VirtualScreen::new(&spec, resolution);
         let columns = |lit: fn(usize) -> bool| {
@@ -209,7 +206,7 @@ mod tests {
         let spec = VirtualProjector { vignetting: 0.2, ..VirtualProjector::default() };
         let resolution = Resolution::new(401, 301);
         let light = VirtualScreen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
-        // The corner pixel's centre lies half a pixel inside the corner: 1 in 200 of the way, 1 in 100 in the square.
+        // The centre of the corner pixel lies half a pixel inside the corner. This is 1 in 200 of the distance, and 1 in 100 of its square.
         assert!((light[0] - 0.8).abs() < 0.2 * 0.012 && light[150 * 401 + 200] == 1.0);
     }
 }

@@ -1,4 +1,4 @@
-//! The sensor of a virtual camera: it turns light into counts.
+//! The sensor of a virtual camera turns light into counts.
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, Poisson, StandardNormal};
@@ -10,7 +10,6 @@ use super::spec::{Response, VirtualCamera};
 use super::world::generator;
 use crate::image::Resolution;
 
-/// A virtual camera's sensor.
 pub(crate) struct VirtualSensor {
     spec: VirtualCamera,
     resolution: Resolution,
@@ -21,7 +20,7 @@ pub(crate) struct VirtualSensor {
 }
 
 impl VirtualSensor {
-    /// The sensor of this camera. `white` is the light of the white photo on the sensor, all channels one after the other; it sets
+    /// The sensor of this camera. `white` is the light of the white photo on the sensor, with the channels one after another. It determines
     /// the sensitivity. `None`: the white photo is dark.
     pub(crate) fn new(
         spec: &VirtualCamera,
@@ -36,7 +35,7 @@ impl VirtualSensor {
             .map(|(index, light)| light * sensitivity[index % resolution.pixels()])
             .collect();
         seen.sort_by(f64::total_cmp);
-        // The 99th percentile, so that a glint does not set the scale.
+        // The 99th percentile prevents a glint from setting the scale.
         let bright = seen[(seen.len() - 1) * 99 / 100];
         if bright <= 0.0 {
             return None;
@@ -46,13 +45,12 @@ impl VirtualSensor {
         Some(Self { spec: spec.clone(), resolution, response: spec.response(), sensitivity, seed })
     }
 
-    /// The counts of frame `id`, interleaved. `light` is the mean over the exposure of `exposure` seconds, one plane for each
-    /// channel.
+    /// The counts of frame `id`, interleaved. `light` is the mean over the exposure of `exposure` seconds, with one plane for each channel.
     pub(crate) fn expose(&self, light: &[Vec<f64>], exposure: f64, id: u64) -> Vec<u16> {
         let (width, channels) = (self.resolution.width, light.len());
         let mut counts = vec![0; self.resolution.pixels() * channels];
         counts.par_chunks_mut(width * channels).enumerate().for_each(|(row, counts)| {
-            // One generator for each row, so that the counts do not depend on the threads that compute them.
+            // Each row has a separate generator, so that the counts do not depend on the threads that compute them.
             let mut random = generator(self.seed, id, row as u64);
             for (index, count) in counts.iter_mut().enumerate() {
                 let pixel = row * width + index / channels;
@@ -64,7 +62,6 @@ impl VirtualSensor {
         counts
     }
 
-    /// A random count of a pixel whose expected number of electrons is `mean`.
     fn count(&self, mean: f64, random: &mut Pcg64) -> u16 {
         let spec = &self.spec;
         let electrons = if spec.shot_noise { poisson(mean, random) } else { mean };
@@ -80,15 +77,15 @@ impl VirtualSensor {
     }
 }
 
-/// A Poisson variate of this mean; 0 where the mean is not positive.
+/// A Poisson variate with this mean, or 0 if the mean is not positive.
 ///
-/// `rand_distr` counts products of uniform variates below a mean of 12, and above uses the rejection of Ahrens and Dieter, *Computer
-/// generation of Poisson deviates from modified normal distributions* (1982), doi:10.1145/355993.355997. Both are exact, so that dim
-/// pixels have the skew of true photon counts.
+/// Below a mean of 12, `rand_distr` counts products of uniform variates. Above it, the crate uses the rejection method of Ahrens and
+/// Dieter, *Computer generation of Poisson deviates from modified normal distributions* (1982), doi:10.1145/355993.355997. Both methods are
+/// exact, so that dim pixels have the skew of true photon counts.
 pub fn poisson(mean: f64, random: &mut impl Rng) -> f64 {
     match Poisson::new(mean) {
         Ok(distribution) => distribution.sample(random),
-        // Above a mean of 10¹⁹ a variate differs from it in the tenth digit.
+        // With a mean above 10¹⁹, a variate differs from the mean in the tenth digit.
         Err(_) => mean.max(0.0),
     }
 }
@@ -100,8 +97,8 @@ mod tests {
     use rand_distr::StandardNormal;
     use rand_pcg::Pcg64;
 
-    /// Pearson's statistic of `draws` variates against the Poisson probabilities, and its degrees of freedom. Counts with
-    /// less than 10 expected are put together with their neighbours.
+    /// Pearson's statistic of `draws` variates compared with the Poisson probabilities, and its degrees of freedom. Counts that are
+    /// expected fewer than 10 times are merged with their neighbours.
     fn chi_square(
         mean: f64,
         draws: usize,
@@ -131,7 +128,7 @@ mod tests {
                 (expected_sum, found_sum) = (0.0, 0.0);
             }
         }
-        // The tail: everything that is left.
+        // The tail contains all remaining counts.
         statistic += (found_sum - expected_left) * (found_sum - expected_left) / expected_left;
         [statistic, cells]
     }

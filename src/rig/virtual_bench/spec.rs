@@ -1,4 +1,4 @@
-//! The description of a virtual rig, with every imperfection. By default there are none.
+//! The description of a virtual rig, including all imperfections. By default there are none.
 
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ pub struct VirtualRig {
     pub drift: Drift,
     /// Which of the camera's frames fail.
     pub faults: Faults,
-    /// The seed of all random numbers of the devices; equal seeds give identical counts.
+    /// The seed of all random numbers of the devices. Equal seeds give identical counts.
     pub seed: u64,
 }
 
@@ -33,15 +33,15 @@ pub struct VirtualRig {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum VirtualScene {
-    /// A scene file, which is traced.
+    /// A scene file, which krylux traces.
     File {
         /// The scene file.
         path: PathBuf,
         /// The name of the scene's camera whose pose the rig takes. `None`: the scene's only camera.
         camera: Option<String>,
-        /// A camera file with the poses of camera and projector, which replace those of the scene. `None`: the scene's own.
+        /// A camera file with poses of camera and projector that replace the poses in the scene. `None`: the poses in the scene.
         camera_file: Option<PathBuf>,
-        /// The projector's pixels, and the photo's before the camera resamples it.
+        /// The number of pixels of the projector, and of the photo before the camera resamples it.
         size: Resolution,
         /// Light paths per pixel.
         samples: u32,
@@ -50,17 +50,17 @@ pub enum VirtualScene {
         /// The seed of the tracer's random numbers.
         seed: u32,
     },
-    /// A light transport matrix from a file. No graphics device is needed.
+    /// A light transport matrix from a file, which needs no graphics device.
     Matrix {
-        /// The file of the matrix, which is square and has one channel.
+        /// The file of the matrix, which must be square with one channel.
         path: PathBuf,
-        /// The projector's pixels, and the photo's before the camera resamples it.
+        /// The number of pixels of the projector, and of the photo before the camera resamples it.
         size: Resolution,
     },
 }
 
 impl VirtualScene {
-    /// The projector's pixels, and the photo's before the camera resamples it.
+    /// The number of pixels of the projector, and of the photo before the camera resamples it.
     pub fn size(&self) -> Resolution {
         match self {
             Self::File { size, .. } | Self::Matrix { size, .. } => *size,
@@ -79,28 +79,28 @@ pub struct VirtualProjector {
     pub channels: usize,
     /// The exponent of the response `x^gamma`. `None`: 1.
     pub gamma: Option<f64>,
-    /// The response as light at equally spaced levels, from 0 to 1; it replaces `gamma`.
+    /// The response as light at equally spaced levels, from 0 to 1. It replaces `gamma`.
     pub curve: Option<Vec<f64>>,
     /// The share of white that level 0 emits.
     pub black_level: f64,
-    /// The share by which the corners are darker than the centre; the light falls off with the square of the distance.
+    /// The share by which the corners are darker than the centre. The light falls off with the square of the distance.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur, in projector pixels.
     pub blur: f64,
-    /// Seconds from a frame's confirmation until its light appears. Until then the light is that of the previous frame.
+    /// Seconds from a frame's confirmation until its light appears. Until then the previous frame's light remains.
     pub latency: f64,
-    /// Seconds from one refresh to the next, which is the time that showing a frame takes.
+    /// Seconds from one refresh to the next. Showing a frame takes this long.
     pub frame_time: f64,
-    /// The share that the white segment of a colour wheel adds to gray, of the light that red, green and blue have in common in a pixel. White is
-    /// then so much brighter than red, green and blue together; light is still relative to white.
+    /// The light that the white segment of a colour wheel adds to gray, as a share of the light that red, green and blue have in common in
+    /// a pixel. White is then brighter than red, green and blue together by this share. Light is still measured relative to white.
     pub white_segment: f64,
     /// How the brightness follows the frame.
     pub iris: Iris,
     /// How the light of a frame is spread over time.
     pub pulse: Pulse,
-    /// Whether the levels are taken for those of video: of 255, levels up to 16 are black, and levels from 235 on are white.
+    /// Whether the projector treats its levels as video levels: of 255, levels up to 16 are black, and levels from 235 on are white.
     pub limited_range: bool,
-    /// The share of the frame's width and height that is cut off, half of it at each end; the rest is stretched to the whole field.
+    /// The share of the frame's width and height that is cut off, half at each end. The rest is stretched to the whole field.
     pub overscan: f64,
 }
 
@@ -127,15 +127,15 @@ impl Default for VirtualProjector {
 
 /// A description of a virtual camera. After an exposure of `t` seconds to `light`, a pixel holds
 /// `e = Poisson(t · (sensitivity · light + dark_current))` electrons. Its count is
-/// `black_level + (2^bits − 1 − black_level) · (response(e / full_well) + Normal(read_noise / full_well))`, rounded and
-/// clamped to \[0, saturation\]. The full well is the saturation capacity of EMVA 1288.
+/// `black_level + (2^bits − 1 − black_level) · (response(e / full_well) + Normal(read_noise / full_well))`, rounded and clamped to \[0,
+/// saturation\]. The full well is the saturation capacity of EMVA 1288.
 ///
-/// The sensitivity is set such that the white photo (without ambient light and drift) fills the share `white_fill` of the full well
-/// within `white_exposure` seconds, at the 99th percentile of the pixels.
+/// The sensitivity is chosen so that the white photo (without ambient light and drift) fills the share `white_fill` of the full well within
+/// `white_exposure` seconds, at the 99th percentile of the pixels.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VirtualCamera {
-    /// Width and height in pixels. `None`: those of the scene.
+    /// Width and height in pixels. `None`: the size of the scene.
     pub size: Option<[usize; 2]>,
     /// 1 (mono) or 3.
     pub channels: usize,
@@ -149,7 +149,7 @@ pub struct VirtualCamera {
     pub full_well: f64,
     /// The share of the full well that the white photo fills in `white_exposure` seconds.
     pub white_fill: f64,
-    /// The exposure of `white_fill`, in seconds.
+    /// The exposure, in seconds, in which the white photo fills `white_fill`.
     pub white_exposure: f64,
     /// Whether the number of electrons follows a Poisson distribution.
     pub shot_noise: bool,
@@ -157,19 +157,19 @@ pub struct VirtualCamera {
     pub read_noise: f64,
     /// Electrons per second without light.
     pub dark_current: f64,
-    /// The share by which the corners are less sensitive than the centre; the sensitivity falls off with the square of the distance.
+    /// The share by which the corners are less sensitive than the centre. The sensitivity falls off with the square of the distance.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur of the camera's lens, in camera pixels.
     pub blur: f64,
-    /// Seconds from the first row's beginning of an exposure to the last row's; 0: all rows begin at once.
+    /// Seconds between the times at which the first and the last row begin an exposure; 0: all rows begin at once.
     pub rolling_shutter: f64,
     /// The exponent of the response `x^gamma`. `None`: 1.
     pub gamma: Option<f64>,
-    /// The response as counts at equally spaced light, from 0 to 1; it replaces `gamma`.
+    /// The response as counts at equally spaced light, from 0 to 1. It replaces `gamma`.
     pub curve: Option<Vec<f64>>,
     /// The shortest and the longest exposure in seconds.
     pub exposures: [f64; 2],
-    /// Exposures are whole multiples of this many seconds; 0: any.
+    /// Exposures are whole multiples of this many seconds; 0: any exposure.
     pub exposure_step: f64,
     /// Seconds from the end of an exposure until the frame arrives.
     pub readout: f64,
@@ -222,22 +222,22 @@ impl Default for VirtualCamera {
     }
 }
 
-/// The misregistration of a camera: a map from where a camera pixel should look to where it looks.
+/// The misregistration of a camera: a map from the point that a camera pixel should see to the point that it sees.
 ///
-/// Without misregistration, camera raster and photo raster cover the same field, so that a point of the camera raster lies at a
-/// point `q` of the photo raster, in projector pixels from its top left corner. With it, the point sees
-/// `H(c + (q − c)(1 + k₁ r²))`, where `c` is the centre of the field and `r` the distance from it, relative to the corner's
-/// distance. `H` rotates by `rotation` degrees (clockwise in the picture) and scales about the centre, then shifts; or `H` is the
-/// given homography in the same coordinates.
+/// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a point
+/// `q` of the photo raster, in projector pixels from its top left corner. With misregistration, the camera point sees
+/// `H(c + (q − c)(1 + k₁ r²))`, where `c` is the centre of the field and `r` is the distance from it, relative to the corner's distance.
+/// `H` rotates by `rotation` degrees (clockwise in the picture) and scales about the centre, then shifts. A given homography in the same
+/// coordinates replaces this `H`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Misregistration {
     /// The shift to the right and down, in projector pixels.
     pub shift: [f64; 2],
     /// The rotation in degrees.
     pub rotation: f64,
-    /// The scale; with more than 1 the camera sees more than the field.
+    /// The scale. A camera with a scale above 1 sees more than the field.
     pub scale: f64,
-    /// The rows of a matrix on homogeneous positions in projector pixels; it replaces the three above.
+    /// The rows of a matrix on homogeneous positions in projector pixels. It replaces `shift`, `rotation` and `scale`.
     pub homography: Option<[[f64; 3]; 3]>,
     /// The radial distortion `k₁`.
     pub distortion: f64,
@@ -251,7 +251,7 @@ fn response(gamma: Option<f64>, curve: Option<&Vec<f64>>) -> Response {
 }
 
 impl VirtualProjector {
-    /// Light as a function of the level, both from 0 to 1, without the black level.
+    /// Light as a function of the level without the black level, both from 0 to 1.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
     }
@@ -263,7 +263,7 @@ impl VirtualCamera {
         response(self.gamma, self.curve.as_ref())
     }
 
-    /// The map of where its pixels look.
+    /// The map to the points that the camera's pixels see.
     pub fn misregistration(&self) -> Misregistration {
         let Self { shift, rotation, scale, homography, distortion, .. } = *self;
         Misregistration { shift, rotation, scale, homography, distortion }
@@ -276,7 +276,7 @@ impl VirtualCamera {
 }
 
 impl VirtualRig {
-    /// A projector of 8 bits and a camera of 16 bits, without imperfections, on this scene.
+    /// A rig without imperfections for this scene, with a projector of 8 bits and a camera of 16 bits.
     pub fn ideal(scene: VirtualScene) -> Self {
         Self {
             scene,
@@ -301,7 +301,7 @@ impl VirtualRig {
 pub enum Response {
     /// The power `y = x^gamma`; 1 is linear.
     Gamma(f64),
-    /// At least two values at equally spaced `x`, the first at 0, the last at 1; linear between them.
+    /// At least two values at equally spaced `x` from 0 to 1, with linear interpolation between them.
     Curve(Vec<f64>),
 }
 
@@ -327,22 +327,22 @@ impl Response {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Splitter {
-    /// The share of a second image of the scene, which is reflected at the splitter's back.
+    /// The share of the light that forms a second image of the scene, reflected at the back of the splitter.
     pub ghost: f64,
     /// The displacement of the second image to the right and down, in projector pixels.
     pub ghost_shift: [f64; 2],
-    /// Light of the projector that reaches all camera pixels evenly without the scene, for instance from a light trap that reflects:
-    /// for a white frame this share of the mean of the white photo, and for another frame in proportion to its mean light.
+    /// The projector's light that reaches all camera pixels evenly without the scene, for instance because a light trap reflects. For a
+    /// white frame, it is this share of the mean of the white photo. For another frame, it is proportional to the frame's mean light.
     pub stray: f64,
 }
 
-/// Light that does not come from the projector. It is the same at each camera pixel, except for the camera's vignetting.
+/// Light that does not come from the projector. It is equal at all camera pixels, except for the camera's vignetting.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Ambient {
-    /// Its level relative to the mean of the white photo.
+    /// The level relative to the mean of the white photo.
     pub level: f64,
-    /// The relative amplitude of its variation, a sine of time. A photo has the mean over its exposure.
+    /// The relative amplitude of its sinusoidal variation with time. A photo has the mean over its exposure.
     pub variation: f64,
     /// The period of the sine in seconds.
     pub period: f64,
@@ -361,16 +361,16 @@ pub struct Drift {
     pub period: f64,
 }
 
-/// The frames that fail. Each fault is given by its probability (the seed and the frame's number select the frames), or by the
-/// numbers of the frames, which count from 1.
+/// The frames that fail. Each fault is given either by its probability or by the numbers of the frames, which count from 1. With a
+/// probability, the seed and the frame's number select the frames.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Faults {
     /// The probability that a frame does not arrive.
     pub dropped: f64,
-    /// The probability that the previous frame arrives again instead.
+    /// The probability that the previous frame arrives again in place of a frame.
     pub repeated: f64,
-    /// The probability that a frame arrives which was exposed before the last pattern was shown.
+    /// The probability that a frame arrives that was exposed before the last pattern was shown.
     pub late: f64,
     /// The probability that a frame's exposure began when the last pattern was confirmed, before the pattern settled.
     pub early: f64,

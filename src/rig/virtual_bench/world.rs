@@ -1,8 +1,8 @@
 //! The state of a virtual rig, and how it changes with time: the light on the sensor, its brightness, and the next frame.
 //!
-//! The state consists of the time, what has been on screen since when, and the number of the last frame. Everything else is a
-//! function of the rig's description, the frame's number and the time. Therefore a rig that is opened after a
-//! [`Stamp`](crate::rig::Stamp) continues as if it had never been closed.
+//! The state consists of the time, the history of the screen, and the number of the last frame. Everything else is a function of the rig's
+//! description, the frame's number and the time. Therefore a rig that is opened after a [`Stamp`](crate::rig::Stamp) continues as if it
+//! had never been closed.
 
 use std::collections::VecDeque;
 
@@ -18,50 +18,42 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::{Frame, RawFrame};
 
-/// The number of changes that the screen's history holds. Late frames look back by one.
+/// The number of changes in the screen's history. Late frames look back by one.
 const HISTORY: usize = 8;
 
-/// A frame that was put on screen.
 pub(crate) struct Change {
-    /// When it was asked for, in seconds.
+    /// The time of the request, in seconds.
     pub(crate) asked: f64,
-    /// When it was confirmed.
     pub(crate) confirmed: f64,
-    /// When its light appears.
     pub(crate) appears: f64,
-    /// Its light on the sensor: all of it, or that of red, green and blue where a wheel shows them one after the other.
+    /// Its light on the sensor: one entry for all of the light, or three entries for red, green and blue where a wheel shows them in turn.
     pub(crate) light: Vec<SeenLight>,
-    /// The brightness that the iris has when the light appears, and the one that it tends to.
+    /// The brightness of the iris when the light appears, and the brightness that it approaches.
     pub(crate) iris: [f64; 2],
 }
 
-/// An open virtual rig.
 pub(crate) struct World {
     pub(crate) rig: VirtualRig,
     pub(crate) camera: Resolution,
     pub(crate) view: View,
     pub(crate) screen: VirtualScreen,
     pub(crate) sensor: VirtualSensor,
-    /// The scene's own light.
     pub(crate) own_light: SeenLight,
     /// The light of an ambient level of 1.
     pub(crate) ambient_unit: f64,
-    /// The exposure in seconds.
     pub(crate) exposure: f64,
-    /// The time in seconds on the rig's clock.
+    /// The time on the rig's clock, in seconds.
     pub(crate) now: f64,
-    /// The number of the camera's last frame.
     pub(crate) id: u64,
-    /// The history of the screen, the latest change last; never empty.
+    /// The history of the screen, with the latest change last. It is never empty.
     pub(crate) changes: VecDeque<Change>,
-    /// The frame that the camera returned last. `None` in a session that has none yet.
+    /// The frame that the camera returned last. `None` before the first frame of a session.
     pub(crate) handed_out: Option<RawFrame>,
-    /// The number of the last frame before the camera was restarted.
     pub(crate) restarted_at: Option<u64>,
 }
 
 impl World {
-    /// Shows a frame, which must fit the screen; returns the time of the confirmation.
+    /// Shows a frame, which must fit the screen, and returns the time of the confirmation.
     pub(crate) fn show(&mut self, frame: &Frame) -> Result<f64> {
         let light = self.light_of(frame)?;
         let asked = self.now;
@@ -78,7 +70,7 @@ impl World {
         Ok(confirmed)
     }
 
-    /// Puts a frame on screen as if it had been there from the beginning; returns the time of the confirmation.
+    /// Puts a frame on screen as if it had been there from the beginning, and returns the time of the confirmation.
     pub(crate) fn restore(&mut self, frame: &Frame) -> Result<f64> {
         let light = self.light_of(frame)?;
         let iris = [self.rig.projector.iris.target(self.screen.mean(frame)); 2];
@@ -93,7 +85,7 @@ impl World {
         Ok(0.0)
     }
 
-    /// The light of a frame on the sensor, by the colours of the wheel.
+    /// The light of a frame on the sensor, for each colour of the wheel.
     fn light_of(&mut self, frame: &Frame) -> Result<Vec<SeenLight>> {
         let pattern = self.screen.emit(frame);
         if !self.rig.projector.pulse.wheel {
@@ -109,7 +101,6 @@ impl World {
             .collect()
     }
 
-    /// Takes a frame. `None`: it does not arrive.
     pub(crate) fn capture(&mut self) -> Option<RawFrame> {
         let (exposure, camera) = (self.exposure, &self.rig.camera);
         let (readout, timeout) = (camera.readout, camera.timeout);
@@ -121,7 +112,7 @@ impl World {
         let fate = self.rig.faults.fate(self.rig.seed, self.id);
         let (asked, confirmed) = self.changes.back().map_or((0.0, 0.0), |last| (last.asked, last.confirmed));
         let started = match fate {
-            // The frame was waiting in a buffer, and takes no time.
+            // The frame was waiting in a buffer, so it takes no time.
             Fate::Late => asked - exposure - camera.rolling_shutter,
             Fate::Early => confirmed,
             Fate::Good | Fate::Dropped | Fate::Repeated => self.now,
@@ -146,7 +137,7 @@ impl World {
         }
     }
 
-    /// Restarts the camera, which ends a hang unless it is for good.
+    /// Restarts the camera. This ends a hang unless the hang is permanent.
     pub(crate) fn restart(&mut self) {
         self.now += self.rig.camera.timeout;
         if !self.rig.faults.freeze_for_good {
@@ -154,7 +145,7 @@ impl World {
         }
     }
 
-    /// The mean light on the sensor during an exposure, whose first row begins at `started`.
+    /// The mean light on the sensor during an exposure whose first row begins at `started`.
     fn light_during(&self, started: f64, exposure: f64) -> SeenLight {
         let mut light = self.own_light.clone();
         let rolling = self.rig.camera.rolling_shutter;
@@ -177,7 +168,6 @@ impl World {
         light
     }
 
-    /// The light of the frames that are on screen during an exposure, each with its share.
     fn shares(&self, started: f64, exposure: f64) -> Vec<(&SeenLight, f64)> {
         let (ended, projector) = (started + exposure, &self.rig.projector);
         let brightness = self.brightness(started + 0.5 * exposure, exposure);
@@ -198,14 +188,13 @@ impl World {
         shares
     }
 
-    /// The mean brightness of the projector during an exposure, relative to that at the beginning.
+    /// The projector's mean brightness during an exposure, relative to its brightness at the beginning.
     fn brightness(&self, middle: f64, exposure: f64) -> f64 {
         let drift = &self.rig.drift;
         let trend = (1.0 + drift.per_hour * middle / 3600.0).max(0.0);
         trend * (1.0 + drift.swing * mean_sine(drift.period, middle, exposure))
     }
 
-    /// The mean ambient light during an exposure.
     fn ambient(&self, middle: f64, exposure: f64) -> f64 {
         let ambient = &self.rig.ambient;
         let swing = ambient.variation * mean_sine(ambient.period, middle, exposure);
@@ -213,7 +202,7 @@ impl World {
     }
 }
 
-/// The mean of `sin(2π t / period)` over an exposure with the centre `middle`; 0 if the period is 0.
+/// The mean of `sin(2π t / period)` over an exposure centred at `middle`; 0 if the period is 0.
 fn mean_sine(period: f64, middle: f64, exposure: f64) -> f64 {
     if period == 0.0 {
         return 0.0;
@@ -222,26 +211,26 @@ fn mean_sine(period: f64, middle: f64, exposure: f64) -> f64 {
     (std::f64::consts::TAU * middle / period).sin() * half.sin() / half
 }
 
-/// An automatic iris, or a lamp that follows the picture. A frame whose mean light is `m`, relative to white, is shown with the
-/// brightness `1 − dimming · (1 − m)`, which is approached exponentially after the frame appears. The frame on screen when the rig is
-/// opened, or opened again, has been there for long.
+/// An automatic iris, or a lamp that follows the picture. A frame with mean light `m`, relative to white, is shown with the brightness
+/// `1 − dimming · (1 − m)`. The iris approaches this brightness exponentially after the frame appears. When the rig is opened or reopened,
+/// the frame on screen has been there for a long time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Iris {
-    /// The share by which an almost black frame is dimmer than white; 0: no iris. Less than 0: dark frames are brighter, as of a
-    /// projector that limits the power of bright frames.
+    /// The share by which an almost black frame is dimmer than white; 0: no iris. With a negative value, dark frames are brighter, as with
+    /// a projector that limits the power of bright frames.
     pub dimming: f64,
-    /// The time constant of the approach in seconds; 0: at once.
+    /// The time constant of the approach in seconds; 0: immediate.
     pub time: f64,
 }
 
 impl Iris {
-    /// The brightness that a frame of this mean light tends to.
+    /// The brightness that the iris approaches for a frame of this mean light.
     pub(crate) fn target(&self, mean: f64) -> f64 {
         1.0 - self.dimming * (1.0 - mean)
     }
 
-    /// The brightness `seconds` after a frame with the brightness `target` appeared. It was `start` then.
+    /// The brightness `seconds` after a frame appeared. The brightness was `start` then, and approaches `target`.
     pub(crate) fn after(&self, [start, target]: [f64; 2], seconds: f64) -> f64 {
         if self.time == 0.0 { target } else { target + (start - target) * (-seconds / self.time).exp() }
     }
@@ -256,16 +245,16 @@ impl Iris {
     }
 }
 
-/// Light that is emitted in pulses, of the same mean brightness as steady light. A frame's exposure sees another amount of light unless it
-/// is a whole multiple of the period.
+/// Light that is emitted in pulses with the same mean brightness as steady light. The light in an exposure depends on the time of the
+/// exposure unless the exposure is a whole multiple of the period.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Pulse {
-    /// The time from one pulse to the next in seconds, or of one turn of the colour wheel; 0: steady light.
+    /// The time in seconds from one pulse to the next, or of one turn of the colour wheel; 0: steady light.
     pub period: f64,
-    /// The share of the time of its pulse in which light is emitted; 1: all of it.
+    /// The share of a pulse's time in which light is emitted; 1: all of it.
     pub duty: f64,
-    /// Whether a colour wheel shows red, green and blue one after the other, each in a third of the period.
+    /// Whether a colour wheel shows red, green and blue in turn, each for a third of the period.
     pub wheel: bool,
 }
 
@@ -276,15 +265,14 @@ impl Default for Pulse {
 }
 
 impl Pulse {
-    /// The mean brightness of a colour from one time to a later one, in seconds on the rig's clock, relative to steady light. `colour`
-    /// is 0 without a wheel.
+    /// The mean brightness of a colour between two times on the rig's clock, relative to steady light. `colour` is 0 without a wheel.
     pub(crate) fn mean(&self, colour: usize, from: f64, until: f64) -> f64 {
         if self.period == 0.0 {
             return 1.0;
         }
         let colours = if self.wheel { 3.0 } else { 1.0 };
         let begins = colour as f64 / colours;
-        // The light since time 0, in periods of steady light.
+        // The light emitted since time 0, in periods of steady light.
         let emitted = |time: f64| {
             let turns = time / self.period;
             turns.floor() + ((turns - turns.floor() - begins) * colours / self.duty).clamp(0.0, 1.0)
@@ -293,22 +281,19 @@ impl Pulse {
     }
 }
 
-/// The fate of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Fate {
-    /// The frame arrives as it should.
     Good,
-    /// It does not arrive.
     Dropped,
-    /// The previous frame arrives again instead.
+    /// The previous frame arrives again in its place.
     Repeated,
-    /// It was exposed before the last pattern was shown.
+    /// The frame was exposed before the last pattern was shown.
     Late,
-    /// Its exposure began as soon as the last pattern was confirmed.
+    /// The exposure began as soon as the last pattern was confirmed.
     Early,
 }
 
-/// A generator for one purpose: equal keys give equal numbers.
+/// A random number generator for one purpose. Equal keys give equal numbers.
 pub(crate) fn generator(seed: u64, frame: u64, purpose: u64) -> Pcg64 {
     let mut key = [0; 32];
     for (word, value) in key.chunks_exact_mut(8).zip([seed, frame, purpose, 0x6b72_796c_7578]) {
@@ -319,7 +304,6 @@ pub(crate) fn generator(seed: u64, frame: u64, purpose: u64) -> Pcg64 {
 }
 
 impl Faults {
-    /// The fate of frame `id`.
     pub(crate) fn fate(&self, seed: u64, id: u64) -> Fate {
         let by_number = [
             (&self.dropped_frames, Fate::Dropped),
@@ -346,7 +330,6 @@ impl Faults {
         Fate::Good
     }
 
-    /// Whether the camera hangs after frame `id`.
     pub(crate) fn freezes_after(&self, id: u64) -> bool {
         self.freeze_after.contains(&id)
     }
@@ -362,7 +345,7 @@ mod tests {
         for start in [0.0, 0.0033, 0.0071] {
             assert!((pulse.mean(0, start, start + 0.02) - 1.0).abs() < 1e-9);
         }
-        // One period and its lit half, or its dark half.
+        // One period and its lit half, then one period and its dark half.
         assert!((pulse.mean(0, 0.0, 0.015) - 2.0 / 1.5).abs() < 1e-9);
         assert!((pulse.mean(0, 0.005, 0.020) - 1.0 / 1.5).abs() < 1e-9);
         let wheel = Pulse { period: 0.03, duty: 1.0, wheel: true };

@@ -1,4 +1,4 @@
-//! The substitute for an X server where krylux was built without the feature `x11`: every request is an error that says so.
+//! The substitute for an X server in a krylux that was built without the feature `x11`. Every request is an error that names the feature.
 
 use super::fault;
 use crate::error::{Error, Result};
@@ -6,7 +6,7 @@ use crate::rig::Frame;
 use crate::rig::x11::projector::ShowTimes;
 use crate::rig::x11::{MonitorInfo, X11Spec};
 
-/// The screen that cannot be opened; there is no value of this type.
+/// The screen cannot be opened, so this type has no values.
 pub(crate) enum Screen {}
 
 impl Screen {
@@ -28,19 +28,13 @@ impl Screen {
 }
 
 impl X11Spec {
-    /// Finds the monitor that is described: an error, since this krylux was built without X11.
-    ///
-    /// # Errors
-    /// Always [`Error::Rig`].
+    /// Fails with [`Error::Rig`], because this krylux was built without X11.
     pub fn monitor(&self) -> Result<MonitorInfo> {
         Err(not_built())
     }
 }
 
-/// Lists the monitors of a server: an error, since this krylux was built without X11.
-///
-/// # Errors
-/// Always [`Error::Rig`].
+/// Fails with [`Error::Rig`], because this krylux was built without X11.
 pub fn monitors(_: Option<&str>) -> Result<Vec<MonitorInfo>> {
     Err(not_built())
 }

@@ -1,4 +1,4 @@
-//! The conversion between levels and the pixel values of an X screen, and the reading back of its framebuffer.
+//! The conversion between levels and the pixel values of an X screen, and reading back its framebuffer.
 
 use x11rb::connection::Connection;
 use x11rb::errors::{ConnectionError, ParseError, ReplyError};
@@ -11,20 +11,18 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// Bytes that are read back in one request.
 const BAND: usize = 1 << 16;
 
-/// The pixel format of one screen.
 pub(crate) struct Canvas {
     layout: PixelLayout,
     depth: u8,
     setup: Setup,
-    /// Each pattern pixel is shown as a square with this many screen pixels on a side.
+    /// The side of a pattern pixel's square, in screen pixels.
     magnify: usize,
 }
 
 impl Canvas {
-    /// The format of `screen`, whose root visual must show 8 bits for each of red, green and blue.
+    /// The format of `screen`. Its root visual must show 8 bits for each of red, green and blue.
     pub(crate) fn new(connection: &RustConnection, screen: &Screen, magnify: usize) -> Result<Self> {
         let visuals = screen.allowed_depths.iter().flat_map(|depth| &depth.visuals);
         let visual = visuals.into_iter().find(|visual| visual.visual_id == screen.root_visual);
@@ -46,7 +44,6 @@ impl Canvas {
         Ok(Self { layout, depth: screen.root_depth, setup: connection.setup().clone(), magnify })
     }
 
-    /// Draws a frame in the screen's pixel format.
     pub(crate) fn draw(&self, frame: &Frame) -> Result<Picture> {
         let Resolution { width, height } = frame.resolution();
         let mut rows =
@@ -60,9 +57,9 @@ impl Canvas {
         Ok(Picture { rows, magnify: self.magnify })
     }
 
-    /// Compares `seen`, which holds the screen's rows from `top` on, with the drawn picture. `None`: they are equal.
+    /// Compares the drawn picture with `seen`, which holds the screen's rows from `top` on. `None`: they are equal.
     pub(crate) fn difference(&self, drawn: &Picture, top: u16, seen: &Image<'_>) -> Option<Difference> {
-        // The fast path: nearly always all bytes agree, even the unused ones.
+        // In almost all cases, all bytes agree, even the unused ones.
         if drawn.is_same(top, seen) {
             return None;
         }
@@ -95,8 +92,8 @@ impl Canvas {
     }
 }
 
-/// A frame in the server's pixel format. It holds each row of the pattern once, at the width at which it is shown. The server
-/// repeats the rows, so that less has to be sent.
+/// A frame in the server's pixel format. It holds each row of the pattern once, in the width on screen. The server repeats the rows, so
+/// that less data is sent.
 pub(crate) struct Picture {
     pub(crate) rows: Image<'static>,
     pub(crate) magnify: usize,
@@ -107,13 +104,11 @@ impl Picture {
         self.rows.width()
     }
 
-    /// The height at which the picture is shown, in screen pixels.
     pub(crate) fn height(&self) -> u16 {
         // The picture fits the monitor, whose sides have 16 bits.
         (usize::from(self.rows.height()) * self.magnify) as u16
     }
 
-    /// The row of the pattern that is shown in screen row `y`.
     pub(crate) fn row(&self, y: u16) -> u16 {
         (usize::from(y) / self.magnify) as u16
     }
@@ -122,48 +117,41 @@ impl Picture {
         self.rows.get_pixel(x, self.row(y))
     }
 
-    /// The first row and the height of each band that is read back in one request. Bands are small enough that reading one needs
-    /// no fresh memory from the system, which would take longer than the reading itself.
+    /// The first row and the height of each band that one request reads back. A small band needs no fresh memory from the system, which
+    /// would take longer than reading the band.
     pub(crate) fn bands(&self) -> impl Iterator<Item = [u16; 2]> + use<> {
         let (height, rows) = (self.height(), (BAND / self.stride()).max(1));
-        // No more than the height, which has 16 bits.
+        // The result is not greater than the height, which has 16 bits.
         let rows = rows.min(height.into()) as u16;
         (0..height).step_by(rows.into()).map(move |top| [top, rows.min(height - top)])
     }
 
-    /// Whether `seen`, from row `top` on, has the drawn bytes.
     fn is_same(&self, top: u16, seen: &Image<'_>) -> bool {
         let stride = self.stride();
         let drawn = |y: u16| &self.rows.data()[usize::from(self.row(y)) * stride..][..stride];
         (top..top + seen.height()).map(drawn).eq(seen.data().chunks(stride))
     }
 
-    /// Bytes of a row.
     fn stride(&self) -> usize {
         self.rows.data().len() / usize::from(self.rows.height())
     }
 }
 
-/// The first pixel that differs from what was drawn.
 pub(crate) struct Difference {
     pub(crate) x: u16,
     pub(crate) y: u16,
     pub(crate) drawn: [u16; 3],
     pub(crate) seen: [u16; 3],
-    /// The number of pixels that differ.
     pub(crate) count: usize,
 }
 
-/// Reads the framebuffer at one position.
 pub(crate) struct Reader {
-    /// The root window, which holds all others: a window that covers the projector's is read, too.
+    /// The root window contains all other windows, so a window that covers the projector's window is read too.
     pub(crate) root: Window,
-    /// The position of a pattern's top left pixel.
     pub(crate) corner: [i16; 2],
 }
 
 impl Reader {
-    /// Compares the framebuffer with the drawn picture. `None`: they are equal.
     pub(crate) fn difference(
         &self,
         connection: &RustConnection,
@@ -179,7 +167,7 @@ impl Reader {
         };
         let mut found: Option<Difference> = None;
         let mut coming = None;
-        // One band is compared while the next is on its way.
+        // One band is compared while the next one is in transit.
         for band in drawn.bands().map(Some).chain([None]) {
             let next = band.map(ask).transpose().map_err(|why| failed(&why))?;
             let Some((top, height, asked)) = std::mem::replace(&mut coming, next) else { continue };

@@ -1,8 +1,8 @@
-//! The helper program: which `krylux` program is started to own a projector's window.
+//! The helper program is the `krylux` program that owns a projector's window.
 //!
-//! The window lives in a separate process, so that a crash or a hang of the X connection, or an interrupt in the terminal,
-//! does not end the measurement. That process is always the `krylux` program, started as `krylux projector`. A program that
-//! is not krylux never starts itself as its own helper: it names the `krylux` program, or [`Helper::find`] searches for it.
+//! The window lives in a separate process. A crash or a hang of the X connection, or an interrupt in the terminal, therefore does not end
+//! the measurement. The process is always the `krylux` program, started as `krylux projector`. A program other than krylux never starts
+//! itself as the helper: it names the `krylux` program, or [`Helper::find`] searches for it.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{Read, Write};
@@ -22,13 +22,13 @@ use crate::rig::Frame;
 /// The running program, if it is krylux.
 static DECLARED: OnceLock<PathBuf> = OnceLock::new();
 
-/// How the helper process is started.
+/// The program and the longest wait of a helper process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Helper {
     /// The `krylux` program.
     pub program: PathBuf,
-    /// The longest wait for an answer, 15 s by default. It must be longer than the 5 s for which the helper itself waits for
-    /// the X server, so that the helper can report what failed.
+    /// The longest wait for an answer, 15 s by default. It must exceed the helper's own wait of 5 s for the X server, so that the helper
+    /// can report a failure.
     pub patience: Duration,
 }
 
@@ -36,20 +36,20 @@ impl Helper {
     /// The environment variable that names the `krylux` program for [`Helper::find`].
     pub const VARIABLE: &str = "KRYLUX_HELPER";
 
-    /// The `krylux` program at this path. Whether it can be started is found out when a projector is opened.
+    /// The `krylux` program at this path. An error is reported only when a projector is opened.
     pub fn at(program: impl Into<PathBuf>) -> Self {
         Self { program: program.into(), patience: Duration::from_secs(15) }
     }
 
     /// Finds the `krylux` program. These places are tried in order:
     ///
-    /// 1. the file that the environment variable [`KRYLUX_HELPER`](Self::VARIABLE) names;
-    /// 2. the running program, if it declared itself by [`Helper::declare_this_program`];
+    /// 1. the file in the environment variable [`KRYLUX_HELPER`](Self::VARIABLE);
+    /// 2. the running program, if it called [`Helper::declare_this_program`];
     /// 3. a file `krylux` in the folder of the running program;
     /// 4. a file `krylux` in a folder of `PATH`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when there is none, or when the variable names no file.
+    /// [`Error::Rig`] when there is no such program, or when the variable does not name a file.
     pub fn find() -> Result<Self> {
         let running = std::env::current_exe().ok();
         Places {
@@ -62,17 +62,16 @@ impl Helper {
         .map(Self::at)
     }
 
-    /// Declares that the running program is krylux: started with the single argument `projector`, it calls
-    /// [`serve_projector`]. Only such a program may call this, at the start of its `main`.
+    /// Declares that the running program is krylux, so that it calls [`serve_projector`] when started with the single argument `projector`.
+    /// Only such a program may call this function, at the start of its `main`.
     pub fn declare_this_program() {
         if let Ok(program) = std::env::current_exe() {
-            // A second declaration says the same.
+            // A second declaration has the same value.
             let _ = DECLARED.set(program);
         }
     }
 }
 
-/// The places where the helper program is looked for.
 struct Places<'a> {
     variable: Option<OsString>,
     declared: Option<&'a Path>,
@@ -98,7 +97,7 @@ impl Places<'_> {
             .ok_or_else(|| self.none(&name))
     }
 
-    /// Whether this is the running program, which did not declare that it is krylux: it must not start itself.
+    /// Whether `program` is the running program. It did not declare that it is krylux, so it must not start itself.
     fn is_running(&self, program: &Path) -> bool {
         let real = |path: &Path| path.canonicalize().ok();
         self.running.and_then(real).is_some_and(|running| real(program) == Some(running))
@@ -132,7 +131,7 @@ fn names_no_file(named: &OsStr) -> Error {
     )
 }
 
-/// Answers requests from `from` on `to` until `from` ends; then the window closes. This is the whole work of the helper process.
+/// Reads requests from `from` and writes replies to `to` until `from` ends. Then the window closes. The helper process does nothing else.
 ///
 /// # Errors
 /// An error of reading or writing the pipe. Errors of the projector are sent as replies.
@@ -151,7 +150,7 @@ pub fn serve_projector(mut from: impl Read, mut to: impl Write) -> std::io::Resu
 fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Result<Reply> {
     match (request, screen) {
         (Request::Open(spec), screen) => {
-            // The old window is closed before there is a new one.
+            // The old window is closed before a new one opens.
             *screen = None;
             let opened = screen.insert(Screen::open(&spec)?);
             let monitor = opened.monitor();
@@ -172,7 +171,6 @@ fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Resu
 mod tests {
     use super::*;
 
-    /// A folder with a file `krylux`.
     fn folder_with_krylux() -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().expect("a folder can be made");
         let program = folder.path().join(format!("krylux{}", std::env::consts::EXE_SUFFIX));

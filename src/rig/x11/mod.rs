@@ -1,19 +1,18 @@
-//! A projector that is a monitor of an X server. It shows exact levels on chosen pixels, and the server confirms each frame before a photo is
-//! taken.
+//! A projector that is a monitor of an X server. It shows exact levels on chosen pixels, and the server confirms each frame.
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | choose | finds the monitor by name or number; it must show its native pixels without a gamma ramp | `monitor` |
+//! | choose | finds the monitor by name or number, which must show its native pixels without a gamma ramp | `monitor` |
 //! | draw | converts levels to the screen's pixel format; each pattern pixel becomes a square | `canvas` |
-//! | show | presents a frame, waits for the confirmation, reads the frame back | `screen`, `canvas` |
-//! | watch | notices windows that are closed, covered or moved, and a server that is gone | `watch` |
-//! | isolate | keeps the window in a helper process, which a pipe reaches | `helper`, `projector` |
+//! | show | presents a frame, waits for the confirmation, and reads the frame back | `screen`, `canvas` |
+//! | watch | notices a window that is closed, covered or moved, and a lost server | `watch` |
+//! | isolate | keeps the window in a helper process, which is connected by a pipe | `helper`, `projector` |
 //!
-//! Reading back shows what the server's framebuffer holds. The monitor may change it afterwards (sharpening, its own gamma, a colour wheel),
-//! which only the camera sees; calibration and audit find it.
+//! Reading back shows the contents of the server's framebuffer. The monitor may change the picture afterwards (sharpening, its own gamma, a
+//! colour wheel). Only the camera sees such changes; calibration and audit find them.
 //!
-//! Without the feature `x11`, as on macOS and Windows, `absent` stands in for the server: a rig file is read and described, and every request
-//! to show something is an error that says so.
+//! Without the feature `x11`, as on macOS and Windows, `absent` replaces the server. A rig file can still be read and described, but every
+//! request to show something is an error that names the missing feature.
 
 #[cfg(not(feature = "x11"))]
 pub(crate) mod absent;
@@ -34,15 +33,13 @@ use super::ProjectorInfo;
 use crate::error::Error;
 use crate::image::Resolution;
 
-/// The device that errors name.
 const DEVICE: &str = "projector";
 
-/// An error of the projector; `help` says what to do.
 fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
     Error::Rig { device: DEVICE.into(), fault: fault.into(), help: help.into() }
 }
 
-/// The error where the server failed or refused a request.
+/// The error of a server that failed or refused a request.
 #[cfg(feature = "x11")]
 fn lost(doing: &str, why: &dyn std::fmt::Display) -> Error {
     fault(format!("the X server is gone, or refused to {doing}: {why}"), "start it again")
@@ -54,7 +51,7 @@ fn lost(doing: &str, why: &dyn std::fmt::Display) -> Error {
 pub struct X11Spec {
     /// The kind of projector.
     pub kind: ProjectorKind,
-    /// The server, e.g. `:0`. `None`: the one that the environment variable `DISPLAY` names.
+    /// The server, for example `:0`. `None`: the server in the environment variable `DISPLAY`.
     #[serde(default)]
     pub display: Option<String>,
     /// The monitor.
@@ -62,11 +59,11 @@ pub struct X11Spec {
     pub monitor: X11Monitor,
     /// Width and height of patterns, in pattern pixels.
     pub size: [usize; 2],
-    /// Monitor pixels on the side of the square that shows one pattern pixel. The pattern is in the monitor's centre; around it the
-    /// monitor is black.
+    /// The side, in monitor pixels, of the square that shows one pattern pixel. The pattern is in the monitor's centre, and the monitor is
+    /// black around it.
     #[serde(default = "one")]
     pub magnify: usize,
-    /// Width and height in pixels that the monitor must have: a projector scales any other size, which blurs patterns. `None`: any.
+    /// Width and height in pixels that the monitor must have. A projector scales any other size, which blurs patterns. `None`: any size.
     #[serde(default)]
     pub monitor_size: Option<[usize; 2]>,
     /// 1 (gray) or 3.
@@ -75,7 +72,7 @@ pub struct X11Spec {
     /// Seconds from one refresh to the next.
     #[serde(default = "sixty_hertz")]
     pub frame_time: f64,
-    /// Refreshes to wait after the server's confirmation before a frame counts as shown.
+    /// The number of refreshes to wait after the server's confirmation before a frame counts as shown.
     #[serde(default = "one_frame")]
     pub settle_frames: u64,
 }
@@ -88,13 +85,13 @@ pub enum ProjectorKind {
     X11,
 }
 
-/// How a rig file names one of an X server's monitors.
+/// The way in which a rig file names a monitor of an X server.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum X11Monitor {
-    /// Its number in the server's order, from 0.
+    /// The number in the server's order, from 0.
     Number(usize),
-    /// Its name, e.g. `HDMI-1`.
+    /// The name, for example `HDMI-1`.
     Name(String),
 }
 
@@ -113,24 +110,25 @@ impl std::fmt::Display for X11Monitor {
     }
 }
 
-/// One of an X server's monitors.
+/// A monitor of an X server.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MonitorInfo {
-    /// The server's name of it, e.g. `HDMI-1`.
+    /// The server's name for the monitor, for example `HDMI-1`.
     pub name: String,
-    /// Its size in pixels.
+    /// The size in pixels.
     pub resolution: Resolution,
-    /// The position of its top left pixel on the server's screen, to the right and down, in pixels.
+    /// The position of the top left pixel on the server's screen, to the right and down, in pixels.
     pub place: [i16; 2],
     /// Whether it is the desktop's primary monitor.
     #[serde(rename = "primary")]
     pub is_primary: bool,
-    /// Seconds from one refresh to the next, if the server knows.
+    /// Seconds from one refresh to the next, if the server reports it.
     pub frame_time: Option<f64>,
-    /// Whether the server says its gamma ramp, which is then a straight line. A server without a real display says none, or leaves memory there.
+    /// Whether the server reports the gamma ramp, which is then a straight line. A server without a real display reports no ramp, or
+    /// uninitialized memory.
     #[serde(skip)]
     pub knows_ramp: bool,
-    /// The display controllers (CRTCs) that drive it, by the server's numbers.
+    /// The display controllers (CRTCs) that drive the monitor, by the server's numbers.
     #[serde(skip)]
     #[cfg(feature = "x11")]
     pub(crate) crtcs: Vec<u32>,
@@ -175,7 +173,6 @@ impl X11Spec {
         }
     }
 
-    /// The size of a pattern on the monitor, in monitor pixels.
     #[cfg(feature = "x11")]
     pub(crate) fn shown(&self) -> Resolution {
         Resolution::new(self.size[0] * self.magnify, self.size[1] * self.magnify)

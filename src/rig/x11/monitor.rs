@@ -1,4 +1,4 @@
-//! The monitors of an X server, and the checks that one shows pixels unchanged.
+//! The monitors of an X server, and the checks that a monitor shows pixels unchanged.
 
 use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::randr::{ConnectionExt as _, Crtc, GetScreenResourcesCurrentReply};
@@ -13,7 +13,7 @@ use crate::rig::nearest::nearest;
 /// The share of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
 const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
 
-/// Lists the monitors of a server, in the server's order; `display` is as in [`X11Spec::display`].
+/// Lists the monitors of a server in the server's order. `display` has the meaning of [`X11Spec::display`].
 ///
 /// # Errors
 /// [`Error::Rig`] when the server cannot be reached, or does not know its monitors.
@@ -24,10 +24,8 @@ pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
 }
 
 impl X11Spec {
-    /// Finds the monitor that is described, and checks that it has the described properties and shows levels unchanged.
-    ///
-    /// # Errors
-    /// [`Error::Rig`], which names the difference and says what to do.
+    /// Finds the described monitor, and checks that it has the described properties and shows levels unchanged. An [`Error::Rig`] names the
+    /// difference and the remedy.
     pub fn monitor(&self) -> Result<MonitorInfo> {
         let (connection, screen) = connect(self.display.as_deref())?;
         let root = connection.setup().roots[screen].root;
@@ -37,11 +35,10 @@ impl X11Spec {
     }
 }
 
-/// Why a projector cannot be driven from a Wayland session.
 const WAYLAND: &str = "the compositor of a Wayland session may scale and recolour windows, and its X server (XWayland) does not say \
                        when a frame is on screen";
 
-/// Connects to a server, which must drive its monitors itself: XWayland is refused.
+/// Connects to a server, which must drive its monitors directly. XWayland is refused.
 pub(crate) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
     let (connection, screen) = x11rb::connect(display).map_err(|why| {
         let name = display.map_or_else(|| std::env::var("DISPLAY").unwrap_or_default(), str::to_owned);
@@ -57,7 +54,7 @@ pub(crate) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> 
     Ok((connection, screen))
 }
 
-/// The error where the server of this name cannot be reached. The name is empty where none was given.
+/// The error for a server that cannot be reached. `name` is empty if no name was given.
 fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
     let help = "start it, or give the server as display = \":0\" in [projector], or set DISPLAY";
     match (name.is_empty(), is_wayland) {
@@ -70,7 +67,6 @@ fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
     }
 }
 
-/// Lists the monitors through an open connection.
 pub(crate) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<MonitorInfo>> {
     let asked = "list its monitors";
     let failed = |why: &dyn std::fmt::Display| lost(asked, why);
@@ -107,7 +103,7 @@ pub(crate) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<Mo
     Ok(monitors)
 }
 
-/// Seconds from one refresh to the next of the first of these display controllers.
+/// Seconds from one refresh to the next for the first of these display controllers.
 fn frame_time(
     connection: &RustConnection,
     crtcs: &[Crtc],
@@ -116,12 +112,11 @@ fn frame_time(
     let Some(&crtc) = crtcs.first() else { return Ok(None) };
     let crtc = connection.randr_get_crtc_info(crtc, resources.config_timestamp)?.reply()?;
     let mode = resources.modes.iter().find(|mode| mode.id == crtc.mode);
-    // A server without a real display, such as Xvfb, says 0.
+    // A server without a real display, such as Xvfb, reports 0.
     let known = mode.filter(|mode| mode.dot_clock > 0 && mode.htotal > 0 && mode.vtotal > 0);
     Ok(known.map(|mode| f64::from(mode.htotal) * f64::from(mode.vtotal) / f64::from(mode.dot_clock)))
 }
 
-/// Chooses the monitor that `spec` describes, and checks its properties.
 pub(crate) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<MonitorInfo> {
     let names: Vec<String> = monitors.iter().map(|monitor| monitor.name.clone()).collect();
     let listed = names.iter().enumerate().map(|(at, name)| format!("{at} ({name})"));
@@ -171,8 +166,8 @@ pub(crate) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
     Ok(monitor)
 }
 
-/// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform. Returns whether the server says a
-/// ramp for each of its display controllers.
+/// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform. Returns whether the server
+/// reports a ramp for each of the monitor's display controllers.
 pub(crate) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<bool> {
     let asked = "report a monitor's gamma ramp and transform";
     let sent = |why: x11rb::errors::ConnectionError| lost(asked, &why);
@@ -202,8 +197,9 @@ pub(crate) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -
     Ok(knows_ramp)
 }
 
-/// Whether these are the ramps of red, green and blue that somebody has set: each rises or falls all the way, and one of them spans some of the range. A
-/// server without a real display has none, or zeros; Xvfb, once its first client has left, memory that nobody has written.
+/// Whether these ramps of red, green and blue were set by someone. Each ramp of a set must rise or fall throughout, and one of them must
+/// span part of the range. A server without a real display has no ramps or only zeros. After its first client has left, Xvfb returns
+/// uninitialized memory.
 fn is_ramp(ramps: [&[u16]; 3]) -> bool {
     let tolerance = (65535.0 * RAMP_TOLERANCE) as u16;
     let goes_one_way = |ramp: &[u16]| {
@@ -219,7 +215,6 @@ fn is_ramp(ramps: [&[u16]; 3]) -> bool {
     ramps.iter().all(|ramp| goes_one_way(ramp)) && ramps.iter().any(|ramp| spans(ramp))
 }
 
-/// Whether a gamma ramp is a straight line from nothing to full scale.
 fn is_line(ramp: &[u16]) -> bool {
     let last = (ramp.len() - 1) as f64;
     ramp.iter()
@@ -296,7 +291,7 @@ mod tests {
         };
         assert!(is_line(&ramp(1.0, 1.0)));
         assert!(!is_line(&ramp(1.05, 1.0)));
-        // A night light, which may switch blue off, and one that inverts colours.
+        // The ramps of a night light, which may switch blue off, and a ramp that inverts colours.
         let [dimmed, off, bent] = [ramp(1.0, 0.9), ramp(1.0, 0.0), ramp(2.2, 1.0)];
         let inverted: Vec<u16> = ramp(1.0, 1.0).into_iter().rev().collect();
         assert!(!is_line(&dimmed) && !is_line(&off) && !is_line(&inverted));
@@ -306,7 +301,7 @@ mod tests {
         assert!(!is_ramp([&off, &off, &off]) && !is_ramp([&[], &[], &[]]));
     }
 
-    /// Leftovers in memory: pointers, small numbers and zeros, in 64 bits each.
+    /// Remains in memory, such as pointers, small numbers and zeros of 64 bits each.
     #[test]
     fn memory_that_nobody_has_written_is_no_ramp() {
         use rand::{RngExt, SeedableRng};

@@ -1,5 +1,5 @@
-//! The projector that a rig drives. It sends requests to the helper process, and starts another one when that fails. Each message between the
-//! two is a JSON header and raw bytes, preceded by both lengths as little-endian 32-bit numbers.
+//! The projector of a rig. It sends requests to the helper process, and starts another process when the helper fails. Each message between
+//! them consists of a JSON header and raw bytes, preceded by both lengths as little-endian 32-bit numbers.
 
 use std::io;
 use std::io::{Read, Write};
@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{Frame, Projector, ProjectorInfo, Shown, Waited, WallClock};
 
-/// How long a helper may take to end by itself before it is killed.
+/// The longest time that a helper may take to end before it is killed.
 const FAREWELL: Duration = Duration::from_millis(500);
 
 /// A projector that is a monitor of an X server.
@@ -26,35 +26,31 @@ pub struct X11Projector {
     helper: Helper,
     clock: WallClock,
     process: Option<Process>,
-    /// The frame on screen. `None`: not known.
     shown: Option<Frame>,
     times: ShowTimes,
     restarts: u64,
 }
 
-/// A running helper process.
 struct Process {
     child: Child,
-    /// The helper's standard input. `None` once the helper is to end.
+    /// The helper's standard input. `None`: the helper was told to end.
     requests: Option<ChildStdin>,
     replies: Receiver<Reply>,
     patience: Duration,
 }
 
-/// Why a request failed.
 enum Failure {
-    /// The helper process ended or does not answer; the text says how.
+    /// The helper process ended or does not answer. The text gives the details.
     Helper(String),
-    /// The helper answered with an error of the projector.
     Projector(Error),
 }
 
 impl X11Projector {
-    /// Opens the window in a process of `helper`; it shows level 0. Confirmations carry the times of `clock`.
+    /// Opens the window, which shows level 0, in a process of `helper`. Confirmations have times of `clock`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the helper cannot be started, there is no such server or monitor, the monitor has the wrong size, or
-    /// does not show what it is told.
+    /// [`Error::Rig`] when the helper cannot be started, there is no such server or monitor, or the monitor has the wrong size or does not
+    /// show the requested levels.
     pub fn open(spec: &X11Spec, helper: &Helper, clock: WallClock) -> Result<Self> {
         let mut projector = Self {
             info: spec.info(),
@@ -70,7 +66,7 @@ impl X11Projector {
         Ok(projector)
     }
 
-    /// The times of the steps in which the last frame was shown.
+    /// The time that each step of showing the last frame took.
     pub fn times(&self) -> ShowTimes {
         self.times
     }
@@ -80,7 +76,7 @@ impl X11Projector {
         self.restarts
     }
 
-    /// The helper's process number, while it runs.
+    /// The process number of the helper while it runs.
     pub fn helper_id(&self) -> Option<u32> {
         self.process.as_ref().map(|process| process.child.id())
     }
@@ -107,7 +103,7 @@ impl X11Projector {
 
     fn try_show(&mut self, frame: &Frame) -> std::result::Result<(), Failure> {
         let request = Request::Show { resolution: frame.resolution(), channels: frame.channels() };
-        // The frame was checked: its levels have 8 bits.
+        // The frame has been checked, so its levels have 8 bits.
         let levels: Vec<u8> = frame.levels().iter().map(|&level| level as u8).collect();
         match self.ask(&request, &levels)? {
             Reply::Shown(times) => {
@@ -142,7 +138,7 @@ impl Projector for X11Projector {
         self.shown = None;
         let first = self.try_show(frame);
         if let Err(Failure::Helper(_)) = first {
-            // The helper crashed or hangs: another one is started, once.
+            // The helper crashed or hangs. Another helper is started once.
             self.restarts += 1;
             self.start().and_then(|()| self.try_show(frame)).map_err(|why| self.gone(why))?;
         } else {
@@ -171,7 +167,7 @@ impl Process {
     fn start(helper: &Helper) -> std::result::Result<Self, String> {
         let mut command = Command::new(&helper.program);
         command.arg("projector").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::inherit());
-        // In a separate process group, so that the terminal's interrupt reaches the run only; the run ends the helper.
+        // A separate process group keeps the terminal's interrupt from the helper. Only the run receives it, and the run ends the helper.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().map_err(|why| why.to_string())?;
@@ -179,7 +175,7 @@ impl Process {
         let Some(mut answers) = child.stdout.take() else { return Err("it has no standard output".into()) };
         let (sender, replies) = channel();
         let reader = std::thread::Builder::new().spawn(move || {
-            // The channel closes when the pipe ends or fails; `ask` notices that.
+            // The channel closes when the pipe ends or fails, which `ask` notices.
             while let Ok(Some((reply, _))) = receive(&mut answers) {
                 if sender.send(reply).is_err() {
                     break;
@@ -222,28 +218,24 @@ impl Drop for Process {
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        // The helper hangs, and its window must not stay on the monitor.
+        // The helper hangs, but its window must not stay on the monitor.
         if self.child.kill().is_ok() {
             let _ = self.child.wait();
         }
     }
 }
 
-/// The longest header or payload that is accepted: a frame of 16384² pixels in colour.
+/// The length of the longest accepted header or payload: a colour frame of 16384² pixels.
 const LONGEST: usize = 3 << 28;
 
-/// A message to the helper.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Request {
-    /// Open the window.
     Open(X11Spec),
-    /// Show the levels that follow as payload, one byte each.
+    /// Show the levels in the payload, which has one byte for each level.
     Show { resolution: Resolution, channels: usize },
-    /// Say whether the last frame has been on screen without interruption.
     Confirm,
 }
 
-/// A message from the helper: one for each request.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Reply {
     Opened { monitor: String, resolution: Resolution },
@@ -255,20 +247,19 @@ pub(crate) enum Reply {
 /// Seconds that each step of showing a frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShowTimes {
-    /// Converting levels to pixels, and sending them to the server.
+    /// Time to convert levels to pixels and send them to the server.
     pub draw: f64,
-    /// Waiting for the server's confirmation.
+    /// Time to wait for the server's confirmation.
     pub present: f64,
-    /// Waiting for the refreshes after that, as far as it took longer than reading back.
+    /// Time to wait for the following refreshes, as far as it exceeds the time for reading back.
     pub settle: f64,
-    /// Reading the frame back, which happens while refreshes pass.
+    /// Time to read the frame back, which happens while refreshes pass.
     pub verify: f64,
 }
 
-/// Writes one message.
 pub(crate) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8]) -> io::Result<()> {
     let header = serde_json::to_vec(header)?;
-    // In one piece, so that the reader is woken once.
+    // The message is written in one piece, so that the reader is woken once.
     let mut message = Vec::with_capacity(8 + header.len() + payload.len());
     message.extend((header.len() as u32).to_le_bytes());
     message.extend((payload.len() as u32).to_le_bytes());
@@ -278,7 +269,6 @@ pub(crate) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8])
     to.flush()
 }
 
-/// Reads one message. `None`: the pipe ended.
 pub(crate) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<Option<(T, Vec<u8>)>> {
     let mut lengths = [0; 8];
     match from.read_exact(&mut lengths) {
@@ -286,7 +276,6 @@ pub(crate) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<O
         read => read?,
     }
     let [header, payload] = [0, 4].map(|at| {
-        // Four bytes of an array of eight.
         u32::from_le_bytes([lengths[at], lengths[at + 1], lengths[at + 2], lengths[at + 3]]) as usize
     });
     if header > LONGEST || payload > LONGEST {

@@ -1,4 +1,4 @@
-//! The window on its monitor, and the pixmaps that frames are drawn on. Each frame is presented, confirmed and read back.
+//! The window on its monitor, and the pixmaps on which frames are drawn. Each frame is presented, confirmed and read back.
 
 use std::time::Instant;
 
@@ -23,17 +23,16 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// Refreshes that a compositor may take to bring a confirmed frame to the screen.
+/// The number of refreshes that a compositor may take to bring a confirmed frame to the screen.
 const LAG: u32 = 6;
 
-/// The open window of a projector.
 pub(crate) struct Screen {
     connection: RustConnection,
     window: Window,
     gc: Gcontext,
-    /// The two pixmaps are shown alternately, so that the one on screen is never drawn on.
+    /// The two pixmaps are shown alternately, so that the server never shows the pixmap that is being drawn.
     pixmaps: [Pixmap; 2],
-    /// The pixmap that receives each row of a pattern once; the server copies rows from it.
+    /// The pixmap that receives each row of a pattern once. The server copies rows from it.
     rows: Pixmap,
     turn: usize,
     serial: u32,
@@ -41,15 +40,13 @@ pub(crate) struct Screen {
     reader: Reader,
     watch: Watch,
     monitor: MonitorInfo,
-    /// The position of patterns on the monitor.
     offset: [i16; 2],
     spec: X11Spec,
-    /// The picture on screen. `None`: not known.
     shown: Option<Picture>,
 }
 
 impl Screen {
-    /// Opens the window, verifies with a test frame that it shows what it is told, and makes it black.
+    /// Opens the window, verifies with a test frame that it shows the requested levels, and makes it black.
     pub(crate) fn open(spec: &X11Spec) -> Result<Self> {
         let (connection, number) = monitor::connect(spec.display.as_deref())?;
         let screen = connection.setup().roots[number].clone();
@@ -105,7 +102,7 @@ impl Screen {
         &self.monitor
     }
 
-    /// Shows a frame that fits. On return the server has confirmed it, the settle refreshes are over, and it was read back.
+    /// Shows a frame that fits. On return, the server has confirmed it, the settle refreshes have passed, and it has been read back.
     pub(crate) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
         self.watch.look(&self.connection)?;
@@ -149,8 +146,8 @@ impl Screen {
         if settles {
             self.await_refresh(confirmed.refresh + self.spec.settle_frames)?;
         }
-        // Reading back happens while the refreshes pass. A window that covers this one earlier causes an event; one that covers it
-        // later is found by `confirm`, after the photo.
+        // Reading back happens while the refreshes pass. A window that covers this one before that causes an event, and `confirm` finds a
+        // window that covers it later, after the photo.
         let is_there = self.difference(&picture)?.is_none();
         let verified = began.elapsed();
         if settles {
@@ -184,13 +181,12 @@ impl Screen {
         Ok(())
     }
 
-    /// Confirms that the last frame is still on screen, and that nothing covered it since.
     pub(crate) fn confirm(&mut self) -> Result<()> {
         self.watch.look(&self.connection)?;
         let Some(picture) = self.shown.take() else { return Ok(()) };
         self.read_back(&picture)?;
         self.shown = Some(picture);
-        // The server sends events in order: those from before its answer have arrived by now.
+        // The server sends events in order. The events from before its answer have therefore arrived.
         self.watch.look(&self.connection)
     }
 
@@ -201,12 +197,11 @@ impl Screen {
         self.connection.flush().map_err(presenting)
     }
 
-    /// Waits for that event; returns the number of the refresh.
     fn refreshed(&mut self) -> Result<u64> {
         Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
     }
 
-    /// Checks pixel by pixel that the framebuffer holds what was drawn, with some refreshes of patience.
+    /// Checks pixel by pixel that the framebuffer holds the drawn picture, and allows some refreshes for it to appear.
     fn read_back(&mut self, drawn: &Picture) -> Result<()> {
         let mut found = self.difference(drawn)?;
         let mut refresh = 0;
@@ -214,7 +209,7 @@ impl Screen {
             if found.is_none() {
                 return Ok(());
             }
-            // A refresh that is past already means the next one.
+            // A request for a past refresh is answered at the next one.
             self.await_refresh(refresh + 1)?;
             refresh = self.refreshed()?;
             found = self.difference(drawn)?;
@@ -243,8 +238,7 @@ fn presenting(why: ConnectionError) -> crate::Error {
     lost("show a frame", &why)
 }
 
-/// A frame whose neighbouring pixels have different levels in every channel: scaling would mix them, and colour management would
-/// change them.
+/// A frame whose neighbouring pixels differ in every channel. Scaling would mix the levels, and colour management would change them.
 fn test_frame(resolution: Resolution, channels: usize) -> Result<Frame> {
     let level = |sample: usize| {
         let (pixel, channel) = (sample / channels, sample % channels);
@@ -256,8 +250,8 @@ fn test_frame(resolution: Resolution, channels: usize) -> Result<Frame> {
 
 type Made<T> = std::result::Result<T, ReplyOrIdError>;
 
-/// Makes a black window over the whole of `monitor`. It bypasses the window manager, so that it gets no border and stays where it
-/// is put. It is not mapped yet.
+/// Makes a black window that covers all of `monitor` and is not mapped yet. The window bypasses the window manager, so that it has no
+/// border and stays in its place.
 pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &MonitorInfo) -> Made<Window> {
     let (root, [x, y], [width, height]) = (screen.root, monitor.place, sides(monitor));
     let window = connection.generate_id()?;
@@ -286,7 +280,6 @@ pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &Mo
     Ok(window)
 }
 
-/// Makes two black pixmaps of the monitor's size, and the graphics context that draws on them.
 pub(crate) fn pixmaps(
     connection: &RustConnection,
     screen: &XScreen,
@@ -305,7 +298,6 @@ pub(crate) fn pixmaps(
     Ok((gc, pixmaps))
 }
 
-/// Makes the pixmap that receives each row of a pattern once.
 pub(crate) fn rows(connection: &RustConnection, screen: &XScreen, spec: &X11Spec) -> Made<Pixmap> {
     let pixmap = connection.generate_id()?;
     // The pattern fits the monitor, whose sides have 16 bits.
@@ -314,12 +306,11 @@ pub(crate) fn rows(connection: &RustConnection, screen: &XScreen, spec: &X11Spec
     Ok(pixmap)
 }
 
-/// The monitor's sides as the protocol's 16-bit numbers, which they were read from.
+/// The monitor's sides as 16-bit numbers, the type from which they were read.
 fn sides(monitor: &MonitorInfo) -> [u16; 2] {
     [monitor.resolution.width, monitor.resolution.height].map(|side| side as u16)
 }
 
-/// An invisible pointer.
 fn blank_cursor(connection: &RustConnection, root: Window) -> Made<Cursor> {
     let [pixmap, cursor, gc] =
         [connection.generate_id()?, connection.generate_id()?, connection.generate_id()?];

@@ -11,21 +11,19 @@ use x11rb::rust_connection::RustConnection;
 use super::{fault, lost};
 use crate::error::{Error, Result};
 
-/// The time between two looks for events. It bounds the delay of a confirmation.
+/// The time between two checks for events. It bounds the delay of a confirmation.
 const POLL: Duration = Duration::from_micros(200);
 
-/// The longest wait for a confirmation: hundreds of refreshes.
+/// The longest wait for a confirmation, which is hundreds of refreshes.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Follows the events of one window.
 pub(crate) struct Watch {
     window: Window,
     /// The window's position on the server's screen, and its size, in pixels.
     place: [i32; 4],
     mapped: bool,
-    /// Whether the window is covered now.
     obscured: bool,
-    /// The trouble since the last look. It is kept until it is reported.
+    /// The trouble since the last check. It is kept until it is reported.
     trouble: Option<Trouble>,
     completed: Option<Completed>,
 }
@@ -39,15 +37,13 @@ enum Trouble {
     Rearranged,
 }
 
-/// A confirmation by the server.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Completed {
     serial: u32,
-    /// Whether it confirms a frame; otherwise it reports a refresh.
+    /// Whether the server confirms a frame. Otherwise it reports a refresh.
     of_frame: bool,
     /// Whether the frame was skipped in favour of a later one.
     pub(crate) skipped: bool,
-    /// The number of the refresh.
     pub(crate) refresh: u64,
 }
 
@@ -56,7 +52,6 @@ impl Watch {
         Self { window, place, mapped: false, obscured: false, trouble: None, completed: None }
     }
 
-    /// Waits until the window is mapped.
     pub(crate) fn until_mapped(&mut self, connection: &RustConnection) -> Result<()> {
         let began = Instant::now();
         while !self.mapped {
@@ -69,7 +64,6 @@ impl Watch {
         Ok(())
     }
 
-    /// Waits for the confirmation with this serial number, of a frame or of a refresh.
     pub(crate) fn completed(
         &mut self,
         connection: &RustConnection,
@@ -92,20 +86,16 @@ impl Watch {
         }
     }
 
-    /// The confirmation with this serial number, of a frame or of a refresh, if it has come. Others are of earlier requests.
+    /// The confirmation of a frame or refresh with this serial number, if it has arrived. Others belong to earlier requests.
     fn confirmation(&mut self, serial: u32, of_frame: bool) -> Option<Completed> {
         self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
     }
 
-    /// Reads all pending events.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the window was closed, hidden, moved or covered since the last look, or the server is
-    /// gone.
+    /// Reads all pending events. Returns [`Error::Rig`] when the window was closed, hidden, moved or covered, or the server is gone.
     pub(crate) fn look(&mut self, connection: &RustConnection) -> Result<()> {
         self.drain(connection)?;
         if self.trouble == Some(Trouble::Hidden) {
-            // A window that is closed is hidden first. Once the server has answered a request, both events have arrived.
+            // A closing window is hidden first. Once the server has answered a request, both events have arrived.
             let asked = connection.get_input_focus().map_err(|why| unreported(&why))?;
             asked.reply().map_err(|why| unreported(&why))?;
             self.drain(connection)?;
@@ -127,7 +117,6 @@ impl Watch {
                 ));
             }
         };
-        // A closed window stays closed.
         if trouble == Trouble::Closed {
             self.trouble = Some(trouble);
         }
