@@ -8,7 +8,7 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::Pod;
 use memmap2::MmapMut;
 
-/// Arrays of at least this many bytes get pages of their own.
+/// Arrays of at least this many bytes get separate pages.
 const LONG: usize = 4 << 20;
 
 /// An array that is zero at first.
