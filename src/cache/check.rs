@@ -105,7 +105,6 @@ mod tests {
         }
     }
 
-    /// A key for matrices of 2×2 pixels.
     fn key() -> Key {
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/corner/scene.glb");
         let scene = crate::scene::load(&scene, None).expect("shipped scenes load");

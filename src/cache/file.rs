@@ -74,7 +74,6 @@ pub(super) trait InPieces {
 struct Checksum(blake3::Hasher);
 
 impl Checksum {
-    /// The checksum after the record, before the arrays.
     fn new(record: &Record) -> io::Result<Self> {
         let record = Record { checksum: String::new(), ..record.clone() };
         let mut checksum = Self(blake3::Hasher::new());
@@ -233,7 +232,7 @@ pub(super) fn write_channel<L: InPieces>(
     Ok(())
 }
 
-/// Writes the arrays of a layer. `name` returns the names of their members.
+/// Writes the arrays of a layer. `name` gives their names.
 fn write_layer(
     archive: &mut ZipWriter<impl Write + io::Seek>,
     checksum: &mut Checksum,

@@ -1,7 +1,6 @@
-//! Compiled kernels in the cache, one file for each adapter and driver version.
+//! Compiled kernels in the cache, one file per adapter and driver version.
 //!
-//! A driver trusts its input. Therefore a file is used only if it belongs to the user who runs the program, nobody else may write it, and
-//! its checksum is right.
+//! A driver trusts its input. A file is used only if it belongs to the running user, nobody else may write it, and its checksum is right.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -44,7 +43,6 @@ impl Cache {
     }
 }
 
-/// Whether a file in the cache contains kernels.
 pub(super) fn has_kernels(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let hash = name.strip_prefix(PREFIX).and_then(|name| name.strip_suffix(SUFFIX));

@@ -32,7 +32,6 @@ use crate::transport::{Assembled, Channels, RigShape};
 /// the last bits). Changed shaders need no new version, because the key hashes their sources.
 const OPERATOR_VERSION: u32 = 4;
 
-/// The number of hexadecimal digits of a key, which has 128 bits.
 const HEX_DIGITS: usize = 32;
 
 /// The key of a traced matrix: a BLAKE3 hash of everything that the matrix depends on. It covers the scene's files, camera, projector and
@@ -107,8 +106,7 @@ impl Key {
         &self.label
     }
 
-    /// The pixels of camera and projector. `symmetric` is false if the matrix is not square; for a square matrix only the tracer knows
-    /// it.
+    /// The pixels of camera and projector. `symmetric` is false for a matrix that is not square; otherwise only the tracer knows.
     fn rig(&self) -> RigShape {
         self.rig
     }
@@ -160,8 +158,7 @@ pub struct Entry {
     files: Vec<PathBuf>,
 }
 
-/// The default folder, `$XDG_CACHE_HOME/krylux` or `~/.cache/krylux`. `None` if neither `XDG_CACHE_HOME` nor
-/// `HOME` is set.
+/// The default folder, `$XDG_CACHE_HOME/krylux` or `~/.cache/krylux`. `None` if neither `XDG_CACHE_HOME` nor `HOME` is set.
 pub fn default_folder() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
@@ -204,9 +201,8 @@ impl Cache {
         }
     }
 
-    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. A matrix that alone exceeds the limit is
-    /// not stored, and the result is `false`. Another run that shares the cache may remove the matrix at any time. A failed write gives
-    /// [`Error::Write`].
+    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. Returns `false`, and stores nothing, if
+    /// the matrix alone exceeds the limit. Another run may remove the matrix at any time. It fails with [`Error::Write`].
     pub fn store(&self, key: &Key, traced: &Assembled) -> Result<bool> {
         if traced.matrix.bytes() as u64 > self.limit {
             return Ok(false);

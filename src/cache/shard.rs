@@ -105,10 +105,7 @@ impl ShardFile {
         Ok(NAME.as_bytes().starts_with(&begin))
     }
 
-    /// Opens a file, and reads its head.
-    ///
-    /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] if it is not the complete file of a shard.
+    /// Opens a file, and reads its head. It fails with [`Error::Read`], or with [`Error::Data`] if it is not the complete file of a shard.
     pub fn open(path: &Path) -> Result<Self> {
         let file = file::open(path)?;
         let length = file.metadata().map_err(Error::reading(path))?.len();

@@ -19,7 +19,6 @@ const SYNC_INTERVAL: Duration = Duration::from_millis(250);
 pub struct Journal {
     pub(super) path: PathBuf,
     pub(super) file: File,
-    /// The lock is held as long as the journal is open for appending.
     pub(super) lock: Option<File>,
     pub(super) identity: Identity,
     pub(super) identity_hash: [u8; 32],
@@ -37,13 +36,11 @@ pub struct Journal {
 /// The records that are known to be on disk, not only in the operating system's buffers.
 #[derive(Debug)]
 pub(super) struct Synced {
-    /// The number of entries from the start that are on disk.
     entries: usize,
     at: Instant,
 }
 
 impl Synced {
-    /// The first `entries` entries are on disk now.
     pub(super) fn now(entries: usize) -> Self {
         Self { entries, at: Instant::now() }
     }
@@ -108,11 +105,8 @@ impl Journal {
         self.lock.is_some()
     }
 
-    /// Reads the record with this key. Returns `None` if there is no such record or if it is damaged. Damage
-    /// is added to [`Journal::damages`].
-    ///
-    /// # Errors
-    /// [`Error::Read`] when the file cannot be read at all.
+    /// Reads the record with this key. Returns `None` if it does not exist or is damaged. Damage is added to
+    /// [`Journal::damages`]. A file that cannot be read at all gives [`Error::Read`].
     pub fn get(&mut self, key: Key) -> Result<Option<Stored>> {
         let Some(&index) = self.index.get(&key) else { return Ok(None) };
         let entry = &self.entries[index];
@@ -150,8 +144,7 @@ impl Journal {
         Ok(())
     }
 
-    /// Stores a pattern, unless it is stored already, and returns its key. Appending the next photo also
-    /// writes the pattern to disk.
+    /// Stores a pattern, unless it exists, and returns its key. Appending the next photo syncs it to disk.
     pub fn pattern(&mut self, payload: &[u8]) -> Result<Key> {
         let key = Key::of(&[b"pattern", payload]);
         if !self.holds(key) {
@@ -171,9 +164,9 @@ impl Journal {
     }
 
     /// Appends a record that could be computed again. It returns when the operating system has the record, so
-    /// the record survives any end of this process. A crash of the system can lose it until the next sync.
-    /// The journal syncs when it is closed, and on the first append at least a quarter of a second after the
-    /// last sync. It does not sync each time because a sync takes longer than a product with the matrix.
+    /// the record survives any end of this process. A system crash can lose it until the next sync. The
+    /// journal syncs when it is closed, and on the first append at least a quarter of a second after the last
+    /// sync. A sync for each record would take longer than a product with the matrix.
     ///
     /// # Errors
     /// The errors of [`Journal::append`]. If a sync fails, all records since the last successful sync are
@@ -199,8 +192,7 @@ impl Journal {
             self.synced = Synced::now(self.entries.len());
             return Ok(());
         };
-        // It is unknown which of these records are on disk. All of them are removed, and this process writes
-        // nothing more.
+        // It is unknown which of these records are on disk. All are removed, and this process writes no more.
         self.broken = true;
         for entry in self.entries.split_off(self.synced.entries).iter().rev() {
             self.index.remove(&entry.key);

@@ -48,8 +48,7 @@ pub use scan::{Damage, Torn};
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// The key of these parts. Each part is hashed with its length, so lists with the same concatenation have
-    /// different keys.
+    /// The key of these parts. Their lengths are hashed, too, so equal concatenations have different keys.
     pub fn of(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for part in parts {
@@ -87,9 +86,8 @@ impl fmt::Debug for Key {
     }
 }
 
-/// An ordered list of named values on which all photos of a journal depend. Examples are the hashes of the rig file
-/// and of the calibration, or the hash of a scene and the settings of the tracer. Two photos have the same source if
-/// all values are equal.
+/// An ordered list of named values on which all photos of a journal depend, such as the hashes of rig file and
+/// calibration, or of a scene and the tracer's settings. Two photos have the same source if all values are equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Identity(Vec<(String, String)>);
@@ -128,7 +126,6 @@ impl Identity {
         differences
     }
 
-    /// The identity as JSON, as the file stores it.
     pub(super) fn encode(&self) -> Vec<u8> {
         // Encoding a list of pairs of strings cannot fail.
         serde_json::to_vec(self).unwrap_or_default()

@@ -120,8 +120,7 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
     open(path, file, Some(lock))
 }
 
-/// Opens a journal file and reads its header and the heads of its records. If there is a lock, a damaged copy
-/// of the header is repaired.
+/// Opens a journal file, and reads its header and all heads. A lock holder repairs a damaged header.
 fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let length = file.metadata().map_err(Error::reading(&path))?.len();
     let mut start = Vec::new();
@@ -175,8 +174,7 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     })
 }
 
-/// Takes the journal's lock for this process. The system releases the lock when the returned file is closed,
-/// however the process ends.
+/// Takes the journal's lock. The system releases it when the file is closed, however the process ends.
 fn take_lock(path: &Path) -> Result<File> {
     let unusable = |source: std::io::Error| {
         Error::journal(

@@ -1,5 +1,4 @@
-//! The format of a journal file. The header is written twice, so that one fault cannot destroy both copies. Each record has a head,
-//! metadata and a payload.
+//! The format of a journal file: two copies of the header, in case one is damaged, and records of a head, metadata and a payload.
 
 use super::{Identity, Key};
 
@@ -72,7 +71,6 @@ impl Entry {
     }
 }
 
-/// The fields of a head before its checksum.
 pub(super) struct Head {
     code: u32,
     pub(super) metadata: u32,
@@ -139,7 +137,6 @@ pub(super) fn encode(
     (bytes, Entry { kind, key, metadata: metadata.to_vec(), offset, length, checksum })
 }
 
-/// BLAKE3 hash of the identity's hash, the fields of the head and the metadata.
 fn head_checksum(identity_hash: &[u8; 32], fields: &[u8], metadata: &[u8]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     hasher.update(identity_hash).update(fields).update(metadata);
@@ -167,7 +164,6 @@ pub(super) enum Header {
 /// The largest number of bytes that [`read_header`] needs.
 pub(super) const MAX_HEADER_BYTES: usize = 2 * (FIXED_BYTES + MAX_IDENTITY_BYTES);
 
-/// The bytes of both copies.
 pub(super) fn encode_header(identity: &Identity) -> Vec<u8> {
     let copy = encode_once(VERSION, &identity.encode());
     [copy.clone(), copy].concat()

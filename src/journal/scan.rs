@@ -201,7 +201,6 @@ mod tests {
         }
     }
 
-    /// Four photos, and the bytes between them.
     fn four() -> (Vec<u8>, Vec<Entry>) {
         let (mut bytes, mut entries) = (vec![0; 50], Vec::new());
         for index in 0..4_u8 {

@@ -18,8 +18,7 @@ pub struct Placement {
     pub cores: Vec<usize>,
 }
 
-/// The share of `cores` for process `rank` of the `size` processes that have these cores. If there are fewer cores than processes, several
-/// processes share one.
+/// The share of `cores` for process `rank` of the `size` processes that have these cores. If there are too few cores, processes share one.
 fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
     let first = rank * cores.len() / size;
     let end = ((rank + 1) * cores.len() / size).max(first + 1);
@@ -28,8 +27,7 @@ fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
 
 /// Divides the cores of each machine among the processes of the team that run on it and may use the same cores, and binds this process to
 /// its share. Returns where each process runs, by rank. Every process of the team must call it before it starts threads, because threads
-/// inherit the binding. By default, Open MPI binds each process to one core. This function lifts that default first, but keeps a binding
-/// that the user asked for.
+/// inherit the binding. By default, Open MPI binds each process to one core. This function lifts that default, but keeps a user's binding.
 pub fn share_cores(comm: &dyn Comm) -> Vec<Placement> {
     keep_cores();
     let (host, cores) = (system::host(), system::cores());
@@ -72,7 +70,6 @@ fn text(host: &str, cores: &[usize]) -> String {
     format!("{host} {}", cores.join(","))
 }
 
-/// Whether Open MPI started this process with its default binding.
 fn is_bound_by_default() -> bool {
     let is_set = |name| std::env::var_os(name).is_some();
     is_set("OMPI_COMM_WORLD_SIZE")

@@ -1,9 +1,9 @@
-//! Several processes that work on one question. One of them leads. The others hold the data that it cannot hold alone, and compute on them.
+//! Several processes that work on one question. One leads. The others hold data that it cannot hold alone, and compute on them.
 //!
-//! The process of rank 0 leads. It runs the program as if it were alone: it prints, writes files and keeps the journal. Each other process
-//! waits in [`serve()`] for commands. A command is about an *object* of which every process holds a part: a scene on its device, or some
-//! rows of a matrix. The leader names an object by a [`Remote`]. The other processes drop their parts after the leader drops the `Remote`.
-//! The caller defines the commands.
+//! The process of rank 0 leads. It runs the program as if alone: it prints, writes files and keeps the journal. Each other process waits
+//! in [`serve()`] for commands. A command is about an *object* of which every process holds a part: a scene on its device, or some rows of
+//! a matrix. The leader names an object by a [`Remote`]. The other processes drop their parts after the leader drops the `Remote`. The
+//! caller defines the commands.
 //!
 //! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
 
@@ -68,8 +68,8 @@ pub trait Comm: Send + Sync {
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
 }
 
-/// Checks that all processes run the same program. `program` identifies the program, and `placements` says where the processes run. Every
-/// process of the team must call it.
+/// Checks that all processes run the same program. `program` identifies the program, `placements` the machines. Every process must call
+/// it.
 ///
 /// # Errors
 /// [`Error::Team`] in every process. It names the machines that run another program than the leader.
@@ -262,8 +262,7 @@ pub fn serve<C: DeserializeOwned>(comm: &dyn Comm, mut told: impl FnMut(Told<C>)
     }
 }
 
-/// Encodes a value for another process of the same program. A value that cannot be encoded, such as a file name that is not UTF-8, gives
-/// [`Error::Team`].
+/// Encodes a value for another process of the same program. A file name that is not UTF-8 gives [`Error::Team`].
 pub fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>> {
     postcard::to_allocvec(value).map_err(|error| Error::Team {
         fault: format!("something cannot be sent to the other processes: {error}"),
@@ -276,7 +275,6 @@ pub fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
     postcard::from_bytes(bytes).map_err(|error| garbled(&error.to_string()))
 }
 
-/// The error for a message that cannot be read.
 pub(crate) fn garbled(why: &str) -> Error {
     Error::Team {
         fault: format!("a message of another process cannot be read ({why})"),
@@ -380,7 +378,6 @@ impl Comm for Threads {
 mod tests {
     use super::*;
 
-    /// Runs `work` in each member of a team of threads. Returns the results by rank.
     fn each<T: Send + 'static>(size: usize, work: fn(&Threads) -> T) -> Vec<T> {
         let start = |comm| std::thread::spawn(move || work(&comm));
         let members: Vec<_> = threads(size).into_iter().map(start).collect();

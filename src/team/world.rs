@@ -22,8 +22,7 @@ const LAST: i32 = 0;
 const LOOKS: u32 = 2000;
 const LONGEST_SLEEP: Duration = Duration::from_micros(500);
 
-/// The environment variables that launchers set in a process that they start as one of several: Open MPI, PMIx, and MPICH with its
-/// relatives.
+/// The environment variables that launchers set in each of several processes: Open MPI, PMIx, and MPICH with its relatives.
 const LAUNCHERS: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"];
 
 /// All processes that `mpirun` or `srun` started together. Dropping it ends MPI.

@@ -52,7 +52,6 @@ pub fn assemble_layers(
     }
 }
 
-/// [`assemble_layers`] for `C` channels.
 fn run<const C: usize>(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -67,7 +66,6 @@ fn run<const C: usize>(
     whole(share, shape(tracer, settings), channels, split)
 }
 
-/// The matrix of all light paths.
 pub(super) fn whole<const C: usize>(
     share: Share<C>,
     rig: RigShape,
@@ -108,8 +106,7 @@ pub(super) fn planes<const C: usize>(direct: &[Estimates<C>]) -> Vec<Vec<f32>> {
     (0..C).map(plane).collect()
 }
 
-/// The traced scene from its matrix and the ambient light of each camera pixel. `sums` has the sums over all rows and entries, if the noise
-/// is known.
+/// The traced scene from its matrix and ambient light. `sums` has the sums over all rows and entries, if the noise is known.
 pub(super) fn finish<const C: usize>(
     matrix: TransportMatrix,
     ambient: &[Estimates<C>],
@@ -178,9 +175,8 @@ const WORTHWHILE: usize = 1 << 20;
 ///
 /// [`Backend::Auto`] takes the device if all of these hold: it is a GPU (discrete, integrated or virtual); the matrix has enough entries to
 /// be worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share of its memory
-/// that may be used. Otherwise it takes the processor. If a GPU lacked something, the reason is returned. Software Vulkan runs on the
-/// processor, and its products take ten times as long as the processor's own. Each process of a team multiplies its rows of a matrix on its
-/// processor.
+/// that may be used. Otherwise it takes the processor. If a GPU lacked something, the reason is returned. Software Vulkan takes ten times
+/// as long as the processor itself. Each process of a team multiplies its rows on its processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
     /// The device if it is a suitable GPU, otherwise the processor.
@@ -214,7 +210,6 @@ impl Assembled {
         self.gpu_matrix.is_some()
     }
 
-    /// [`Assembled::place`] with `worthwhile` in place of [`WORTHWHILE`].
     fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
         self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
@@ -249,7 +244,6 @@ mod tests {
     use crate::gpu::AdapterSummary;
     use crate::transport::gpu_matrix::tests::{coaxial, gpu};
 
-    /// Software Vulkan that claims to be a discrete GPU.
     fn card() -> Gpu {
         let mut gpu = gpu();
         gpu.summary.kind = "discrete GPU".into();

@@ -41,7 +41,6 @@ impl Key {
         self.0
     }
 
-    /// The half of the samples of a single contribution, 0 or 1.
     pub(super) fn half(self) -> usize {
         usize::from(self.0 & Self::HALF != 0)
     }
@@ -51,7 +50,6 @@ impl Key {
         Self(self.0 & !Self::HALF)
     }
 
-    /// The pixel at the other end.
     pub(super) fn other(self) -> u32 {
         self.0 >> Self::CLASS_BITS
     }
@@ -121,7 +119,6 @@ unsafe impl<const C: usize> bytemuck::Pod for Term<C> {}
 const _: () = assert!(size_of::<Term<1>>() == 12 && size_of::<Term<3>>() == 28);
 
 impl<const C: usize> Term<C> {
-    /// An entry without light.
     pub(super) fn none(key: Key) -> Self {
         Self { key, mean: [0.0; C], error: [0.0; C] }
     }
@@ -190,7 +187,6 @@ impl<const C: usize> Chunk<C> {
         Self { rows, terms: Terms::Long(terms) }
     }
 
-    /// The index of the first term of the row at this index.
     pub(super) fn start(&self, row: usize) -> usize {
         row.checked_sub(1).map_or(0, |before| self.rows[before].end)
     }

@@ -32,8 +32,7 @@ pub struct Question<'a> {
     /// The pattern `x`, with an entry for each projector pixel. Entries may be negative.
     pub pattern: &'a [f64],
     /// The number `s` of the form `xᵀ P x − s xᵀ D x`. The diagonal matrix `D` has the row sums of `P`. With `s = 0` the form is the
-    /// Rayleigh quotient of a vector of norm 1. If `s` is an eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is the error of this
-    /// eigenvalue.
+    /// Rayleigh quotient of a vector of norm 1. If `s` is an eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is its error.
     pub shift: f64,
 }
 
@@ -115,8 +114,7 @@ impl EstimatedProduct {
     /// A sign test. At each pixel it compares the difference from a prediction with a draw of allowed errors: the noise of both, and errors
     /// of the norm `allowed`, spread once like the noise and once evenly. The result is the number of standard errors by which the count of
     /// pixels with the larger difference exceeds one half of all. For a right prediction, the difference and the draw have the same
-    /// distribution at each pixel, however heavy its tails are. Single pixels of enormous noise, which dominate sums of squares, count only
-    /// once.
+    /// distribution at each pixel, however heavy its tails are. Pixels of enormous noise, which dominate sums of squares, count once.
     pub fn signs(&self, prediction: &[f64], own: f64, allowed: f64) -> f64 {
         let noise = self.error.iter().map(|error| error * error).sum::<f64>();
         let square = allowed * allowed;
@@ -279,16 +277,13 @@ struct Sums<const P: usize> {
     of_weights: Vec<WeightSums<P>>,
 }
 
-/// Sums over all light paths of the same weights.
 struct WeightSums<const P: usize> {
     halves: Halves,
-    /// The sums for each row of the product.
     products: Vec<HalfSums<P>>,
     /// The sums of the quadratic form for a coaxial rig, by start pixel. Different start pixels are independent.
     of_starts: Vec<HalfSums<P>>,
 }
 
-/// The sums that belong to one of several tasks.
 struct Share<'a, const P: usize> {
     products: Stripes<'a, HalfSums<P>>,
     of_starts: Stripes<'a, HalfSums<P>>,
@@ -299,7 +294,6 @@ impl<const P: usize> Sums<P> {
         Self { rows, symmetric, of_weights: Vec::new() }
     }
 
-    /// The sums over the light paths of these weights.
     fn of(&mut self, halves: Halves) -> &mut WeightSums<P> {
         let known = self.of_weights.iter().position(|sums| sums.halves == halves);
         let at = known.unwrap_or_else(|| {
@@ -339,8 +333,7 @@ impl<const P: usize> WeightSums<P> {
     }
 }
 
-/// One task's stripes of an array. Stripes are narrow and dealt to the tasks in turn, so that each task gets an equal share of a batch's
-/// pixels.
+/// One task's stripes of an array. Narrow stripes go to the tasks in turn, so each task gets an equal share of a batch's pixels.
 struct Stripes<'a, T> {
     mine: Vec<&'a mut [T]>,
     /// For each stripe of the array, its index in `mine`, or an index beyond its end.

@@ -7,9 +7,8 @@ use crate::journal::{Journal, Key, Kind};
 use crate::observer::Observer;
 use crate::operator::{Adjoint, Direction, Operator, Product, Symmetry};
 
-/// An operator that keeps its products in a journal. A product in the journal is read instead of computed.
-/// Operators of one source share a journal. Each has its own name, which states the part of the light and the
-/// channel.
+/// An operator that keeps its products in a journal. Journaled products are read instead of computed.
+/// Operators of one source share a journal; their names state the part of the light and the channel.
 pub struct JournaledOperator<'a> {
     journal: &'a mut Journal,
     inner: Option<&'a mut dyn Adjoint>,
@@ -31,15 +30,13 @@ struct Keys {
 }
 
 impl<'a> JournaledOperator<'a> {
-    /// Keeps the products of `inner`. The journal's identity must name everything that they depend on besides
-    /// `name`.
+    /// Keeps the products of `inner`. The journal's identity must name all else that they depend on.
     pub fn new(journal: &'a mut Journal, name: impl Into<String>, inner: &'a mut dyn Adjoint) -> Self {
         let shape = ([inner.rows(), inner.cols()], inner.symmetry());
         Self { journal, inner: Some(inner), name: name.into(), shape }
     }
 
-    /// Reads the products that were journaled under this name by an operator of this shape. Any other product
-    /// is an error.
+    /// Reads the journaled products of an operator of this name and shape. Any other product is an error.
     pub fn replay(
         journal: &'a mut Journal,
         name: impl Into<String>,
@@ -49,8 +46,7 @@ impl<'a> JournaledOperator<'a> {
         Self { journal, inner: None, name: name.into(), shape: ([rows, cols], symmetry) }
     }
 
-    /// All products `y = A x` that were journaled under this name, in the order in which they were computed,
-    /// without the damaged ones.
+    /// The undamaged products `y = A x` that were journaled under this name, in the order of computation.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Journal`] for a record in a form that this version does not know.

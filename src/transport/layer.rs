@@ -20,8 +20,7 @@ pub enum Bounces {
     Global,
 }
 
-/// A part of the transport matrix: a sparse matrix with one set of `f32` weights per channel on a common
-/// sparsity pattern.
+/// A sparse part of the transport matrix, with `f32` weights per channel on a common sparsity pattern.
 #[derive(Clone, Debug)]
 pub struct Layer {
     bounces: Bounces,
@@ -71,8 +70,7 @@ impl Layer {
         self.tiles.bytes()
     }
 
-    /// One channel as a compressed sparse matrix. A valid layer causes no error; the constructor of [`Csr`]
-    /// checks its arrays.
+    /// One channel as a compressed sparse matrix. It fails only if [`Csr`] rejects the layer's arrays.
     pub fn to_csr(&self, channel: usize) -> Result<Csr> {
         let CompressedRows { row_start, columns, weights } = self.to_rows();
         let weights = weights[channel].iter().map(|&weight| f64::from(weight)).collect();
@@ -87,7 +85,6 @@ impl Layer {
         &self.tiles
     }
 
-    /// The transpose. It is computed once and kept with the layer.
     pub(super) fn transpose(&self) -> &Self {
         self.transpose.get_or_init(|| {
             let rows = self.to_rows();

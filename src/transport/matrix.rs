@@ -63,7 +63,6 @@ pub struct TransportMatrix {
     pub(crate) layers: Vec<Layer>,
     /// The rows that this process and its layers hold: all rows, unless the matrix is spread over several processes.
     pub(super) rows: Range<usize>,
-    /// The processes that hold the other rows.
     pub(super) spread: Option<Spread>,
 }
 
@@ -76,7 +75,6 @@ impl PartialEq for TransportMatrix {
 }
 
 impl TransportMatrix {
-    /// The matrix of these parts, in this process alone.
     pub(crate) fn new(rig: RigShape, channels: Channels, direct: Vec<Vec<f32>>, layers: Vec<Layer>) -> Self {
         Self { rig, channels, direct, layers, rows: 0..rig.camera.pixels(), spread: None }
     }
@@ -119,8 +117,7 @@ impl TransportMatrix {
         self.spread.as_ref().map_or(1, Spread::processes)
     }
 
-    /// The diagonal of `channel`: the direct light that returns to its own pixel through a pinhole. It has `n` values, or none if the rig
-    /// is not coaxial.
+    /// The diagonal of `channel`: direct light that returns to its own pixel through a pinhole. It has `n` values, or none if not coaxial.
     pub fn direct(&self, channel: usize) -> &[f32] {
         &self.direct[channel]
     }
@@ -140,14 +137,13 @@ impl TransportMatrix {
         }
     }
 
-    /// `y ← P x` for the `part` `P` of one channel. `x` may be signed. `x` has an entry for each projector pixel, and `y` has one for each
-    /// camera pixel.
+    /// `y ← P x` for the `part` `P` of one channel. `x` may be signed. `x` has an entry per projector pixel, `y` one per camera pixel.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
         self.multiply(Product { direction: Direction::Forward, part, channel }, x, y);
     }
 
-    /// `x ← Pᵀ y`: the photo of the dual rig, in which camera and projector are exchanged. `y` has an entry for each camera pixel, and `x`
-    /// has one for each projector pixel.
+    /// `x ← Pᵀ y`: the photo of the dual rig with exchanged camera and projector. `y` has an entry per camera pixel, `x` one per projector
+    /// pixel.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
         self.multiply(Product { direction: Direction::Adjoint, part, channel }, y, x);
     }
@@ -158,7 +154,6 @@ impl TransportMatrix {
         self.multiply_block(Product { direction: Direction::Forward, part, channel }, xs, ys);
     }
 
-    /// Multiplies a block of vectors, four interleaved vectors at a time.
     fn multiply_block(&self, product: Product, from: &[&[f64]], to: &mut [&mut [f64]]) {
         assert_eq!(from.len(), to.len(), "a product for each vector");
         for (from, to) in from.chunks(BLOCK_WIDTH).zip(to.chunks_mut(BLOCK_WIDTH)) {
@@ -172,7 +167,6 @@ impl TransportMatrix {
         }
     }
 
-    /// Multiplies one vector, or several interleaved ones.
     fn multiply<V: Summable>(&self, product: Product, from: &[V], to: &mut [V]) {
         let (camera, projector) = (self.rig.camera.pixels(), self.rig.projector.pixels());
         let [lit, seen] = match product.direction {
@@ -266,8 +260,7 @@ impl TransportMatrix {
     }
 }
 
-/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the processor, a block is multiplied
-/// four vectors at a time.
+/// `y = P x` for one part and channel of a transport matrix. Each product is one photo. The processor multiplies four vectors at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixOperator<'a> {
     matrix: &'a TransportMatrix,
@@ -278,8 +271,7 @@ pub struct MatrixOperator<'a> {
 }
 
 impl<'a> MatrixOperator<'a> {
-    /// An operator on the processor. [`super::Assembled::operator`] gives one on the backend of a traced scene. The channel is below
-    /// [`Channels::count`].
+    /// An operator on the processor; see [`super::Assembled::operator`] for other backends. The channel is below [`Channels::count`].
     pub fn new(matrix: &'a TransportMatrix, part: Part, channel: usize) -> Self {
         Self { matrix, device: None, part, channel }
     }

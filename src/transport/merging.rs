@@ -28,8 +28,7 @@ pub(super) struct Combined<const C: usize> {
     /// One layer for each class: first one bounce, then the others.
     pub(super) layers: Vec<Tiles>,
     pub(super) rows: Vec<Estimates<C>>,
-    /// The squares of all entries. A symmetric matrix has only the entries on and above the diagonal of the rows, and entries above it
-    /// count twice.
+    /// The squares of all entries. For a symmetric matrix, entries above the diagonal count twice instead of those below.
     pub(super) squares: EntrySquares,
 }
 
@@ -94,9 +93,8 @@ const ROWS_PER_TASK: usize = 64;
 pub(super) struct Merging<'a, const C: usize> {
     pub(super) sources: Sources<C>,
     pairs: Pairs<'a>,
-    /// The pixel of the first row.
     first: usize,
-    /// The number of contributions to each row. The next field is the diagonal of [`combine`].
+    /// The number of contributions to each row, and the diagonal of [`combine`].
     terms: Vec<u32>,
     direct: &'a [Estimates<C>],
     pub(super) squares: EntrySquares,
@@ -142,7 +140,6 @@ impl<'a, const C: usize> Merging<'a, C> {
         Self { sources, pairs, first, terms, direct, squares: EntrySquares::default(), most }
     }
 
-    /// Merges these rows block by block. Returns the pieces of each layer.
     pub(super) fn pieces(&mut self, rows: &Range<usize>, classes: usize) -> Vec<Vec<CompressedRows>> {
         let mut pieces: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
         for block in self.blocks(rows) {
@@ -152,7 +149,6 @@ impl<'a, const C: usize> Merging<'a, C> {
         pieces
     }
 
-    /// Cuts these rows into blocks of about equal numbers of contributions.
     fn blocks(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
         let mut blocks = Vec::new();
         let (mut first, mut held) = (rows.start, 0);
@@ -168,8 +164,7 @@ impl<'a, const C: usize> Merging<'a, C> {
         blocks
     }
 
-    /// Merges these rows of the contributions and of their transpose. Returns the rows of each layer. Calls must be in the order of the
-    /// rows.
+    /// Merges these rows of the contributions and of their transpose to rows of each layer. Calls must follow the order of the rows.
     fn merge(&mut self, rows: Range<usize>, classes: usize) -> Vec<CompressedRows> {
         let transposed = self.sources.transposed(&(self.first + rows.start..self.first + rows.end));
         let tasks: Vec<usize> = rows.clone().step_by(ROWS_PER_TASK).collect();
@@ -227,7 +222,6 @@ struct Merged<'a> {
     squares: EntrySquares,
 }
 
-/// The entry of a row in one column, while the light of its classes is added.
 struct Entry<const C: usize> {
     column: u32,
     /// Means and errors: `whole` of all light, and `global` of two or more bounces.

@@ -11,8 +11,8 @@
 //! matrix stays on the device, which then computes the products ([`Backend`]). Two independent halves of the samples show how far `Â` is
 //! from the truth ([`Noise`]).
 //!
-//! Many machines can trace a matrix: in [`Shard`]s that are joined later, or as a team of processes that each keep a part of it
-//! ([`share_scene`]). All bits are the same as on one machine.
+//! Many machines can trace a matrix with the same bits: in [`Shard`]s that are joined later, or as a team of processes that each keep a
+//! part ([`share_scene`]).
 
 mod assembled;
 mod chunk;
@@ -131,7 +131,6 @@ fn project<const C: usize>(rgb: [f32; 3]) -> [f32; C] {
     std::array::from_fn(|channel| if C == 1 { luminance(rgb) } else { rgb[channel] })
 }
 
-/// The planes of `pattern` as `f64`, one for each of `channels`.
 fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {
     Error::check_size("pixels of the pattern", resolution, pattern.resolution())?;
     if pattern.channels() > channels.count() {
@@ -144,7 +143,6 @@ fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result
     Ok((0..channels.count()).map(|channel| pattern.plane(channel.min(pattern.channels() - 1))).collect())
 }
 
-/// The image with these planes, rounded to `f32`.
 fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Image> {
     Image::from_planes(resolution, planes)
 }

@@ -70,7 +70,6 @@ impl Halves {
         [self.share(first) + self.share(second), self.error_share(0, first) + self.error_share(1, second)]
     }
 
-    /// Adds a sample of half `half` to a mean and its error (`e` of [`Noise`]).
     pub(super) fn add(self, to: &mut [f64; 2], half: usize, value: f64) {
         to[0] += self.share(value);
         to[1] += self.error_share(half, value);
@@ -128,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_projectors_paths_are_divided_by_the_cameras_samples() {
-        // Four paths from a projector pixel have the same values as eight from a camera pixel, and `e` is half as large, too.
+        // Sums over four paths are divided by the camera's eight samples, so mean and error are half as large.
         let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
         assert_eq!([mean, error], [0.5, 0.5]);
     }

@@ -104,8 +104,7 @@ mod tests {
         assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 2.0), "no more than every pair of pixels");
     }
 
-    /// Three connections per path, two samples, and 8×4 by 16×4 pixels in color give 192 connections from each end, in 2048 pairs of
-    /// pixels.
+    /// Three connections per path, two samples, 8×4 by 16×4 pixels in color: 192 connections from each end, in 2048 pairs of pixels.
     #[test]
     fn a_rig_apart_holds_contributions_of_both_ends_and_the_tiles() {
         let projector = Some(Resolution::new(16, 4));

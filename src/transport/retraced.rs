@@ -12,8 +12,7 @@ use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::render::{Batch, PIXEL_MASK, Run, TraceSettings, Tracer};
 
-/// A scene that is traced once per photo, always with the same light paths. The host adds up the connections in path order, so photos
-/// repeat to the bit.
+/// A scene that is traced once per photo, with the same light paths. The host adds up in path order, so photos repeat to the bit.
 pub struct Retraced<'a> {
     /// The scene on its device. Its observer sees the steps of each photo, and may stop the photo.
     pub tracer: &'a mut Tracer,
@@ -276,8 +275,7 @@ impl Contributions<1> {
         self.halves
     }
 
-    /// Calls `entry` for each contribution of these forward paths except ambient light: the run of its path, its row and column in the
-    /// matrix, and its value.
+    /// Calls `entry` for each contribution of these forward paths except ambient light, with its run, row and column, and value.
     pub(super) fn entries(&self, mut entry: impl FnMut(&Run, [usize; 2], f64)) {
         for (run, found) in self.parts.iter().flat_map(Read::runs) {
             let start = run.pixel as usize;
@@ -319,8 +317,7 @@ impl<const C: usize> Read<C> {
         for run in runs {
             // No path has more contributions than slots.
             found.resize(end + run.paths.len() * batch.stride(), (0, [0.0; C]));
-            // A contribution that does not count is written too, and then overwritten. Without a branch, the processor does not wait for
-            // one record before it loads the next.
+            // A contribution that does not count is written, then overwritten: a branch would delay the load of the next record.
             let mut keep = |counts: bool, other: u32, color: [f32; 3]| {
                 let value = project(color);
                 found[end] = (other, value);

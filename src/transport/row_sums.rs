@@ -1,5 +1,4 @@
-//! Sums over the rows of the matrix, which determine its noise, and the number of contributions to each row. The sums do not depend on the
-//! order of their terms.
+//! Sums over the rows of the matrix, which determine its noise, and the number of contributions to each row. Their order has no effect.
 
 use std::ops::Range;
 
@@ -13,11 +12,9 @@ use super::noise::Estimates;
 /// below the last bit of the largest value.
 const POWERS: u32 = 70;
 
-/// The unit of sums: a power of two that depends only on the largest of all values. The bits of a sum therefore do not depend on the order
-/// of its terms.
+/// The unit of sums: a power of two that depends only on the largest of all values, so the order of terms does not affect a sum.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
-    /// The bits of the smallest exponent.
     lowest: u32,
     is_finite: bool,
 }
@@ -25,7 +22,7 @@ pub(super) struct Scale {
 /// The sums of the means and errors of contributions, as multiples of the unit. A term is less than 2⁹⁴ units, so 2³² terms are possible.
 pub(super) type FixedSums<const C: usize> = [[i128; C]; 2];
 
-/// The exponent bits of a value. A value of larger magnitude never has smaller ones.
+/// The exponent bits of a value. They never decrease as the magnitude grows.
 fn exponent(value: f32) -> u32 {
     value.to_bits() >> 23 & 0xff
 }
@@ -40,7 +37,6 @@ impl Scale {
         Self { lowest: largest.saturating_sub(POWERS).max(1), is_finite: largest < 0xff }
     }
 
-    /// The sums of a single contribution.
     #[inline]
     fn units_of<const C: usize>(self, term: &Term<C>) -> FixedSums<C> {
         [&term.mean, &term.error].map(|values| values.map(|value| self.units(value)))
@@ -92,12 +88,9 @@ pub(super) fn with_direct<const C: usize>(
 
 /// The sums over rows and the numbers of their contributions, before the contributions are merged.
 pub(super) struct Outline<const C: usize> {
-    /// Values and errors of each row, without the diagonal's direct light. They cover all paths from the pixel of the row and the paths
-    /// that end there.
+    /// Values and errors of each row, from all paths that start or end at its pixel, without the diagonal's direct light.
     pub(super) sums: Vec<FixedSums<C>>,
-    /// The number of contributions to the merged part of each row.
     pub(super) terms: Vec<u32>,
-    /// The number of those contributions in each class of bounces.
     pub(super) of_class: [usize; CLASSES],
 }
 
@@ -107,8 +100,7 @@ const MEMORY_SHARE: usize = 4;
 /// The number of pixels in a stripe. The sums of one stripe are close together in memory.
 const STRIPE: usize = 1 << 14;
 
-/// The outline of these `rows` from the contributions of the chunks. With `triangle`, only contributions on and above the diagonal are
-/// merged.
+/// The outline of these `rows` of the chunks. With `triangle`, only contributions on and above the diagonal are merged.
 pub(super) fn outline<const C: usize>(
     chunks: &[&Chunk<C>],
     rig: RigShape,
@@ -146,7 +138,6 @@ pub(super) fn outline<const C: usize>(
     Outline { sums, terms, of_class }
 }
 
-/// The outline of some of the contributions.
 struct Partial<const C: usize> {
     rig: RigShape,
     rows: Range<usize>,

@@ -27,12 +27,9 @@ pub(super) fn class(bounces: u32, split: bool) -> u32 {
 /// The sums of all paths so far, as chunks in the order of the paths.
 #[derive(Debug)]
 pub(super) struct Rows<'a, const C: usize> {
-    /// The divisor of all sums.
     samples: u32,
     split: bool,
-    /// The steps in which several processes merge the contributions.
     steps: Option<&'a Steps>,
-    /// The chunks of each step.
     chunks: Vec<Chunks<C>>,
     about: About,
     /// The last pixel. Its paths may not be complete yet.
@@ -65,7 +62,6 @@ struct Start {
     pixel: u32,
     /// Whether it is a camera pixel. Otherwise it is a pixel of a projector that stands apart.
     from_camera: bool,
-    /// The number of paths that start from it.
     paths: u32,
 }
 
@@ -91,7 +87,6 @@ impl<'a, const C: usize> Rows<'a, C> {
         }
     }
 
-    /// The step that merges a term of the paths from this pixel.
     fn step_of(&self, start: u32, from_camera: bool, key: Key) -> usize {
         self.steps.map_or(0, |steps| steps.of(start, from_camera, key.other()))
     }
@@ -109,8 +104,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.add_by(&runs, (self.samples, from_camera), &Given { paths, from_camera }, project);
     }
 
-    /// Adds the connections of `paths`. `runs` lists all these paths in order. From each pixel, of the camera or of the projector,
-    /// `samples` paths start.
+    /// Adds the connections of `paths`. `runs` lists all these paths in order. `samples` paths start from each pixel.
     fn add_by(
         &mut self,
         runs: &[Run],
@@ -140,8 +134,7 @@ impl<'a, const C: usize> Rows<'a, C> {
                 paths.ends_of(run, |end| {
                     let value = project(end.value);
                     let is_light = value.iter().fold(false, |any, &value| any | (value != 0.0));
-                    // A connection that does not count is written too, and then overwritten. Without a branch, the processor does not wait
-                    // for one record before it loads the next.
+                    // A connection that does not count is written, then overwritten: a branch would delay the load of the next record.
                     let key = Key::new(end.pixel, class(end.bounces, self.split)).of_half(run.half);
                     entries[count] = Entry { key, value };
                     count += usize::from(end.is_seen & is_light);
@@ -167,7 +160,6 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.open = Some(last);
     }
 
-    /// Adds the terms of pixels whose paths the device has summed.
     fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
         // The earlier paths belong to other pixels.
         self.open.take().into_iter().for_each(|open| self.push(open));
@@ -246,13 +238,11 @@ impl<'a, const C: usize> Rows<'a, C> {
 }
 
 impl<const C: usize> Task<C> {
-    /// A task without pixels, for `steps` steps.
     fn new(steps: usize) -> Self {
         let finished = vec![Growing::default(); steps];
         Self { finished, about: About::default(), entries: Vec::new(), spare: Vec::new() }
     }
 
-    /// The finished pixels as chunks, and the summary of their contributions.
     fn chunks(self) -> (Vec<Chunk<C>>, About) {
         let chunk = |Growing { rows, terms }| Chunk { rows, terms: Terms::Short(terms) };
         (self.finished.into_iter().map(chunk).collect(), self.about)
@@ -260,7 +250,6 @@ impl<const C: usize> Task<C> {
 }
 
 impl<const C: usize> Growing<C> {
-    /// Ends the row of a pixel, if it has terms.
     fn end_row(&mut self, Start { pixel, from_camera, .. }: Start) {
         let end = self.terms.len();
         if end > self.rows.last().map_or(0, |row| row.end) {
@@ -269,7 +258,6 @@ impl<const C: usize> Growing<C> {
     }
 }
 
-/// The connections of paths.
 trait Paths: Sync {
     fn most_ends(&self) -> usize;
 

@@ -99,8 +99,7 @@ impl Scaled {
 }
 
 impl Probe {
-    /// Traces and assembles a small matrix of the scene in this process, and measures the time of each part. The call fails like
-    /// [`Tracer::trace`].
+    /// Assembles a small matrix of the scene in this process, and measures the time of each part. It fails like [`Tracer::trace`].
     pub fn measure(tracer: &mut Tracer, settings: &TraceSettings) -> Result<Self> {
         let small = |size: Resolution| {
             let scale = (SIDE as f64 / size.width.max(size.height) as f64).min(1.0);
@@ -160,16 +159,15 @@ impl Probe {
         let contribution = 4.0 + 8.0 * channels;
         let entry = 4.0 + 4.0 * channels;
         let away = (count - 1.0) / count;
-        // In tiles, columns take half as much memory, and a twentieth is padding. While a group of rows becomes tiles, it is in memory
-        // twice more.
+        // In tiles, columns take half the memory, and a twentieth is padding. A group of rows that becomes tiles is in memory twice more.
         let tiled = entries / count * (1.05 * (entry - 2.0));
         let group = GROUP * entries / count * 2.0 * entry;
         let own = found / count * contribution;
         let memory = if processes == 1 && !symmetric {
             group + tiled + own
         } else {
-            // Contributions are freed while the tiles grow. The contributions of a step are in memory three more times: while they are
-            // sent, received and merged.
+            // Contributions are freed while the tiles grow. A step's contributions are in memory three more times: as sent, received and
+            // merged.
             group + tiled.max(own) + 3.0 * own * away * GROUP
         };
         let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
@@ -267,8 +265,7 @@ mod tests {
         assert!((more / few - 2.0).abs() < 1e-3);
     }
 
-    /// A rig that is not coaxial, with 10×10 by 20×10 pixels in color, four samples, six photos and four processes. Every part is
-    /// calculated by hand.
+    /// A rig that is not coaxial: 10×10 by 20×10 pixels in color, four samples, six photos, four processes, calculated by hand.
     #[test]
     fn every_part_is_what_its_counts_make() {
         let probe = Probe {

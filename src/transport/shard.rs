@@ -155,8 +155,7 @@ impl Shard {
         }
     }
 
-    /// Reads the contributions of a shard with this record from the next `bytes` bytes, which may be anything. `Err` says what is wrong
-    /// with them.
+    /// Reads the contributions of a shard with this record from the next `bytes` bytes. `Err` says what is wrong with them.
     pub fn read(record: ShardRecord, from: &mut impl Read, bytes: u64) -> std::result::Result<Self, String> {
         record.check()?;
         let mut from = Reader::of(from, bytes);

@@ -85,7 +85,6 @@ impl<const C: usize> Share<C> {
     }
 }
 
-/// The contributions of all paths.
 #[derive(Clone, Debug)]
 pub(super) struct Found<const C: usize> {
     /// Chunks in the order of the paths. There is one list of all chunks, or one for each step if several processes merge them.
@@ -93,12 +92,10 @@ pub(super) struct Found<const C: usize> {
     pub(super) about: About,
 }
 
-/// A summary of contributions.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct About {
     /// The largest exponent of their values and errors. It determines the unit of their sums.
     pub(super) largest: u32,
-    /// The number of contributions of each class of bounces.
     pub(super) of_class: [usize; CLASSES],
 }
 
@@ -116,7 +113,6 @@ impl About {
 }
 
 impl<const C: usize> Found<C> {
-    /// All of these chunks, for a merge by one process.
     pub(super) fn of_chunks(chunks: Vec<Chunk<C>>) -> Self {
         let about = |chunk: &Chunk<C>| {
             let mut about = About::default();
@@ -136,8 +132,7 @@ impl<const C: usize> Found<C> {
     }
 }
 
-/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel. They are summed in path order, so the bits do not depend on the
-/// sizes of the batches.
+/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel, summed in path order for batches of any size.
 struct PixelSums<const C: usize> {
     halves: Halves,
     first: usize,
@@ -145,7 +140,6 @@ struct PixelSums<const C: usize> {
 }
 
 impl<const C: usize> PixelSums<C> {
-    /// Zeros for these pixels with `samples` samples each.
     fn new(pixels: &Range<usize>, samples: u32) -> Self {
         let estimates = vec![[[0.0; 2]; C]; pixels.len()];
         Self { halves: Halves::new(samples, samples), first: pixels.start, estimates }

@@ -105,7 +105,6 @@ impl Default for ExactSum {
 impl ExactSum {
     const WORDS: usize = 129;
 
-    /// Adds a nonnegative number.
     #[inline]
     fn add(&mut self, term: f64) {
         let bits = term.to_bits();

@@ -11,8 +11,7 @@ use rayon::prelude::*;
 use super::RigShape;
 use super::chunk::{Chunk, Key, Term, Terms, places};
 
-/// The number of tasks per thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries
-/// first.
+/// Tasks per thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries first.
 const TASKS_A_THREAD: usize = 8;
 
 /// All contributions to some rows of the matrix, by the pixels at which their paths start.
@@ -23,7 +22,6 @@ pub(super) struct Sources<const C: usize> {
     tasks: Vec<Task>,
 }
 
-/// Entries of a row of the contributions.
 #[derive(Clone, Debug, Default)]
 struct Source {
     pixel: u32,
@@ -51,16 +49,14 @@ pub(super) struct Transposed<const C: usize> {
 }
 
 impl<const C: usize> Transposed<C> {
-    /// The terms of a row of the block, by ascending keys.
     pub(super) fn row(&self, row: usize) -> &[Term<C>] {
         &self.terms[self.start[row]..self.start[row + 1]]
     }
 }
 
 impl<const C: usize> Sources<C> {
-    /// Divides the rows of all chunks among tasks. The chunks must have all contributions to these `rows` of the matrix,
-    /// and may have others. With `triangle`, rows and transpose have only the part on and above the diagonal of the
-    /// matrix.
+    /// Divides the rows of all chunks among tasks. The chunks must have all contributions to these `rows`, and may have
+    /// others. With `triangle`, rows and transpose have only the part on and above the diagonal.
     pub(super) fn new(chunks: Vec<Chunk<C>>, rig: RigShape, rows: &Range<usize>, triangle: bool) -> Self {
         let columns = rig.projector.pixels();
         let of_row = |number: usize, chunk: &Chunk<C>, at: usize| {

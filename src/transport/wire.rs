@@ -111,8 +111,7 @@ pub(super) fn chunks_to_bytes<const C: usize>(
     bytes
 }
 
-/// Writes the contributions of some chunks to these `rows`, from the pixels of one endpoint. A pixel without such contributions is left
-/// out.
+/// Writes the contributions of some chunks to these `rows`, from one endpoint's pixels. Pixels without any are left out.
 pub(super) fn put_chunks<const C: usize>(
     to: &mut impl Write,
     chunks: &[&Chunk<C>],
@@ -159,7 +158,6 @@ fn put_words<const C: usize, const N: usize>(
     Ok(())
 }
 
-/// Reads the chunk that [`put_chunks`] wrote.
 pub(super) fn take_chunk<const C: usize>(
     from: &mut Reader<impl Read>,
     from_camera: bool,
@@ -185,7 +183,6 @@ pub(super) fn take_chunk<const C: usize>(
     Ok(Chunk { rows: rows.collect(), terms: Terms::Long(terms) })
 }
 
-/// Writes means and errors of pixels or of rows.
 pub(super) fn put_estimates<const C: usize>(
     to: &mut impl Write,
     estimates: &[Estimates<C>],
@@ -193,12 +190,10 @@ pub(super) fn put_estimates<const C: usize>(
     put::<f64>(to, estimates.as_flattened().as_flattened())
 }
 
-/// Reads the means and errors that [`put_estimates`] wrote.
 pub(super) fn take_estimates<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<Estimates<C>>> {
     Ok(from.take::<f64>()?.as_chunks::<2>().0.as_chunks::<C>().0.to_vec())
 }
 
-/// Sparse rows: starts, columns, and the weights of each channel.
 type Sparse<S, N> = (Vec<S>, Vec<N>, Vec<Vec<f32>>);
 
 fn put_sparse<S: Pod, N: Pod>(
@@ -259,7 +254,6 @@ pub(super) fn rows_to_bytes(rows: &CompressedRows) -> Vec<u8> {
     message(|to| put_sparse(to, &rows.row_start, &rows.columns, &rows.weights))
 }
 
-/// Reads the rows that [`rows_to_bytes`] wrote.
 pub(super) fn take_rows(bytes: &[u8], channels: usize) -> Result<CompressedRows> {
     let mut from = Reader::new(bytes);
     let (row_start, columns, weights) = take_sparse(&mut from, channels)?;

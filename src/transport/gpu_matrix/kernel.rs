@@ -1,5 +1,4 @@
-//! The kernel of a product and its dispatches. The rows of a layer are cut into bands, each small enough for the device's buffers and for
-//! one dispatch.
+//! The kernel of a product and its dispatches. Rows of a layer are cut into bands that fit the device's buffers and one dispatch.
 
 use std::ops::Range;
 
@@ -22,7 +21,6 @@ const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
-    /// The limits for a device, including the limits of its buffers.
     pub(super) fn of(gpu: &Gpu) -> Self {
         let Self { entries, rows } = if gpu.summary.is_processor() { ON_PROCESSOR } else { ON_GPU };
         let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / 4;
@@ -33,13 +31,11 @@ impl Limits {
 /// The most entries of a row. 32 lanes share them, and software Vulkan leaves a loop after 65,535 iterations without an error.
 const LONGEST_ROW: usize = 1 << 20;
 
-/// A layer's bands, top to bottom.
 pub(super) struct DeviceLayer {
     pub(super) bounces: Bounces,
     pub(super) bands: Vec<Band>,
 }
 
-/// Rows of a band in compressed form, in separate buffers.
 pub(super) struct Band {
     pub(super) rows: Range<u32>,
     pub(super) starts: wgpu::Buffer,
@@ -132,7 +128,6 @@ pub(super) struct Kernel {
     nothing: wgpu::Buffer,
 }
 
-/// A dispatch, ready to be recorded.
 pub(super) struct Step {
     group: wgpu::BindGroup,
     workgroups: [u32; 2],
@@ -180,8 +175,7 @@ impl Kernel {
         })
     }
 
-    /// The dispatch that writes the sums of these rows to the photo. The sums are over the entries of a band in one channel, if there is
-    /// one, and over `terms`.
+    /// The dispatch that writes the sums of these rows to the photo: over a band's entries in one channel, if any, and over `terms`.
     pub(super) fn step(
         &self,
         gpu: &Gpu,

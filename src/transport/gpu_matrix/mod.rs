@@ -41,8 +41,7 @@ struct Vectors {
     to: Results,
 }
 
-/// The transpose and the dispatches, which are made when they are first needed. A product holds their lock, because all products share the
-/// vectors.
+/// The transpose and the dispatches, made when first needed. A product holds their lock, because all products share the vectors.
 #[derive(Default)]
 struct State {
     transposed: Option<Vec<DeviceLayer>>,
@@ -93,8 +92,7 @@ impl GpuMatrix {
         self.take(&mut self.state(), Product { direction: Direction::Forward, part, channel }, x, y)
     }
 
-    /// Multiplies with `matrix`, whose copy this is. For a rig that is not coaxial, the transpose is copied to the device when it is first
-    /// needed.
+    /// Multiplies with `matrix`, whose copy this is. If the rig is not coaxial, the transpose is copied when it is first needed.
     pub(super) fn multiply(
         &self,
         matrix: &TransportMatrix,

@@ -1,4 +1,4 @@
-//! Products on software Vulkan, compared with the processor's.
+//! Products on software Vulkan, compared with products on the processor.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -8,7 +8,6 @@ use crate::image::{Image, Resolution};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
 
-/// The first adapter that the tests' environment provides.
 pub(in crate::transport) fn gpu() -> Gpu {
     Gpu::open(None, 0)
         .unwrap_or_else(|error| unreachable!("the README's test command installs a driver: {error}"))
@@ -86,7 +85,6 @@ fn signed(random: &mut Pcg64, length: usize) -> Vec<f64> {
     (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
 }
 
-/// Both products of a part and channel with the same patterns.
 fn both(
     matrix: &TransportMatrix,
     gpu_matrix: &GpuMatrix,
@@ -146,9 +144,8 @@ fn products_agree_with_the_processor_to_rounding_for_any_bands() {
                 let magnitudes = magnitudes(&matrix, (part, channel), is_transposed);
                 for (row, (magnitude, terms)) in magnitudes.into_iter().enumerate() {
                     let error = (expected[row] - found[row]).abs();
-                    // Each of the two sums is off by at most ε/2 of Σ|a||x| for each of its products (Higham 2002, section
-                    // 3.1), and here |x| < 1. Where entries meet, `f32` weights are rounded once more, which changes Σ|a| by
-                    // less than a half.
+                    // Each sum is off by at most ε/2 of Σ|a||x| per product (Higham 2002, section 3.1), and here |x| < 1. Where
+                    // entries meet, `f32` weights are rounded once more, which changes Σ|a| by less than a half.
                     let bound = 1.5 * (terms + 2) as f64 * f64::EPSILON * magnitude;
                     assert!(error <= bound, "{part:?} {channel}, row {row}: {error:e} above {bound:e}");
                     compared += expected[row].abs();
@@ -192,7 +189,6 @@ fn figures_of_the_device_are_those_of_the_matrix() {
     }
 }
 
-/// A coaxial rig is its own transpose, which is not copied.
 #[test]
 fn only_a_rig_apart_has_its_transpose_on_the_device() {
     let gpu = gpu();

@@ -1,5 +1,4 @@
-//! The assembly of a matrix by all processes of a team. Each process traces its pixels, and merges all processes' contributions to its
-//! rows.
+//! The assembly of a matrix by a team. Each process traces its pixels, and merges all processes' contributions to its rows.
 
 use std::ops::Range;
 
@@ -23,12 +22,9 @@ const STOP: u8 = 0;
 
 struct Own<const C: usize> {
     matrix: TransportMatrix,
-    /// The direct and ambient light of the process's pixels.
     direct: Vec<Estimates<C>>,
     ambient: Vec<Estimates<C>>,
-    /// The sums over the process's rows.
     sums: Vec<Estimates<C>>,
-    /// The sums over the entries that the process merged.
     squares: EntrySquares,
     has_halves: bool,
     summary: TraceSummary,

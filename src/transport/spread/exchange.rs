@@ -35,8 +35,7 @@ pub(in crate::transport) struct Steps {
 }
 
 impl Steps {
-    /// The steps of processes with these groups of rows. Together, the groups must be all rows of the camera, and no process may have more
-    /// than 255 groups.
+    /// The steps of processes with these groups of rows. The groups must cover all camera rows, with at most 255 for each process.
     pub(in crate::transport) fn new(rig: RigShape, mut groups: Vec<Vec<Range<usize>>>) -> Self {
         let pixels = rig.camera.pixels();
         let count = groups.iter().map(Vec::len).max().unwrap_or(0).max(1);
@@ -94,8 +93,7 @@ pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> R
 }
 
 /// Merges the contributions of all processes to this process's rows. `found` has its own contributions by step, and `direct` is as for
-/// [`combine`](crate::transport::merging::combine). The squares are those of the entries that this process merged. Every process of the
-/// team must call it.
+/// [`combine`](crate::transport::merging::combine). The squares cover the entries that this process merged. Every process must call it.
 pub(super) fn merge<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,

@@ -62,7 +62,6 @@ impl Spread {
         Self(Arc::new(Parts { remote, pixels, nonzeros, bytes, is_transposed: OnceLock::new() }))
     }
 
-    /// The number of entries that other processes hold.
     pub(super) fn nonzeros(&self) -> usize {
         self.0.nonzeros
     }
@@ -76,13 +75,11 @@ impl Spread {
     }
 }
 
-/// The rows of a product that a process with these pixels holds: the camera's pixels, or the projector's for the transpose of a matrix that
-/// is not symmetric.
+/// A process's rows of a product: its camera pixels, or its projector pixels for the transpose of a matrix that is not symmetric.
 fn own_rows<'a>(matrix: &TransportMatrix, product: Product, pixels: &'a StartPixels) -> &'a Range<usize> {
     if is_transposed(matrix, product) { &pixels.projector } else { &pixels.camera }
 }
 
-/// Whether a product uses the transpose of a matrix that is not symmetric.
 fn is_transposed(matrix: &TransportMatrix, product: Product) -> bool {
     product.direction == Direction::Adjoint && !matrix.is_symmetric()
 }
@@ -158,7 +155,6 @@ pub fn share_scene(
 /// A process that does not lead, with the scenes that the leader shares, and its rows of their matrices.
 pub struct SceneWorker {
     comm: Arc<dyn Comm>,
-    /// The name of the machine, for messages.
     host: String,
     /// The number of this process among the processes on the same machine. It selects one of several equal adapters.
     turn: usize,
@@ -166,7 +162,6 @@ pub struct SceneWorker {
     matrices: HashMap<u64, Rows>,
 }
 
-/// Rows of a matrix, with the pixels of all processes.
 struct Rows {
     matrix: TransportMatrix,
     pixels: Vec<StartPixels>,

@@ -82,7 +82,7 @@ pub(super) fn multiply_part<V: Summable>(
     comm.send(0, bytemuck::cast_slice(&to));
 }
 
-/// Makes the rows of the transpose that this process holds, which are its projector pixels. Every process of the team must call it.
+/// Makes this process's rows of the transpose, one for each of its projector pixels. Every process of the team must call it.
 pub(super) fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[StartPixels]) {
     for layer in &own.layers {
         let rows = layer.to_rows();

@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(paths(&StartPixels { camera: 3..5, projector: 0..7 }, &few), 9 << 18);
     }
 
-    /// Records how much is done, and of how much.
+    /// Records the done and the total paths at each step.
     #[derive(Default)]
     struct Seen(Mutex<Vec<(u64, u64)>>);
 

@@ -41,7 +41,6 @@ impl Crew {
         Self { others: comms.map(serving).collect(), team: Team::lead(leader, Vec::new()) }
     }
 
-    /// Ends the team. A thread that panicked fails the test.
     fn end(self) {
         drop(self.team);
         for other in self.others {
@@ -101,8 +100,7 @@ fn pattern(pixels: usize) -> Vec<f64> {
 
 type Told = (Vec<Vec<f64>>, Vec<f64>, Vec<Csr>);
 
-/// Everything that can be read from a matrix: products of single vectors and of a block in both directions, norms, entries, ambient light
-/// and noise.
+/// Everything that a matrix gives: products of vectors and of a block in both directions, norms, entries, ambient light and noise.
 fn told(traced: &Assembled) -> Result<Told> {
     let matrix = &traced.matrix;
     let (mut vectors, mut norms, mut entries) = (Vec::new(), Vec::new(), Vec::new());

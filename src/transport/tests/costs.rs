@@ -13,7 +13,6 @@ fn tracer() -> Tracer {
         .expect("the README's test command installs a Vulkan driver")
 }
 
-/// A projector beside the camera.
 fn tracer_apart() -> Tracer {
     let scene = builtin::cornell().to_scene();
     let mut projector = scene.camera.clone();
@@ -43,7 +42,6 @@ fn a_pilot_has_one_path_from_each_of_few_pixels() {
     assert!(mean > 0.0);
 }
 
-/// Below the limit nothing is traced. Above it, a pilot measures the number of connections.
 #[test]
 fn memory_is_predicted_from_a_pilot_where_it_could_be_too_much() {
     let mut tracer = tracer();
@@ -92,8 +90,7 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let hit = reached * (1.0 - (-3.0 * connections / reached).exp());
         let of_start = found as f64 / paths as f64;
         assert!(probe.reached < 1.0 && (hit - of_start).abs() < 1e-6 * of_start, "{hit}, {of_start}");
-        // Together, the parts take no longer than the whole: times of paths, of entries, of five products and of vectors
-        // of 2²¹ entries.
+        // Together, paths, entries, five products and vectors of 2²¹ entries take no longer than the whole.
         let entries =
             assemble(&mut tracer, &pilot, Channels::Luma).expect("it can be traced").matrix.nonzeros() as f64;
         let parts = [
@@ -109,7 +106,6 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
     }
 }
 
-/// A scene with fewer pixels than a probe is traced unchanged.
 #[test]
 fn a_probe_of_few_pixels_is_the_scene_as_it_is_asked_for() {
     let mut tracer = tracer();

@@ -4,8 +4,7 @@ use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
 use crate::transport::*;
 
-/// The maximum number of single-precision roundings of an entry: up to 64 contributions in a run, weights, luminance, and the sum of an
-/// entry and its mirror image.
+/// The most single-precision roundings of an entry: up to 64 contributions in a run, weights, luminance, and the mirror image.
 const ROUNDINGS: f64 = 80.0;
 
 fn traced(scene: &Scene, on_device: bool, channels: Channels, split: bool) -> Assembled {

@@ -188,8 +188,7 @@ fn a_matrix_takes_the_bytes_that_it_states() {
         TransportMatrix::new(rig(true), Channels::Luma, vec![vec![1.0; PIXELS]], layers)
     });
     assert_eq!(matrix.nonzeros(), 2 * PIXELS * EACH);
-    // Each entry has two bytes for its column and four for its weight, and the diagonal adds to this. Padding takes less than one byte per
-    // entry here.
+    // Each entry has two bytes for its column and four for its weight, plus the diagonal. Padding takes less than one byte per entry.
     let least = 6 * matrix.nonzeros() + 4 * PIXELS;
     assert!((least..least + matrix.nonzeros()).contains(&matrix.bytes()), "{} of {least}", matrix.bytes());
     // The difference comes from lists of bands, and from arrays that end within a word.
@@ -197,7 +196,6 @@ fn a_matrix_takes_the_bytes_that_it_states() {
     assert!(off < 4000, "{} are stated: {bytes:?}", matrix.bytes());
 }
 
-/// Columns and weights are read band by band, one band per thread at the same time.
 #[test]
 fn a_matrix_is_read_in_pieces() {
     for threads in [1, 3] {
@@ -321,7 +319,6 @@ fn many_small_chunks_are_joined_while_they_come() {
     assert!(bytes.left < (1 << 22) + of_rows, "{bytes:?}");
 }
 
-/// A message has only the room that it needs.
 #[test]
 fn messages_take_no_more_than_their_bytes() {
     let (message, _) = measured(

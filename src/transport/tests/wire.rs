@@ -22,7 +22,6 @@ fn chunk() -> Chunk<3> {
 
 type Contributions = Vec<(u32, bool, Key, [[u32; 3]; 2])>;
 
-/// The contributions of the chunk to these pixels, of paths from one endpoint.
 fn wanted(from_camera: bool, pixels: &Range<u32>) -> Contributions {
     let is_wanted = |(_, of_camera, key, _): &(u32, bool, Key, [[u32; 3]; 2])| {
         *of_camera == from_camera && pixels.contains(&key.other())
@@ -73,7 +72,6 @@ fn what_ends_early_or_late_is_refused() {
     }
 }
 
-/// The arrays of a message of contributions of one channel.
 fn chunk_of(pixels: &[u32], ends: &[u64], keys: &[u32], lights: [usize; 2]) -> Result<Chunk<1>, Garbled> {
     let bytes = message(|to| {
         put(to, pixels)?;
@@ -102,7 +100,6 @@ fn arrays_of_other_lengths_are_refused() {
     ] {
         assert!(chunk.is_err(), "{what}");
     }
-    // Colours need three numbers each.
     let bytes = message(|to| {
         put(to, &[4_u32])?;
         put(to, &[1_u64])?;

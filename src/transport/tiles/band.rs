@@ -22,7 +22,6 @@ pub(super) struct Filled<'a> {
     pub(super) weights: Vec<&'a mut [[f32; LANES]]>,
 }
 
-/// A row of tiles.
 #[derive(Clone, Debug)]
 pub(super) struct Band {
     /// The start of each tile, from left to right, and the end of the last.
@@ -35,7 +34,6 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// The band of the `rows` rows in `windows`.
     pub(super) fn new(rows: usize, windows: &[Window], channels: usize, shape: Shape, cols: usize) -> Self {
         // Within a tile, the windows follow one another.
         let across = cols.div_ceil(shape.columns);
@@ -103,8 +101,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Calls `visit` with column and step of each of the row's entries in the columns `from..to` of the tile. `columns` are the columns of
-    /// the tile's band.
+    /// Calls `visit` with column and step of each of the row's entries in the tile's columns `from..to`. `columns` is the band's array.
     pub(super) fn each(
         self,
         columns: &[[u16; LANES]],
@@ -146,7 +143,6 @@ impl Fragment {
         self.row_start.len() - 1
     }
 
-    /// Whether the fragment has some of these rows.
     pub(super) fn overlaps(&self, rows: &Range<usize>) -> bool {
         self.first < rows.end && rows.start < self.first + self.rows()
     }
@@ -207,8 +203,7 @@ pub(super) fn below(
     fragments
 }
 
-/// The transpose of these columns of `bands`, as fragments by ascending columns of the transpose. The first row of the bands has number
-/// `first_row` there.
+/// The transpose of these columns of `bands`, as fragments by ascending columns. The first row of the bands has number `first_row` there.
 pub(super) fn of_bands(
     bands: &[Band],
     columns: &Range<usize>,
@@ -241,7 +236,6 @@ trait Above: Sync {
     fn weight(&self, channel: usize, at: Self::At) -> f32;
 }
 
-/// The entries of a tile in some columns.
 struct OfTile<'a> {
     band: &'a Band,
     first_column: usize,

@@ -21,12 +21,11 @@ pub(in crate::transport) struct Builder {
     symmetric: bool,
     /// The number of rows of a group, which has whole bands.
     group: usize,
-    /// The first row that is not in tiles yet.
     next: usize,
 }
 
 impl Builder {
-    /// A builder for a matrix of `rows × cols` with about `entries` entries. The rows of a symmetric matrix are given from the diagonal on.
+    /// The rows of a symmetric matrix are given from the diagonal on. `entries` is an estimate.
     pub(in crate::transport) fn new(
         [rows, cols]: [usize; 2],
         channels: usize,
@@ -109,7 +108,6 @@ fn group_of(rows: usize, shape: Shape) -> usize {
     (rows.div_ceil(GROUPS) / shape.rows).max(enough) * shape.rows
 }
 
-/// The groups in which `rows` rows become tiles in this process.
 pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
     // The number of rows of a band depends only on these arguments.
     let shape = Shape::new(rows, 1, 1, rayon::current_num_threads());
@@ -121,7 +119,6 @@ pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
 /// entries of the pieces in the columns of this process.
 pub(in crate::transport) struct Before {
     pub(in crate::transport) fragments: Vec<Fragment>,
-    /// The column after the last one of this process.
     pub(in crate::transport) columns_before: usize,
 }
 
@@ -169,15 +166,12 @@ pub(super) struct Window {
     /// The first row, counted from the start of the band.
     first: usize,
     rows: CompressedRows,
-    /// The number of slices and steps in each tile.
     pub(super) sizes: Vec<Start>,
 }
 
-/// A row's entries within a tile.
 #[derive(Clone, Copy)]
 struct Segment {
     row: usize,
-    /// The index of the first entry.
     first: usize,
     length: usize,
 }

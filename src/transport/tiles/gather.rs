@@ -1,6 +1,5 @@
 //! The inner loop of a product by vector instructions (AVX2), which multiply and add several lanes at once. Entries of one vector are
-//! looked up four at a time by one instruction, or one by one. Entries of four interleaved vectors are looked up together. All kernels
-//! prefetch the next entries.
+//! looked up four at a time, or one by one. Entries of four interleaved vectors are looked up together. All kernels prefetch.
 
 #![allow(
     unsafe_code,
@@ -11,8 +10,7 @@ use std::arch::x86_64::*;
 
 use super::kernels::{Interleaved, Kernel, LANES, Slice};
 
-/// The number of steps between an entry's prefetch and its use. This covers the latency of memory, because hardware prefetchers do not
-/// cross pages.
+/// The number of steps between an entry's prefetch and its use, to cover memory latency: hardware prefetchers do not cross pages.
 const AHEAD: usize = 80;
 
 /// The kernels for one vector; none if the processor lacks the instructions.
@@ -42,8 +40,7 @@ pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     }]
 }
 
-/// Sums of one vector. It panics if a step or a row does not exist. A column that does not exist (no tile has one) reads the last entry of
-/// `from`.
+/// Sums of one vector. It panics at an invalid step or row. An invalid column (no tile has one) reads the last entry of `from`.
 #[target_feature(enable = "avx2")]
 fn by_four(
     slices: &[Slice],
@@ -90,8 +87,7 @@ fn by_four(
     }
 }
 
-/// Works like [`by_four`], for processors that look up four entries faster one by one. It panics if a step, a row or a column does not
-/// exist.
+/// Works like [`by_four`], for processors that look up entries faster one by one. It panics at an invalid step, row or column.
 #[target_feature(enable = "avx2")]
 fn one_by_one(
     slices: &[Slice],
@@ -161,7 +157,6 @@ fn of_interleaved(
     }
 }
 
-/// Prefetches the columns and weights of a later step.
 #[inline(always)]
 fn prefetch(columns: &[u16; LANES], weights: &[f32; LANES]) {
     // SAFETY: a prefetch may point anywhere; it reads nothing.

@@ -105,7 +105,6 @@ impl<V: Summable> Sums<V> {
         timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)
     }
 
-    /// All kernels that this processor can run.
     #[cfg(test)]
     pub(super) fn all() -> Vec<Self> {
         let mut all = vec![Self(portable)];
@@ -124,7 +123,6 @@ impl<V: Summable> Sums<V> {
         (self.0)(slices, columns, weights, from, to);
     }
 
-    /// The shortest of several measured times for a few thousand entries.
     fn time(self) -> Duration {
         const STEPS: usize = 512;
         const COLUMNS: usize = 4096;

@@ -2,8 +2,8 @@
 //! memory.
 //!
 //! Within a tile, eight rows of about equal numbers of entries form a *slice* (the format is known as sliced ELLPACK). The eight sums are
-//! computed at the same time, each with the entries of one row from left to right. The bits of a product therefore do not depend on the
-//! shape of the tiles, the number of threads and the instructions used.
+//! computed together, each with the entries of one row from left to right. The bits of a product therefore do not depend on the shape of
+//! the tiles, the number of threads and the instructions used.
 //!
 //! Rows come in groups, from the first to the last ([`Builder`]). For a symmetric matrix, only the triangle on and above the diagonal is
 //! given. The part below the diagonal is read from the tiles of earlier groups.
@@ -90,7 +90,6 @@ impl Tiles {
         self.shape.rows
     }
 
-    /// The product of one band's rows with `from`.
     pub(super) fn product<V: Summable>(&self, channel: usize, band: usize, from: &[V]) -> Vec<V> {
         let rows = self.shape.rows.min(self.rows - band * self.shape.rows);
         let band = &self.bands[band];

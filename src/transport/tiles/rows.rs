@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-/// A sparse matrix in compressed rows, with one set of `f32` weights per channel on a common sparsity pattern. Layers
-/// are built and written in this form.
+/// A sparse matrix in compressed rows, with `f32` weights per channel on a common pattern, as layers are built and
+/// written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CompressedRows {
     /// The offset into `columns` for each row, and the number of entries at the end.
@@ -73,7 +73,6 @@ impl CompressedRows {
     }
 }
 
-/// Consecutive rows of a sparse matrix, as pieces.
 pub(in crate::transport) struct Pieces {
     /// The first row of each piece, and the end of the last.
     first: Vec<usize>,
@@ -90,7 +89,6 @@ impl Pieces {
         Self { first: std::iter::once(first).chain(ends).collect(), pieces }
     }
 
-    /// The row after the last one.
     pub(in crate::transport) fn end(&self) -> usize {
         self.first[self.first.len() - 1]
     }

@@ -51,7 +51,6 @@ fn tiles(shape: Shape, cols: usize, pieces: Vec<CompressedRows>, symmetric: bool
     builder.finish()
 }
 
-/// The sums of the rows, from left to right.
 fn product(from: &CompressedRows, channel: usize, x: &[f64]) -> Vec<f64> {
     let of_row = |ends: &[usize]| {
         (ends[0]..ends[1]).fold(0.0, |sum, entry| {
@@ -65,8 +64,7 @@ fn pattern(cols: usize) -> Vec<f64> {
     (0..cols).map(|column| (column * 7919 % 1013) as f64 / 1013.0 - 0.5).collect()
 }
 
-/// The vector, interleaved with its multiples by powers of two and zero. The products of these are exact
-/// multiples of its product.
+/// The vector, interleaved with its multiples by powers of two and zero, whose products are exact multiples.
 fn four(x: &[f64]) -> Vec<Interleaved> {
     x.iter().map(|x| Interleaved([*x, -2.0 * x, 0.0, 0.5 * x])).collect()
 }
