@@ -169,7 +169,7 @@ impl Journal {
     /// sync. A sync for each record would take longer than a product with the matrix.
     ///
     /// # Errors
-    /// The errors of [`Journal::append`]. If a sync fails, all records since the last successful sync are
+    /// The errors of [`Journal::append`]. If a sync fails, records since the last successful sync are
     /// removed.
     pub fn append_buffered(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;

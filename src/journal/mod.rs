@@ -48,7 +48,8 @@ pub use scan::{Damage, Torn};
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// The key of these parts. Their lengths are hashed, too, so equal concatenations have different keys.
+    /// The key of these parts. The parts' lengths are hashed, too, so different lists with equal concatenations have
+    /// different keys.
     pub fn of(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for part in parts {

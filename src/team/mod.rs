@@ -68,11 +68,10 @@ pub trait Comm: Send + Sync {
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
 }
 
-/// Checks that all processes run the same program. `program` identifies the program, `placements` the machines. Every process must call
-/// it.
+/// Checks that all processes run the program that `program` identifies. `placements` says where they run. Every process must call it.
 ///
 /// # Errors
-/// [`Error::Team`] in every process. It names the machines that run another program than the leader.
+/// [`Error::Team`] in every process if the programs differ. It names the machines that run another program than the leader.
 pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: &str) -> Result<()> {
     let programs = cores::exchange_text(comm, program);
     let host = |rank: usize| placements.get(rank).map_or("", |placement| &placement.host);

@@ -32,7 +32,7 @@ pub struct Question<'a> {
     /// The pattern `x`, with an entry for each projector pixel. Entries may be negative.
     pub pattern: &'a [f64],
     /// The number `s` of the form `xᵀ P x − s xᵀ D x`. The diagonal matrix `D` has the row sums of `P`. With `s = 0` the form is the
-    /// Rayleigh quotient of a vector of norm 1. If `s` is an eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is its error.
+    /// Rayleigh quotient of a vector of norm 1. If `s` is an eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is the error of `s`.
     pub shift: f64,
 }
 

@@ -14,7 +14,7 @@ pub struct ExplicitMatrix {
 }
 
 impl ExplicitMatrix {
-    /// A rig for `matrix`, which must have a row and a column for each pixel; [`Error::Dimension`] for another shape.
+    /// A rig for `matrix`, which must have a row and a column for each pixel. Another shape gives [`Error::Dimension`].
     pub fn new(matrix: Csr, resolution: Resolution) -> Result<Self> {
         let pixels = resolution.pixels();
         if (matrix.rows(), matrix.cols()) != (pixels, pixels) {

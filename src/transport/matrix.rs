@@ -142,7 +142,7 @@ impl TransportMatrix {
         self.multiply(Product { direction: Direction::Forward, part, channel }, x, y);
     }
 
-    /// `x ← Pᵀ y`: the photo of the dual rig with exchanged camera and projector. `y` has an entry per camera pixel, `x` one per projector
+    /// `x ← Pᵀ y`: the photo of the dual rig with exchanged camera and projector. `y` has an entry per camera pixel, `x` per projector
     /// pixel.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
         self.multiply(Product { direction: Direction::Adjoint, part, channel }, y, x);

@@ -20,8 +20,7 @@ use crate::transport::tiles::{self, Before, Builder, Pieces};
 use crate::transport::transpose::Sources;
 use crate::transport::wire::{self, unread};
 
-/// The steps in which the rows of a matrix are merged. In each step, every process merges a group of its rows, at the same time as the
-/// others.
+/// The steps in which the rows of a matrix are merged. In each step, all processes merge a group of their rows at the same time.
 ///
 /// In a coaxial rig, a contribution counts for the rows of the pixels at both ends of its path. In any other rig, it counts for the row of
 /// its camera pixel. It is needed only in the first step of its rows. Later, its entry is read from the finished rows, which contain the
