@@ -355,7 +355,6 @@ impl<T> Stripes<'_, T> {
         stripes
     }
 
-    /// The entry `index`, if this task has it.
     fn at(&mut self, index: usize) -> Option<&mut T> {
         let place = self.places[index / Self::WIDTH];
         self.mine.get_mut(place as usize).map(|stripe| &mut stripe[index % Self::WIDTH])

@@ -194,7 +194,7 @@ impl<'a, const C: usize> Merging<'a, C> {
     }
 }
 
-/// Joins the rows of several tasks to one piece. Its arrays are long, so the system gets their memory back when they are freed.
+/// Joins the rows of several tasks into one piece. Its arrays are long, so the system gets their memory back when they are freed.
 fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
     let count = parts.iter().map(|part| part.columns.len()).sum();
     let mut joined =

@@ -44,7 +44,6 @@ pub(super) struct Band {
 }
 
 impl DeviceLayer {
-    /// Copies the rows to the device, in bands within `limits`.
     pub(super) fn upload(gpu: &Gpu, bounces: Bounces, from: &CompressedRows, limits: Limits) -> Result<Self> {
         let CompressedRows { row_start, columns, weights } = from;
         let longest = row_start.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);

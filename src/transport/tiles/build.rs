@@ -151,7 +151,6 @@ fn whole_rows(parts: &[Before], pieces: &Pieces, rows: Range<usize>, channels: u
     whole
 }
 
-/// Splits off the first `count` elements of `rest`.
 pub(in crate::transport) fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let (mine, others) = std::mem::take(rest).split_at_mut(count);
     *rest = others;

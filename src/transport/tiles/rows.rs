@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-/// A sparse matrix in compressed rows, with `f32` weights per channel on a common pattern, as layers are built and
-/// written.
+/// A sparse matrix in compressed rows, with `f32` weights per channel on a common sparsity pattern. Layers are
+/// built and written in this form.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CompressedRows {
     /// The offset into `columns` for each row, and the number of entries at the end.
@@ -80,7 +80,6 @@ pub(in crate::transport) struct Pieces {
 }
 
 impl Pieces {
-    /// These pieces, one after the other, from the row `first` on.
     pub(in crate::transport) fn new(first: usize, pieces: Vec<CompressedRows>) -> Self {
         let ends = pieces.iter().scan(first, |end, piece| {
             *end += piece.rows();
