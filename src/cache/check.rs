@@ -1,9 +1,9 @@
-//! Checks of the content of a cached file: a right checksum says only that its writer could calculate one.
+//! Checks of the content of a cached file. A right checksum shows only that the writer could calculate one.
 
 use super::file::{Arrays, Record, Rows};
 use crate::transport::{Bounces, Channels, RigShape};
 
-/// Checks that the arrays of a file form a matrix of `rig` with these channels. `Err` says what does not.
+/// Checks that the arrays of a file form a matrix of `rig` with these channels. `Err` says what is wrong.
 pub(super) fn require_matrix(
     record: &Record,
     arrays: &Arrays,
@@ -55,14 +55,14 @@ fn require_rows((starts, columns, weights): &Rows, rows: usize, cols: usize) -> 
     }
     let is_row =
         |row: &[u32]| row.is_sorted_by(|a, b| a < b) && row.last().is_none_or(|&last| (last as usize) < cols);
-    // Starts are sorted and end at the number of entries, so that each row is within the columns.
+    // The starts are sorted and end at the number of entries, so the range of each row is valid.
     match starts.windows(2).position(|of| !is_row(&columns[of[0] as usize..of[1] as usize])) {
         Some(row) => Err(format!("row {row} of a layer has columns out of order or beyond {cols}")),
         None => Ok(()),
     }
 }
 
-/// Checks that rows which [`require_rows`] has checked have no entries below the diagonal.
+/// Checks that rows have no entries below the diagonal. The rows must have passed [`require_rows`].
 fn require_upper((starts, columns, _): &Rows) -> Result<(), String> {
     let is_below = |(row, of): (usize, &[u64])| {
         columns[of[0] as usize..of[1] as usize].first().is_some_and(|&first| (first as usize) < row)
@@ -105,7 +105,6 @@ mod tests {
         }
     }
 
-    /// A key of matrices of 2×2 pixels.
     fn key() -> Key {
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/corner/scene.glb");
         let scene = crate::scene::load(&scene, None).expect("shipped scenes load");
@@ -123,7 +122,7 @@ mod tests {
         Key::new(&scene, &adapter, &settings, Channels::Luma, false)
     }
 
-    /// A symmetric matrix of 2×2 pixels with two entries, of which the file has one.
+    /// A symmetric matrix of 2×2 pixels with two entries. The file contains one of them.
     fn sound(key: &Key) -> (Record, Arrays) {
         let record = Record {
             key: key.hex().into(),
@@ -150,7 +149,7 @@ mod tests {
         (record, arrays)
     }
 
-    /// The result of reading a file that a stranger wrote, with the right checksum.
+    /// The result of reading a file that was written with these contents and a right checksum.
     fn read_back(key: &Key, record: Record, arrays: &Arrays) -> Result<(), String> {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         let path = folder.path().join("matrix.npz");
@@ -179,7 +178,7 @@ mod tests {
             |_, arrays| arrays.layers[0].0.truncate(2),
             |_, arrays| arrays.layers[0].0.clear(),
             |_, arrays| arrays.layers[0].1[0] = 4,
-            // The entry of the row 2 in the column 1.
+            // The only entry is in row 2 and column 1, below the diagonal.
             |_, arrays| arrays.layers[0] = (vec![0, 0, 0, 1, 1], vec![1], vec![0.5]),
             |_, arrays| arrays.layers[0] = (vec![0, 2, 2, 2, 2], vec![2, 1], vec![0.5, 0.5]),
             |_, arrays| arrays.layers[0].2.clear(),

@@ -1,10 +1,9 @@
 //! The files of a cached matrix, one for each channel.
 //!
-//! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They
-//! hold the last layer: the light of two bounces and more, or of three and more if the second bounce is a
-//! separate layer. The members of other layers have the layer's name as a prefix. A layer of a symmetric matrix has only its entries on and
-//! above the diagonal: the matrix is `U + Uᵀ - diag(U)`. `direct` is the diagonal,
-//! `ambient` the photo without the projector, `white_error` the noise of the white photo, and `noise` the
+//! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They hold the last layer: the light
+//! of two bounces and more, or of three and more if the second bounce is a separate layer. The members of other layers have the layer's
+//! name as a prefix. Each layer of a symmetric matrix has only its entries on and above the diagonal: the matrix is `U + Uᵀ - diag(U)`.
+//! `direct` is the diagonal, `ambient` the photo without the projector, `white_error` the noise of the white photo, and `noise` the
 //! relative errors. `krylux.json` is the record of everything else.
 
 use std::fs::File;
@@ -42,11 +41,11 @@ pub(super) struct Record {
     pub(super) dispatches: u32,
     pub(super) longest_ns: u64,
     pub(super) tracing_ns: u64,
-    /// BLAKE3 hash of the fields above and of the arrays. It is empty while the hash is computed.
+    /// The BLAKE3 hash of the fields above and of the arrays. It is empty while the hash is computed.
     pub(super) checksum: String,
 }
 
-/// One channel of a layer in CSR form: row starts, columns and weights. A symmetric matrix has only its entries on and above the diagonal.
+/// One channel of a layer in CSR form: row starts, columns and weights. A symmetric matrix has only the entries on and above the diagonal.
 pub(super) type Rows = (Vec<u64>, Vec<u32>, Vec<f32>);
 
 #[derive(Debug)]
@@ -58,9 +57,9 @@ pub(super) struct Arrays<L = Rows> {
     pub(super) noise: Vec<f64>,
 }
 
-/// A layer whose arrays are made piece by piece, while they are written.
+/// A layer that is produced piece by piece while it is written.
 pub(super) trait InPieces {
-    /// The offset of each row, then the number of entries.
+    /// The offset of each row, and the number of entries at the end.
     fn starts(&self) -> Vec<u64>;
 
     /// The numbers of columns and of weights, which are equal in a matrix.
@@ -71,11 +70,10 @@ pub(super) trait InPieces {
     fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a>;
 }
 
-/// The checksum of a record and its arrays while they are read or written, in the order of the fields.
+/// The checksum of a record and its arrays, updated in the order of the fields while they are read or written.
 struct Checksum(blake3::Hasher);
 
 impl Checksum {
-    /// The checksum of a record, whose arrays follow.
     fn new(record: &Record) -> io::Result<Self> {
         let record = Record { checksum: String::new(), ..record.clone() };
         let mut checksum = Self(blake3::Hasher::new());
@@ -83,7 +81,6 @@ impl Checksum {
         Ok(checksum)
     }
 
-    /// Begins an array of `count` values.
     fn begin<T>(&mut self, count: usize) {
         self.0.update(&((count * size_of::<T>()) as u64).to_le_bytes());
     }
@@ -122,8 +119,7 @@ impl Record {
     }
 }
 
-/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names, those of
-/// other layers a prefix.
+/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names; other layers add a prefix.
 fn member(bounces: Bounces, last: bool, array: &str) -> String {
     let layer = match bounces {
         _ if last => return array.into(),
@@ -142,12 +138,12 @@ pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> crate::
     Ok(())
 }
 
-/// The entries that a file has of each layer.
+/// The entries of each layer that a file contains.
 fn kept(rig: RigShape) -> Entries {
     if rig.symmetric { Entries::Upper } else { Entries::All }
 }
 
-/// One channel of a layer, as a file has it.
+/// One channel of a layer in the form of a file.
 struct OfChannel<'a> {
     layer: &'a Layer,
     channel: usize,
@@ -207,7 +203,7 @@ fn channel_content<'a>(key: &Key, traced: &'a Assembled, channel: usize) -> (Rec
     (record, arrays)
 }
 
-/// Writes the archive of one channel. The record comes last, since it has the checksum of what was written.
+/// Writes the archive of one channel. The record comes last, because it contains the checksum of the arrays.
 pub(super) fn write_channel<L: InPieces>(
     file: &mut (impl Write + io::Seek),
     mut record: Record,
@@ -236,7 +232,7 @@ pub(super) fn write_channel<L: InPieces>(
     Ok(())
 }
 
-/// Writes the arrays of a layer. `name` gives the names of their members.
+/// Writes the arrays of a layer. `name` gives their names.
 fn write_layer(
     archive: &mut ZipWriter<impl Write + io::Seek>,
     checksum: &mut Checksum,
@@ -268,8 +264,7 @@ pub(super) fn label(path: &Path) -> Option<String> {
 
 type Archive = ZipArchive<BufReader<File>>;
 
-/// Reads a matrix from the open files of its channels, with their paths for messages. `Err` says what is
-/// wrong with them.
+/// Reads a matrix from the open files of its channels. The paths are for messages. `Err` says what is wrong with the files.
 pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> Result<Assembled, String> {
     let count = files.len();
     let channels = files.into_iter().enumerate().map(|(channel, (path, file))| {
@@ -315,7 +310,7 @@ fn read_record(archive: &mut Archive) -> Result<Record, String> {
     serde_json::from_slice(&read_member(archive, RECORD)?).map_err(|error| format!("{RECORD}: {error}"))
 }
 
-/// The bytes of a member. Members are stored as they are, so that none is larger than the file.
+/// The bytes of a member. Members are not compressed, so a member cannot be larger than the file.
 fn read_member(archive: &mut Archive, name: &str) -> Result<Vec<u8>, String> {
     let mut member = archive.by_name(name).map_err(|error| format!("{name}: {error}"))?;
     if member.compression() != CompressionMethod::Stored || member.size() != member.compressed_size() {
@@ -338,7 +333,7 @@ fn read_indices(archive: &mut Archive, name: &str) -> Result<Vec<u64>, String> {
     }
 }
 
-/// Combines the channels to a matrix; `None` if they differ in anything but their values.
+/// Combines the channels into a matrix. Returns `None` if they differ in anything but their values.
 fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
     let (first, shared) = channels.first()?;
     let (rig, kind, bounces) = (first.rig, first.channels, first.layers.clone());

@@ -1,7 +1,6 @@
-//! Compiled kernels in the cache, one file for each adapter and version of its driver.
+//! Compiled kernels in the cache, one file per adapter and driver version.
 //!
-//! A driver trusts what it is given, so that a file is used only if it belongs to the user who runs the program, nobody else may write it, and
-//! its checksum is right.
+//! A driver trusts its input. A file is used only if it belongs to the running user, nobody else may write it, and its checksum is right.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,14 +10,14 @@ use crate::error::Result;
 use crate::gpu::AdapterSummary;
 use crate::{file, io};
 
-/// The largest file that is read, in bytes. The kernels of a scene have far less than a hundredth of this.
+/// The largest file that is read, in bytes. The kernels of a scene take far less than a hundredth of it.
 const MOST: u64 = 64 << 20;
 
 const PREFIX: &str = "kernels-";
 const SUFFIX: &str = ".bin";
 
 impl Cache {
-    /// The kernels that an earlier run compiled for this adapter. `None` where there are none, or none that can be trusted.
+    /// The kernels that an earlier run compiled for this adapter, or `None` if there are none that can be trusted.
     pub fn kernels(&self, adapter: &AdapterSummary) -> Option<Vec<u8>> {
         let path = self.kernel_file(adapter);
         let about = fs::symlink_metadata(&path).ok()?;
@@ -30,10 +29,7 @@ impl Cache {
         (blake3::hash(&kernels).as_bytes()[..] == checksum[..]).then_some(kernels)
     }
 
-    /// Keeps the kernels that were compiled for this adapter, in place of those before.
-    ///
-    /// # Errors
-    /// [`Error::Write`](crate::Error::Write).
+    /// Stores the compiled kernels of this adapter in place of earlier ones. It fails with [`Error::Write`](crate::Error::Write).
     pub fn store_kernels(&self, adapter: &AdapterSummary, kernels: &[u8]) -> Result<()> {
         file::make_folder(&self.folder)?;
         let checksum = blake3::hash(kernels);
@@ -47,7 +43,6 @@ impl Cache {
     }
 }
 
-/// Whether a file in the cache has kernels.
 pub(super) fn has_kernels(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let hash = name.strip_prefix(PREFIX).and_then(|name| name.strip_suffix(SUFFIX));

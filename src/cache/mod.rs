@@ -1,13 +1,12 @@
-//! The cache: traced matrices on disk, so that later runs on the same scene do not trace it again.
+//! The cache of traced matrices on disk, so that later runs on the same scene need not trace it again.
 //!
-//! A matrix is found by its [`Key`], a hash of everything that it depends on. It has one file for each
-//! channel: a ZIP archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are
-//! written atomically, so several runs can share a cache. A damaged file is recognized by its checksum; its
-//! matrix is then traced again.
+//! A matrix is found by its [`Key`], a hash of everything that it depends on. The cache has one file for each channel of a matrix: a ZIP
+//! archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are written atomically, so several runs can
+//! share a cache. A checksum reveals a damaged file; its matrix is then traced again.
 //!
-//! Kernels that a driver gives out when it has compiled them are kept beside the matrices.
+//! The cache also keeps the kernels that a driver has compiled.
 //!
-//! Parts of a matrix that are traced one by one are files of another kind ([`ShardFile`]), which the user names.
+//! Parts of a matrix that are traced one by one are files of another kind ([`ShardFile`]). The user names these files.
 
 mod check;
 mod file;
@@ -28,19 +27,16 @@ use crate::render::TraceSettings;
 use crate::scene::Scene;
 use crate::transport::{Assembled, Channels, RigShape};
 
-/// The version of everything that a matrix depends on but the key does not hash. It must be raised when the
-/// same paths give another matrix, when the file format changes, or when the host prepares a scene
-/// differently for the tracer (the pairing of triangles affects the last bits). Changes of the shaders need
-/// no new version, since their sources are hashed.
+/// The version of everything that a matrix depends on but the key does not hash. It must be raised when the same paths give another
+/// matrix, when the file format changes, or when the host prepares a scene differently for the tracer (the pairing of triangles affects
+/// the last bits). Changed shaders need no new version, because the key hashes their sources.
 const OPERATOR_VERSION: u32 = 4;
 
-/// The number of hexadecimal digits of a key, which has 128 bits.
 const HEX_DIGITS: usize = 32;
 
-/// The key of a traced matrix: a BLAKE3 hash of everything that the matrix depends on. That is the scene's
-/// files, camera, projector and materials, the resolutions, samples, bounces, seed, sampler, channels and
-/// layers, the sources of the shaders, and the adapter with its driver, since the results of sines and powers
-/// depend on the device.
+/// The key of a traced matrix: a BLAKE3 hash of everything that the matrix depends on. It covers the scene's files, camera, projector and
+/// materials, the resolutions, samples, bounces, seed, sampler, channels and layers, and the sources of the shaders. It also covers the
+/// adapter and its driver, because the results of sines and powers depend on the device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     hex: String,
@@ -50,11 +46,11 @@ pub struct Key {
 }
 
 impl Key {
-    /// The key of the matrix that results from tracing `scene` on `adapter`. `split` is as in
-    /// [`crate::transport::assemble_layers`]. Geometry and textures enter by [`Scene::hash`].
+    /// The key of the matrix that results from tracing `scene` on `adapter`. `split` is as in [`crate::transport::assemble_layers`].
+    /// [`Scene::hash`] covers geometry and textures.
     ///
-    /// The `Debug` texts of the camera, the materials, the settings and the channels are hashed, so renaming
-    /// a field of these types changes every key.
+    /// The key hashes the `Debug` texts of the camera, the materials, the settings and the channels. Renaming a field of these types
+    /// therefore changes every key.
     pub fn new(
         scene: &Scene,
         adapter: &AdapterSummary,
@@ -64,7 +60,7 @@ impl Key {
     ) -> Self {
         let mut hasher = blake3::Hasher::new();
         let mut part = |text: &str| {
-            // The length separates the parts: other parts with the same concatenation have another hash.
+            // The length separates the parts: different parts with the same concatenation have different hashes.
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         };
@@ -89,12 +85,12 @@ impl Key {
             settings.seed
         );
         let (camera, projector) = (settings.resolution, settings.projector.unwrap_or(settings.resolution));
-        // Whether the rig is coaxial is the tracer's to say.
+        // Only the tracer knows whether the rig is coaxial.
         let rig = RigShape { camera, projector, symmetric: camera == projector };
         Self { hex, label, channels, rig }
     }
 
-    /// A key that a file names; `None` for other texts, since keys are names of files.
+    /// A key from a file. The result is `None` for a text that is not a key, because keys become file names.
     fn stored(hex: String, label: String, channels: Channels, rig: RigShape) -> Option<Self> {
         let is_digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
         (hex.len() == HEX_DIGITS && hex.bytes().all(is_digit)).then_some(Self { hex, label, channels, rig })
@@ -110,24 +106,24 @@ impl Key {
         &self.label
     }
 
-    /// The pixels of camera and projector. `symmetric` is false where the matrix is not square; otherwise the tracer knows.
+    /// The pixels of camera and projector. `symmetric` is false for a matrix that is not square; otherwise only the tracer knows.
     fn rig(&self) -> RigShape {
         self.rig
     }
 
-    /// The channels of the matrix. It has one file for each of them.
+    /// The channels of the matrix.
     pub fn channels(&self) -> Channels {
         self.channels
     }
 }
 
-/// The source of a shader without comments and empty lines, which change no matrix.
+/// The source of a shader without comments and empty lines, which do not affect the matrix.
 fn without_comments(source: &str) -> String {
     let code = source.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
     code.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
-/// The default limit of a cache's size in bytes: 4 GiB.
+/// The default size limit of a cache: 4 GiB, in bytes.
 pub const LIMIT: u64 = 4 << 30;
 
 /// A folder of traced matrices.
@@ -144,26 +140,25 @@ pub enum Found {
     Whole(Box<Assembled>),
     /// The cache has no matrix with this key.
     Missing,
-    /// The cache has files with this key that cannot be used, for this reason.
+    /// The cache has files with this key, but they cannot be used for this reason.
     Damaged(String),
 }
 
 /// One matrix in the cache.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Its key in hexadecimal.
+    /// The key in hexadecimal.
     pub key: String,
     /// A description of the scene and the settings; `None` if the file is damaged.
     pub label: Option<String>,
-    /// Its size on disk in bytes.
+    /// The size on disk in bytes.
     pub bytes: u64,
-    /// The time when it was last stored or found.
+    /// The last time when the matrix was stored or found.
     pub used: SystemTime,
     files: Vec<PathBuf>,
 }
 
-/// The default folder, `$XDG_CACHE_HOME/krylux` or `~/.cache/krylux`. `None` if neither `XDG_CACHE_HOME` nor
-/// `HOME` is set.
+/// The default folder, `$XDG_CACHE_HOME/krylux` or `~/.cache/krylux`. `None` if neither `XDG_CACHE_HOME` nor `HOME` is set.
 pub fn default_folder() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
@@ -195,8 +190,7 @@ impl Cache {
         };
         match file::read(key, opened) {
             Ok(found) => {
-                // An error is ignored: the cache also works if it is read-only, but then times of use are not
-                // recorded.
+                // Errors are ignored: a read-only cache also works, but does not record times of use.
                 let touch = |path: &PathBuf| {
                     crate::file::open_to_change(path).map(|file| file.set_modified(SystemTime::now()))
                 };
@@ -207,12 +201,8 @@ impl Cache {
         }
     }
 
-    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. Returns
-    /// `false` if the matrix alone is larger than the limit; it is not stored then. Another run that shares
-    /// the cache may remove the matrix at any time.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
+    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. Returns `false`, and stores nothing, if
+    /// the matrix alone exceeds the limit. Another run may remove the matrix at any time. It fails with [`Error::Write`].
     pub fn store(&self, key: &Key, traced: &Assembled) -> Result<bool> {
         if traced.matrix.bytes() as u64 > self.limit {
             return Ok(false);
@@ -228,8 +218,7 @@ impl Cache {
             }
             remove(&entry.files)?;
             held -= entry.bytes;
-            // The new matrix is sorted last. With the headers of its archive it is larger than the limit even
-            // alone.
+            // The new matrix is sorted last, so it alone, with the headers of its archive, exceeds the limit.
             if entry.key == key.hex() {
                 return Ok(false);
             }
@@ -237,15 +226,12 @@ impl Cache {
         Ok(true)
     }
 
-    /// All matrices, ordered by key. If the folder does not exist, there are none.
-    ///
-    /// # Errors
-    /// [`Error::Read`] when the folder exists but cannot be read.
+    /// All matrices, ordered by key. A folder that does not exist has none; one that cannot be read gives [`Error::Read`].
     pub fn entries(&self) -> Result<Vec<Entry>> {
         let mut entries = BTreeMap::<String, Entry>::new();
         for path in self.listing()? {
             let Some(key) = key_of(&path) else { continue };
-            // Another run may have removed it meanwhile.
+            // Another run may have removed the file meanwhile.
             let Ok(about) = fs::symlink_metadata(&path) else { continue };
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let entry = entries.entry(key.clone()).or_insert(Entry {
@@ -262,11 +248,8 @@ impl Cache {
         Ok(entries.into_values().collect())
     }
 
-    /// Removes all matrices, and returns their number and their size in bytes. Compiled kernels, and temporary files that a killed
-    /// run left an hour ago or earlier, are removed, too. Other files in the folder stay.
-    ///
-    /// # Errors
-    /// [`Error::Read`], [`Error::Write`].
+    /// Removes all matrices, and returns their number and their size in bytes. It also removes compiled kernels, and temporary files that
+    /// a killed run left more than an hour ago. Other files in the folder stay. It fails with [`Error::Read`] or [`Error::Write`].
     pub fn clear(&self) -> Result<(usize, u64)> {
         let entries = self.entries()?;
         entries.iter().try_for_each(|entry| remove(&entry.files))?;
@@ -302,7 +285,7 @@ fn key_of(path: &Path) -> Option<String> {
     (is_key && matches!(rest, "luma.npz" | "r.npz" | "g.npz" | "b.npz")).then(|| key.to_owned())
 }
 
-/// Whether a file is a temporary one of atomic writing, `.KEY.luma.npz.RANDOM.tmp`.
+/// Whether a file is a temporary file of an atomic write, `.KEY.luma.npz.RANDOM.tmp`.
 fn is_unfinished(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let parts = name
@@ -312,13 +295,13 @@ fn is_unfinished(path: &Path) -> bool {
     parts.is_some_and(|(target, _)| key_of(Path::new(target)).is_some())
 }
 
-/// Whether a file was last written more than an hour ago, so that no run can still be writing it.
+/// Whether a file was last written more than an hour ago: no run can still be writing it.
 fn is_old(path: &Path) -> bool {
     let written = fs::symlink_metadata(path).and_then(|about| about.modified());
     written.is_ok_and(|when| when.elapsed().is_ok_and(|age| age > Duration::from_secs(3600)))
 }
 
-/// Removes files. A file that is gone already is not an error.
+/// Removes files. A file that does not exist is not an error.
 fn remove(files: &[PathBuf]) -> Result<()> {
     for path in files {
         match fs::remove_file(path) {

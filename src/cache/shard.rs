@@ -1,7 +1,7 @@
 //! The files of shards: parts of a matrix that are traced one by one, perhaps on other machines.
 //!
-//! A file is a line that names the format, a line of JSON that says what the shard is of, its arrays, and the BLAKE3 digest of all bytes before
-//! the digest. It is written and read in one pass.
+//! A file has a line that names the format, a line of JSON that describes the shard, the shard's arrays, and the BLAKE3 digest of all bytes
+//! before the digest. It is written and read in one pass.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -16,13 +16,12 @@ use crate::file;
 use crate::io::atomic;
 use crate::transport::{Shard, ShardRecord};
 
-/// The first line, before the number of the format.
+/// The first line up to the number of the format.
 const NAME: &str = "krylux shard ";
 const FORMAT: &str = "1";
 const LONGEST_LINE: u64 = 1 << 16;
 const DIGEST: u64 = blake3::OUT_LEN as u64;
 
-/// The second line of a file.
 #[derive(Serialize, Deserialize)]
 struct Head {
     key: String,
@@ -32,17 +31,17 @@ struct Head {
     record: ShardRecord,
 }
 
-/// The matrix that a shard is a part of. Two shards are of the same matrix where the keys are equal, and all facts.
+/// The matrix that a shard is a part of. Two shards belong to the same matrix if their keys and all facts are equal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ShardOrigin {
     /// The key of the whole matrix.
     pub key: Key,
-    /// The facts that the matrix depends on, by name: messages say which of them differ.
+    /// The facts that the matrix depends on, by name. Messages say which of them differ.
     pub facts: BTreeMap<String, String>,
 }
 
 impl ShardOrigin {
-    /// The differences of `other`, as sentences about it; empty where both are of the same matrix.
+    /// The differences of `other`, as sentences about it. The list is empty if both describe the same matrix.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let names =
             self.facts.keys().chain(other.facts.keys().filter(|name| !self.facts.contains_key(*name)));
@@ -60,16 +59,13 @@ impl ShardOrigin {
     }
 }
 
-/// The first digits of a digest; any other value as it is.
+/// The first digits of a digest, or any other value unchanged.
 fn shortened(value: &str) -> &str {
     let is_digest = value.len() == 64 && value.bytes().all(|byte| byte.is_ascii_hexdigit());
     if is_digest { &value[..12] } else { value }
 }
 
-/// Writes a shard, and returns the number of its bytes.
-///
-/// # Errors
-/// [`Error::Write`].
+/// Writes a shard, and returns its size in bytes. A failed write gives [`Error::Write`].
 pub fn write_shard(path: &Path, origin: &ShardOrigin, shard: &Shard) -> Result<u64> {
     let head = Head {
         key: origin.key.hex().into(),
@@ -90,7 +86,7 @@ pub fn write_shard(path: &Path, origin: &ShardOrigin, shard: &Shard) -> Result<u
     Ok(bytes)
 }
 
-/// The file of a shard, of which only the head is read so far.
+/// The file of a shard. Only its head has been read.
 #[derive(Debug)]
 pub struct ShardFile {
     path: PathBuf,
@@ -101,10 +97,7 @@ pub struct ShardFile {
 }
 
 impl ShardFile {
-    /// Whether a file begins as the files of shards do. An empty one does.
-    ///
-    /// # Errors
-    /// [`Error::Read`].
+    /// Whether a file begins like the file of a shard. An empty file counts. A file that cannot be read gives [`Error::Read`].
     pub fn is_begun(path: &Path) -> Result<bool> {
         let mut begin = Vec::new();
         let file = file::open(path)?;
@@ -112,10 +105,7 @@ impl ShardFile {
         Ok(NAME.as_bytes().starts_with(&begin))
     }
 
-    /// Opens a file, and reads its head.
-    ///
-    /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] where it is not the whole file of a shard.
+    /// Opens a file, and reads its head. It fails with [`Error::Read`], or with [`Error::Data`] if it is not the complete file of a shard.
     pub fn open(path: &Path) -> Result<Self> {
         let file = file::open(path)?;
         let length = file.metadata().map_err(Error::reading(path))?.len();
@@ -135,30 +125,27 @@ impl ShardFile {
         Ok(Self { path: path.into(), origin: ShardOrigin { key, facts }, record, rest, bytes })
     }
 
-    /// Its path.
+    /// The path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The matrix that it is a part of.
+    /// The matrix that the shard is a part of.
     pub fn origin(&self) -> &ShardOrigin {
         &self.origin
     }
 
-    /// Its record.
+    /// The record of the shard.
     pub fn record(&self) -> &ShardRecord {
         &self.record
     }
 
-    /// The bytes that its contributions take.
+    /// The size of the contributions in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Reads the shard.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where the file is cut short or damaged.
+    /// Reads the shard. A file that is cut short or damaged gives [`Error::Data`].
     pub fn read(self) -> Result<Shard> {
         let Self { path, record, mut rest, bytes, .. } = self;
         let of = (record.part, record.parts);
@@ -166,7 +153,6 @@ impl ShardFile {
             let found = rest.hasher.finalize();
             let mut digest = [0; DIGEST as usize];
             rest.inner.read_exact(&mut digest).map_err(|error| error.to_string())?;
-            // Hashes are compared in constant time, which does no harm.
             if found == blake3::Hash::from_bytes(digest) {
                 Ok(shard)
             } else {
@@ -189,7 +175,7 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
             ),
             help: "use the version of krylux that wrote it".into(),
         }),
-        // A file without any bytes is one that ends early.
+        // An empty file also counts as one that ends early.
         _ if format!("{NAME}{FORMAT}\n").as_bytes().starts_with(line) => {
             Err(damaged(path, "it ends early", None))
         }
@@ -201,7 +187,7 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
     }
 }
 
-/// The error for a file that is not whole. `of` is its part and the number of parts, where the head could be read.
+/// The error for an incomplete file. `of` is the shard's part and the number of parts, if the head could be read.
 fn damaged(path: &Path, why: &str, of: Option<(usize, usize)>) -> Error {
     let (part, parts) = of.map_or(("K".into(), "N".into()), |(k, n)| (k.to_string(), n.to_string()));
     Error::Data {
@@ -211,7 +197,7 @@ fn damaged(path: &Path, why: &str, of: Option<(usize, usize)>) -> Error {
     }
 }
 
-/// A reader or writer with the hash of what went through it.
+/// A reader or writer with the hash of all bytes that passed through it.
 #[derive(Debug)]
 struct Digested<F> {
     inner: F,
@@ -219,7 +205,7 @@ struct Digested<F> {
 }
 
 impl<F: BufRead> Digested<F> {
-    /// The next line with its end, or as much of it as there is.
+    /// The next line with its line end, or the available part of it.
     fn line(&mut self) -> io::Result<Vec<u8>> {
         let mut line = Vec::new();
         self.inner.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)?;

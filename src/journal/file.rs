@@ -11,7 +11,7 @@ use super::scan::{Damage, Torn, read_at, record_name};
 use super::{Identity, Key};
 use crate::error::{Error, Result};
 
-/// How long after a sync [`Journal::append_buffered`] leaves its records to the operating system.
+/// The minimum time between two syncs by [`Journal::append_buffered`].
 const SYNC_INTERVAL: Duration = Duration::from_millis(250);
 
 /// A journal that is open for reading and, unless it was opened by [`Journal::read_only`], for appending.
@@ -19,7 +19,6 @@ const SYNC_INTERVAL: Duration = Duration::from_millis(250);
 pub struct Journal {
     pub(super) path: PathBuf,
     pub(super) file: File,
-    /// The lock, which is held as long as the journal is open for appending.
     pub(super) lock: Option<File>,
     pub(super) identity: Identity,
     pub(super) identity_hash: [u8; 32],
@@ -29,22 +28,19 @@ pub struct Journal {
     pub(super) torn: Option<Torn>,
     /// The offset of the next record.
     pub(super) end: u64,
-    /// Whether an error left the end of the file in an unknown state. Nothing more is written then.
+    /// Whether an error left the end of the file in an unknown state. If so, nothing more is written.
     pub(super) broken: bool,
     pub(super) synced: Synced,
 }
 
-/// The records that are known to be on disk, and not only in the operating system's buffers.
+/// The records that are known to be on disk, not only in the operating system's buffers.
 #[derive(Debug)]
 pub(super) struct Synced {
-    /// The number of entries from the start that are on disk.
     entries: usize,
-    /// The time of the last sync.
     at: Instant,
 }
 
 impl Synced {
-    /// States that the first `entries` entries are on disk now.
     pub(super) fn now(entries: usize) -> Self {
         Self { entries, at: Instant::now() }
     }
@@ -53,14 +49,14 @@ impl Synced {
 /// The content of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stored {
-    /// The metadata by its writer.
+    /// The metadata that the writer gave.
     pub metadata: Vec<u8>,
-    /// The photo, pattern or note itself.
+    /// The photo, pattern or note.
     pub payload: Vec<u8>,
 }
 
 impl Journal {
-    /// The path of the file that holds the records.
+    /// The path of the journal file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -77,8 +73,8 @@ impl Journal {
         Key::of(&all)
     }
 
-    /// All records with a valid head, in the order in which they were written. They include records whose
-    /// payload was found to be damaged, for which [`Journal::holds`] is false.
+    /// All records with a valid head, in the order in which they were written. They include records with a
+    /// damaged payload, for which [`Journal::holds`] is false.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
@@ -88,19 +84,18 @@ impl Journal {
         self.index.values().filter(|&&index| self.entries[index].kind == Kind::Photo).count()
     }
 
-    /// Whether there is a record with this key. Records that are known to be damaged do not count.
+    /// Whether there is a record with this key that is not known to be damaged.
     pub fn holds(&self, key: Key) -> bool {
         self.index.contains_key(&key)
     }
 
-    /// The damages known so far. Damaged heads are known from the start, damaged payloads once they have been
-    /// read.
+    /// The damage known so far. Opening finds damaged heads, and reading finds damaged payloads.
     pub fn damages(&self) -> &[Damage] {
         &self.damages
     }
 
-    /// The incomplete record at the end of the file that was cut off when the journal was opened, if there
-    /// was one. A journal that is open for reading only ignores it instead.
+    /// The incomplete record at the end of the file, if there was one when the journal was opened. It was cut
+    /// off, or ignored if the journal is open for reading only.
     pub fn torn(&self) -> Option<&Torn> {
         self.torn.as_ref()
     }
@@ -110,11 +105,8 @@ impl Journal {
         self.lock.is_some()
     }
 
-    /// Reads the record with this key. The result is `None` if there is no such record or if it is damaged.
-    /// In the second case [`Journal::damages`] has one more entry.
-    ///
-    /// # Errors
-    /// [`Error::Read`] when the file cannot be read at all.
+    /// Reads the record with this key. Returns `None` if it does not exist or is damaged. Damage is added to
+    /// [`Journal::damages`]. A file that cannot be read at all gives [`Error::Read`].
     pub fn get(&mut self, key: Key) -> Result<Option<Stored>> {
         let Some(&index) = self.index.get(&key) else { return Ok(None) };
         let entry = &self.entries[index];
@@ -142,7 +134,7 @@ impl Journal {
         Ok(None)
     }
 
-    /// Reads and checks every payload. Then [`Journal::damages`] is complete.
+    /// Reads and checks every payload. Afterwards [`Journal::damages`] is complete.
     pub fn verify(&mut self) -> Result<()> {
         let keys: Vec<Key> = self.index.keys().copied().collect();
         for key in keys {
@@ -152,8 +144,7 @@ impl Journal {
         Ok(())
     }
 
-    /// Stores a pattern, unless it is stored already, and returns its key. The pattern is on disk when the
-    /// photo that is appended next is.
+    /// Stores a pattern, unless it exists, and returns its key. Appending the next photo syncs it to disk.
     pub fn pattern(&mut self, payload: &[u8]) -> Result<Key> {
         let key = Key::of(&[b"pattern", payload]);
         if !self.holds(key) {
@@ -173,18 +164,18 @@ impl Journal {
     }
 
     /// Appends a record that could be computed again. It returns when the operating system has the record, so
-    /// that the record survives any end of this process. The record is on disk, and survives a crash of the
-    /// system too, after the journal is closed or after the first append a quarter of a second or more after
-    /// the last sync. The reason is speed: a sync takes longer than a product with the matrix.
+    /// the record survives any end of this process. A system crash can lose it until the next sync. The
+    /// journal syncs when it is closed, and on the first append at least a quarter of a second after the last
+    /// sync. A sync for each record would take longer than a product with the matrix.
     ///
     /// # Errors
-    /// Those of [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
+    /// The errors of [`Journal::append`]. If a sync fails, records since the last successful sync are
+    /// removed.
     pub fn append_buffered(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
         if self.synced.at.elapsed() < SYNC_INTERVAL { Ok(()) } else { self.sync() }
     }
 
-    /// Writes a record, or refuses if there is one with this key.
     fn write_unless_held(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         if self.holds(key) {
             return Err(self.refusal(
@@ -195,15 +186,13 @@ impl Journal {
         self.write(kind, key, metadata, payload)
     }
 
-    /// Returns when everything that was written is on disk.
     fn sync(&mut self) -> Result<()> {
         // `sync_data` includes the file's length. It may leave out the file's times, which are not needed.
         let Err(source) = self.file.sync_data() else {
             self.synced = Synced::now(self.entries.len());
             return Ok(());
         };
-        // It is unknown which of these records are on disk. All of them are removed, and this process writes
-        // nothing more.
+        // It is unknown which of these records are on disk. All are removed, and this process writes no more.
         self.broken = true;
         for entry in self.entries.split_off(self.synced.entries).iter().rev() {
             self.index.remove(&entry.key);
@@ -213,10 +202,10 @@ impl Journal {
         Err(self.unwritable(&source))
     }
 
-    /// Appends a note with this name, unless there is one. An existing note is not changed.
+    /// Appends a note with this name. If there is one already, the note is not changed.
     pub fn note(&mut self, name: &str, payload: &[u8]) -> Result<()> {
         let key = self.note_key(name);
-        // Reading the note finds out whether it is damaged.
+        // Reading the note reveals whether it is damaged.
         if self.get(key)?.is_some() { Ok(()) } else { self.append(Kind::Note, key, name.as_bytes(), payload) }
     }
 
@@ -230,7 +219,6 @@ impl Journal {
         self.key(&[b"note", name.as_bytes()])
     }
 
-    /// Writes a record at the end of the file.
     fn write(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         if !self.is_writable() {
             return Err(self.refusal(
@@ -253,7 +241,7 @@ impl Journal {
             .and_then(|_| (&self.file).write_all(&head))
             .and_then(|()| (&self.file).write_all(payload));
         if let Err(source) = written {
-            // Remove the incomplete record. If that fails, it is removed when the journal is opened again.
+            // The incomplete record is removed. If that fails, the next opening of the journal removes it.
             self.broken = self.file.set_len(self.end).is_err();
             return Err(self.unwritable(&source));
         }
@@ -263,12 +251,10 @@ impl Journal {
         Ok(())
     }
 
-    /// An error about this journal.
     pub(super) fn refusal(&self, fault: String, help: &str) -> Error {
         Error::journal(self.path.clone(), fault, help)
     }
 
-    /// The error for a failed write or sync.
     fn unwritable(&self, source: &io::Error) -> Error {
         let stored = self.photos();
         self.refusal(
@@ -320,7 +306,7 @@ mod tests {
             let key = journal.key(&[name]);
             journal.append_buffered(Kind::Photo, key, b"", b"2")
         };
-        // A sync in the future is as good as one just now, however slow this machine is.
+        // A sync time in the future counts as recent, however slow this machine is.
         journal.synced.at = Instant::now() + 100 * SYNC_INTERVAL;
         append(&mut journal, b"second").expect("nothing is synced");
         journal.synced.at =

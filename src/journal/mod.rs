@@ -1,15 +1,14 @@
 //! Journals: append-only files of photos.
 //!
-//! Photos are expensive, so a run appends each photo to its journal before it uses it. A run that was killed
-//! at any moment can be resumed from its journal without taking a photo twice. A finished run can be replayed
-//! from its journal, with the same or another analysis, without the rig. A journal stores keys and bytes;
-//! their meaning is defined by the writers ([`crate::measure::JournaledFrames`] for a rig,
-//! [`crate::transport::JournaledOperator`] for a scene).
+//! Photos are expensive, so a run appends each photo to its journal before it uses it. A run that was killed can be
+//! resumed from its journal without taking a photo twice. A finished run can be replayed from its journal without the
+//! rig, with the same or another analysis. A journal stores keys and bytes. The writers define their meaning:
+//! [`crate::measure::JournaledFrames`] for a rig, [`crate::transport::JournaledOperator`] for a scene.
 //!
 //! # File format
 //!
-//! A journal is a folder with the file `photos.journal` and a lock file. The writer holds the lock. The
-//! journal file consists of two copies of the header and of the records:
+//! A journal is a folder with the file `photos.journal` and a lock file. The writer holds the lock. The journal file
+//! consists of two copies of the header, followed by the records:
 //!
 //! ```text
 //! header   magic 8 · version u32 · length u32 · BLAKE3 of these and the identity 32 · identity, JSON
@@ -17,11 +16,10 @@
 //!          · BLAKE3 of the identity, of all before, and of the metadata 32 · metadata, JSON · payload
 //! ```
 //!
-//! The numbers are lengths in bytes. Integers are little-endian. The [`Identity`] names everything that all
-//! photos depend on, and a journal with another identity is refused. The part of a record before its metadata
-//! is the head. Its checksum tells whether the lengths in it are valid. If they are not, reading continues at
-//! the next marker with a valid head. Heads are checked when a journal is opened, and payloads when they are
-//! read. Opening therefore does not read the photos.
+//! The numbers are lengths in bytes. Integers are little-endian. The [`Identity`] names everything that all photos
+//! depend on. A journal with another identity is refused. The head is the part of a record before its metadata. Its
+//! checksum shows whether its lengths are valid. If they are not, reading continues at the next marker with a valid
+//! head. Opening a journal checks all heads but reads no payload; a payload is checked when it is read.
 //!
 //! # Faults
 //!
@@ -50,7 +48,7 @@ pub use scan::{Damage, Torn};
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// The key of these parts. Each is hashed with its length, so that lists with the same concatenation have
+    /// The key of these parts. The parts' lengths are hashed, too, so different lists with equal concatenations have
     /// different keys.
     pub fn of(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
@@ -89,9 +87,8 @@ impl fmt::Debug for Key {
     }
 }
 
-/// An ordered list of named values on which all photos of a journal depend, such as the hashes of the rig
-/// file and of the calibration, or the hash of a scene and the settings of the tracer. Two photos have the
-/// same source if all values are equal.
+/// An ordered list of named values on which all photos of a journal depend, such as the hashes of rig file and
+/// calibration, or of a scene and the tracer's settings. Two photos have the same source if all values are equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Identity(Vec<(String, String)>);
@@ -114,7 +111,7 @@ impl Identity {
         self.0.iter().find(|(part, _)| part == name).map(|(_, value)| value.as_str())
     }
 
-    /// Descriptions of the parts in which `other` differs; empty if the two are equal.
+    /// Descriptions of the parts in which `other` differs.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let mut names: Vec<&str> = self.0.iter().map(|(name, _)| name.as_str()).collect();
         names.extend(other.0.iter().map(|(name, _)| name.as_str()).filter(|name| self.get(name).is_none()));
@@ -130,19 +127,17 @@ impl Identity {
         differences
     }
 
-    /// The identity as JSON, as it is stored in the file.
     pub(super) fn encode(&self) -> Vec<u8> {
         // Encoding a list of pairs of strings cannot fail.
         serde_json::to_vec(self).unwrap_or_default()
     }
 
-    /// BLAKE3 hash of the encoding.
     pub(super) fn hash(&self) -> [u8; 32] {
         *blake3::hash(&self.encode()).as_bytes()
     }
 }
 
-/// Abbreviates a hash to its first 12 digits, and quotes any other value.
+/// Shortens a hash to its first 12 digits, and quotes any other value.
 fn shorten(value: &str) -> String {
     let is_hash = value.len() == 64 && value.bytes().all(|byte| byte.is_ascii_hexdigit());
     if is_hash { format!("{}…", &value[..12]) } else { format!("`{value}`") }
@@ -162,7 +157,7 @@ mod tests {
             ["rig file (then 000000000000…, now ffffffffffff…)", "calibration (then none, now `ideal`)"]
         );
         assert!(then.differences(&then).is_empty());
-        // Abbreviated are hashes alone: 64 digits, neither other words of that length nor other lengths.
+        // Only hashes of 64 hexadecimal digits are shortened, not other words of that length and not other lengths.
         let [word, short] = ["z".repeat(64), "0".repeat(63)];
         let now = then.clone().with("word", word.clone()).with("short", short.clone());
         assert_eq!(

@@ -11,9 +11,7 @@ use super::{Identity, record};
 use crate::error::{Error, Result};
 use crate::file;
 
-/// The name of the file of records in a journal's folder.
 const FILE: &str = "photos.journal";
-/// The name of the lock file in a journal's folder.
 const LOCK: &str = "lock";
 
 impl Journal {
@@ -64,7 +62,7 @@ impl Journal {
     }
 
     /// Opens the journal in this folder for reading only. It changes nothing and takes no lock. Another
-    /// process may write the journal at the same time; records that are appended later are not seen.
+    /// process may write the journal at the same time, but records that are appended later are not seen.
     ///
     /// # Errors
     /// [`Error::Journal`] when both copies of its header are damaged; [`Error::Read`].
@@ -75,7 +73,6 @@ impl Journal {
         open(path, file, None)
     }
 
-    /// Cuts off the incomplete record at the end of the file.
     fn truncate_torn_end(self) -> Result<Self> {
         if self.torn.is_some() {
             let truncated = self.file.set_len(self.end).and_then(|()| self.file.sync_data());
@@ -93,7 +90,7 @@ fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
     Ok((folder.join(FILE), lock))
 }
 
-/// Creates a journal file with a header. The file appears under its name only when the header is on disk.
+/// Creates a journal file with a header. The file appears under its name only after the header is on disk.
 fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
     if !record::fits_header(identity) {
         return Err(Error::journal(
@@ -106,7 +103,7 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
     let write = || {
         file::atomic::write_bytes(&path, &header)?;
         let file = file::open_to_change(&path)?;
-        // The folder's entry for the file, and its parent's entry for the folder, must survive a crash too.
+        // The folder's entry for the file and the parent's entry for the folder must also survive a crash.
         let folder = path.parent().unwrap_or(Path::new("."));
         let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty());
         let sync = |folder: &Path| File::open(folder).and_then(|folder| folder.sync_all());
@@ -123,8 +120,7 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
     open(path, file, Some(lock))
 }
 
-/// Opens a journal file: reads its header and the heads of its records. With a lock, a damaged copy of the
-/// header is repaired.
+/// Opens a journal file, and reads its header and all heads. A lock holder repairs a damaged header.
 fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let length = file.metadata().map_err(Error::reading(&path))?.len();
     let mut start = Vec::new();
@@ -178,8 +174,7 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     })
 }
 
-/// Takes the journal's lock for this process. The lock is released when the returned file is closed, however
-/// the process ends.
+/// Takes the journal's lock. The system releases it when the file is closed, however the process ends.
 fn take_lock(path: &Path) -> Result<File> {
     let unusable = |source: std::io::Error| {
         Error::journal(
@@ -193,7 +188,7 @@ fn take_lock(path: &Path) -> Result<File> {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut holder = String::new();
-            // The process id is needed for the message only, so an error here is ignored.
+            // Only the message needs the process id, so an error is ignored.
             let _ = file.read_to_string(&mut holder);
             let holder = holder.trim();
             let who = if holder.is_empty() { "another process".into() } else { format!("process {holder}") };
@@ -205,7 +200,7 @@ fn take_lock(path: &Path) -> Result<File> {
         }
         Err(TryLockError::Error(source)) => return Err(unusable(source)),
     }
-    // The process id is for messages only. If the disk is full, writing the journal itself reports that.
+    // Only messages need the process id. If the disk is full, writing the journal itself reports that.
     let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
     Ok(file)
 }

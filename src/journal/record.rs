@@ -1,13 +1,11 @@
-//! The format of a journal file: its header, which is written twice so that one damage cannot destroy both copies, and its records,
-//! each of a head, metadata and a payload.
+//! The format of a journal file: two copies of the header, in case one is damaged, and records of a head, metadata and a payload.
 
 use super::{Identity, Key};
 
-/// The first bytes of a record. Like PNG's signature, they reveal a transfer that changes line ends or the
-/// eighth bit.
+/// The first bytes of a record. Like PNG's signature, they reveal a transfer that changed line ends or the eighth bit.
 pub(super) const MARKER: [u8; 8] = *b"\x89klxrec\n";
 
-/// The length of a head: the number of bytes before the metadata.
+/// The length of a head in bytes, up to the metadata.
 pub(super) const HEAD_BYTES: usize = 120;
 
 /// The largest length of metadata. A larger value in a head is damage.
@@ -16,7 +14,7 @@ pub(super) const MAX_METADATA_BYTES: u32 = 1 << 20;
 /// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// A projected pattern. The metadata of photos refer to it by its key.
+    /// A projected pattern. The metadata of photos contain its key.
     Pattern,
     /// A photo.
     Photo,
@@ -47,14 +45,14 @@ impl Kind {
     }
 }
 
-/// A record with a valid head. Its payload stays on disk.
+/// A record with a valid head. Its payload remains on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// The kind of the record.
     pub kind: Kind,
     /// The key of the record.
     pub key: Key,
-    /// The metadata by its writer.
+    /// The metadata that the writer gave.
     pub metadata: Vec<u8>,
     /// The offset of the record in the file.
     pub offset: u64,
@@ -64,18 +62,15 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// The offset of the payload in the file.
     pub(super) fn payload_at(&self) -> u64 {
         self.offset + HEAD_BYTES as u64 + self.metadata.len() as u64
     }
 
-    /// The offset of the next record in the file.
     pub(super) fn end(&self) -> u64 {
         self.payload_at() + self.length
     }
 }
 
-/// The fields of a head before its checksum.
 pub(super) struct Head {
     code: u32,
     pub(super) metadata: u32,
@@ -85,7 +80,7 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// Parses a head; `None` if there is no marker or if the length of the metadata is too large.
+    /// Parses a head. Returns `None` if there is no marker or if the metadata's length is too large.
     pub(super) fn parse(bytes: &[u8; HEAD_BYTES]) -> Option<Self> {
         let four = |at: usize| bytes[at..at + 4].try_into().map(u32::from_le_bytes).ok();
         let hash = |at: usize| <[u8; 32]>::try_from(&bytes[at..at + 32]).ok();
@@ -99,7 +94,7 @@ impl Head {
         (bytes[..8] == MARKER && head.metadata <= MAX_METADATA_BYTES).then_some(head)
     }
 
-    /// The entry of this head, if the checksum in `bytes` is that of the identity, the head and the metadata.
+    /// The entry of this head, if the checksum in `bytes` matches the identity, the head and the metadata.
     pub(super) fn entry(
         &self,
         bytes: &[u8; HEAD_BYTES],
@@ -111,14 +106,14 @@ impl Head {
         if head_checksum(identity_hash, &bytes[..HEAD_BYTES - 32], &metadata) != bytes[HEAD_BYTES - 32..] {
             return None;
         }
-        // An end beyond 2⁶⁴ is damage, even if the checksum is right.
+        // An end beyond 2⁶⁴ means damage, even if the checksum matches.
         offset.checked_add(HEAD_BYTES as u64 + u64::from(self.metadata))?.checked_add(self.payload)?;
         let key = Key::from_bytes(self.key);
         Some(Entry { kind, key, metadata, offset, length: self.payload, checksum: self.checksum })
     }
 }
 
-/// The bytes of a record's head and metadata, and the entry for the record at `offset`.
+/// The bytes of a record's head and metadata, and the record's entry at `offset`.
 pub(super) fn encode(
     identity_hash: &[u8; 32],
     kind: Kind,
@@ -142,49 +137,42 @@ pub(super) fn encode(
     (bytes, Entry { kind, key, metadata: metadata.to_vec(), offset, length, checksum })
 }
 
-/// BLAKE3 hash of the identity's hash, the fields of the head and the metadata.
 fn head_checksum(identity_hash: &[u8; 32], fields: &[u8], metadata: &[u8]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     hasher.update(identity_hash).update(fields).update(metadata);
     *hasher.finalize().as_bytes()
 }
 
-/// The bytes that mark a header.
+/// The first bytes of a header.
 const MAGIC: [u8; 8] = *b"\x89klxjrn\n";
-/// The version of the format.
 const VERSION: u32 = 1;
-/// Number of bytes before the identity.
+/// The number of bytes before the identity.
 const FIXED_BYTES: usize = 48;
-/// The largest length of the identity. It bounds the search for the second copy when the length in the first
-/// one is damaged.
+/// The largest length of the identity. It bounds the search for the second copy when the length in the first one is damaged.
 const MAX_IDENTITY_BYTES: usize = 1 << 16;
 
-/// The content of a file's header.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Header {
     /// The identity, the offset of the first record, and whether both copies are undamaged.
     Known { identity: Identity, records_at: u64, whole: bool },
-    /// Written by a later version of this program.
+    /// A later version of this program wrote the file.
     Later(u32),
     /// Both copies are damaged.
     Unknown,
 }
 
-/// The number of bytes that [`read_header`] needs at most.
+/// The largest number of bytes that [`read_header`] needs.
 pub(super) const MAX_HEADER_BYTES: usize = 2 * (FIXED_BYTES + MAX_IDENTITY_BYTES);
 
-/// The bytes of both copies.
 pub(super) fn encode_header(identity: &Identity) -> Vec<u8> {
     let copy = encode_once(VERSION, &identity.encode());
     [copy.clone(), copy].concat()
 }
 
-/// Whether this identity fits into a header.
 pub(super) fn fits_header(identity: &Identity) -> bool {
     identity.encode().len() <= MAX_IDENTITY_BYTES
 }
 
-/// The bytes of one copy.
 fn encode_once(version: u32, identity: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(FIXED_BYTES + identity.len());
     bytes.extend(MAGIC);
@@ -197,14 +185,13 @@ fn encode_once(version: u32, identity: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Reads the header at the start of `bytes` from a copy that is undamaged.
+/// Reads the header from an undamaged copy in `bytes`, the start of the file.
 pub(super) fn read_header(bytes: &[u8]) -> Header {
     for at in 0..bytes.len().min(FIXED_BYTES + MAX_IDENTITY_BYTES + 1) {
         match copy_at(&bytes[at..]) {
             Some((VERSION, encoded)) => {
                 let length = FIXED_BYTES + encoded.len();
-                // A copy that does not begin the file must be the second one, which begins where the first
-                // one ends.
+                // A copy that does not begin the file must be the second one, which starts where the first one ends.
                 if at != 0 && at != length {
                     continue;
                 }
@@ -220,7 +207,7 @@ pub(super) fn read_header(bytes: &[u8]) -> Header {
     Header::Unknown
 }
 
-/// The version and the encoded identity of the copy at the start of `bytes`; `None` if it is damaged.
+/// The version and the encoded identity of the copy at the start of `bytes`; `None` if the copy is damaged.
 fn copy_at(bytes: &[u8]) -> Option<(u32, &[u8])> {
     let fixed = bytes.get(..FIXED_BYTES).filter(|fixed| fixed[..8] == MAGIC)?;
     let four = |at: usize| fixed[at..at + 4].try_into().map(u32::from_le_bytes).ok();
@@ -234,7 +221,7 @@ fn copy_at(bytes: &[u8]) -> Option<(u32, &[u8])> {
 mod tests {
     use super::*;
 
-    /// The head of a photo whose payload is said to have so many bytes, with the checksum that belongs to it.
+    /// The head of a photo that states a payload of this many bytes, with a matching checksum.
     fn head_of(payload: u64, metadata: &[u8]) -> ([u8; HEAD_BYTES], Vec<u8>) {
         let (bytes, _) = encode(&[7; 32], Kind::Photo, Key::of(&[b"key"]), metadata, b"", 0);
         let mut head: [u8; HEAD_BYTES] = bytes[..HEAD_BYTES].try_into().expect("a head is that long");

@@ -1,4 +1,4 @@
-//! Scanning a journal file for its records, for damaged parts, and for an incomplete record at its end.
+//! Scans a journal file for its records, for damaged parts, and for an incomplete record at its end.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -8,13 +8,13 @@ use super::record::{Entry, HEAD_BYTES, Head, Kind, MARKER};
 /// A damaged part of a journal file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
-    /// Its offset in the file.
+    /// The offset in the file.
     pub offset: u64,
-    /// Its length in bytes.
+    /// The length in bytes.
     pub bytes: u64,
     /// The name of the record: `photo 17`, or `the record after photo 16` if the record's kind is unknown.
     pub record: String,
-    /// The fault.
+    /// A description of the damage.
     pub fault: &'static str,
     /// The record, if its head is valid.
     pub entry: Option<Entry>,
@@ -26,16 +26,15 @@ impl std::fmt::Display for Damage {
     }
 }
 
-/// An incomplete record at the end of a file, whose writer was killed.
+/// An incomplete record at the end of a file. Its writer was killed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Torn {
-    /// Its offset in the file.
+    /// The offset in the file.
     pub offset: u64,
-    /// Its length in bytes.
+    /// The length in bytes.
     pub bytes: u64,
 }
 
-/// The result of a scan.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
     pub(super) entries: Vec<Entry>,
@@ -47,13 +46,12 @@ pub(super) struct Scan {
 enum Candidate {
     /// A record with a valid head.
     Record(Entry),
-    /// Bytes that may be the beginning of a record that would extend beyond the end of the file.
+    /// Bytes that may begin a record that extends beyond the end of the file.
     Incomplete,
-    /// Other bytes.
     Garbage,
 }
 
-/// Reads all heads from `start` to the end of the file, which has `length` bytes.
+/// Reads all heads from `start` to the end of the file at `length`.
 pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u64) -> io::Result<Scan> {
     let mut found = Scan::default();
     let mut at = start;
@@ -66,8 +64,8 @@ pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u6
             }
             other => other,
         };
-        // If bytes were lost inside the record before this offset, the next record begins inside what seems
-        // to be its payload. The search therefore starts there.
+        // If bytes were lost inside the record before this offset, the next record begins inside what seems to be
+        // that record's payload. The search therefore starts at that payload.
         let before = found.entries.last().filter(|entry| entry.end() == at);
         let from = before.map_or(at + 1, Entry::payload_at);
         match find_record(file, identity_hash, from, at, length)? {
@@ -102,7 +100,7 @@ pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u6
     Ok(found)
 }
 
-/// The damage of the bytes `from..to`, which hold no record.
+/// The damage of the bytes `from..to`, which contain no record.
 fn unreadable(before: &[Entry], from: u64, to: u64) -> Damage {
     let record = match before.iter().rfind(|entry| entry.kind == Kind::Photo) {
         Some(_) => format!("the record after photo {}", count(before, Kind::Photo)),
@@ -121,7 +119,6 @@ fn count(entries: &[Entry], kind: Kind) -> usize {
     entries.iter().filter(|entry| entry.kind == kind).count()
 }
 
-/// Reads the head at offset `at` of a file of `length` bytes.
 fn read_head(file: &File, identity_hash: &[u8; 32], at: u64, length: u64) -> io::Result<Candidate> {
     let left = length - at;
     if left < HEAD_BYTES as u64 {
@@ -138,7 +135,7 @@ fn read_head(file: &File, identity_hash: &[u8; 32], at: u64, length: u64) -> io:
     Ok(head.entry(&bytes, metadata, identity_hash, at).map_or(Candidate::Garbage, Candidate::Record))
 }
 
-/// The offset of the first record with a valid head at `from` or later, other than at `except`.
+/// The offset of the first record with a valid head at or after `from`, except at `except`.
 fn find_record(
     file: &File,
     identity_hash: &[u8; 32],
@@ -168,7 +165,6 @@ fn find_record(
     Ok(None)
 }
 
-/// Fills `bytes` from offset `at` of the file.
 pub(super) fn read_at(mut file: &File, at: u64, bytes: &mut [u8]) -> io::Result<()> {
     file.seek(SeekFrom::Start(at))?;
     file.read_exact(bytes)
@@ -184,14 +180,14 @@ mod tests {
 
     const IDENTITY: [u8; 32] = [3; 32];
 
-    /// A record is found wherever its marker lies in relation to the chunks of 64 KiB in which the file is searched.
+    /// The file is searched in chunks of 64 KiB. A record is found wherever its marker lies relative to them.
     #[test]
     fn a_record_behind_damage_is_found_when_its_marker_lies_across_two_chunks() {
-        // The search begins one byte after the damage does.
+        // The search begins one byte after the start of the damage.
         let starts =
             [0, 1000].into_iter().flat_map(|start| (0..=MARKER.len()).map(move |before| (start, before)));
         for (start, before_boundary) in starts {
-            // Zeros, as a disk leaves them that lost its writes, from the beginning of the search on.
+            // A disk that lost its writes leaves zeros. They fill the file from the start of the search.
             let mut bytes = vec![0; start + 1 + (1 << 16) - before_boundary];
             let place = bytes.len() as u64;
             let (head, entry) = encode(&IDENTITY, Kind::Photo, Key::of(&[b"photo"]), b"m", b"light", place);
@@ -205,7 +201,6 @@ mod tests {
         }
     }
 
-    /// Four photos, and the bytes between them.
     fn four() -> (Vec<u8>, Vec<Entry>) {
         let (mut bytes, mut entries) = (vec![0; 50], Vec::new());
         for index in 0..4_u8 {

@@ -1,16 +1,16 @@
-//! The cores of each machine, divided among the processes of a team that run on it.
+//! Division of the cores of a machine among the processes of a team that run on it.
 //!
-//! Software Vulkan and the threads of a process use all cores that the process may run on. Without a division, every process of a machine would start
-//! as many threads as there are cores.
+//! Software Vulkan and the threads of a process use all cores that the process may run on. Without a division, every process of a machine
+//! would start as many threads as there are cores.
 
 use super::Comm;
 
 /// The machine and the cores that a process of a team runs on.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Placement {
-    /// The name of the machine.
+    /// The machine's name.
     pub host: String,
-    /// The number of this process among those of the team on the same machine, from 0 on.
+    /// The number of this process among the team's processes on the same machine, from 0 on.
     pub local_rank: usize,
     /// The number of processes of the team on this machine.
     pub local_size: usize,
@@ -18,18 +18,16 @@ pub struct Placement {
     pub cores: Vec<usize>,
 }
 
-/// The share of `cores` for the process `rank` of `size` that have the same cores. If there are fewer cores than processes, several share one.
+/// The share of `cores` for process `rank` of the `size` processes that have these cores. If there are too few cores, processes share one.
 fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
     let first = rank * cores.len() / size;
     let end = ((rank + 1) * cores.len() / size).max(first + 1);
     cores[first.min(cores.len())..end.min(cores.len())].to_vec()
 }
 
-/// Divides the cores of each machine among the processes of the team that run on it and may use the same ones, and binds this process to its share.
-/// Threads that it starts later are bound as well. Returns where each process runs, by rank. Every process of the team must call it, before it starts
-/// threads.
-///
-/// Open MPI binds each process to one core where it is not told otherwise. This default is lifted first; a binding that the user asked for stays.
+/// Divides the cores of each machine among the processes of the team that run on it and may use the same cores, and binds this process to
+/// its share. Returns where each process runs, by rank. Every process of the team must call it before it starts threads, because threads
+/// inherit the binding. By default, Open MPI binds each process to one core. This function lifts that default, but keeps a user's binding.
 pub fn share_cores(comm: &dyn Comm) -> Vec<Placement> {
     keep_cores();
     let (host, cores) = (system::host(), system::cores());
@@ -40,14 +38,14 @@ pub fn share_cores(comm: &dyn Comm) -> Vec<Placement> {
     placements(&exchange_text(comm, &text(&host, &own)))
 }
 
-/// Lifts the binding of this process to one core that Open MPI makes where it is not told otherwise. It is called before any thread is started.
+/// Lifts Open MPI's default binding of this process to one core. It must be called before any thread is started.
 pub fn keep_cores() {
     if is_bound_by_default() {
         system::unbind();
     }
 }
 
-/// Sends a text to every process of the team, and returns theirs, by rank.
+/// Sends a text to every process of the team, and returns the texts of all processes, by rank.
 pub(super) fn exchange_text(comm: &dyn Comm, text: &str) -> Vec<String> {
     let all = comm.exchange(vec![text.as_bytes().to_vec(); comm.size()]);
     all.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect()
@@ -66,13 +64,12 @@ fn placements(texts: &[String]) -> Vec<Placement> {
     parts.iter().enumerate().map(placement).collect()
 }
 
-/// The machine's name and the cores, as every process of the team understands them.
+/// The machine's name and the cores as a text that every process of the team can read.
 fn text(host: &str, cores: &[usize]) -> String {
     let cores: Vec<String> = cores.iter().map(usize::to_string).collect();
     format!("{host} {}", cores.join(","))
 }
 
-/// Whether Open MPI started this process, without being told how to bind it.
 fn is_bound_by_default() -> bool {
     let is_set = |name| std::env::var_os(name).is_some();
     is_set("OMPI_COMM_WORLD_SIZE")
@@ -84,7 +81,7 @@ fn is_bound_by_default() -> bool {
 mod system {
     use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-    /// The name of this machine; spaces are not allowed in it.
+    /// The name of this machine without spaces.
     pub(super) fn host() -> String {
         rustix::system::uname().nodename().to_string_lossy().replace(' ', "_")
     }
@@ -94,7 +91,7 @@ mod system {
         (0..CpuSet::MAX_CPU).filter(|&core| allowed.is_set(core)).collect()
     }
 
-    /// Binds this process to cores, and says whether the system did.
+    /// Binds this process to cores. Returns whether the system did so.
     pub(super) fn bind(cores: &[usize]) -> bool {
         let mut set = CpuSet::new();
         cores.iter().for_each(|&core| set.set(core));
@@ -104,7 +101,7 @@ mod system {
     /// Lets this process run on every core that its container and its job allow.
     pub(super) fn unbind() {
         let all: Vec<usize> = (0..CpuSet::MAX_CPU).collect();
-        // The process stays where it is if the system refuses.
+        // If the system refuses, the binding does not change.
         let _ = bind(&all);
     }
 }
@@ -119,7 +116,7 @@ mod system {
         (0..std::thread::available_parallelism().map_or(1, std::num::NonZero::get)).collect()
     }
 
-    /// This system has no binding of processes to cores.
+    /// This system cannot bind processes to cores.
     pub(super) fn bind(_cores: &[usize]) -> bool {
         false
     }

@@ -1,8 +1,9 @@
-//! Several processes that work on one question: one of them leads, the others hold what it cannot hold alone, and compute on it.
+//! Several processes that work on one question. One leads. The others hold data that it cannot hold alone, and compute on them.
 //!
-//! The process of rank 0 leads. It runs the program as if it were alone: it speaks, writes files and keeps the journal. Each other process waits in
-//! [`serve()`] for commands, which are about *objects* that every process holds a part of: a scene on its device, or some rows of a matrix. The leader
-//! names an object by a [`Remote`]; the others let go of it once that is dropped. The caller defines the commands.
+//! The process of rank 0 leads. It runs the program as if alone: it prints, writes files and keeps the journal. Each other process waits
+//! in [`serve()`] for commands. A command is about an *object* of which every process holds a part: a scene on its device, or some rows of
+//! a matrix. The leader names an object by a [`Remote`]. The other processes drop their parts after the leader drops the `Remote`. The
+//! caller defines the commands.
 //!
 //! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
 
@@ -27,7 +28,7 @@ use crate::error::{Error, Result};
 
 /// Messages among the processes of a team. Messages from one process to another arrive in the order in which they were sent.
 ///
-/// No method returns an error: where a process is gone, its partners cannot go on, and the system that started them ends them all.
+/// No method returns an error: if a process ends early, its partners cannot go on, and the system that started them ends them all.
 pub trait Comm: Send + Sync {
     /// The number of this process, from 0 on.
     fn rank(&self) -> usize;
@@ -35,7 +36,7 @@ pub trait Comm: Send + Sync {
     /// The number of processes.
     fn size(&self) -> usize;
 
-    /// Sends a message to another process. It may wait until that one receives it.
+    /// Sends a message to another process. It may wait until that process receives it.
     fn send(&self, to: usize, message: &[u8]);
 
     /// Waits for the next message from another process.
@@ -44,10 +45,10 @@ pub trait Comm: Send + Sync {
     /// Whether a message from another process has arrived.
     fn has_message(&self, from: usize) -> bool;
 
-    /// Passes a message of the leader on to every process, and returns it: `Some` in the leader, `None` in the others. Each process passes it on to
-    /// others, so that the leader alone does not send it to all. Every process of the team must call it.
+    /// Sends the leader's message to every process, and returns it. `message` is `Some` in the leader and `None` in the others. Processes
+    /// pass the message on, so that the leader does not send it to all of them. Every process of the team must call it.
     fn broadcast(&self, message: Option<&[u8]>) -> Vec<u8> {
-        // A tree: the parent's number lacks the lowest bit that is set in a rank.
+        // The processes form a tree: the parent's rank is the rank without its lowest set bit.
         let rank = self.rank();
         let message = match message {
             Some(message) => message.to_vec(),
@@ -59,19 +60,18 @@ pub trait Comm: Send + Sync {
         message
     }
 
-    /// Ends the messages of this process: none is sent or received afterwards. Every process of the team must call it.
+    /// Ends messaging: this process sends and receives nothing afterwards. Every process of the team must call it.
     fn close(&self) {}
 
-    /// Sends `outgoing[rank]` to each other process, and returns what each of them sent to this one; the own message comes back. Every process of
-    /// the team must call it.
+    /// Sends `outgoing[rank]` to each process, and returns the messages to this one, by rank. The message to itself is returned unchanged.
+    /// Every process of the team must call it.
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
 }
 
-/// Checks that all processes run the same program: `program` is what identifies it, and `placements` says where the processes run. Every process of the
-/// team must call it.
+/// Checks that all processes run the program that `program` identifies. `placements` says where they run. Every process must call it.
 ///
 /// # Errors
-/// [`Error::Team`] in every process, with the machines that run another program than the leader.
+/// [`Error::Team`] in every process if the programs differ. It names the machines that run another program than the leader.
 pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: &str) -> Result<()> {
     let programs = cores::exchange_text(comm, program);
     let host = |rank: usize| placements.get(rank).map_or("", |placement| &placement.host);
@@ -91,16 +91,16 @@ pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: 
 pub struct Team {
     comm: Arc<dyn Comm>,
     placements: Vec<Placement>,
-    /// The number of the next object. The thread that holds the lock talks to the others.
+    /// The number of the next object. Only the thread that holds the lock exchanges messages with the other processes.
     next: Mutex<u64>,
-    /// Objects that the others still hold, and that are no longer needed.
+    /// Objects that the leader has dropped and the other processes still hold.
     released: Mutex<Vec<u64>>,
     has_ended: AtomicBool,
 }
 
 impl Team {
-    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve()`]. `placements` says where the
-    /// processes run, by rank, for the user.
+    /// The team of the process with this `comm`, which has rank 0. All other processes must be in [`serve()`]. `placements` says where the
+    /// processes run, by rank; messages to the user show it.
     pub fn lead(comm: Arc<dyn Comm>, placements: Vec<Placement>) -> Arc<Self> {
         debug_assert_eq!(comm.rank(), 0, "the process of rank 0 leads");
         Arc::new(Self {
@@ -117,7 +117,7 @@ impl Team {
         self.comm.size()
     }
 
-    /// Ends the work of the team: the other processes leave [`serve()`]. Nothing that they hold may be used afterwards.
+    /// Ends the team: the other processes leave [`serve()`]. Their objects must not be used afterwards.
     pub fn end(&self) {
         if !self.has_ended.swap(true, Ordering::SeqCst) {
             self.turn().tell(&Told::End);
@@ -137,7 +137,7 @@ impl Team {
         Remote { team: Arc::clone(self), id: *next }
     }
 
-    /// Waits until no other thread talks to the team. The other processes first let go of what is no longer needed.
+    /// Waits until no other thread exchanges messages with the team. Then the other processes drop the released objects.
     fn turn(&self) -> Turn<'_> {
         let turn = Turn { comm: &*self.comm, _alone: lock(&self.next) };
         for id in std::mem::take(&mut *lock(&self.released)) {
@@ -153,14 +153,13 @@ impl fmt::Debug for Team {
     }
 }
 
-/// The other processes leave [`serve()`].
 impl Drop for Team {
     fn drop(&mut self) {
         self.end();
     }
 }
 
-/// An object of which each process of the team holds a part. The others let go of theirs after it is dropped.
+/// An object of which each process of the team holds a part. The other processes drop their parts after this handle is dropped.
 #[derive(Debug)]
 pub struct Remote {
     team: Arc<Team>,
@@ -168,21 +167,18 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// The team that holds it.
+    /// The team that holds the object.
     pub fn team(&self) -> &Arc<Team> {
         &self.team
     }
 
-    /// Its number.
+    /// The object's number.
     pub fn id(&self) -> u64 {
         self.id
     }
 
-    /// Gives the others a command about this object. The caller and the workers define the messages that follow. No other thread talks to the team
-    /// before the returned turn is dropped.
-    ///
-    /// # Errors
-    /// [`Error::Team`] for a command that cannot be sent.
+    /// Sends the other processes a command about this object. The caller and the workers define the messages that follow. Other threads
+    /// wait until the returned turn is dropped. A command that cannot be encoded gives [`Error::Team`].
     pub fn command(&self, command: &impl Serialize) -> Result<Turn<'_>> {
         let message = to_bytes(&Told::Command(self.id, command))?;
         let turn = self.team.turn();
@@ -193,19 +189,19 @@ impl Remote {
 
 impl Drop for Remote {
     fn drop(&mut self) {
-        // They are told with the next command, since a command may be under way now.
+        // The next command tells the other processes, because a command may be under way now.
         lock(&self.team.released).push(self.id);
     }
 }
 
-/// The leader talks to the others: no other thread does.
+/// The right of one thread of the leader to exchange messages with the other processes.
 pub struct Turn<'a> {
     comm: &'a dyn Comm,
     _alone: MutexGuard<'a, u64>,
 }
 
 impl Turn<'_> {
-    /// The messages of the team.
+    /// The team's messages.
     pub fn comm(&self) -> &dyn Comm {
         self.comm
     }
@@ -215,47 +211,47 @@ impl Turn<'_> {
         1..self.comm.size()
     }
 
-    /// Sends a message to all others.
+    /// Sends a message to all other processes.
     pub fn send_all(&self, message: &[u8]) {
         self.others().for_each(|rank| self.comm.send(rank, message));
     }
 
-    /// Passes a message on to all others, who take it by [`Comm::broadcast`].
+    /// Sends a message to all other processes, which receive it by [`Comm::broadcast`].
     pub fn broadcast(&self, message: &[u8]) {
         self.comm.broadcast(Some(message));
     }
 
-    /// Receives a message from each of the others, by rank.
+    /// Receives a message from each other process, by rank.
     pub fn receive_all(&self) -> Vec<Vec<u8>> {
         self.others().map(|rank| self.comm.receive(rank)).collect()
     }
 
-    /// The answers of the others ([`answer`]), by rank.
+    /// The results that the other processes sent by [`answer`], by rank.
     pub fn answers<T: DeserializeOwned>(&self) -> Vec<Result<T>> {
         self.others().zip(self.receive_all()).map(|(rank, bytes)| read_answer(rank, &bytes)).collect()
     }
 
     fn tell(&self, told: &Told<()>) {
-        // Numbers can always be sent.
+        // Encoding numbers cannot fail.
         self.send_all(&to_bytes(told).unwrap_or_default());
     }
 }
 
-/// A message of the leader to the others.
+/// A message of the leader to the other processes.
 #[derive(Serialize, Deserialize)]
 pub enum Told<C> {
-    /// The work of the team is done.
+    /// The team ends.
     End,
-    /// The object of this number is no longer needed.
+    /// The object with this number is no longer needed.
     Release(u64),
-    /// A command about the object of this number.
+    /// A command about the object with this number.
     Command(u64, C),
 }
 
-/// Serves the leader, rank 0, until it ends the team: `told` lets go of objects and carries out commands.
+/// Serves the leader, rank 0, until it ends the team. `told` drops objects and carries out commands.
 ///
 /// # Panics
-/// For a message that cannot be read, since the leader waits for an answer that cannot be given.
+/// If a message cannot be read: the leader waits for an answer that this process cannot give.
 pub fn serve<C: DeserializeOwned>(comm: &dyn Comm, mut told: impl FnMut(Told<C>)) {
     loop {
         match from_bytes(&comm.receive(0)).expect("all processes run the same program") {
@@ -265,10 +261,7 @@ pub fn serve<C: DeserializeOwned>(comm: &dyn Comm, mut told: impl FnMut(Told<C>)
     }
 }
 
-/// The bytes of a value, for another process of the same program.
-///
-/// # Errors
-/// [`Error::Team`] for a value without bytes, such as a file name that is not UTF-8.
+/// Encodes a value for another process of the same program. A file name that is not UTF-8 gives [`Error::Team`].
 pub fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>> {
     postcard::to_allocvec(value).map_err(|error| Error::Team {
         fault: format!("something cannot be sent to the other processes: {error}"),
@@ -276,15 +269,11 @@ pub fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>> {
     })
 }
 
-/// The value of these bytes.
-///
-/// # Errors
-/// [`Error::Team`] for bytes of another value.
+/// Decodes a value. Bytes that do not encode a value of this type give [`Error::Team`].
 pub fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
     postcard::from_bytes(bytes).map_err(|error| garbled(&error.to_string()))
 }
 
-/// The error for a message that cannot be read.
 pub(crate) fn garbled(why: &str) -> Error {
     Error::Team {
         fault: format!("a message of another process cannot be read ({why})"),
@@ -292,17 +281,14 @@ pub(crate) fn garbled(why: &str) -> Error {
     }
 }
 
-/// Sends an answer to the leader: a value, or why there is none.
+/// Sends the leader a value, or the reason why there is none.
 pub fn answer<T: Serialize>(comm: &dyn Comm, answer: std::result::Result<T, impl ToString>) {
     let answer = answer.map_err(|error| error.to_string());
-    // An answer has no file names, so that it can be sent.
+    // Encoding cannot fail here, because an answer contains no file names.
     comm.send(0, &to_bytes(&answer).unwrap_or_default());
 }
 
-/// The answer of process `rank`.
-///
-/// # Errors
-/// [`Error::Team`] where the process has no value, or the bytes are something else.
+/// Decodes the answer of process `rank`. It is [`Error::Team`] if the process reports an error, or if the bytes are not an answer.
 pub fn read_answer<T: DeserializeOwned>(rank: usize, bytes: &[u8]) -> Result<T> {
     let answer: std::result::Result<T, String> = from_bytes(bytes)?;
     answer.map_err(|why| {
@@ -312,7 +298,7 @@ pub fn read_answer<T: DeserializeOwned>(rank: usize, bytes: &[u8]) -> Result<T> 
     })
 }
 
-/// The lock. Its content is whole even if a thread panicked.
+/// Takes the lock, even if a thread panicked while it held the lock: the content is never left incomplete.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -324,7 +310,7 @@ pub struct Threads {
     from: Vec<Mutex<Inbox>>,
 }
 
-/// Messages from one member, with those that were looked at and not taken yet.
+/// Messages from one member. It keeps a message that was peeked at until it is received.
 struct Inbox {
     receiver: Receiver<Vec<u8>>,
     waiting: VecDeque<Vec<u8>>,
@@ -354,12 +340,12 @@ impl Comm for Threads {
     }
 
     fn send(&self, to: usize, message: &[u8]) {
-        // A member that has ended needs no messages.
+        // Sending fails only if the other member has ended; then it needs no messages.
         let _ = self.to[to].send(message.to_vec());
     }
 
     /// # Panics
-    /// If the other member has ended without an answer: it panicked itself.
+    /// If the other member has ended without a message, which means that it panicked.
     fn receive(&self, from: usize) -> Vec<u8> {
         let mut inbox = lock(&self.from[from]);
         match inbox.waiting.pop_front() {
@@ -391,7 +377,6 @@ impl Comm for Threads {
 mod tests {
     use super::*;
 
-    /// The results of `work` in each member of a team of threads, by rank.
     fn each<T: Send + 'static>(size: usize, work: fn(&Threads) -> T) -> Vec<T> {
         let start = |comm| std::thread::spawn(move || work(&comm));
         let members: Vec<_> = threads(size).into_iter().map(start).collect();
@@ -430,7 +415,7 @@ mod tests {
     fn the_others_do_what_the_leader_says_and_let_go_of_what_it_dropped() -> Result<()> {
         let mut all = threads(3).into_iter();
         let leader = all.next().expect("there are three");
-        // Each notes what it was told, and returns a command with its rank.
+        // Each member notes the messages that it gets, and returns a command with its rank.
         let work = |comm: Threads| {
             let mut notes = Vec::new();
             serve(&comm, |told: Told<String>| match told {

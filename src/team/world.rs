@@ -12,32 +12,32 @@ use mpi::topology::{Communicator, SimpleCommunicator};
 use super::Comm;
 use crate::error::{Error, Result};
 
-/// The most bytes of one message of MPI, which counts them in 31 bits. Longer messages are sent in pieces.
+/// The maximum size of one MPI message, since MPI counts bytes in 31 bits. Longer messages are sent in pieces.
 const PIECE: usize = 1 << 30;
-/// Tags of messages: more pieces follow, or this is the last one.
+/// Message tags: more pieces follow, or this is the last one.
 const MORE: i32 = 1;
 const LAST: i32 = 0;
 
-/// How often a waiting process looks for a message before it sleeps in between, so that a process that waits for long leaves its core to others.
+/// How often a waiting process looks for a message before it starts to sleep between looks. Sleeping leaves its core to other processes.
 const LOOKS: u32 = 2000;
 const LONGEST_SLEEP: Duration = Duration::from_micros(500);
 
-/// The variables by which launchers tell a process that they started it as one of several: Open MPI, PMIx, and MPICH with its relatives.
+/// The environment variables that launchers set in each of several processes: Open MPI, PMIx, and MPICH with its relatives.
 const LAUNCHERS: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"];
 
-/// All processes that `mpirun` or `srun` started together. MPI ends when it is dropped.
+/// All processes that `mpirun` or `srun` started together. Dropping it ends MPI.
 pub struct World {
     rank: usize,
     size: usize,
-    /// MPI, until it is closed.
+    /// The connection to MPI; `None` after closing.
     universe: Mutex<Option<Universe>>,
 }
 
 impl World {
-    /// Joins the other processes. `None` where no launcher of MPI started this one.
+    /// Joins the other processes. Returns `None` if no MPI launcher started this process.
     ///
     /// # Errors
-    /// [`Error::Team`] where MPI was started before, or cannot be used by several threads.
+    /// [`Error::Team`] if MPI was started before, or if several threads cannot use it.
     pub fn join() -> Result<Option<Self>> {
         if !LAUNCHERS.iter().any(|name| std::env::var_os(name).is_some()) {
             return Ok(None);
@@ -119,7 +119,7 @@ impl Comm for World {
         loop {
             let status = wait(|| process.immediate_probe());
             let at = message.len();
-            // MPI does not count less than nothing.
+            // MPI's counts are never negative.
             message.resize(at + status.count(u8::equivalent_datatype()) as usize, 0);
             process.receive_into_with_tag(&mut message[at..], status.tag());
             if status.tag() == LAST {
@@ -133,7 +133,7 @@ impl Comm for World {
     }
 
     fn close(&self) {
-        // MPI ends when it is dropped.
+        // Dropping the universe ends MPI.
         drop(self.universe.lock().unwrap_or_else(PoisonError::into_inner).take());
     }
 

@@ -1,5 +1,5 @@
-//! The light transport matrix of a scene: its light paths are traced, summed pixel by pixel, and combined into rows. Photos are products with it,
-//! on the processor or on a device.
+//! The light transport matrix of a scene. Its light paths are traced, summed pixel by pixel, and combined into rows. Photos are products
+//! with the matrix, on the processor or on a device.
 
 use std::sync::Arc;
 
@@ -23,30 +23,23 @@ use crate::render::{TraceSettings, TraceSummary, Tracer};
 pub struct Assembled {
     /// The light transport matrix.
     pub matrix: TransportMatrix,
-    /// The photo without projector light, in W/(m² sr): light that the scene itself emits.
+    /// The photo without projector light, in W/(m² sr): the light that the scene itself emits.
     pub ambient: Image,
-    /// The noise of the matrix; `None` where an endpoint has only one path per pixel, from which noise cannot
-    /// be estimated.
+    /// The noise of the matrix. It is `None` if an endpoint has only one path per pixel, from which noise cannot be estimated.
     pub noise: Option<Noise>,
     /// The cost of tracing.
     pub summary: TraceSummary,
-    /// The matrix in the memory of a GPU, if products are computed there; see [`Assembled::place`].
+    /// The copy of the matrix on a GPU, if the GPU computes products; see [`Assembled::place`].
     pub(crate) gpu_matrix: Option<GpuMatrix>,
 }
 
-/// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal
-/// bits. The tracer's observer sees the steps.
-///
-/// # Errors
-/// As [`Tracer::trace`].
+/// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal bits. The tracer's observer sees
+/// the steps. The call fails like [`Tracer::trace`].
 pub fn assemble(tracer: &mut Tracer, settings: &TraceSettings, channels: Channels) -> Result<Assembled> {
     assemble_layers(tracer, settings, channels, false)
 }
 
-/// As [`assemble()`]. If `split` is set, the second bounce and all later ones are separate layers.
-///
-/// # Errors
-/// As [`Tracer::trace`].
+/// Works like [`assemble()`]. If `split` is set, the second bounce and all later ones are separate layers.
 pub fn assemble_layers(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -59,7 +52,6 @@ pub fn assemble_layers(
     }
 }
 
-/// [`assemble_layers`] for `C` channels.
 fn run<const C: usize>(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -74,7 +66,6 @@ fn run<const C: usize>(
     whole(share, shape(tracer, settings), channels, split)
 }
 
-/// The matrix of all light paths.
 pub(super) fn whole<const C: usize>(
     share: Share<C>,
     rig: RigShape,
@@ -86,7 +77,7 @@ pub(super) fn whole<const C: usize>(
     let combined = combine(found, rig, rows.clone(), classes(split).len(), &direct);
     let Combined { layers, rows: sums, squares } = combined;
     let mut layers = of_classes(layers, split);
-    // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
+    // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
     let matrix = TransportMatrix { rig, channels, direct: planes(&direct), layers, rows, spread: None };
     finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
@@ -100,7 +91,6 @@ pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
     }
 }
 
-/// The bounces of each class of contributions.
 pub(super) fn classes(split: bool) -> &'static [Bounces] {
     if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
 }
@@ -116,7 +106,7 @@ pub(super) fn planes<const C: usize>(direct: &[Estimates<C>]) -> Vec<Vec<f32>> {
     (0..C).map(plane).collect()
 }
 
-/// The traced scene of a matrix, the ambient light of each camera pixel, and the sums over all rows and entries if the noise is known.
+/// The traced scene from its matrix and ambient light. `sums` has the sums over all rows and entries, if the noise is known.
 pub(super) fn finish<const C: usize>(
     matrix: TransportMatrix,
     ambient: &[Estimates<C>],
@@ -149,7 +139,7 @@ fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) ->
     from_planes(resolution, &planes)
 }
 
-/// A traced scene as a rig, which several may share. It is linear, so patterns may be signed and of any magnitude.
+/// A traced scene as a rig that several may share. It is linear, so patterns may be signed and of any magnitude.
 impl Transport for Arc<Assembled> {
     fn pattern_resolution(&self) -> Resolution {
         self.matrix.projector_resolution()
@@ -177,50 +167,49 @@ impl Transport for Arc<Assembled> {
     }
 }
 
-/// Entries from which a product is worth sending to a GPU: a few cores multiply them in about the time of the
-/// transfers, some 0.2 ms. This is an estimate that was not measured on a GPU.
+/// The number of entries from which a product is worth sending to a GPU. A few cores multiply them in about the time of the transfers, some
+/// 0.2 ms. This is an estimate that was not measured on a GPU.
 const WORTHWHILE: usize = 1 << 20;
 
 /// The backend of products with the traced matrix: the processor, or the device that traced the paths.
 ///
-/// [`Backend::Auto`] takes the device where all of these hold: it is a GPU (discrete, integrated or virtual); the matrix has enough entries to be
-/// worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share of its memory that may be
-/// used. Otherwise it takes the processor; if a GPU lacked something, the reason is returned. On software Vulkan, which runs on the processor,
-/// products take ten times as long as by the processor itself. Each process of a team multiplies its rows of a matrix on its processor.
+/// [`Backend::Auto`] takes the device if all of these hold: it is a GPU (discrete, integrated or virtual); the matrix has enough entries to
+/// be worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share of its memory
+/// that may be used. Otherwise it takes the processor. If a GPU lacked something, the reason is returned. Software Vulkan takes ten times
+/// as long as the processor itself. Each process of a team multiplies its rows on its processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// On the device if it is a suitable GPU, else on the processor.
+    /// The device if it is a suitable GPU, otherwise the processor.
     #[default]
     Auto,
-    /// On the processor.
+    /// The processor.
     Cpu,
-    /// On the device, even on software Vulkan.
+    /// The device, even if it is software Vulkan.
     Gpu,
 }
 
 impl Assembled {
-    /// Products with one part and channel of the matrix, on its backend. On each backend they repeat to the bit; between backends they differ by
-    /// the rounding of sums only.
+    /// Products with one part and channel of the matrix, on its backend. On each backend they repeat to the bit. Between backends they
+    /// differ only by the rounding of sums.
     pub fn operator(&self, part: Part, channel: usize) -> MatrixOperator<'_> {
         MatrixOperator::new(&self.matrix, part, channel).on(self.gpu_matrix.as_ref())
     }
 
-    /// Chooses the backend of all later products; the device is the one that `tracer` traces on. Returns what
-    /// a GPU lacked, where [`Backend::Auto`] therefore chose the processor.
+    /// Chooses the backend of all later products. The device is the one that `tracer` traces on. If [`Backend::Auto`] chose the processor
+    /// because a GPU lacked something, the reason is returned.
     ///
     /// # Errors
-    /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory; [`Error::Option`] for it where several
-    /// processes have the matrix.
+    /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory; [`Error::Option`] for [`Backend::Gpu`] if
+    /// the matrix is spread over several processes.
     pub fn place(&mut self, tracer: &Tracer, place: Backend) -> Result<Option<String>> {
         self.place_on(tracer.gpu(), place, WORTHWHILE)
     }
 
-    /// Whether products are taken on a device.
+    /// Whether the device computes products.
     pub fn is_on_gpu(&self) -> bool {
         self.gpu_matrix.is_some()
     }
 
-    /// [`Assembled::place`] with `worthwhile` in place of [`WORTHWHILE`].
     fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
         self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
@@ -255,7 +244,6 @@ mod tests {
     use crate::gpu::AdapterSummary;
     use crate::transport::gpu_matrix::tests::{coaxial, gpu};
 
-    /// Software Vulkan that claims to be a discrete GPU.
     fn card() -> Gpu {
         let mut gpu = gpu();
         gpu.summary.kind = "discrete GPU".into();
@@ -319,7 +307,7 @@ mod tests {
         let photos = [&mut here, &mut there].map(|rig| rig.photograph(&pattern));
         let [Ok(expected), Ok(found)] = photos else { unreachable!("{photos:?}") };
         for (expected, found) in expected.samples().iter().zip(found.samples()) {
-            // Equal to 1e-13, then rounded to `f32`, down or up.
+            // The values are equal to 1e-13 and then rounded to `f32`, down or up.
             assert!((expected - found).abs() <= f32::EPSILON * expected, "{expected} and {found}");
         }
         let pixels = resolution.pixels();
@@ -336,7 +324,7 @@ mod tests {
         assert!(matrix == product(here.operator(Part::Global, 1)));
     }
 
-    /// Does not compile for a type that may not move to another thread.
+    /// This does not compile for a type that may not move to another thread.
     const fn assert_send<T: Send>() {}
 
     const _: () = {

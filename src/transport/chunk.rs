@@ -6,21 +6,20 @@ use rayon::prelude::*;
 
 use super::tiles::{Pages, take};
 
-/// Classes of bounces: one, two, and more; or one, and more.
+/// The maximum number of classes of bounces: either one, two, and more; or one, and more.
 pub(super) const CLASSES: usize = 3;
 
-/// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest
-/// bits) its class of bounces.
+/// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest bits) its class of bounces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub(super) struct Key(u32);
 
 impl Key {
     const CLASS_BITS: u32 = 2;
-    /// Marks a single contribution, not yet summed, from the second half of the samples.
+    /// Marks a single contribution from the second half of the samples that is not summed yet.
     const HALF: u32 = 1 << 31;
 
-    /// Larger than any other key.
+    /// A key above all others.
     pub(super) const END: Self = Self(u32::MAX);
 
     pub(super) fn new(other: u32, class: u32) -> Self {
@@ -28,12 +27,12 @@ impl Key {
         Self(other << Self::CLASS_BITS | class)
     }
 
-    /// The key of this number, as a device has it.
+    /// The key with this number, which a device computed.
     pub(super) fn of_number(number: u32) -> Self {
         Self(number)
     }
 
-    /// This key, for a single contribution of this half of the samples.
+    /// The key of a single contribution from this half of the samples.
     pub(super) fn of_half(self, half: usize) -> Self {
         Self(self.0 | (half as u32 * Self::HALF))
     }
@@ -42,17 +41,15 @@ impl Key {
         self.0
     }
 
-    /// The half of the samples that a single contribution is of, 0 or 1.
     pub(super) fn half(self) -> usize {
         usize::from(self.0 & Self::HALF != 0)
     }
 
-    /// The key of all contributions of the same pixel and class.
+    /// The common key of all contributions of the same pixel and class.
     pub(super) fn position(self) -> Self {
         Self(self.0 & !Self::HALF)
     }
 
-    /// The pixel at the other end.
     pub(super) fn other(self) -> u32 {
         self.0 >> Self::CLASS_BITS
     }
@@ -62,7 +59,7 @@ impl Key {
     }
 }
 
-/// The paths from one pixel. A pixel of the camera is a row of the matrix, a pixel of the projector a column.
+/// The paths from one pixel. A camera pixel is a row of the matrix, a projector pixel is a column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
     pub(super) pixel: u32,
@@ -80,7 +77,7 @@ pub(super) struct Chunk<const C: usize> {
 #[derive(Clone, Debug)]
 pub(super) enum Terms<const C: usize> {
     Short(Vec<Term<C>>),
-    /// On memory pages of their own, which the system gets back with the chunk.
+    /// Terms on separate memory pages, which return to the system with the chunk.
     Long(Pages<Term<C>>),
 }
 
@@ -107,11 +104,11 @@ impl<const C: usize> Deref for Terms<C> {
 pub(super) struct Term<const C: usize> {
     pub(super) key: Key,
     pub(super) mean: [f32; C],
-    /// Its error (`e` of [`super::Noise`]).
+    /// The error of the sum (`e` of [`super::Noise`]).
     pub(super) error: [f32; C],
 }
 
-// SAFETY: a term is an array of numbers of four bytes, so that it has no padding, and all bits are a value. Zeros are one.
+// SAFETY: a term is an array of numbers of four bytes, so it has no padding, and all bit patterns are valid, including zeros.
 #[allow(unsafe_code, reason = "bytemuck does not derive it for a number of channels")]
 unsafe impl<const C: usize> bytemuck::Zeroable for Term<C> {}
 
@@ -122,32 +119,31 @@ unsafe impl<const C: usize> bytemuck::Pod for Term<C> {}
 const _: () = assert!(size_of::<Term<1>>() == 12 && size_of::<Term<3>>() == 28);
 
 impl<const C: usize> Term<C> {
-    /// An entry of no light.
     pub(super) fn none(key: Key) -> Self {
         Self { key, mean: [0.0; C], error: [0.0; C] }
     }
 }
 
-/// The terms of a row at these pixels. The terms ascend.
+/// The terms of a row at these pixels. The terms must ascend.
 pub(super) fn at<'a, const C: usize>(terms: &'a [Term<C>], pixels: &Range<usize>) -> &'a [Term<C>] {
     &terms[places(terms, pixels)]
 }
 
-/// The places of the terms of a row at these pixels. The terms ascend.
+/// The index range of a row's terms at these pixels. The terms must ascend.
 pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -> Range<usize> {
     let place = |pixel: usize| terms.partition_point(|term| (term.key.other() as usize) < pixel);
     place(pixels.start)..place(pixels.end)
 }
 
-/// Bytes of terms that become a long chunk.
+/// The size in bytes of terms that become a long chunk.
 const LONG: usize = 4 << 20;
 
-/// Chunks in order, the short ones of which are joined to long ones, so that the system gets their memory back one by one.
+/// Chunks in order. Short chunks are joined to long ones, so that each long chunk returns its memory to the system.
 #[derive(Debug)]
 pub(super) struct Chunks<const C: usize> {
     long: Vec<Chunk<C>>,
     short: Vec<Chunk<C>>,
-    /// Bytes of the terms of the short ones.
+    /// The size in bytes of the terms of the short chunks.
     bytes: usize,
 }
 
@@ -191,7 +187,6 @@ impl<const C: usize> Chunk<C> {
         Self { rows, terms: Terms::Long(terms) }
     }
 
-    /// The index of the first term of a row, which is given by its index.
     pub(super) fn start(&self, row: usize) -> usize {
         row.checked_sub(1).map_or(0, |before| self.rows[before].end)
     }
@@ -205,8 +200,8 @@ impl<const C: usize> Chunk<C> {
         self.rows.iter().zip(starts).map(|(&row, start)| (row, &self.terms[start..row.end]))
     }
 
-    /// Whether its rows are some of these `pixels`, in ascending order, with their entries in ascending order, each of `classes` classes and at one of
-    /// `others` pixels.
+    /// Whether the rows are some of these `pixels` in ascending order. The entries of each row must ascend, and each must have one of
+    /// `classes` classes and be at one of `others` pixels.
     pub(super) fn is_of(&self, pixels: &Range<usize>, others: usize, classes: usize) -> bool {
         let is_row = |(row, terms): (Row, &[Term<C>])| {
             pixels.contains(&(row.pixel as usize))
@@ -217,7 +212,7 @@ impl<const C: usize> Chunk<C> {
         self.rows.is_sorted_by(|a, b| a.pixel < b.pixel) && self.rows().all(is_row)
     }
 
-    /// Every contribution: the pixel that its paths start from, whether that is one of the camera, its key, and the bits of its values.
+    /// Every contribution: its start pixel, whether that is a camera pixel, its key, and the bits of its values.
     pub(super) fn contributions(&self) -> impl Iterator<Item = (u32, bool, Key, [[u32; C]; 2])> + '_ {
         self.rows().flat_map(|(row, terms)| {
             terms.iter().map(move |term| {

@@ -1,5 +1,5 @@
-//! Products with their errors, by tracing anew. With another seed than that of a matrix they are independent of it, so that they can tell
-//! how good an answer is that was computed with this matrix.
+//! Products with their errors, by tracing anew. With another seed than the matrix they are independent of it. They can therefore show how
+//! good an answer is that was computed with this matrix.
 
 use rayon::prelude::*;
 
@@ -11,47 +11,47 @@ use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Direction, Operator, Symmetry, delegate};
 use crate::render::TraceSettings;
 
-/// Vectors that are multiplied in one pass over the light paths.
+/// The vectors that are multiplied in one pass over the light paths.
 const TOGETHER: usize = 16;
 
 /// A product `y = P x` with its error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimatedProduct {
-    /// `y`, an entry for each camera pixel.
+    /// `y`, with an entry for each camera pixel.
     pub product: Vec<f64>,
-    /// One draw of the error of each entry: its mean is 0, and its variance is that of `y` ([`super::Noise`]).
+    /// One draw of the error of each entry. Its mean is 0, and its variance is the variance of `y` ([`super::Noise`]).
     pub error: Vec<f64>,
-    /// The form of [`Question::shift`] with its standard error, for a coaxial rig. Its error is summed pixel by pixel, so that it is known
-    /// from as many numbers as there are pixels.
+    /// The quadratic form of [`Question::shift`] and its standard error, for a coaxial rig. The error is summed pixel by pixel, so it is
+    /// estimated from one number for each pixel.
     pub quadratic: Option<[f64; 2]>,
 }
 
-/// A pattern, and the quadratic form that is wanted of it.
+/// A pattern, and the quadratic form to compute for it.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
-    /// The pattern `x`, an entry for each projector pixel; its entries may be negative.
+    /// The pattern `x`, with an entry for each projector pixel. Entries may be negative.
     pub pattern: &'a [f64],
-    /// The number `s` of the form `xᵀ P x − s xᵀ D x`, where the diagonal matrix `D` has the row sums of `P`. With 0 it is the Rayleigh
-    /// quotient of a vector of norm 1. With an eigenvalue of `D⁻¹ P` it is what this eigenvalue is off, for `xᵀ D x = 1`.
+    /// The number `s` of the form `xᵀ P x − s xᵀ D x`. The diagonal matrix `D` has the row sums of `P`. With `s = 0` the form is the
+    /// Rayleigh quotient of a vector of norm 1. If `s` is an eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is the error of `s`.
     pub shift: f64,
 }
 
-/// Sums of squares that tell how near a prediction of a photo is.
+/// Sums of squares that measure how close a prediction of a photo is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Squares {
-    /// The sum over the differences of the photo to the prediction.
+    /// The sum of the squared differences between the photo and the prediction.
     pub difference: f64,
-    /// The sum over the errors of the photo, which its noise adds to the other two.
+    /// The sum of the squared errors of the photo. Noise adds this much to the other two sums.
     pub noise: f64,
-    /// The sum over the photo.
+    /// The sum of the squares of the photo.
     pub product: f64,
-    /// The sums of the fourth powers of differences and of errors, which tell how many pixels make up their squares.
+    /// The sums of the fourth powers of the differences and of the errors. They show how many pixels dominate the sums of squares.
     pub fourth: [f64; 2],
 }
 
 impl Squares {
-    /// The sums over the pixels of a prediction and a photo, whose errors have this sum of squares, spread over the pixels as the differences
-    /// are.
+    /// The sums over the pixels of a prediction and a photo. `noise` is the sum of the photo's squared errors, which are taken to be spread
+    /// over the pixels like the differences.
     pub fn new<'a>(
         prediction: impl IntoIterator<Item = &'a f64>,
         photo: impl IntoIterator<Item = &'a f64>,
@@ -72,9 +72,9 @@ impl Squares {
         Self { fourth: [sums.fourth[0], noise * noise * spread], ..sums }
     }
 
-    /// How much the differences exceed what noise and errors of the norm `allowed` explain, in standard errors. The prediction has noise of its
-    /// own, with `own` times the variance of the photo's. The sum of squares scatters by as much as its pixels are few: heavy tails of light paths
-    /// count by the fourth powers of both, so that a single pixel never makes more than one standard error.
+    /// The number of standard errors by which the differences exceed what noise and errors of the norm `allowed` explain. The prediction
+    /// has noise of its own: `own` times the variance of the photo's noise. The fourth powers account for the heavy tails of light paths,
+    /// because a sum of squares scatters more if few pixels dominate it. A single pixel therefore never makes more than one standard error.
     pub fn excess(self, own: f64, allowed: f64) -> f64 {
         let expected = (1.0 + own) * self.noise;
         let excess = self.difference - expected - allowed * allowed;
@@ -82,16 +82,16 @@ impl Squares {
         if excess <= 0.0 || scatter > 0.0 { excess / scatter.max(f64::MIN_POSITIVE) } else { f64::INFINITY }
     }
 
-    /// The smallest error of the prediction, relative to the photo, whose [`Squares::excess`] is above `bound` in half of all cases. Infinite where
-    /// the photo is nothing but noise.
+    /// The smallest error of the prediction, relative to the photo, for which [`Squares::excess`] is above `bound` in half of all cases. It
+    /// is infinite if the photo is only noise.
     pub fn resolution(self, own: f64, bound: f64) -> f64 {
         let size = self.product - self.noise;
         let scatter = (1.0 + own) * (2.0 * self.fourth[1]).sqrt();
         if size > 0.0 { (bound * scatter / size).sqrt() } else { f64::INFINITY }
     }
 
-    /// The relative difference of the prediction without the noise of the photo, and this noise: `√(‖p − y‖² − ‖e‖²) / ‖y‖` and `‖e‖ / ‖y‖`.
-    /// `None` where the photo is nothing but noise.
+    /// The relative difference of the prediction without the noise of the photo, and this noise: `√(‖p − y‖² − ‖e‖²) / ‖y‖` and
+    /// `‖e‖ / ‖y‖`. It is `None` if the photo is only noise.
     pub fn relative(self) -> Option<[f64; 2]> {
         let size = self.product - self.noise;
         let shares = [(self.difference - self.noise).max(0.0), self.noise];
@@ -111,9 +111,10 @@ impl std::iter::Sum for Squares {
 }
 
 impl EstimatedProduct {
-    /// A sign test: the number of standard errors by which more than half of the pixels are farther from a prediction than a draw of the noise of
-    /// both and errors of the norm `allowed`, spread as the noise is and evenly. A right prediction's difference and that draw have the same distribution at
-    /// each pixel, however heavy its tails are; single pixels of enormous noise, which hide everything from sums of squares, count once.
+    /// A sign test. At each pixel it compares the difference from a prediction with a draw of allowed errors: the noise of both, and errors
+    /// of the norm `allowed`, spread once like the noise and once evenly. The result is the number of standard errors by which the count of
+    /// pixels with the larger difference exceeds one half of all. For a right prediction, the difference and the draw have the same
+    /// distribution at each pixel, however heavy its tails are. Pixels of enormous noise, which dominate sums of squares, count once.
     pub fn signs(&self, prediction: &[f64], own: f64, allowed: f64) -> f64 {
         let noise = self.error.iter().map(|error| error * error).sum::<f64>();
         let square = allowed * allowed;
@@ -130,7 +131,7 @@ impl EstimatedProduct {
         if count > 0.0 { (farther - 0.5 * count) / (0.25 * count).sqrt() } else { f64::NEG_INFINITY }
     }
 
-    /// How near a prediction of this product is.
+    /// The sums of squares for a prediction of this product.
     pub fn squares(&self, prediction: &[f64]) -> Squares {
         let squares =
             Squares::new(prediction, &self.product, self.error.iter().map(|error| error * error).sum());
@@ -139,16 +140,16 @@ impl EstimatedProduct {
     }
 }
 
-/// The same settings with another seed, which no matrix of a program's runs has by accident.
+/// The same settings with another seed, which no other run of the program uses by accident.
 pub fn with_other_seed(settings: &TraceSettings) -> TraceSettings {
     TraceSettings { seed: settings.seed ^ 0x5eed_cafe, ..*settings }
 }
 
 impl Retraced<'_> {
-    /// The products of one part and channel with the patterns of `asked`. Sixteen are taken in one pass over the light paths.
+    /// The products of one part and channel with the patterns of `asked`. One pass over the light paths takes sixteen of them.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when a vector has another length; as [`Transport::photograph`].
+    /// [`Error::Dimension`] when a vector has another length; the errors of [`Transport::photograph`].
     pub fn estimated_products(
         &mut self,
         part: Part,
@@ -161,7 +162,7 @@ impl Retraced<'_> {
         }
         let mut found = Vec::with_capacity(asked.len());
         for asked in asked.chunks(TOGETHER) {
-            // Each number of patterns has its own loops, so that a single one costs no more than it needs.
+            // Each number of patterns has its own loops, so a single pattern costs no more than necessary.
             found.extend(match asked.len() {
                 1 => self.estimated_block::<1>(part, channel, asked)?,
                 2 => self.estimated_block::<2>(part, channel, asked)?,
@@ -215,14 +216,14 @@ impl Retraced<'_> {
 }
 
 /// `y = P x` for one part and channel, by light paths of the settings' seed. The errors of its products are known
-/// ([`Operator::standard_errors`]). That of the transpose of a rig that is not coaxial is not stated: 0.
+/// ([`Operator::standard_errors`]). For the transpose of a rig that is not coaxial, the error is not computed and is stated as 0.
 pub struct EstimatedOperator<'a> {
     operator: RetracedOperator<'a>,
     errors: Vec<f64>,
 }
 
 impl<'a> EstimatedOperator<'a> {
-    /// The operator of a scene with its settings; `channel` is below [`Channels::count`].
+    /// The operator of a scene with its settings. `channel` is below [`Channels::count`].
     pub fn new(retraced: Retraced<'a>, part: Part, channel: usize) -> Self {
         Self { operator: RetracedOperator { retraced, part, channel }, errors: Vec::new() }
     }
@@ -269,23 +270,20 @@ impl Adjoint for EstimatedOperator<'_> {
 /// The sums of both halves of the samples, for each pattern of a block.
 type HalfSums<const P: usize> = [[f64; P]; 2];
 
-/// Sums over the light paths. The paths from the camera and those from the projector may have other weights.
+/// Sums over the light paths. The paths from the camera and from the projector may have different weights.
 struct Sums<const P: usize> {
     rows: usize,
     symmetric: bool,
     of_weights: Vec<WeightSums<P>>,
 }
 
-/// Sums over all light paths of the same weights.
 struct WeightSums<const P: usize> {
     halves: Halves,
-    /// For each row of the product.
     products: Vec<HalfSums<P>>,
-    /// The sums of the quadratic form, by the pixels that the paths start from, which are independent of each other; for a coaxial rig.
+    /// The sums of the quadratic form for a coaxial rig, by start pixel. Different start pixels are independent.
     of_starts: Vec<HalfSums<P>>,
 }
 
-/// The sums that one of several tasks adds to.
 struct Share<'a, const P: usize> {
     products: Stripes<'a, HalfSums<P>>,
     of_starts: Stripes<'a, HalfSums<P>>,
@@ -296,7 +294,6 @@ impl<const P: usize> Sums<P> {
         Self { rows, symmetric, of_weights: Vec::new() }
     }
 
-    /// The sums over the light paths of these weights.
     fn of(&mut self, halves: Halves) -> &mut WeightSums<P> {
         let known = self.of_weights.iter().position(|sums| sums.halves == halves);
         let at = known.unwrap_or_else(|| {
@@ -336,10 +333,10 @@ impl<const P: usize> WeightSums<P> {
     }
 }
 
-/// The stripes of an array that one of several tasks has. They go round the tasks and are narrow, so that each task gets as much of a batch's pixels.
+/// One task's stripes of an array. Narrow stripes go to the tasks in turn, so each task gets an equal share of a batch's pixels.
 struct Stripes<'a, T> {
     mine: Vec<&'a mut [T]>,
-    /// For each stripe of the array its place among `mine`, or a place beyond them.
+    /// For each stripe of the array, its index in `mine`, or an index beyond its end.
     places: Vec<u32>,
 }
 
@@ -358,7 +355,6 @@ impl<T> Stripes<'_, T> {
         stripes
     }
 
-    /// The entry number `index`, if this task has it.
     fn at(&mut self, index: usize) -> Option<&mut T> {
         let place = self.places[index / Self::WIDTH];
         self.mine.get_mut(place as usize).map(|stripe| &mut stripe[index % Self::WIDTH])
@@ -376,7 +372,7 @@ mod tests {
             error: error.to_vec(),
             quadratic: None,
         };
-        // Differences of 0.3 and 0.4 where the noise alone makes them as large, and of 3 and 4 where it does not.
+        // The noise alone explains differences of 0.3 and 0.4, but not of 3 and 4.
         let independent = product(&[10.3, 9.6], &[0.3, 0.4]);
         let exact = independent.squares(&[10.0, 10.0]).relative();
         assert!(exact.is_some_and(|[error, _]| error < 1e-7), "{exact:?}");

@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
 
-/// An explicit matrix (from a file, or made by the caller) as a rig of one channel. The photo has as many
-/// pixels as the pattern. There is no ambient light.
+/// An explicit matrix (from a file, or made by the caller) as a rig of one channel. Photo and pattern have the same number
+/// of pixels. There is no ambient light.
 #[derive(Clone, Debug)]
 pub struct ExplicitMatrix {
     matrix: Csr,
@@ -14,10 +14,7 @@ pub struct ExplicitMatrix {
 }
 
 impl ExplicitMatrix {
-    /// A rig for `matrix`, which must have a row and a column for each pixel.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when it has another shape.
+    /// A rig for `matrix`, which must have a row and a column for each pixel. Another shape gives [`Error::Dimension`].
     pub fn new(matrix: Csr, resolution: Resolution) -> Result<Self> {
         let pixels = resolution.pixels();
         if (matrix.rows(), matrix.cols()) != (pixels, pixels) {
@@ -35,10 +32,8 @@ impl ExplicitMatrix {
         &self.matrix
     }
 
-    /// One part of a square matrix: its diagonal is the direct light, as for a coaxial rig, and all else the global light.
-    ///
-    /// # Errors
-    /// None that a well-formed matrix can cause.
+    /// One part of a square matrix. Its diagonal is the direct light, as for a coaxial rig, and all else is the global
+    /// light. A well-formed matrix causes no error.
     pub fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
         if part == Part::Full {
             return Ok(matrix.clone());

@@ -1,4 +1,4 @@
-//! Products that are written to a journal before they are used, and that are never taken twice.
+//! Products that are written to a journal before they are used, and are never computed twice.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,9 +7,8 @@ use crate::journal::{Journal, Key, Kind};
 use crate::observer::Observer;
 use crate::operator::{Adjoint, Direction, Operator, Product, Symmetry};
 
-/// An operator whose products are kept in a journal. A product that is already there is read and not taken
-/// again. The operators of one source share a journal, each under its own name: which part of the light, and
-/// which channel.
+/// An operator that keeps its products in a journal. Journaled products are read instead of computed.
+/// Operators of one source share a journal; their names state the part of the light and the channel.
 pub struct JournaledOperator<'a> {
     journal: &'a mut Journal,
     inner: Option<&'a mut dyn Adjoint>,
@@ -17,7 +16,6 @@ pub struct JournaledOperator<'a> {
     shape: ([usize; 2], Symmetry),
 }
 
-/// The metadata of a product in the journal.
 #[derive(Serialize, Deserialize)]
 struct Note {
     operator: String,
@@ -32,15 +30,13 @@ struct Keys {
 }
 
 impl<'a> JournaledOperator<'a> {
-    /// Keeps the products of `inner`. The journal's identity must say everything that they depend on besides
-    /// `name`.
+    /// Keeps the products of `inner`. The journal's identity must name all else that they depend on.
     pub fn new(journal: &'a mut Journal, name: impl Into<String>, inner: &'a mut dyn Adjoint) -> Self {
         let shape = ([inner.rows(), inner.cols()], inner.symmetry());
         Self { journal, inner: Some(inner), name: name.into(), shape }
     }
 
-    /// Reads the products that were journaled under this name of an operator of this shape; any other product
-    /// is an error.
+    /// Reads the journaled products of an operator of this name and shape. Any other product is an error.
     pub fn replay(
         journal: &'a mut Journal,
         name: impl Into<String>,
@@ -50,8 +46,7 @@ impl<'a> JournaledOperator<'a> {
         Self { journal, inner: None, name: name.into(), shape: ([rows, cols], symmetry) }
     }
 
-    /// All products `y = A x` that were journaled under this name, in the order in which they were taken,
-    /// without the damaged ones.
+    /// The undamaged products `y = A x` that were journaled under this name, in the order of computation.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Journal`] for a record in a form that this version does not know.
@@ -77,8 +72,8 @@ impl<'a> JournaledOperator<'a> {
         Ok(products)
     }
 
-    /// Reads the products that are in the journal, takes the others in blocks of the inner operator's size,
-    /// and appends these in order. When a block fails, those before it are in the journal.
+    /// Reads the products that are in the journal, computes the others in blocks of the inner operator's
+    /// size, and appends these in order. If a block fails, the blocks before it are in the journal.
     fn block(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(from.len(), to.len());
         let mut new: Vec<(usize, Keys)> = Vec::new();
@@ -116,7 +111,7 @@ impl<'a> JournaledOperator<'a> {
         Keys { pattern, product }
     }
 
-    /// Whether the product was in the journal, and was copied from there.
+    /// Copies the product from the journal. Returns whether it was there.
     fn read(&mut self, key: Key, to: &mut [f64]) -> Result<bool> {
         let Some(stored) = self.journal.get(key)? else { return Ok(false) };
         if stored.payload.len() != size_of_val(to) {
@@ -130,7 +125,7 @@ impl<'a> JournaledOperator<'a> {
         Ok(true)
     }
 
-    /// Takes the products at these places (ascending) as one block.
+    /// Computes the products at these ascending indices as one block.
     fn take(
         &mut self,
         direction: Direction,

@@ -20,18 +20,16 @@ pub enum Bounces {
     Global,
 }
 
-/// A part of the transport matrix: a sparse matrix with one set of `f32` weights per channel on a common
-/// sparsity pattern.
+/// A sparse part of the transport matrix, with `f32` weights per channel on a common sparsity pattern.
 #[derive(Clone, Debug)]
 pub struct Layer {
     bounces: Bounces,
     tiles: Tiles,
-    /// Computed when first needed.
+    /// The transpose, which is computed when it is first needed.
     transpose: OnceLock<Box<Layer>>,
 }
 
-/// Two layers are equal when their entries are, to the last bit; whether the transpose was computed does not
-/// count.
+/// Two layers are equal if their entries are equal to the last bit. The cached transpose does not count.
 impl PartialEq for Layer {
     fn eq(&self, other: &Self) -> bool {
         (self.bounces, &self.tiles) == (other.bounces, &other.tiles)
@@ -43,12 +41,12 @@ pub(super) fn square(value: f32) -> f64 {
 }
 
 impl Layer {
-    /// A layer of `cols` columns. Its rows are those of `pieces`, one after the other.
+    /// A layer of `cols` columns, with the rows of `pieces` one after the other.
     pub(crate) fn new(bounces: Bounces, cols: usize, pieces: Vec<CompressedRows>) -> Self {
         Self::of_tiles(bounces, Tiles::new(cols, pieces))
     }
 
-    /// A symmetric layer. Its rows on and above the diagonal are those of `pieces`, one after the other.
+    /// A symmetric layer. `pieces` has its rows on and above the diagonal, one after the other.
     pub(crate) fn symmetric(bounces: Bounces, pieces: Vec<CompressedRows>) -> Self {
         Self::of_tiles(bounces, Tiles::symmetric(pieces))
     }
@@ -67,15 +65,12 @@ impl Layer {
         self.tiles.nonzeros()
     }
 
-    /// Bytes in memory, without the transpose.
+    /// The size in memory in bytes, without the transpose.
     pub fn bytes(&self) -> usize {
         self.tiles.bytes()
     }
 
-    /// One channel as a compressed sparse matrix.
-    ///
-    /// # Errors
-    /// None for a valid layer; the constructor of [`Csr`] checks its arrays.
+    /// One channel as a compressed sparse matrix. It fails only if [`Csr`] rejects the layer's arrays.
     pub fn to_csr(&self, channel: usize) -> Result<Csr> {
         let CompressedRows { row_start, columns, weights } = self.to_rows();
         let weights = weights[channel].iter().map(|&weight| f64::from(weight)).collect();
@@ -90,7 +85,6 @@ impl Layer {
         &self.tiles
     }
 
-    /// The transpose; computed once, and kept with the layer.
     pub(super) fn transpose(&self) -> &Self {
         self.transpose.get_or_init(|| {
             let rows = self.to_rows();
@@ -99,9 +93,9 @@ impl Layer {
         })
     }
 
-    /// Keeps the rows of the transpose that this process has, where a matrix is spread over several processes.
+    /// Stores the transpose's rows that this process holds, if a matrix is spread over several processes.
     pub(super) fn keep_transpose(&self, transpose: Self) {
-        // A transpose that is there already is the same.
+        // A transpose that was stored before is the same.
         let _ = self.transpose.set(Box::new(transpose));
     }
 }

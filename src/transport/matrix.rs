@@ -15,7 +15,7 @@ use crate::image::Resolution;
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// Rows of a task where the matrix has only a diagonal.
+/// The rows of a task if the matrix has only a diagonal.
 const BAND: usize = 4096;
 
 /// A part of the light that a product carries.
@@ -30,7 +30,6 @@ pub enum Part {
 }
 
 impl Part {
-    /// Whether paths of `bounces` bounces belong to this part.
     pub(super) fn holds(self, bounces: u32) -> bool {
         match self {
             Self::Full => true,
@@ -39,13 +38,11 @@ impl Part {
         }
     }
 
-    /// Whether a layer of this light belongs to this part.
     pub(super) fn has(self, layer: Bounces) -> bool {
         self.holds(if layer == Bounces::One { 1 } else { 2 })
     }
 }
 
-/// The direction, the part and the channel of a product.
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Product {
     pub(super) direction: Direction,
@@ -53,24 +50,23 @@ pub(super) struct Product {
     pub(super) channel: usize,
 }
 
-/// `A = diag(direct) + Σ layers`: a row for each camera pixel, a column for each projector pixel.
+/// `A = diag(direct) + Σ layers`. It has a row for each camera pixel and a column for each projector pixel.
 ///
-/// The matrix of a coaxial rig is symmetric to the last bit, in each of its parts. Products accumulate in
-/// `f64`, in an order that does not depend on the number of threads.
+/// The matrix of a coaxial rig is symmetric to the last bit, and so is each of its parts. Products are summed in `f64`, in an order that
+/// does not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub struct TransportMatrix {
     pub(crate) rig: RigShape,
     pub(crate) channels: Channels,
-    /// The diagonal, `[channel][pixel]`; empty where the rig is not coaxial.
+    /// The diagonal, `[channel][pixel]`. It is empty if the rig is not coaxial.
     pub(crate) direct: Vec<Vec<f32>>,
     pub(crate) layers: Vec<Layer>,
-    /// The rows that this process has, all of them unless the matrix is spread over several processes. Its layers have no others.
+    /// The rows that this process and its layers hold: all rows, unless the matrix is spread over several processes.
     pub(super) rows: Range<usize>,
-    /// The processes that have the other rows.
     pub(super) spread: Option<Spread>,
 }
 
-/// Two matrices are equal when their entries are, to the last bit; both must be whole, or have the same rows.
+/// Two matrices are equal if their entries are equal to the last bit. Both must be whole, or have the same rows.
 impl PartialEq for TransportMatrix {
     fn eq(&self, other: &Self) -> bool {
         (self.rig, self.channels, &self.rows) == (other.rig, other.channels, &other.rows)
@@ -79,17 +75,16 @@ impl PartialEq for TransportMatrix {
 }
 
 impl TransportMatrix {
-    /// The matrix of these parts, in this process alone.
     pub(crate) fn new(rig: RigShape, channels: Channels, direct: Vec<Vec<f32>>, layers: Vec<Layer>) -> Self {
         Self { rig, channels, direct, layers, rows: 0..rig.camera.pixels(), spread: None }
     }
 
-    /// Pixels of the camera: the matrix has one row for each.
+    /// The camera's resolution. The matrix has one row for each camera pixel.
     pub fn resolution(&self) -> Resolution {
         self.rig.camera
     }
 
-    /// Pixels of the projector: the matrix has one column for each.
+    /// The projector's resolution. The matrix has one column for each projector pixel.
     pub fn projector_resolution(&self) -> Resolution {
         self.rig.projector
     }
@@ -110,20 +105,19 @@ impl TransportMatrix {
         self.layers.iter().map(Layer::nonzeros).sum::<usize>() + elsewhere
     }
 
-    /// Bytes that the matrix takes in memory, in all processes that have a part of it.
+    /// The size of the matrix in memory in bytes, summed over all processes that hold a part of it.
     pub fn bytes(&self) -> usize {
         let direct = self.direct.iter().map(|plane| 4 * plane.len()).sum::<usize>();
         let elsewhere = self.spread.as_ref().map_or(0, Spread::bytes);
         self.layers.iter().map(Layer::bytes).sum::<usize>() + direct + elsewhere
     }
 
-    /// The number of processes that have a part of the matrix.
+    /// The number of processes that hold a part of the matrix.
     pub fn processes(&self) -> usize {
         self.spread.as_ref().map_or(1, Spread::processes)
     }
 
-    /// The diagonal of `channel`: the direct light that returns to its own pixel through a pinhole. It has
-    /// `n` values, or none where the rig is not coaxial.
+    /// The diagonal of `channel`: direct light that returns to its own pixel through a pinhole. It has `n` values, or none if not coaxial.
     pub fn direct(&self, channel: usize) -> &[f32] {
         &self.direct[channel]
     }
@@ -133,12 +127,9 @@ impl TransportMatrix {
         self.layers.iter().map(Layer::bounces)
     }
 
-    /// The sparse layers by number of bounces: one bounce, where it is not only the diagonal; then either two
-    /// bounces and the rest, or both in one layer. Those of a matrix that is spread over several processes are brought together first, which
-    /// takes the memory of the whole matrix.
-    ///
-    /// # Errors
-    /// [`Error::Team`](crate::Error::Team) where another process sent something else.
+    /// The sparse layers by number of bounces. The first is one bounce, unless the diagonal holds all of it. Then come two bounces and the
+    /// rest, in two layers or in one. The layers of a matrix that is spread over several processes are collected first, which takes the
+    /// memory of the whole matrix. [`Error::Team`](crate::Error::Team) means that another process sent something else.
     pub fn layers(&self) -> Result<Cow<'_, [Layer]>> {
         match &self.spread {
             None => Ok(Cow::Borrowed(&self.layers)),
@@ -146,25 +137,23 @@ impl TransportMatrix {
         }
     }
 
-    /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector
-    /// pixel, `y` one for each of the camera's.
+    /// `y ← P x` for the `part` `P` of one channel. `x` may be signed. `x` has an entry per projector pixel, `y` one per camera pixel.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
         self.multiply(Product { direction: Direction::Forward, part, channel }, x, y);
     }
 
-    /// `x ← Pᵀ y`: the photo of the dual rig, in which camera and projector have changed places. `y` has an
-    /// entry for each camera pixel, `x` one for each of the projector's.
+    /// `x ← Pᵀ y`: the photo of the dual rig with exchanged camera and projector. `y` has an entry per camera pixel, `x` per projector
+    /// pixel.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
         self.multiply(Product { direction: Direction::Adjoint, part, channel }, y, x);
     }
 
-    /// `y_k ← P x_k` for each of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read
-    /// once for four products. There are as many `ys` as `xs`; each has an entry for each camera pixel.
+    /// `y_k ← P x_k` for each of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read once for four products. `ys`
+    /// and `xs` have the same length; each of `ys` has an entry for each camera pixel.
     pub fn apply_block(&self, part: Part, channel: usize, xs: &[&[f64]], ys: &mut [&mut [f64]]) {
         self.multiply_block(Product { direction: Direction::Forward, part, channel }, xs, ys);
     }
 
-    /// Products with a block of vectors: four at a time are interleaved.
     fn multiply_block(&self, product: Product, from: &[&[f64]], to: &mut [&mut [f64]]) {
         assert_eq!(from.len(), to.len(), "a product for each vector");
         for (from, to) in from.chunks(BLOCK_WIDTH).zip(to.chunks_mut(BLOCK_WIDTH)) {
@@ -178,7 +167,6 @@ impl TransportMatrix {
         }
     }
 
-    /// The product with one vector or with several interleaved ones.
     fn multiply<V: Summable>(&self, product: Product, from: &[V], to: &mut [V]) {
         let (camera, projector) = (self.rig.camera.pixels(), self.rig.projector.pixels());
         let [lit, seen] = match product.direction {
@@ -192,7 +180,7 @@ impl TransportMatrix {
         }
     }
 
-    /// The rows of a product that this process has, from row `first` of the product on.
+    /// This process's rows of a product, from row `first` of the product on.
     pub(super) fn multiply_own<V: Summable>(
         &self,
         Product { direction, part, channel }: Product,
@@ -205,7 +193,7 @@ impl TransportMatrix {
         let layers: Vec<&Layer> =
             layers.map(|layer| if transposed { layer.transpose() } else { layer }).collect();
         let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
-        // Layers have equally many rows, and so equal bands.
+        // All layers have the same number of rows, so their bands are equal.
         let rows = layers.first().map_or(BAND, |layer| layer.tiles().band_rows());
         to.par_chunks_mut(rows).enumerate().for_each(|(band, to)| {
             let of_band = first + band * rows..first + band * rows + to.len();
@@ -226,8 +214,8 @@ impl TransportMatrix {
         });
     }
 
-    /// The Frobenius norm of the `part` of one channel. Entries that several layers share count apart, which matters
-    /// only where single and multiple scattering link the same pixels.
+    /// The Frobenius norm of the `part` of one channel. Entries that several layers share count separately, which matters only if single
+    /// and multiple scattering link the same pixels.
     pub fn frobenius_norm(&self, part: Part, channel: usize) -> f64 {
         let mut all = 0.0;
         for (at, layer) in self.layers.iter().enumerate().filter(|(_, layer)| part.has(layer.bounces())) {
@@ -240,11 +228,8 @@ impl TransportMatrix {
         all.sqrt()
     }
 
-    /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry
-    /// that several layers share is their sum, rounded to `f32`.
-    ///
-    /// # Errors
-    /// As [`TransportMatrix::layers`]; the constructor of [`Csr`] checks its arrays.
+    /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry that several layers share is
+    /// their sum, rounded to `f32`. The call fails like [`TransportMatrix::layers`]; the constructor of [`Csr`] checks its arrays.
     pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
         let layers = self.layers()?;
         let layers: Vec<CompressedRows> =
@@ -275,20 +260,18 @@ impl TransportMatrix {
     }
 }
 
-/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the
-/// processor, a block is multiplied four vectors at a time.
+/// `y = P x` for one part and channel of a transport matrix. Each product is one photo. The processor multiplies four vectors at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixOperator<'a> {
     matrix: &'a TransportMatrix,
-    /// The copy of the matrix on the device where products are taken there.
+    /// The copy of the matrix on the device, if the device computes the products.
     device: Option<&'a GpuMatrix>,
     part: Part,
     channel: usize,
 }
 
 impl<'a> MatrixOperator<'a> {
-    /// Products on the processor; [`super::Assembled::operator`] has those on the backend of a traced scene. The channel is below
-    /// [`Channels::count`].
+    /// An operator on the processor; see [`super::Assembled::operator`] for other backends. The channel is below [`Channels::count`].
     pub fn new(matrix: &'a TransportMatrix, part: Part, channel: usize) -> Self {
         Self { matrix, device: None, part, channel }
     }
@@ -353,8 +336,7 @@ impl Adjoint for MatrixOperator<'_> {
 
 const TASK: usize = 4096;
 
-/// Interleaves at most four vectors of equal length: element `i` holds entry `i` of each, and zeros in the
-/// places of missing vectors.
+/// Interleaves at most four vectors of equal length. Element `i` holds entry `i` of each vector, and zeros in place of missing vectors.
 pub(super) fn interleave(vectors: &[&[f64]]) -> Vec<Interleaved> {
     let mut values = vec![Interleaved::default(); vectors.first().map_or(0, |vector| vector.len())];
     values.par_chunks_mut(TASK).enumerate().for_each(|(task, values)| {
@@ -377,7 +359,7 @@ pub(super) fn deinterleave(values: &[Interleaved], to: &mut [&mut [f64]]) {
 mod tests {
     use super::*;
 
-    /// More entries than two tasks take, and three vectors for four places.
+    /// The vectors have more entries than two tasks take, and three vectors fill four places.
     #[test]
     fn vectors_of_several_tasks_are_interleaved_in_their_order() {
         let length = 2 * TASK + 7;

@@ -1,12 +1,12 @@
 //! The rows of the matrix, merged from the contributions of each pixel's paths and their transpose.
 //!
-//! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`.
-//! If the projector stands apart, the rows of the camera's pixels are rows of `A`, and the rows of the
-//! projector's pixels are columns of `A`. The transpose comes one block at a time (`transpose`), without a second
-//! copy of `F`. A row of `A` is then two rows merged, one of `F` and one of its transpose, which both ascend.
+//! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`. If the projector stands apart,
+//! the rows of the camera's pixels are rows of `A`, and the rows of the projector's pixels are columns of `A`. The transpose comes one
+//! block at a time (`transpose`), without a second copy of `F`. A row of `A` is then the merge of two ascending rows, one of `F` and one of
+//! its transpose.
 //!
-//! A whole coaxial matrix is symmetric, so that only its triangle on and above the diagonal is merged. Row by row,
-//! fewer contributions are needed: their memory is given back while that of the matrix grows.
+//! A whole coaxial matrix is symmetric, so only its triangle on and above the diagonal is merged. Contributions are needed for fewer and
+//! fewer rows: their memory is freed while the memory of the matrix grows.
 
 use std::cmp::Ordering;
 use std::ops::Range;
@@ -23,17 +23,17 @@ use super::squares::EntrySquares;
 use super::tiles::{Builder, CompressedRows, Pieces, Tiles, take};
 use super::transpose::Sources;
 
-/// The sparse part of the matrix, with the sums from which its noise follows.
+/// The sparse part of the matrix, with the sums that determine its noise.
 pub(super) struct Combined<const C: usize> {
-    /// One layer for each class: one bounce, then the others.
+    /// One layer for each class: first one bounce, then the others.
     pub(super) layers: Vec<Tiles>,
     pub(super) rows: Vec<Estimates<C>>,
-    /// Squares of all entries; of a symmetric matrix, those on and above the diagonal of the rows, where what is above it counts twice.
+    /// The squares of all entries. For a symmetric matrix, entries above the diagonal count twice instead of those below.
     pub(super) squares: EntrySquares,
 }
 
-/// Merges what was found into these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each of the rows and
-/// channel, or empty. There are all contributions to these rows, those of the camera's paths first, by ascending start pixel.
+/// Merges the contributions to these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each row and channel, or
+/// empty. `found` must hold all contributions to these rows by ascending start pixel, with the camera's paths first.
 pub(super) fn combine<const C: usize>(
     found: Found<C>,
     rig: RigShape,
@@ -66,7 +66,7 @@ pub(super) fn combine<const C: usize>(
     Combined { layers, rows: sums, squares: merging.squares }
 }
 
-/// Tiles of each layer, without rows yet. `of_class` counts the contributions of each class to what is merged.
+/// Builders for the tiles of each layer, without rows yet. `of_class` counts the merged contributions of each class.
 pub(super) fn builders<const C: usize>(
     of_class: [usize; CLASSES],
     rig: RigShape,
@@ -81,19 +81,18 @@ pub(super) fn builders<const C: usize>(
     of_class[..classes].iter().map(builder).collect()
 }
 
-/// Approximate number of contributions in one block, unless there were too many blocks.
+/// The approximate number of contributions in one block, unless that makes too many blocks.
 const BLOCK: usize = 1 << 21;
 
-/// The most blocks: each looks at every pixel once.
+/// The maximum number of blocks. Each block has to visit every pixel once.
 const MOST_BLOCKS: usize = 48;
 
 const ROWS_PER_TASK: usize = 64;
 
-/// The rows of a matrix while they are merged. Rows are counted from the first one that is made.
+/// The rows of a matrix while they are merged. Rows are counted from the first one that is merged.
 pub(super) struct Merging<'a, const C: usize> {
     pub(super) sources: Sources<C>,
     pairs: Pairs<'a>,
-    /// The pixel of the first row.
     first: usize,
     /// The number of contributions to each row, and the diagonal of [`combine`].
     terms: Vec<u32>,
@@ -102,15 +101,15 @@ pub(super) struct Merging<'a, const C: usize> {
     most: usize,
 }
 
-/// How often the square of an entry is counted, so that each entry of the whole matrix and its mirror image are counted once.
+/// How often the square of an entry is counted. Over the whole matrix, each entry and its mirror image count once.
 #[derive(Clone, Copy)]
 pub(super) enum Pairs<'a> {
     /// The matrix is not symmetric.
     Apart,
-    /// An entry above the diagonal is counted twice, for itself and for its mirror image.
+    /// An entry above the diagonal counts twice, for itself and for its mirror image.
     Triangle,
-    /// The rows of this step of several processes are merged from the columns of this step and of later ones. Those of later ones are counted twice:
-    /// their rows are not merged with these columns.
+    /// Several processes merge the rows of this step from the columns of this step and of later ones. Entries in columns of later steps
+    /// count twice, because the rows of later steps are not merged with the columns of this step.
     Step(&'a Steps, usize),
 }
 
@@ -128,7 +127,7 @@ impl Pairs<'_> {
 }
 
 impl<'a, const C: usize> Merging<'a, C> {
-    /// Rows from the pixel `first` on, with the number of contributions to each.
+    /// Starts at the row of the pixel `first`. `terms` is the number of contributions to each row.
     pub(super) fn new(
         sources: Sources<C>,
         pairs: Pairs<'a>,
@@ -141,7 +140,6 @@ impl<'a, const C: usize> Merging<'a, C> {
         Self { sources, pairs, first, terms, direct, squares: EntrySquares::default(), most }
     }
 
-    /// Merges these rows block by block: the pieces of each layer.
     pub(super) fn pieces(&mut self, rows: &Range<usize>, classes: usize) -> Vec<Vec<CompressedRows>> {
         let mut pieces: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
         for block in self.blocks(rows) {
@@ -151,7 +149,6 @@ impl<'a, const C: usize> Merging<'a, C> {
         pieces
     }
 
-    /// These rows, cut into blocks of about equally many contributions.
     fn blocks(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
         let mut blocks = Vec::new();
         let (mut first, mut held) = (rows.start, 0);
@@ -167,7 +164,7 @@ impl<'a, const C: usize> Merging<'a, C> {
         blocks
     }
 
-    /// Merges these rows of the contributions with those of the transpose: the rows of each layer. Blocks follow one another.
+    /// Merges these rows of the contributions and of their transpose to rows of each layer. Calls must follow the order of the rows.
     fn merge(&mut self, rows: Range<usize>, classes: usize) -> Vec<CompressedRows> {
         let transposed = self.sources.transposed(&(self.first + rows.start..self.first + rows.end));
         let tasks: Vec<usize> = rows.clone().step_by(ROWS_PER_TASK).collect();
@@ -197,7 +194,7 @@ impl<'a, const C: usize> Merging<'a, C> {
     }
 }
 
-/// The rows of several tasks as one piece. Its arrays are long, so that the system gets their memory back with them.
+/// Joins the rows of several tasks into one piece. Its arrays are long, so the system gets their memory back when they are freed.
 fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
     let count = parts.iter().map(|part| part.columns.len()).sum();
     let mut joined =
@@ -225,10 +222,9 @@ struct Merged<'a> {
     squares: EntrySquares,
 }
 
-/// The entry of a row in one column, while the light of its classes is added.
 struct Entry<const C: usize> {
     column: u32,
-    /// Means and errors: of all its light, and of two or more bounces.
+    /// Means and errors: `whole` of all light, and `global` of two or more bounces.
     whole: Estimates<C>,
     global: Estimates<C>,
     has_direct: bool,
@@ -242,7 +238,7 @@ impl<const C: usize> Entry<C> {
 }
 
 impl<'a> Merged<'a> {
-    /// No rows yet, in `layers` layers. Nearly all of the `count` entries will be the last layer's.
+    /// No rows yet, in `layers` layers. Nearly all of the `count` entries belong to the last layer.
     fn new<const C: usize>(layers: usize, count: usize, pairs: Pairs<'a>) -> Self {
         let room = |layer: usize| if layer + 1 == layers { count } else { 0 };
         let layers = (0..layers).map(|layer| CompressedRows::with_room(C, ROWS_PER_TASK, room(layer)));
@@ -277,7 +273,7 @@ impl<'a> Merged<'a> {
             layer.weights.iter_mut().zip(sum).for_each(|(plane, [mean, _])| plane.push(mean as f32));
         });
         self.count(row, &entry);
-        // The diagonal entry of this row has direct light only.
+        // The diagonal entry of this row has only direct light.
         if direct.is_some() {
             self.count(row, &Entry::new(row, direct));
         }
@@ -301,8 +297,8 @@ impl<'a> Merged<'a> {
     }
 }
 
-/// Calls `visit` with each key of a row and of its mirror image, ascending, and the sums of its one or two entries. An
-/// entry of the matrix and its own mirror image are the sum of the same two numbers, so that they agree to the last bit.
+/// Calls `visit` with each key of a row and of its mirror image in ascending order, and with the sum of its one or two entries. An entry of
+/// the matrix and its mirror image are sums of the same two numbers, so they agree to the last bit.
 fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: impl FnMut(Key, Estimates<C>)) {
     let nothing = Term::none(Key::END);
     let (mut first, mut second) = (0, 0);
@@ -312,7 +308,7 @@ fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: im
         if key == Key::END {
             return;
         }
-        // Which of the two comes next is a matter of chance: a branch would often be predicted wrongly.
+        // The order of the two keys is random: a branch would often be predicted wrongly.
         let has = next.map(|term| term.key == key);
         let [a, b] = [0, 1].map(|which| if has[which] { next[which] } else { &nothing });
         visit(
@@ -337,7 +333,7 @@ fn add<const C: usize>(to: &mut Estimates<C>, more: &Estimates<C>) {
 mod tests {
     use super::*;
 
-    /// Blocks follow one another, have as many contributions as a block may have, and a row of more is a block of its own.
+    /// Blocks follow one another and are as full as possible. A row with more contributions than a block may have is its own block.
     #[test]
     fn blocks_are_full_and_cover_all_rows() {
         let size = crate::image::Resolution::new(1, 1);
@@ -351,7 +347,7 @@ mod tests {
         assert_eq!(blocks(&[half, half, 1, half, half - 1, half, 2], 1..4), [1..3, 3..4]);
         assert_eq!(blocks(&[3 * half, 3 * half, 1, 0, 3 * half, 0], 0..6), [0..1, 1..2, 2..4, 4..5, 5..6]);
         assert_eq!(blocks(&[0, 0], 0..2), vec![0..2]);
-        // A large matrix has larger blocks: not more than 48, and few enough that each has a 48th of all contributions but one row.
+        // A large matrix has larger blocks: at most 48 blocks, each with a 48th of all contributions, short of at most one row.
         let large = blocks(&[half; 480], 0..480);
         assert!(large.iter().all(|block| block.len() == 10) && large.len() == 48, "{large:?}");
     }

@@ -1,20 +1,18 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
-//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse
-//! matrix; every later photo is a product with it ([`Assembled`]). [`Retraced`] traces anew for each photo
-//! and keeps nothing: a black box to check the matrix against. For equal settings both apply the same matrix
-//! `Â`, to rounding; [`predict`] tells whether the matrix will fit the memory.
+//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse matrix. Every later photo is a
+//! product with it ([`Assembled`]). [`Retraced`] traces anew for each photo and keeps nothing: a black box to check the matrix against.
+//! For equal settings both apply the same matrix `Â`, to rounding. [`predict`] tells whether the matrix will fit into memory.
 //!
-//! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with the
-//! entries of the matrix and not with the number of samples. Then rows and columns are merged, block by
-//! block (`merging`), and cut into `tiles` for fast products. The matrix of a coaxial rig is made of its triangle, so that it is symmetric
-//! to the last bit. That of any other rig has a row for each camera pixel and a column for each projector pixel, and
-//! its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device,
-//! and products are taken there ([`Backend`]). Two independent halves of the samples tell how far `Â` is from
-//! the truth ([`Noise`]).
+//! Contributions are added up pixel by pixel as the paths come in (`rows`). Memory therefore grows with the entries of the matrix, not
+//! with the number of samples. Then rows and columns are merged, block by block (`merging`), and cut into `tiles` for fast products. The
+//! matrix of a coaxial rig is made from its triangle, so it is symmetric to the last bit. For any other rig, the matrix has a row for each
+//! camera pixel and a column for each projector pixel, and its transpose is the matrix of the dual rig. On a GPU with enough memory the
+//! matrix stays on the device, which then computes the products ([`Backend`]). Two independent halves of the samples show how far `Â` is
+//! from the truth ([`Noise`]).
 //!
-//! A matrix can be traced by many machines: in [`Shard`]s that are joined later, or by a team of processes that each keep
-//! a part of it ([`share_scene`]). All bits are those of one machine.
+//! Many machines can trace a matrix with the same bits: in [`Shard`]s that are joined later, or as a team of processes that each keep a
+//! part ([`share_scene`]).
 
 mod assembled;
 mod chunk;
@@ -62,30 +60,28 @@ use crate::operator::Symmetry;
 
 /// A scene in front of a rig: a pattern is projected, and a photo is taken.
 pub trait Transport {
-    /// Resolution of the projector and of its patterns.
+    /// The resolution of the projector and of its patterns.
     fn pattern_resolution(&self) -> Resolution;
 
-    /// Resolution of the camera and of its photos.
+    /// The resolution of the camera and of its photos.
     fn photo_resolution(&self) -> Resolution;
 
     /// Whether photos are gray or in colour.
     fn channels(&self) -> Channels;
 
-    /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel is used for all
-    /// channels.
+    /// The photo of `pattern`, including ambient light, in W/(m² sr). A pattern of one channel is used for all channels.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; any error that
-    /// keeps the photo from being taken.
+    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; any error that prevents the photo.
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
 }
 
 /// The shape of a rig's matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct RigShape {
-    /// Resolution of the camera; each pixel is a row.
+    /// The camera's resolution; each pixel is a row.
     pub camera: Resolution,
-    /// Resolution of the projector; each pixel is a column.
+    /// The projector's resolution; each pixel is a column.
     pub projector: Resolution,
     /// Whether the rig is coaxial, so that `A = Aᵀ`.
     pub symmetric: bool,
@@ -104,14 +100,13 @@ pub enum Channels {
     /// One channel: a gray pattern, and a photo weighted by luminance (Rec. 709).
     #[value(help = "One gray pattern, one photo weighted by luminance")]
     Luma,
-    /// Red, green and blue: three independent systems, since no surface here changes the colour of light
-    /// (fluorescence).
+    /// Red, green and blue. They are three independent systems, because no surface here changes the colour of light (fluorescence).
     #[value(help = "Red, green and blue, each a separate system")]
     Rgb,
 }
 
 impl Channels {
-    /// The channels of a photo with `count` of them: one is luminance.
+    /// The channels of a photo with `count` channels. One channel is luminance.
     pub(crate) fn of(count: usize) -> Self {
         if count == 1 { Self::Luma } else { Self::Rgb }
     }
@@ -125,7 +120,7 @@ impl Channels {
     }
 }
 
-/// Relative luminance of a linear Rec. 709 colour.
+/// The relative luminance of a linear Rec. 709 colour.
 pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
     const SHARES: [f32; 3] = [LUMINANCE[0] as f32, LUMINANCE[1] as f32, LUMINANCE[2] as f32];
     red * SHARES[0] + green * SHARES[1] + blue * SHARES[2]
@@ -136,7 +131,6 @@ fn project<const C: usize>(rgb: [f32; 3]) -> [f32; C] {
     std::array::from_fn(|channel| if C == 1 { luminance(rgb) } else { rgb[channel] })
 }
 
-/// The planes of `pattern` as `f64`, one for each of `channels`.
 fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {
     Error::check_size("pixels of the pattern", resolution, pattern.resolution())?;
     if pattern.channels() > channels.count() {
@@ -149,7 +143,6 @@ fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result
     Ok((0..channels.count()).map(|channel| pattern.plane(channel.min(pattern.channels() - 1))).collect())
 }
 
-/// The image with these planes, rounded to `f32`.
 fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Image> {
     Image::from_planes(resolution, planes)
 }

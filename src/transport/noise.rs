@@ -1,9 +1,9 @@
-//! The noise of the frozen matrix, estimated from the difference of two independent halves of the samples.
+//! The noise of the frozen matrix, estimated from the difference between two independent halves of the samples.
 
 use crate::error::Result;
 use crate::image::{Blur, Image};
 
-/// The standard deviation in pixels of the neighbourhood that tells a pixel's standard error: the mean of about 28 squares.
+/// The standard deviation in pixels of the Gaussian neighbourhood that estimates a pixel's standard error. It averages about 28 squares.
 const POOLED: f64 = 1.5;
 
 /// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N` samples per pixel in two independent halves.
@@ -12,14 +12,14 @@ const POOLED: f64 = 1.5;
 /// of the entries. It does not contain errors that both halves share, such as those of a photon map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
-    /// Standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient
-    /// light. Each value is `|e|` of a single draw; only the mean square over many pixels is accurate.
+    /// The standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each value is `|e|`
+    /// of a single draw; only the mean square over many pixels is accurate.
     pub white: Image,
-    /// Root mean square of these errors over the pixels, relative to that of the photo.
+    /// The root mean square of these errors over the pixels, relative to that of the photo.
     pub white_relative: f64,
     /// `‖e‖_F/‖Â‖_F`: the relative error of the whole matrix.
     pub operator: f64,
-    /// The same for light of two or more bounces.
+    /// The relative error of the light of two or more bounces.
     pub global: f64,
 }
 
@@ -32,7 +32,7 @@ impl From<&Noise> for crate::io::manifest::Noise {
 /// A mean and its error (`e` of [`Noise`]) in each of `C` channels.
 pub(super) type Estimates<const C: usize> = [[f64; 2]; C];
 
-/// The weights with which samples of either half add up to a mean and its error.
+/// The weights with which the samples of the two halves add up to a mean and its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Halves {
     mean: f64,
@@ -40,7 +40,7 @@ pub(super) struct Halves {
 }
 
 impl Halves {
-    /// The weights where `from_each_pixel` paths start from each pixel, and sums are divided by `samples`.
+    /// The weights if `from_each_pixel` paths start from each pixel and sums are divided by `samples`.
     pub(super) fn new(samples: u32, from_each_pixel: u32) -> Self {
         let [first, second] = [from_each_pixel.div_ceil(2), from_each_pixel / 2].map(f64::from);
         let mean = 1.0 / f64::from(samples);
@@ -52,17 +52,15 @@ impl Halves {
         Self { mean, error }
     }
 
-    /// The weight of a sample in the mean, and those of samples of both halves in the error.
+    /// The weight of a sample in the mean, and the weights of samples of the two halves in the error.
     pub(super) fn weights(self) -> [f64; 3] {
         [self.mean, self.error[0], self.error[1]]
     }
 
-    /// The contribution of a sample to the mean.
     pub(super) fn share(self, value: f64) -> f64 {
         value * self.mean
     }
 
-    /// The contribution of a sample of half `half` to the error (`e` of [`Noise`]).
     pub(super) fn error_share(self, half: usize, value: f64) -> f64 {
         value * self.error[half]
     }
@@ -72,15 +70,14 @@ impl Halves {
         [self.share(first) + self.share(second), self.error_share(0, first) + self.error_share(1, second)]
     }
 
-    /// Adds a sample of half `half` to a mean and its error (`e` of [`Noise`]).
     pub(super) fn add(self, to: &mut [f64; 2], half: usize, value: f64) {
         to[0] += self.share(value);
         to[1] += self.error_share(half, value);
     }
 }
 
-/// Standard errors of the pixels of a photo from one draw of their errors, which tells little of a single pixel: the root of the mean square
-/// over the pixels around each, weighted by a Gaussian of 1.5 pixels.
+/// The standard errors of the pixels of a photo from one draw of their errors. One draw says little about a single pixel. The result is
+/// therefore the root of the mean square over the surrounding pixels, weighted by a Gaussian of 1.5 pixels.
 pub fn pooled(errors: &Image) -> Result<Image> {
     let blur = Blur::new(errors.resolution(), POOLED);
     let plane = |plane: Vec<f64>| -> Vec<f64> {
@@ -130,8 +127,7 @@ mod tests {
 
     #[test]
     fn a_projectors_paths_are_divided_by_the_cameras_samples() {
-        // Four paths from a pixel, of values as large as those of eight from one of the camera's: e is half
-        // as large, too.
+        // Sums over four paths are divided by the camera's eight samples, so mean and error are half as large.
         let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
         assert_eq!([mean, error], [0.5, 0.5]);
     }

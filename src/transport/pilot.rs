@@ -1,4 +1,4 @@
-//! A small trace that tells what a large one will meet, and the prediction of the memory that a matrix will need.
+//! A small trace that shows what a large one will meet, and the prediction of the memory that a matrix will need.
 
 use super::Channels;
 use crate::error::Result;
@@ -31,17 +31,14 @@ pub(super) fn connections(tracer: &mut Tracer, pilot: &TraceSettings) -> Result<
 /// The predicted size of a matrix. It is an upper bound, apart from the sampling error of the pilot trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
-    /// Number of connections.
+    /// The number of connections.
     pub connections: f64,
-    /// Peak memory of assembling it, in bytes.
+    /// The peak memory while the matrix is assembled, in bytes.
     pub bytes: f64,
 }
 
-/// Predicts the memory for [`super::assemble()`]. Where it could exceed `limit` bytes, a pilot of at most
-/// 64×64 pixels with one path each is traced, and the tracer's observer sees its steps.
-///
-/// # Errors
-/// As [`Tracer::trace`].
+/// Predicts the memory for [`super::assemble()`]. If it could exceed `limit` bytes, a pilot of at most 64×64 pixels with one path each is
+/// traced, and the tracer's observer sees its steps. The call fails like [`Tracer::trace`].
 pub fn predict(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -69,22 +66,21 @@ fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symme
     let paths = pixels * f64::from(settings.samples);
     let channels = channels.count() as f64;
     let pairs = pixels * projector;
-    // Either paths come from both endpoints, or each connection has a mirror image. There are at most as many
-    // entries as pairs of pixels.
+    // Paths come from both endpoints, or each connection has a mirror image. There cannot be more entries than pairs of pixels.
     let from_one_end = (per_path * paths).min(pairs);
     let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
-    // Summed pixel by pixel, each entry has a key, a mean and an error. In tiles it has a column of 16 bits and a weight; heads and
-    // padding of the slices take at most three more bytes. On the way there, a group of rows has columns and weights twice.
+    // When entries are summed pixel by pixel, each has a key, a mean and an error. In tiles, each has a 16-bit column and a weight; heads
+    // and padding of the slices take at most three more bytes. In between, a group of rows has its columns and weights in memory twice.
     let entries = (2.0 * from_one_end).min(pairs);
     let (found, tiles) = (rows * (4.0 + 8.0 * channels), entries * (5.0 + 4.0 * channels));
     let group = GROUP * entries * 2.0 * (4.0 + 4.0 * channels);
-    // The contributions to a triangle are given back while the tiles grow.
+    // The contributions to a triangle are freed while the tiles grow.
     let bytes = group + if symmetric { found.max(tiles) } else { found + tiles };
     Prediction { connections: per_path * paths * if symmetric { 1.0 } else { 2.0 }, bytes }
 }
 
-/// The memory in bytes that a photo takes that is traced for itself: patterns, sums over the light paths and results, pixel by pixel, and
-/// what does not depend on its size. Measured for photos of 512² to 2048² pixels, where it was 1 to 10 % less.
+/// The memory in bytes of a photo that is traced without a matrix. One part grows with the pixels: patterns, sums over the light paths
+/// and results. The other part is constant. Measured photos of 512² to 2048² pixels took 1 to 10 % less.
 pub fn photo_bytes(settings: &TraceSettings, channels: Channels) -> u64 {
     let camera = settings.resolution.pixels() as u64;
     let projector = settings.projector.unwrap_or(settings.resolution).pixels() as u64;
@@ -108,7 +104,7 @@ mod tests {
         assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 2.0), "no more than every pair of pixels");
     }
 
-    /// Three connections a path, two samples, 8×4 by 16×4 pixels in color: 192 connections from each end, in 2048 pairs of pixels.
+    /// Three connections per path, two samples, 8×4 by 16×4 pixels in color: 192 connections from each end, in 2048 pairs of pixels.
     #[test]
     fn a_rig_apart_holds_contributions_of_both_ends_and_the_tiles() {
         let projector = Some(Resolution::new(16, 4));
@@ -116,7 +112,7 @@ mod tests {
         let apart = prediction(3.0, &settings, Channels::Rgb, false);
         let (found, tiles, group) = (384.0 * 28.0, 384.0 * 17.0, 384.0 * 2.0 * 16.0 / 8.0);
         assert_eq!(apart, Prediction { connections: 384.0, bytes: group + found + tiles });
-        // In a coaxial rig every connection has a mirror image, and tiles take the place of contributions.
+        // In a coaxial rig every connection has a mirror image, and tiles replace contributions.
         let coaxial = prediction(3.0, &TraceSettings { projector: None, ..settings }, Channels::Rgb, true);
         assert_eq!(coaxial, Prediction { connections: 192.0, bytes: group + tiles });
     }

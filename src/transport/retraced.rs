@@ -1,4 +1,4 @@
-//! Photos by tracing anew for each one. No matrix is kept, so none has to fit the memory.
+//! Photos by tracing anew for each one. No matrix is kept, so none has to fit into memory.
 
 use rayon::prelude::*;
 
@@ -12,11 +12,9 @@ use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::render::{Batch, PIXEL_MASK, Run, TraceSettings, Tracer};
 
-/// A scene that is traced once per photo, always with the same light paths.
-///
-/// The connections are added up on the host in path order, so that photos repeat to the bit.
+/// A scene that is traced once per photo, with the same light paths. The host adds up in path order, so photos repeat to the bit.
 pub struct Retraced<'a> {
-    /// The scene on its device. Its observer sees the steps of each photo, and may stop it.
+    /// The scene on its device. Its observer sees the steps of each photo, and may stop the photo.
     pub tracer: &'a mut Tracer,
     /// The settings of the trace for each photo.
     pub settings: TraceSettings,
@@ -25,12 +23,8 @@ pub struct Retraced<'a> {
 }
 
 impl Retraced<'_> {
-    /// The photo of `pattern`, and its standard error pixel by pixel: the halves' difference, as in
-    /// [`super::Noise`], of this very photo with its ambient light. Zeros where one path per pixel cannot
-    /// tell.
-    ///
-    /// # Errors
-    /// As [`Transport::photograph`].
+    /// The photo of `pattern`, and its standard error pixel by pixel. The error is the halves' difference, as in [`super::Noise`], of this
+    /// photo with its ambient light. It is zero if there is only one path per pixel. The call fails like [`Transport::photograph`].
     pub fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Image)> {
         let seen: Vec<Vec<[f64; 2]>> = self.see(pattern)?;
         let image = |value: fn(&[f64; 2]) -> f64| {
@@ -40,7 +34,7 @@ impl Retraced<'_> {
         Ok((image(|[mean, _]| *mean)?, image(|[_, error]| error.abs())?))
     }
 
-    /// The light that arrives of `pattern`, with the ambient light: `[channel][pixel]`.
+    /// The light from `pattern` that arrives, with the ambient light: `[channel][pixel]`.
     fn see<T: Tally>(&mut self, pattern: &Image) -> Result<Vec<Vec<T>>> {
         let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
         match self.channels {
@@ -57,7 +51,7 @@ impl Retraced<'_> {
         Ok((0..C).map(|channel| seen.iter().map(|seen| seen[channel]).collect()).collect())
     }
 
-    /// The light that arrives of `K` patterns in one channel by the same paths, pixel by pixel.
+    /// The light from `K` patterns in one channel that arrives by the same paths, pixel by pixel.
     fn products<const K: usize>(
         &mut self,
         way: Way,
@@ -71,8 +65,7 @@ impl Retraced<'_> {
         }
     }
 
-    /// Traces, and returns the light that arrives of `lit`, pixel by pixel. `project` makes channels of a connection's
-    /// colours.
+    /// Traces, and returns the light from `lit` that arrives, pixel by pixel. `project` converts a connection's colours to channels.
     fn trace<const C: usize, T: Tally>(
         &mut self,
         way: Way,
@@ -85,7 +78,7 @@ impl Retraced<'_> {
         Ok(seen)
     }
 
-    /// Traces, and hands the contributions of each batch to `add`, in path order.
+    /// Traces, and passes the contributions of each batch to `add`, in path order.
     pub(super) fn each<const C: usize>(
         &mut self,
         way: Way,
@@ -93,11 +86,10 @@ impl Retraced<'_> {
         add: &mut (impl FnMut(&Contributions<C>) + Send),
     ) -> Result<()> {
         let samples = self.settings.samples;
-        // The contributions of the batch before, read but not yet added up.
+        // The contributions of the previous batch, which are read but not added up yet.
         let mut last: Option<Contributions<C>> = None;
         spread::trace(self.tracer, &self.settings, &mut |batch| {
-            // One core adds up the contributions, in path order; meanwhile the others read the next batch, which
-            // takes longer.
+            // One core adds up the contributions in path order. Meanwhile the others read the next batch, which takes longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
                 || last.iter().for_each(&mut *add),
@@ -129,14 +121,14 @@ impl Transport for Retraced<'_> {
     }
 }
 
-/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of
-/// a block. The matrix is that of [`super::MatrixOperator`], to rounding.
+/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of a block. The matrix equals
+/// that of [`super::MatrixOperator`], to rounding.
 pub struct RetracedOperator<'a> {
     /// The scene.
     pub retraced: Retraced<'a>,
-    /// Which light.
+    /// The part of the light.
     pub part: Part,
-    /// Which channel, below [`Channels::count`].
+    /// The channel, below [`Channels::count`].
     pub channel: usize,
 }
 
@@ -195,7 +187,6 @@ impl Adjoint for RetracedOperator<'_> {
     }
 }
 
-/// The part of the transport that is applied, its direction, and whether ambient light is added.
 #[derive(Clone, Copy)]
 pub(super) struct Way {
     pub(super) direction: Direction,
@@ -220,25 +211,23 @@ impl Tally for [f64; 2] {
     }
 }
 
-/// A batch's contributions to a photo in `C` channels. All cores read them in parallel; one core adds them up in path order.
+/// A batch's contributions to a photo in `C` channels. All cores read them in parallel. One core adds them up in path order.
 pub(super) struct Contributions<const C: usize> {
     halves: Halves,
     symmetric: bool,
-    /// The paths start at the pixels that receive light; else at the pixels that send it.
+    /// Whether the paths start at the pixels that receive light. Otherwise they start at the pixels that send it.
     from_seeing: bool,
     parts: Vec<Read<C>>,
 }
 
 const RUNS: usize = 16;
 
-/// Kinds of contributions, as bits above those of the other pixel: direct light, ambient light; without
-/// either, a connection.
+/// Kinds of contributions, as bits above those of the other pixel: direct light and ambient light. A connection has neither bit.
 const DIRECT: u32 = 1 << 30;
 const AMBIENT: u32 = 1 << 31;
 
 impl<const C: usize> Contributions<C> {
-    /// Reads the records of a batch. Sums will be divided by `samples`; `project` computes the channels from
-    /// RGB.
+    /// Reads the records of a batch. Sums will be divided by `samples`. `project` computes the channels from RGB.
     pub(super) fn read(
         batch: &Batch<'_>,
         samples: u32,
@@ -254,7 +243,7 @@ impl<const C: usize> Contributions<C> {
         }
     }
 
-    /// `seen += P lit`, channel by channel, for the contributions to `P` of this batch.
+    /// `seen += P lit`, channel by channel, for this batch's contributions to `P`.
     pub(super) fn add_to<T: Tally>(&self, seen: &mut [[T; C]], lit: &[[f64; C]]) {
         for (run, found) in self.parts.iter().flat_map(Read::runs) {
             let start = run.pixel as usize;
@@ -270,7 +259,7 @@ impl<const C: usize> Contributions<C> {
                     AMBIENT => add(start, value, &[1.0; C]),
                     _ if self.symmetric => {
                         add(start, value, &lit[end]);
-                        // The reverse of the path, which has the same weight.
+                        // The reversed path has the same weight.
                         add(end, value, &lit[start]);
                     }
                     _ if self.from_seeing => add(start, value, &lit[end]),
@@ -286,7 +275,7 @@ impl Contributions<1> {
         self.halves
     }
 
-    /// Each contribution of these forward paths, without ambient light, as an entry of the matrix: the run of its path, row and column, and the value.
+    /// Calls `entry` for each contribution of these forward paths except ambient light, with its run, row and column, and value.
     pub(super) fn entries(&self, mut entry: impl FnMut(&Run, [usize; 2], f64)) {
         for (run, found) in self.parts.iter().flat_map(Read::runs) {
             let start = run.pixel as usize;
@@ -307,9 +296,9 @@ impl Contributions<1> {
     }
 }
 
-/// The contributions of some runs' paths without zeros: kind and other pixel, and value.
+/// The contributions of some runs' paths without zeros. Each has its kind and other pixel, and its value.
 struct Read<const C: usize> {
-    /// Each run, with the end of its contributions.
+    /// Each run, with the end index of its contributions.
     runs: Vec<(Run, usize)>,
     found: Vec<(u32, [f32; C])>,
 }
@@ -328,8 +317,7 @@ impl<const C: usize> Read<C> {
         for run in runs {
             // No path has more contributions than slots.
             found.resize(end + run.paths.len() * batch.stride(), (0, [0.0; C]));
-            // A contribution that does not count is written as well, and then overwritten. This avoids a
-            // branch, so that the processor does not wait for one record before it loads the next.
+            // A contribution that does not count is written, then overwritten: a branch would delay the load of the next record.
             let mut keep = |counts: bool, other: u32, color: [f32; 3]| {
                 let value = project(color);
                 found[end] = (other, value);

@@ -1,5 +1,4 @@
-//! Sums over the rows of the matrix, from which its noise follows, and the number of contributions to each row. The sums do not depend on the order
-//! of their terms.
+//! Sums over the rows of the matrix, which determine its noise, and the number of contributions to each row. Their order has no effect.
 
 use std::ops::Range;
 
@@ -9,22 +8,21 @@ use super::RigShape;
 use super::chunk::{CLASSES, Chunk, Row, Term, at};
 use super::noise::Estimates;
 
-/// The powers of two from the smallest to the largest exponent whose values are summed to the last bit. Smaller values lose bits that are below the
-/// last bit of the largest value.
+/// The range of exponents, from the smallest to the largest, in which values are summed to the last bit. Smaller values lose bits that are
+/// below the last bit of the largest value.
 const POWERS: u32 = 70;
 
-/// The unit of sums: a power of two that depends on the largest of all values alone. The bits of a sum do not depend on the order of its terms.
+/// The unit of sums: a power of two that depends only on the largest of all values, so the order of terms does not affect a sum.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
-    /// The bits of the smallest exponent.
     lowest: u32,
     is_finite: bool,
 }
 
-/// The sums of the means and errors of contributions, as multiples of the unit. A term is less than 2⁹⁴ units, so that there may be 2³² terms.
+/// The sums of the means and errors of contributions, as multiples of the unit. A term is less than 2⁹⁴ units, so 2³² terms are possible.
 pub(super) type FixedSums<const C: usize> = [[i128; C]; 2];
 
-/// The bits of the exponent of a value: a larger value never has fewer.
+/// The exponent bits of a value. They never decrease as the magnitude grows.
 fn exponent(value: f32) -> u32 {
     value.to_bits() >> 23 & 0xff
 }
@@ -39,7 +37,6 @@ impl Scale {
         Self { lowest: largest.saturating_sub(POWERS).max(1), is_finite: largest < 0xff }
     }
 
-    /// A contribution as sums of itself alone.
     #[inline]
     fn units_of<const C: usize>(self, term: &Term<C>) -> FixedSums<C> {
         [&term.mean, &term.error].map(|values| values.map(|value| self.units(value)))
@@ -52,14 +49,14 @@ impl Scale {
     #[inline]
     fn units(self, value: f32) -> i128 {
         let bits = value.to_bits();
-        // The smallest numbers have no leading bit, and the exponent of the next larger ones.
+        // Subnormal numbers have no leading bit, and share the exponent of the next larger numbers.
         let whole = bits & 0x7f_ffff | u32::from(exponent(value) > 0) << 23;
         let exponent = exponent(value).max(1);
         let units = match exponent.checked_sub(self.lowest) {
             Some(power) => i128::from(whole) << power.min(POWERS),
             None => i128::from(whole.checked_shr(self.lowest - exponent).unwrap_or(0)),
         };
-        // All bits of the sign: without a branch, since errors have either sign as often.
+        // Every bit of `sign` is the sign bit. A branch would be slow, because errors have either sign equally often.
         let sign = -i128::from(bits >> 31);
         (units ^ sign) - sign
     }
@@ -76,7 +73,7 @@ pub(super) fn add_sums<const C: usize>(to: &mut FixedSums<C>, more: &FixedSums<C
     }
 }
 
-/// The sums of rows as numbers, with the direct light of the diagonal, which has an estimate for each row or none.
+/// The sums of rows as numbers, with the direct light of the diagonal, which has one estimate for each row or none.
 pub(super) fn with_direct<const C: usize>(
     scale: Scale,
     sums: &[FixedSums<C>],
@@ -89,23 +86,21 @@ pub(super) fn with_direct<const C: usize>(
     sums
 }
 
-/// The sums over rows and the numbers of their contributions, before they are merged.
+/// The sums over rows and the numbers of their contributions, before the contributions are merged.
 pub(super) struct Outline<const C: usize> {
-    /// Values and errors of each row, without the diagonal's direct light: of all paths from the pixel of the row and of the paths that end there.
+    /// Values and errors of each row, from all paths that start or end at its pixel, without the diagonal's direct light.
     pub(super) sums: Vec<FixedSums<C>>,
-    /// The number of contributions to what is merged of each row.
     pub(super) terms: Vec<u32>,
-    /// The number of those contributions in each class of bounces.
     pub(super) of_class: [usize; CLASSES],
 }
 
-/// The sums of all tasks take at most a quarter of the memory that the contributions take.
+/// The sums of all tasks take at most a quarter of the memory of the contributions.
 const MEMORY_SHARE: usize = 4;
 
-/// Pixels to whose sums contributions are added in one go, so that these sums are near in memory.
+/// The number of pixels in a stripe. The sums of one stripe are close together in memory.
 const STRIPE: usize = 1 << 14;
 
-/// The outline of these `rows` from the contributions of the chunks. With `triangle`, only those on and above the diagonal are merged.
+/// The outline of these `rows` of the chunks. With `triangle`, only contributions on and above the diagonal are merged.
 pub(super) fn outline<const C: usize>(
     chunks: &[&Chunk<C>],
     rig: RigShape,
@@ -114,7 +109,7 @@ pub(super) fn outline<const C: usize>(
     scale: Scale,
 ) -> Outline<C> {
     let all: usize = chunks.iter().map(|chunk| chunk.terms.len()).sum();
-    // Each task has sums of all rows. They are exact, so that it does not matter how the contributions are shared out.
+    // Each task has sums of all rows. They are exact, so any division of the contributions among tasks gives the same result.
     let of_task = rows.len().max(1) * (size_of::<FixedSums<C>>() + size_of::<u32>());
     let room = all * size_of::<Term<C>>() / (MEMORY_SHARE * of_task);
     let tasks = rayon::current_num_threads().min(room).max(1);
@@ -143,7 +138,6 @@ pub(super) fn outline<const C: usize>(
     Outline { sums, terms, of_class }
 }
 
-/// The outline of some of the contributions.
 struct Partial<const C: usize> {
     rig: RigShape,
     rows: Range<usize>,
@@ -174,7 +168,7 @@ impl<const C: usize> Partial<C> {
         left.into_iter().for_each(|(row, terms)| self.add(row, terms));
     }
 
-    /// Adds the contributions of the paths from a pixel: to its own row, and to the rows of the pixels at which they end.
+    /// Adds the contributions of the paths from a pixel to its own row, and to the rows of the pixels at which they end.
     fn add(&mut self, row: Row, terms: &[Term<C>]) {
         let pixel = row.pixel as usize;
         let is_own = (self.rig.symmetric || row.from_camera) && self.rows.contains(&pixel);
@@ -211,7 +205,7 @@ mod tests {
 
     #[test]
     fn sums_are_exact_in_any_order() {
-        // The sum of small numbers that a sum of `f32` from the largest on would not have.
+        // An `f32` sum that begins with the largest value would lose the small ones.
         let values = [1.0, 2_f32.powi(-40), -0.75, 2_f32.powi(-40), -3e-9, 1e-30];
         let scale = Scale::new(values.iter().map(|&value| exponent(value)).max().unwrap_or(0));
         let sum = |values: &mut dyn Iterator<Item = f32>| {

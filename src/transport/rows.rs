@@ -9,13 +9,12 @@ use super::share::{About, Found};
 use super::spread::Steps;
 use crate::render::{Batch, End, Merged, Run};
 
-/// Tasks of each thread that take in the terms of a dispatch.
+/// Tasks per thread that take in the terms of a dispatch.
 const PARTS_OF_THREAD: usize = 4;
 
 const PIXELS_PER_TASK: usize = 16;
 
-/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
-/// and 2 are all later ones.
+/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is only the second bounce, and 2 is all later ones.
 pub(super) fn class(bounces: u32, split: bool) -> u32 {
     match bounces {
         1 => 0,
@@ -28,52 +27,45 @@ pub(super) fn class(bounces: u32, split: bool) -> u32 {
 /// The sums of all paths so far, as chunks in the order of the paths.
 #[derive(Debug)]
 pub(super) struct Rows<'a, const C: usize> {
-    /// Divisor of all sums.
     samples: u32,
     split: bool,
-    /// The steps in which several processes merge the contributions.
     steps: Option<&'a Steps>,
-    /// For each step.
     chunks: Vec<Chunks<C>>,
     about: About,
-    /// The last pixel, whose paths may not be complete yet.
+    /// The last pixel. Its paths may not be complete yet.
     open: Option<Open<C>>,
 }
 
 struct Task<const C: usize> {
-    /// The finished ones, for each step.
+    /// The finished pixels of each step.
     finished: Vec<Growing<C>>,
     about: About,
-    /// Memory for the connections of one pixel, and for their order.
+    /// Memory for the connections of one pixel, and for sorting them.
     entries: Vec<Entry<C>>,
     spare: Vec<Entry<C>>,
 }
 
-/// A chunk that gets more rows.
 #[derive(Clone, Default)]
 struct Growing<const C: usize> {
     rows: Vec<Row>,
     terms: Vec<Term<C>>,
 }
 
-/// A pixel whose contributions are not summed yet.
 #[derive(Debug)]
 struct Open<const C: usize> {
     start: Start,
     entries: Vec<Entry<C>>,
 }
 
-/// The pixel that paths start from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Start {
     pixel: u32,
-    /// Whether it is a pixel of the camera; else it is one of a projector that stands apart.
+    /// Whether it is a camera pixel. Otherwise it is a pixel of a projector that stands apart.
     from_camera: bool,
-    /// Number of paths that start from it.
     paths: u32,
 }
 
-/// One connection: the other end of its path and the half of the samples, and its light.
+/// One connection: its light, the other end of its path, and the half of the samples.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
@@ -86,8 +78,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         Self { samples, split, steps, chunks, about: About::default(), open: None }
     }
 
-    /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
-    /// sizes of batches.
+    /// Adds the connections of a batch. Sums are computed in path order, so they do not depend on the sizes of batches.
     pub(super) fn add(&mut self, batch: &Batch<'_>) {
         let of = (batch.samples(), batch.from_camera());
         match batch.terms() {
@@ -96,12 +87,11 @@ impl<'a, const C: usize> Rows<'a, C> {
         }
     }
 
-    /// The step in which a term of the paths from this pixel is merged.
     fn step_of(&self, start: u32, from_camera: bool, key: Key) -> usize {
         self.steps.map_or(0, |steps| steps.of(start, from_camera, key.other()))
     }
 
-    /// [`Rows::add`] for paths given as start pixel, half, and the pixels at their other ends with bounces and light.
+    /// [`Rows::add`] for paths that are given as start pixel, half, and connections.
     #[cfg(test)]
     pub(super) fn add_paths(
         &mut self,
@@ -114,8 +104,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.add_by(&runs, (self.samples, from_camera), &Given { paths, from_camera }, project);
     }
 
-    /// Adds the connections of `paths`. `runs` are all these paths in order; `samples` paths start from each
-    /// pixel, of the camera or of the projector.
+    /// Adds the connections of `paths`. `runs` lists all these paths in order. `samples` paths start from each pixel.
     fn add_by(
         &mut self,
         runs: &[Run],
@@ -126,7 +115,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         let pixels: Vec<&[Run]> = runs.chunk_by(|a, b| a.pixel == b.pixel).collect();
         let Some((last, whole)) = pixels.split_last() else { return };
         let start = |runs: &[Run]| Start { pixel: runs[0].pixel, from_camera, paths: samples };
-        // The last pixel so far goes on with the first one here, or it is complete.
+        // The open pixel is complete, unless it is also the first one here.
         let (open, closed) = match self.open.take() {
             Some(open) if open.start == start(runs) => (Some(open), None),
             other => (None, other),
@@ -145,8 +134,7 @@ impl<'a, const C: usize> Rows<'a, C> {
                 paths.ends_of(run, |end| {
                     let value = project(end.value);
                     let is_light = value.iter().fold(false, |any, &value| any | (value != 0.0));
-                    // A connection that does not count is written as well, and then overwritten. This avoids a branch, so that the processor
-                    // does not wait for one record before it loads the next.
+                    // A connection that does not count is written, then overwritten: a branch would delay the load of the next record.
                     let key = Key::new(end.pixel, class(end.bounces, self.split)).of_half(run.half);
                     entries[count] = Entry { key, value };
                     count += usize::from(end.is_seen & is_light);
@@ -172,9 +160,8 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.open = Some(last);
     }
 
-    /// Adds the terms of pixels of which the device has summed all paths.
     fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
-        // The paths before are of other pixels.
+        // The earlier paths belong to other pixels.
         self.open.take().into_iter().for_each(|open| self.push(open));
         let finish = |part: &Merged<'_>| {
             let mut task = Task::<C>::new(self.chunks.len());
@@ -199,7 +186,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         done.into_iter().for_each(|done| self.append(done));
     }
 
-    /// Finishes the last pixel, after the last batch. Returns the sums of all paths.
+    /// Finishes the last pixel after the last batch. Returns the sums of all paths.
     pub(super) fn close(mut self) -> Found<C> {
         self.open.take().into_iter().for_each(|open| self.push(open));
         let steps = self.chunks.into_iter().map(Chunks::into_chunks).collect();
@@ -215,7 +202,7 @@ impl<'a, const C: usize> Rows<'a, C> {
 
     fn append(&mut self, (chunks, about): (Vec<Chunk<C>>, About)) {
         for (chunks, chunk) in self.chunks.iter_mut().zip(chunks) {
-            // A pixel has contributions in some of the steps.
+            // A pixel may have no contributions in some steps.
             if !chunk.rows.is_empty() {
                 chunks.push(chunk);
             }
@@ -223,8 +210,8 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.about = self.about.and(about);
     }
 
-    /// Sums the contributions of a complete pixel, the first `count` entries of a task, and adds them to its chunk of each step as a row. A row without
-    /// entries is left out.
+    /// Sums the contributions of a complete pixel, the first `count` entries of a task. For each step, adds them as a row to the task's
+    /// chunk. A row without entries is left out.
     fn finish(&self, start: Start, count: usize, task: &mut Task<C>) {
         let Task { finished, about, entries, spare } = task;
         let halves = Halves::new(self.samples, start.paths);
@@ -251,13 +238,11 @@ impl<'a, const C: usize> Rows<'a, C> {
 }
 
 impl<const C: usize> Task<C> {
-    /// No pixels yet, in `steps` steps.
     fn new(steps: usize) -> Self {
         let finished = vec![Growing::default(); steps];
         Self { finished, about: About::default(), entries: Vec::new(), spare: Vec::new() }
     }
 
-    /// The finished pixels, and the summary of their contributions.
     fn chunks(self) -> (Vec<Chunk<C>>, About) {
         let chunk = |Growing { rows, terms }| Chunk { rows, terms: Terms::Short(terms) };
         (self.finished.into_iter().map(chunk).collect(), self.about)
@@ -265,7 +250,6 @@ impl<const C: usize> Task<C> {
 }
 
 impl<const C: usize> Growing<C> {
-    /// Ends the row of a pixel, if it has terms.
     fn end_row(&mut self, Start { pixel, from_camera, .. }: Start) {
         let end = self.terms.len();
         if end > self.rows.last().map_or(0, |row| row.end) {
@@ -274,11 +258,10 @@ impl<const C: usize> Growing<C> {
     }
 }
 
-/// A source of paths' connections.
 trait Paths: Sync {
     fn most_ends(&self) -> usize;
 
-    /// Calls `to` with the far end of each connection of a run's paths, path by path, including those outside of the field of view.
+    /// Calls `to` with the far end of each connection of a run's paths, path by path. Ends outside of the field of view are included.
     fn ends_of(&self, run: &Run, to: impl FnMut(End));
 }
 
@@ -292,7 +275,6 @@ impl Paths for Batch<'_> {
     }
 }
 
-/// Paths from pixels of one endpoint, for tests.
 #[cfg(test)]
 struct Given<'a> {
     paths: &'a [(u32, usize, Vec<crate::render::Connection>)],
@@ -316,18 +298,18 @@ impl Paths for Given<'_> {
     }
 }
 
-/// Fewer elements are sorted by comparing them: the counters of a digit would take longer.
+/// The fewest elements that are sorted by digits. For fewer elements, the counters of a digit take longer than comparisons.
 const FEWEST: usize = 48;
 
-/// The most bits of a digit: its counters take a small part of the first cache, and are added up for each digit.
+/// The most bits of a digit. The counters take a small part of the first-level cache, and they are added up for each digit.
 const MOST_BITS: u32 = 8;
 
-/// Sorts a few hundred elements by a small number, digit by digit. Elements of equal numbers keep their order. `spare` is memory that serves again.
+/// Sorts a few hundred elements by a small number, digit by digit. Elements of equal numbers keep their order. `spare` is reusable memory.
 fn sort_by_number<T: Copy>(elements: &mut [T], spare: &mut Vec<T>, number: impl Fn(&T) -> u32) {
     if elements.len() < FEWEST {
         return elements.sort_by_key(number);
     }
-    // Only the bits in which some of the numbers differ need sorting.
+    // Only the bits that differ among the numbers need sorting.
     let first = number(&elements[0]);
     let differing = elements.iter().fold(0, |bits, element| bits | (number(element) ^ first));
     if differing == 0 {

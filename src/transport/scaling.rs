@@ -1,4 +1,4 @@
-//! Time and memory of a matrix on several processes, predicted from a short probe.
+//! Predicts the time and memory of a matrix on several processes from a short probe.
 
 use std::time::Instant;
 
@@ -9,29 +9,29 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 
-/// Pixels on the longer side of the probe, and its most samples.
+/// The probe's pixels on its longer side, and its maximum number of samples.
 const SIDE: usize = 128;
 const SAMPLES: u32 = 64;
 const REPEATS: u32 = 5;
-/// Entries of the vectors that are timed: more than the caches hold.
+/// The entries of the timed vectors, more than the caches hold.
 const LONG: usize = 1 << 21;
 
-/// Bytes of a process without a matrix: the program, software Vulkan and its kernels. Measured on Debian 12.
+/// The memory in bytes of a process without a matrix: the program, software Vulkan and its kernels. Measured on Debian 12.
 const BASE: f64 = 130e6;
 /// The share of the rows that are merged and become tiles at the same time.
 const GROUP: f64 = 1.0 / 16.0;
-/// The peak of memory over the arrays that are in use at the time, since allocators keep what was freed. Measured with
-/// 512x512 pixels and 256 samples: 1.0 in one process, 0.9 to 1.1 in each of four.
+/// The peak of memory relative to the arrays in use at that time. It exceeds 1 because allocators keep freed memory. Measured with 512x512
+/// pixels and 256 samples: 1.0 in one process, 0.9 to 1.1 in each of four.
 const SLACK: f64 = 1.1;
 
-/// The measured constants of a scene on this machine. Times are those of all cores that this process has.
+/// The measured constants of a scene on this machine. Times refer to all cores of this process together.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Probe {
     /// Seconds to trace a light path.
     pub path: f64,
     /// Connections of a light path.
     pub connections: f64,
-    /// The share of all pixels that the paths of a pixel reach about evenly: it tells how many connections share an entry.
+    /// The share of all pixels that the paths of a pixel reach about evenly. It determines how many connections share an entry.
     pub reached: f64,
     /// Seconds to merge an entry into the matrix.
     pub merge: f64,
@@ -44,44 +44,44 @@ pub struct Probe {
 /// The network between the machines.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Network {
-    /// Bytes a second that a process can send.
+    /// Bytes that a process can send per second.
     pub bandwidth: f64,
     /// Seconds from sending a short message to its arrival.
     pub latency: f64,
 }
 
-/// Time and memory of a question on several processes, each like the one of the probe. Times are in seconds, memory is in bytes.
+/// Time in seconds and memory in bytes of a computation on several processes, each like the process of the probe.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Scaled {
-    /// Number of processes.
+    /// The number of processes.
     pub processes: usize,
-    /// Entries of the whole matrix.
+    /// The entries of the whole matrix.
     pub entries: f64,
-    /// Peak memory of a process while the matrix is assembled.
+    /// The peak memory of a process while the matrix is assembled.
     pub memory: f64,
-    /// Memory that the leader needs for its vectors.
+    /// The memory that the leader needs for its vectors.
     pub vectors_memory: f64,
-    /// Tracing.
+    /// The time of tracing.
     pub tracing: f64,
-    /// Merging contributions.
+    /// The time of merging contributions.
     pub merging: f64,
-    /// Exchanging contributions.
+    /// The time of exchanging contributions.
     pub exchange: f64,
-    /// Products of all photos.
+    /// The time of the products for all photos.
     pub products: f64,
-    /// Sending patterns and receiving photos.
+    /// The time of sending patterns and receiving photos.
     pub messages: f64,
-    /// Vector work of the method, which the leader does alone.
+    /// The time of the method's vector work, which the leader does alone.
     pub vectors: f64,
 }
 
 impl Scaled {
-    /// All of the time.
+    /// The total time.
     pub fn seconds(&self) -> f64 {
         self.parts().iter().map(|(_, seconds)| seconds).sum()
     }
 
-    /// The part that takes the longest.
+    /// The name of the part that takes the longest.
     pub fn binds(&self) -> &'static str {
         self.parts().into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or("", |(name, _)| name)
     }
@@ -99,10 +99,7 @@ impl Scaled {
 }
 
 impl Probe {
-    /// Traces and assembles a small matrix of the scene in this process, and measures the time of each part.
-    ///
-    /// # Errors
-    /// As [`Tracer::trace`].
+    /// Assembles a small matrix of the scene in this process, and measures the time of each part. It fails like [`Tracer::trace`].
     pub fn measure(tracer: &mut Tracer, settings: &TraceSettings) -> Result<Self> {
         let small = |size: Resolution| {
             let scale = (SIDE as f64 / size.width.max(size.height) as f64).min(1.0);
@@ -115,7 +112,7 @@ impl Probe {
             samples: 1,
             ..*settings
         };
-        // This trace compiles the kernels as well, so that the next one measures tracing alone.
+        // This trace also compiles the kernels, so the next one measures tracing alone.
         let (paths, connections) = pilot::connections(tracer, &pilot)?;
         let pilot = TraceSettings { samples: settings.samples.min(SAMPLES), ..pilot };
         let all = tracer.start_pixels(&pilot);
@@ -138,8 +135,8 @@ impl Probe {
         })
     }
 
-    /// Time and memory of `photos` photos by a Krylov method on `processes` processes. Each photo is a product, and its vector is orthogonalized twice against
-    /// all before.
+    /// Predicts the time and memory of `photos` photos by a Krylov method on `processes` processes. Each photo is a product, and its vector
+    /// is orthogonalized twice against all earlier vectors.
     pub fn scaled(
         &self,
         settings: &TraceSettings,
@@ -152,7 +149,7 @@ impl Probe {
         let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;
         let (channels, photos, count) = (channels.count() as f64, photos as f64, processes as f64);
         let paths = camera * f64::from(settings.samples) * if symmetric { 1.0 } else { 2.0 };
-        // Contributions to one row; in a coaxial rig half of them are mirrored.
+        // The number of entries in one row. In a coaxial rig half of the contributions are mirrored.
         let of_row = |times: f64| {
             let reached = (self.reached * projector).max(1.0);
             reached * (1.0 - (-times * self.connections * f64::from(settings.samples) / reached).exp())
@@ -162,15 +159,15 @@ impl Probe {
         let contribution = 4.0 + 8.0 * channels;
         let entry = 4.0 + 4.0 * channels;
         let away = (count - 1.0) / count;
-        // In tiles, columns take half as much; a twentieth is padding. On the way there, some rows are in memory twice more.
+        // In tiles, columns take half the memory, and a twentieth is padding. A group of rows that becomes tiles is in memory twice more.
         let tiled = entries / count * (1.05 * (entry - 2.0));
         let group = GROUP * entries / count * 2.0 * entry;
         let own = found / count * contribution;
         let memory = if processes == 1 && !symmetric {
             group + tiled + own
         } else {
-            // Contributions are given back while the tiles grow. Those of a step are there three times more: as they are sent, as they arrive, and as
-            // they are merged.
+            // Contributions are freed while the tiles grow. A step's contributions are in memory three more times: as sent, received and
+            // merged.
             group + tiled.max(own) + 3.0 * own * away * GROUP
         };
         let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
@@ -193,7 +190,7 @@ impl Probe {
     }
 }
 
-/// The share of `ends` pixels that `connections` of a pixel reach about evenly, if they hit `found` different ones.
+/// The share of the `ends` pixels that a pixel's `connections` reach about evenly, if they hit `found` different pixels.
 fn reached(connections: f64, found: f64, ends: f64) -> f64 {
     let hit = |share: f64| {
         let reached = share * ends;
@@ -217,7 +214,7 @@ fn product_seconds(matrix: &TransportMatrix) -> f64 {
     start.elapsed().as_secs_f64() / f64::from(REPEATS)
 }
 
-/// Seconds to subtract from an entry of a vector its part along another vector.
+/// The seconds per entry to subtract from a vector its component along another vector.
 fn vector_seconds() -> f64 {
     let (mut x, y) = (vec![1.0; LONG], vec![0.5; LONG]);
     let start = Instant::now();
@@ -263,12 +260,12 @@ mod tests {
     fn a_matrix_has_no_more_entries_than_the_pixels_that_are_reached() {
         let full = scaled(32, 1 << 20, 1);
         assert!((full.entries - 0.5 * 1024.0 * 1024.0).abs() < 1.0, "{}", full.entries);
-        // Twice the paths of few samples: nearly all entries are different.
+        // With few samples, doubling the paths doubles the entries: nearly all entries are different.
         let [few, more] = [1, 2].map(|samples| scaled(512, samples, 1).entries);
         assert!((more / few - 2.0).abs() < 1e-3);
     }
 
-    /// A rig apart of 10×10 by 20×10 pixels in color, four samples, six photos, four processes: every part worked out by hand.
+    /// A rig that is not coaxial: 10×10 by 20×10 pixels in color, four samples, six photos, four processes, calculated by hand.
     #[test]
     fn every_part_is_what_its_counts_make() {
         let probe = Probe {
@@ -283,13 +280,13 @@ mod tests {
         let projector = Some(Resolution::new(20, 10));
         let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(10, 10), 4) };
         let scaled = probe.scaled(&settings, Channels::Rgb, false, 6, (4, network));
-        // A row reaches 50 of 200 pixels; 12 connections of its own and 12 of the projector's paths hit them.
+        // A row reaches 50 of 200 pixels. They are hit by 12 connections of its own paths and 12 of the projector's paths.
         let entries = 100.0 * 50.0 * (1.0 - (-24.0_f64 / 50.0).exp());
         let found = 2.0 * 100.0 * 50.0 * (1.0 - (-12.0_f64 / 50.0).exp());
-        // A contribution has 4 bytes of place and 24 of light, an entry of the matrix 4 and 12; a tile halves its place.
+        // A contribution takes 4 bytes for its place and 24 for light. A matrix entry takes 4 and 12, and a tile halves the 4.
         let (own, tiled) = (28.0 * found / 4.0, 1.05 * 14.0 * entries / 4.0);
         assert!(own > tiled, "contributions are the larger of the two");
-        // A sixteenth of the rows is merged and becomes tiles at a time; three quarters of its contributions are others'.
+        // A sixteenth of the rows is merged and becomes tiles at a time. Three quarters of its contributions come from other processes.
         let memory = own + 2.0 * 16.0 * entries / 4.0 / 16.0 + 3.0 * own * 0.75 / 16.0;
         let expected = [
             (scaled.entries, entries),
@@ -299,15 +296,15 @@ mod tests {
             (scaled.merging, 5.0 * entries / 4.0),
             (scaled.exchange, 28.0 * found / 4.0 * 0.75 / 1000.0),
             (scaled.products, 18.0 * entries * 7.0 / 4.0),
-            // Two steps bring the pattern to four processes, one brings three quarters of the photo back.
+            // The pattern reaches four processes in two steps. One step returns three quarters of the photo.
             (scaled.messages, 18.0 * (2.0 * (1.6 + 0.5) + (0.6 + 0.5))),
             (scaled.vectors, 3.0 * 36.0 * 100.0 * 11.0),
         ];
         for (place, (is, wanted)) in expected.into_iter().enumerate() {
-            // Only the order of additions and products differs.
+            // The results differ only in the order of additions and products.
             assert!((is - wanted).abs() <= 1e-12 * wanted, "part {place}: {is}, by hand {wanted}");
         }
-        // One process keeps the contributions of both ends beside the tiles, and exchanges none.
+        // One process keeps the contributions of both ends beside the tiles, and exchanges nothing.
         let alone = probe.scaled(&settings, Channels::Rgb, false, 6, (1, network)).memory;
         let together = 4.0 * (own + tiled) + 2.0 * 16.0 * entries / 16.0;
         assert!((alone - BASE - 1.1 * together).abs() <= 1e-12 * alone, "{alone}, by hand {together}");
@@ -315,7 +312,7 @@ mod tests {
         assert!((scaled.seconds() - seconds).abs() <= 1e-12 * seconds);
     }
 
-    /// One process of a coaxial rig keeps the contributions to a triangle until they are tiles: 12 bytes each against 6 bytes of an entry.
+    /// One process of a coaxial rig keeps the contributions to a triangle until they are tiles: 12 bytes each, against 6 bytes of an entry.
     #[test]
     fn one_process_holds_contributions_or_tiles_whichever_are_more() {
         let (side, samples, of_row) = (512.0_f64 * 512.0, 256.0, 0.5 * 512.0 * 512.0);
@@ -329,7 +326,7 @@ mod tests {
 
     #[test]
     fn the_reached_share_explains_the_entries_that_were_found() {
-        // 300 connections that hit 200 different pixels of 1000.
+        // 300 connections hit 200 different pixels of 1000.
         let share = reached(300.0, 200.0, 1000.0);
         let hit = share * 1000.0 * (1.0 - (-300.0 / (share * 1000.0)).exp());
         assert!((hit - 200.0).abs() < 1e-6, "{share}");

@@ -1,7 +1,7 @@
-//! Shards of a matrix: the light paths from some pixels, traced by themselves, and the matrix of all of them together.
+//! Shards of a matrix: light paths from some pixels that are traced separately, and the matrix of all shards together.
 //!
-//! A matrix is the sum over its light paths, pixel by pixel. Machines that know nothing of each other trace the paths of some pixels each; the
-//! contributions of all of them, in the order of the pixels, are what one machine combines to the matrix, so that all bits are the same.
+//! A matrix is the sum over its light paths, pixel by pixel. Independent machines trace the paths of some pixels each. Their contributions,
+//! in the order of the pixels, are the same that one machine would combine, so all bits are the same.
 
 use std::io::{self, Read, Write};
 
@@ -15,26 +15,26 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 
-/// The most parts that a matrix is traced in.
+/// The maximum number of parts in which a matrix is traced.
 pub const MOST_PARTS: usize = 1 << 16;
 
 /// The longest side of a camera or projector, as for [`TraceSettings::check`].
 const LONGEST_SIDE: usize = 16384;
 
-/// The record of a shard: everything but its contributions.
+/// Everything that describes a shard, without its contributions.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct ShardRecord {
-    /// Which of the parts it is, from 1 to `parts`.
+    /// The number of this part, from 1 to `parts`.
     pub part: usize,
-    /// The number of parts that all light paths are cut into.
+    /// The number of parts into which all light paths are cut.
     pub parts: usize,
     /// The shape of the whole matrix.
     pub rig: RigShape,
     /// The channels of the matrix.
     pub channels: Channels,
-    /// Whether the second bounce and all later ones are layers apart.
+    /// Whether the second bounce and all later ones are separate layers.
     pub split: bool,
-    /// The pixels whose paths it has.
+    /// The pixels whose paths the shard contains.
     pub pixels: StartPixels,
     /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
     pub has_halves: bool,
@@ -49,7 +49,6 @@ pub struct Shard {
     share: Channeled,
 }
 
-/// A share in one channel, or in three.
 #[derive(Clone, Debug)]
 enum Channeled {
     Luma(Share<1>),
@@ -59,7 +58,7 @@ enum Channeled {
 /// Traces the light paths of part `part` (from 1) of `parts`. `split` is as in [`assemble_layers`](super::assemble_layers).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--shard` where there is no such part; as [`Tracer::trace`].
+/// [`Error::Option`] naming `--shard` if there is no such part; the errors of [`Tracer::trace`].
 pub fn trace_shard(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -91,11 +90,11 @@ pub fn trace_shard(
     Ok(Shard { record, share })
 }
 
-/// The matrix of all shards, which may be in any order: the same bits as [`assemble_layers`](super::assemble_layers). The time of tracing is that of
-/// the shard that took longest.
+/// The matrix of all shards, which may be in any order. It has the same bits as [`assemble_layers`](super::assemble_layers). Its time of
+/// tracing is that of the slowest shard.
 ///
 /// # Errors
-/// [`Error::Dimension`] where they are not all parts of one matrix, each of them once.
+/// [`Error::Dimension`] unless the shards are all parts of one matrix, each exactly once.
 pub fn join_shards(mut shards: Vec<Shard>) -> Result<Assembled> {
     shards.sort_by_key(|shard| shard.record.part);
     let found: Vec<String> =
@@ -134,7 +133,7 @@ pub fn join_shards(mut shards: Vec<Shard>) -> Result<Assembled> {
 }
 
 impl Shard {
-    /// Its record.
+    /// The record of the shard.
     pub fn record(&self) -> &ShardRecord {
         &self.record
     }
@@ -148,10 +147,7 @@ impl Shard {
         }
     }
 
-    /// Writes the contributions, without the record.
-    ///
-    /// # Errors
-    /// Those of `to`.
+    /// Writes the contributions without the record. It fails if `to` fails.
     pub fn write(&self, to: &mut impl Write) -> io::Result<()> {
         match &self.share {
             Channeled::Luma(share) => share.write(&self.record, to),
@@ -159,7 +155,7 @@ impl Shard {
         }
     }
 
-    /// Reads the contributions of a shard with this record, which are the next `bytes` bytes. `Err` says what is wrong with them: they may be anything.
+    /// Reads the contributions of a shard with this record from the next `bytes` bytes. `Err` says what is wrong with them.
     pub fn read(record: ShardRecord, from: &mut impl Read, bytes: u64) -> std::result::Result<Self, String> {
         record.check()?;
         let mut from = Reader::of(from, bytes);
@@ -173,7 +169,7 @@ impl Shard {
 }
 
 impl ShardRecord {
-    /// Checks that there can be such a shard. `Err` says why not.
+    /// Checks that such a shard can exist. `Err` says why not.
     pub fn check(&self) -> std::result::Result<(), String> {
         let RigShape { camera, projector, symmetric } = self.rig;
         let is_size = |Resolution { width, height }| {
@@ -193,7 +189,7 @@ impl ShardRecord {
         Ok(())
     }
 
-    /// The number of pixels at which paths from the camera end, and those from the projector.
+    /// The number of pixels at which paths from the camera and paths from the projector can end.
     fn others(&self) -> [usize; 2] {
         [self.rig.projector.pixels(), self.rig.camera.pixels()]
     }
@@ -235,7 +231,7 @@ impl<const C: usize> Share<C> {
         let bits = |estimates: &[Estimates<C>]| -> Vec<u64> {
             estimates.as_flattened().as_flattened().iter().map(|value| value.to_bits()).collect()
         };
-        // How the contributions are cut into chunks depends on the speed of the machine.
+        // The division into chunks depends on the speed of the machine.
         let [ours, theirs] = [self, other].map(|of| of.found.chunks().flat_map(Chunk::contributions));
         ours.eq(theirs)
             && bits(&self.direct) == bits(&other.direct)

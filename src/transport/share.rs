@@ -1,4 +1,4 @@
-//! The contributions of the light paths from some pixels: of all of them, or of the part that one process traces.
+//! The contributions of the light paths from some pixels: from all pixels, or from those that one process traces.
 
 use std::ops::Range;
 
@@ -13,14 +13,13 @@ use super::{LUMINANCE, project};
 use crate::error::Result;
 use crate::render::{Batch, MergeRequest, StartPixels, TraceSettings, TraceSummary, Tracer};
 
-/// The contributions of the paths from some pixels, summed pixel by pixel.
 #[derive(Clone, Debug)]
 pub(super) struct Share<const C: usize> {
-    /// Contributions to the matrix, in the order of the paths: those of the camera's pixels come first.
+    /// Contributions to the matrix in the order of the paths, the camera's pixels first.
     pub(super) found: Found<C>,
-    /// Direct light of each of the camera's pixels, which returns to its own pixel, with its error; empty where the rig is not coaxial.
+    /// The direct light of each camera pixel that returns to the same pixel, with its error. It is empty if the rig is not coaxial.
     pub(super) direct: Vec<Estimates<C>>,
-    /// Light that the scene emits towards each of the camera's pixels, with its error.
+    /// The light that the scene itself emits towards each camera pixel, with its error.
     pub(super) ambient: Vec<Estimates<C>>,
     /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
     pub(super) has_halves: bool,
@@ -28,8 +27,8 @@ pub(super) struct Share<const C: usize> {
 }
 
 impl<const C: usize> Share<C> {
-    /// Traces the paths from `pixels`. If `split` is set, the second bounce and all later ones stay apart. `steps` are those in which several
-    /// processes merge the contributions.
+    /// Traces the paths from `pixels`. If `split` is set, the second bounce and all later ones stay separate. `steps` are the steps in
+    /// which several processes merge the contributions.
     pub(super) fn trace(
         tracer: &mut Tracer,
         settings: &TraceSettings,
@@ -71,7 +70,7 @@ impl<const C: usize> Share<C> {
         Ok(Self { found, direct, ambient, has_halves, summary })
     }
 
-    /// The share of the pixels of all parts, which come in the order of their pixels. Its time of tracing is that of the part that took longest.
+    /// Joins the shares of all parts, which must be in the order of their pixels. The time of tracing is that of the slowest part.
     pub(super) fn joined(parts: Vec<Self>) -> Self {
         let (mut chunks, mut direct, mut ambient) = (Vec::new(), Vec::new(), Vec::new());
         let (mut has_halves, mut summary) = (true, TraceSummary::default());
@@ -86,20 +85,17 @@ impl<const C: usize> Share<C> {
     }
 }
 
-/// The contributions of all paths.
 #[derive(Clone, Debug)]
 pub(super) struct Found<const C: usize> {
-    /// Chunks in the order of the paths: all of them, or where several processes merge them, those of each step.
+    /// Chunks in the order of the paths. There is one list of all chunks, or one for each step if several processes merge them.
     pub(super) steps: Vec<Vec<Chunk<C>>>,
     pub(super) about: About,
 }
 
-/// A summary of contributions.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct About {
-    /// The largest exponent of their values and errors, from which the unit of their sums follows.
+    /// The largest exponent of their values and errors. It determines the unit of their sums.
     pub(super) largest: u32,
-    /// The number of contributions of each class of bounces.
     pub(super) of_class: [usize; CLASSES],
 }
 
@@ -117,7 +113,6 @@ impl About {
 }
 
 impl<const C: usize> Found<C> {
-    /// All of these chunks, which one process merges.
     pub(super) fn of_chunks(chunks: Vec<Chunk<C>>) -> Self {
         let about = |chunk: &Chunk<C>| {
             let mut about = About::default();
@@ -137,17 +132,14 @@ impl<const C: usize> Found<C> {
     }
 }
 
-/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel. They are summed in path order, so
-/// that the bits do not depend on the sizes of the batches.
+/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel, summed in path order for batches of any size.
 struct PixelSums<const C: usize> {
     halves: Halves,
     first: usize,
-    /// For each pixel.
     estimates: Vec<Estimates<C>>,
 }
 
 impl<const C: usize> PixelSums<C> {
-    /// Zeros for these pixels with `samples` samples each.
     fn new(pixels: &Range<usize>, samples: u32) -> Self {
         let estimates = vec![[[0.0; 2]; C]; pixels.len()];
         Self { halves: Halves::new(samples, samples), first: pixels.start, estimates }

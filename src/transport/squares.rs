@@ -1,23 +1,23 @@
-//! Sums of the squares of all entries, from which the noise of the matrix follows.
+//! Sums of the squares of all entries, which determine the noise of the matrix.
 
 use super::noise::Estimates;
 
-/// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. They have the same bits in every order of the
-/// entries: each process and each thread adds the entries that it merges.
+/// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. The order of the entries does not
+/// affect the bits, so each process and each thread adds the entries that it merges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct EntrySquares {
-    /// The sums over the entries without light of one bounce: nearly all of them.
+    /// The sums over the entries without light of one bounce: nearly all entries.
     indirect: [ExactSum; 2],
-    /// The sums over the entries with light of one bounce: of all their light, and of their light of two or more bounces.
+    /// The sums over the entries with light of one bounce: first of all their light, then of their light of two or more bounces.
     direct: [ExactSum; 2],
     beside_direct: [ExactSum; 2],
 }
 
 impl EntrySquares {
-    /// The words of the sums in a message.
+    /// The length of the sums in a message, in words.
     pub(super) const WORDS: usize = 6 * ExactSum::WORDS;
 
-    /// Adds the squares of the values and errors of one entry without light of one bounce, as often as `times`.
+    /// Adds the squares of the values and errors of one entry without light of one bounce, `times` times.
     #[inline]
     pub(super) fn add_indirect<const C: usize>(&mut self, times: f64, entry: &Estimates<C>) {
         add(&mut self.indirect, times, entry);
@@ -43,7 +43,7 @@ impl EntrySquares {
         [0, 1].map(|of| self.indirect[of].value() + self.direct[of].value())
     }
 
-    /// The same for light of two or more bounces.
+    /// The squares of the values and errors of light of two or more bounces.
     pub(super) fn global(&self) -> [f64; 2] {
         [0, 1].map(|of| self.indirect[of].value() + self.beside_direct[of].value())
     }
@@ -81,18 +81,18 @@ fn add<const C: usize>(to: &mut [ExactSum; 2], times: f64, entry: &Estimates<C>)
     }
 }
 
-/// Bits of the exponent that one part of the sum has.
+/// The number of exponents that one part of the sum covers.
 const PART: u32 = 32;
 
-/// A sum of numbers that are not negative, without rounding: the same for every order of the terms, and for sums of parts that are added. So the
-/// parts may come from any number of threads and processes.
+/// A sum of nonnegative numbers without rounding. The order of the terms does not affect it, and sums of parts can be added. The parts may
+/// therefore come from any number of threads and processes.
 ///
-/// A number is a whole multiple of a power of two, and is added to the part for its range of powers.
+/// A number is a multiple of a power of two, and is added to the part for its range of powers.
 #[derive(Clone, Debug, PartialEq)]
 struct ExactSum {
-    /// Multiples of `2^(32 part − 1075)`. A term adds less than 2⁸⁵, so that there may be 2⁴³ terms.
+    /// Multiples of `2^(32 part − 1075)`. A term adds less than 2⁸⁵, so 2⁴³ terms are possible.
     parts: [u128; 64],
-    /// The sum of infinite terms and of those that are no numbers: nothing, infinity, or no number.
+    /// The sum of the infinite and NaN terms: zero, infinity or NaN.
     beyond: f64,
 }
 
@@ -105,18 +105,17 @@ impl Default for ExactSum {
 impl ExactSum {
     const WORDS: usize = 129;
 
-    /// Adds a number, which is not negative.
     #[inline]
     fn add(&mut self, term: f64) {
         let bits = term.to_bits();
-        // The sign is 0, so that these are the bits of the exponent.
+        // The sign bit is 0, so these are the bits of the exponent.
         let exponent = (bits >> 52) as u32;
         if exponent >= 0x7ff {
             self.beyond += term;
             return;
         }
         let below = bits & ((1 << 52) - 1);
-        // The smallest numbers have no leading bit, and the exponent of the next larger ones.
+        // Subnormal numbers have no leading bit, and share the exponent of the next larger numbers.
         let whole = below | u64::from(exponent > 0) << 52;
         let exponent = exponent.max(1);
         let part = &mut self.parts[(exponent / PART) as usize];
@@ -128,11 +127,11 @@ impl ExactSum {
         self.beyond += other.beyond;
     }
 
-    /// The sum as a number, from its parts in a fixed order.
+    /// The sum as a number. Its parts are added in a fixed order.
     fn value(&self) -> f64 {
         let value = |(part, &whole): (usize, &u128)| {
             let power = PART as i32 * part as i32 - 1075;
-            // The power of two of the first parts is too small for a number by itself.
+            // For the first parts, the power of two alone is too small for an `f64`.
             let [first, second] = if power < -500 { [power + 500, -500] } else { [power, 0] };
             whole as f64 * 2_f64.powi(first) * 2_f64.powi(second)
         };
@@ -183,7 +182,7 @@ mod tests {
 
     #[test]
     fn neither_order_nor_parts_change_a_sum() {
-        // Numbers differ by up to 2^80, so that a sum of `f64` depends on the order.
+        // The numbers differ by up to 2^80, so an `f64` sum depends on the order.
         let term = |at: u64| {
             let drawn = at.wrapping_mul(0x9e37_79b9_7f4a_7c15);
             (drawn >> 11) as f64 * 2_f64.powi((drawn % 80) as i32 - 100)
@@ -201,7 +200,7 @@ mod tests {
             terms.sort_by(f64::total_cmp);
             terms.iter().sum()
         };
-        // A thousand roundings of the other sum.
+        // The tolerance is a thousand roundings of the other sum.
         assert!((whole.value() - sorted).abs() <= 1000.0 * f64::EPSILON * sorted);
     }
 

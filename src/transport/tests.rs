@@ -1,4 +1,4 @@
-//! Rows and their combination for synthetic paths: rigs that no shipped scene has.
+//! Rows and their combination for synthetic paths, in rigs that no shipped scene has.
 
 mod costs;
 mod device;
@@ -17,13 +17,12 @@ use super::*;
 use crate::operator::{Adjoint, Operator};
 use crate::render::Connection;
 
-/// Paths of one endpoint, the camera's first: the pixel that each starts from, its half of the samples, and its connections.
+/// Paths of one endpoint, the camera's first: each with its start pixel, its half of the samples, and its connections.
 type Paths = Vec<(u32, usize, Vec<Connection>)>;
 
 const SAMPLES: u32 = 4;
 
-/// Connections at random between `camera` and `projector` pixels; paths from the camera's pixels, in
-/// order.
+/// Paths from the camera's pixels in order, with random connections between `camera` and `projector` pixels.
 fn from_camera(random: &mut Pcg64, camera: usize, projector: usize, most: u32) -> Paths {
     let mut paths = Vec::new();
     for start in 0..camera as u32 {
@@ -41,7 +40,6 @@ fn from_camera(random: &mut Pcg64, camera: usize, projector: usize, most: u32) -
     paths
 }
 
-/// The same from the projector's pixels.
 fn from_projector(random: &mut Pcg64, camera: usize, projector: usize, most: u32) -> Paths {
     let mut paths = from_camera(random, projector, camera, most);
     for connection in paths.iter_mut().flat_map(|path| &mut path.2) {
@@ -53,7 +51,7 @@ fn from_projector(random: &mut Pcg64, camera: usize, projector: usize, most: u32
 fn found(paths: &[Paths], split: bool) -> Found<1> {
     let mut rows = Rows::new(SAMPLES, split, None);
     for (paths, from_camera) in paths.iter().zip([true, false]) {
-        // Cut anywhere, also within a pixel.
+        // Batches may end anywhere, also within a pixel.
         paths.chunks(7).for_each(|batch| rows.add_paths(batch, from_camera, &|rgb| [rgb[0]]));
     }
     rows.close()
@@ -69,7 +67,7 @@ fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers)
 }
 
-/// The dense matrix of these paths: every connection at its entry, and at the mirrored entry where the rig is coaxial.
+/// The dense matrix of these paths. Every connection is at its entry, and for a coaxial rig also at the mirrored entry.
 fn dense(rig: RigShape, paths: &[Paths], part: Part) -> Vec<f64> {
     let columns = rig.projector.pixels();
     let mut dense = vec![0.0; rig.camera.pixels() * columns];
@@ -88,7 +86,7 @@ fn separated() -> (RigShape, Vec<Paths>) {
     let mut random = Pcg64::seed_from_u64(3);
     let paths = vec![
         from_camera(&mut random, 15, 28, 4),
-        // No one-bounce connections of their own.
+        // These paths have no one-bounce connections.
         from_projector(&mut random, 15, 28, 3),
     ];
     (rig, paths)
@@ -100,7 +98,7 @@ fn with_lens() -> (RigShape, Vec<Paths>) {
     (rig, vec![from_camera(&mut Pcg64::seed_from_u64(4), 30, 30, 4)])
 }
 
-/// A rig of more pixels than become tiles at the same time.
+/// A rig with more pixels than become tiles at the same time.
 fn of_many_pixels() -> (RigShape, Vec<Paths>) {
     let resolution = Resolution::new(260, 130);
     let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
@@ -125,7 +123,7 @@ fn each_part_of_any_rig_is_the_sum_of_its_connections() {
                 let mut found = vec![0.0; expected.len()];
                 csr.entries().for_each(|(row, column, value)| found[row * csr.cols() + column] = value);
                 for (found, expected) in found.iter().zip(&expected) {
-                    // Rounded to f32 pixel by pixel, where rows meet columns, and where layers meet.
+                    // Values are rounded to f32 pixel by pixel, where rows meet columns, and where layers meet.
                     let bound = 3.0 * f64::from(f32::EPSILON) * expected;
                     assert!((found - expected).abs() <= bound, "{part:?}: {found} for {expected}");
                 }
@@ -146,8 +144,7 @@ fn the_transpose_is_the_dual_rig() {
             let (mut av, mut atu) = (vec![f64::NAN; 15], vec![f64::NAN; 28]);
             assert!(operator.apply(&v, &mut av).is_ok() && operator.apply_adjoint(&u, &mut atu).is_ok());
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            // At most 15·28 products and as many sums, on either side, of terms that may cancel (Higham 2002,
-            // eq. 3.5).
+            // Each side has at most 15·28 products and sums, with terms that may cancel (Higham 2002, eq. 3.5).
             let csr = matrix.to_csr(part, 0).unwrap_or_else(|error| unreachable!("{error}"));
             let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
             let difference = (dot(&u, &av) - dot(&atu, &v)).abs();
@@ -223,7 +220,7 @@ fn some_rows_alone_are_those_of_the_whole() {
 fn a_projector_of_more_pixels_than_the_camera_may_have_pixels_that_light_nothing() {
     let rig = RigShape { camera: Resolution::new(2, 1), projector: Resolution::new(4, 1), symmetric: false };
     let lit = Connection { camera: 1, projector: 0, bounces: 2, value: [3.0; 3] };
-    // The last two pixels of the projector are beyond the camera's, and light nothing.
+    // The last two projector pixels are beyond the camera's, and light nothing.
     let camera = (0..2).map(|pixel| (pixel, 0, Vec::new())).collect();
     let projector = (0..4).map(|pixel| (pixel, 0, if pixel == 0 { vec![lit] } else { Vec::new() })).collect();
     let paths: [Paths; 2] = [camera, projector];
@@ -257,7 +254,7 @@ fn light_of_any_colour_counts_and_darkness_does_not() {
     assert_eq!(found, (0..5).map(|other| (other, colors[other as usize])).collect::<Vec<_>>());
 }
 
-/// Chunks of a single pixel, too, are given back only when their pixel is done.
+/// Even a chunk of a single pixel is freed only when its pixel is done.
 #[test]
 fn how_contributions_are_cut_into_chunks_makes_no_difference() {
     let resolution = Resolution::new(64, 40);

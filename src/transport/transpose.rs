@@ -1,8 +1,8 @@
 //! The contributions by rows of the matrix, and their transpose, block by block, on all cores.
 //!
-//! The rows of the contributions are shared out: each task has as many entries, and keeps a cursor in each of its rows.
-//! Since the entries of a row ascend, the cursors yield the transpose one block of rows at a time. Tasks have consecutive
-//! rows, so that the tasks' parts of a row of the transpose, one after the other, ascend as well.
+//! The rows of the contributions are divided among tasks with about equal numbers of entries. Each task keeps a cursor in
+//! each of its rows. The entries of a row ascend, so the cursors yield the transpose one block of rows at a time. Each
+//! task has consecutive rows, so a row of the transpose ascends if the tasks' parts follow one another.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::RigShape;
 use super::chunk::{Chunk, Key, Term, Terms, places};
 
-/// Tasks for each thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries first.
+/// Tasks per thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries first.
 const TASKS_A_THREAD: usize = 8;
 
 /// All contributions to some rows of the matrix, by the pixels at which their paths start.
@@ -22,7 +22,6 @@ pub(super) struct Sources<const C: usize> {
     tasks: Vec<Task>,
 }
 
-/// Entries of a row of the contributions.
 #[derive(Clone, Debug, Default)]
 struct Source {
     pixel: u32,
@@ -37,28 +36,27 @@ impl Source {
     }
 }
 
-/// The rows that one task transposes. The transpose does not have their entries yet.
+/// The rows that one task transposes, with the entries that are not transposed yet.
 struct Task {
     left: Vec<Source>,
 }
 
 /// A task's part of some rows of the transpose.
 pub(super) struct Transposed<const C: usize> {
-    /// The first term of each row, then their number.
+    /// The index of the first term of each row, and the number of terms at the end.
     start: Vec<usize>,
     terms: Vec<Term<C>>,
 }
 
 impl<const C: usize> Transposed<C> {
-    /// The terms of a row of the block, by ascending keys.
     pub(super) fn row(&self, row: usize) -> &[Term<C>] {
         &self.terms[self.start[row]..self.start[row + 1]]
     }
 }
 
 impl<const C: usize> Sources<C> {
-    /// Shares out the rows of all chunks, which have all contributions to these `rows` of the matrix, and may have others.
-    /// With `triangle`, rows and transpose have only what is on and above the diagonal of the matrix.
+    /// Divides the rows of all chunks among tasks. The chunks must have all contributions to these `rows`, and may have
+    /// others. With `triangle`, rows and transpose have only the part on and above the diagonal.
     pub(super) fn new(chunks: Vec<Chunk<C>>, rig: RigShape, rows: &Range<usize>, triangle: bool) -> Self {
         let columns = rig.projector.pixels();
         let of_row = |number: usize, chunk: &Chunk<C>, at: usize| {
@@ -97,7 +95,7 @@ impl<const C: usize> Sources<C> {
         Self { chunks, own, tasks: Task::share_out(mirrored) }
     }
 
-    /// The number of contributions to each row, of which the first is that of the pixel `first`, before any is taken.
+    /// The number of contributions to each row, before any is taken. The first row is the row of the pixel `first`.
     pub(super) fn counts(&self, first: usize) -> Vec<u32> {
         let rows = self.own.len();
         let none = || vec![0_u32; rows];
@@ -116,18 +114,18 @@ impl<const C: usize> Sources<C> {
         own.zip(mirrored).map(|(own, mirrored)| own + mirrored).collect()
     }
 
-    /// The entries of the paths from the pixel of a row, counted from the first of the rows, by ascending keys.
+    /// The entries of the paths from the pixel of a row, by ascending keys. Rows are counted from the first one.
     pub(super) fn own(&self, row: usize) -> &[Term<C>] {
         self.own[row].terms(&self.chunks)
     }
 
-    /// The rows of the pixels `block` of the transpose, as the tasks' parts. Blocks follow one another.
+    /// The rows of the pixels `block` of the transpose, as the tasks' parts. Calls must be in the order of the blocks.
     pub(super) fn transposed(&mut self, block: &Range<usize>) -> Vec<Transposed<C>> {
         let Self { chunks, tasks, .. } = self;
         tasks.par_iter_mut().filter_map(|task| task.transpose(chunks, block)).collect()
     }
 
-    /// Gives back the memory of the chunks whose pixels are all before `pixel`, which must not be asked for any more.
+    /// Frees the chunks whose pixels are all before `pixel`. These pixels must not be requested afterwards.
     pub(super) fn release_before(&mut self, pixel: usize) {
         let done = |chunk: &&mut Chunk<C>| chunk.rows.iter().all(|row| (row.pixel as usize) < pixel);
         self.chunks.iter_mut().take_while(done).for_each(|chunk| chunk.terms = Terms::default());
@@ -135,7 +133,7 @@ impl<const C: usize> Sources<C> {
 }
 
 impl Task {
-    /// Tasks with about equally many entries of these rows, which have some.
+    /// Tasks with about equal numbers of entries of these rows. No row is empty.
     fn share_out(rows: Vec<Source>) -> Vec<Self> {
         let entries: usize = rows.iter().map(|source| source.entries.len()).sum();
         let each = entries.div_ceil(TASKS_A_THREAD * rayon::current_num_threads()).max(1);
@@ -154,7 +152,7 @@ impl Task {
         tasks
     }
 
-    /// The rows of the pixels `block` of the transpose; `None` where they have no entries.
+    /// The rows of the pixels `block` of the transpose; `None` if they have no entries.
     fn transpose<const C: usize>(
         &mut self,
         chunks: &[Chunk<C>],
@@ -187,7 +185,7 @@ impl Task {
             }
             source.entries.start += taken;
         }
-        // The chunks of rows that have no more entries may be given back.
+        // The chunks of finished rows may be freed.
         self.left.retain(|source| !source.entries.is_empty());
         Some(Transposed { start, terms })
     }
@@ -197,7 +195,7 @@ impl Task {
 mod tests {
     use super::*;
 
-    /// Every row is one task's, in order; all tasks have about as many entries.
+    /// Every row belongs to one task, in order. All tasks have about equal numbers of entries.
     #[test]
     fn rows_are_shared_out_evenly() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads can be started");

@@ -1,5 +1,5 @@
-//! Arrays as bytes: messages between processes of one program, and the files of shards. Numbers have the byte order of the machine, which is
-//! little-endian wherever Vulkan runs.
+//! Arrays as bytes: messages between processes of one program, and the files of shards. Numbers have the byte order of the machine, which
+//! is little-endian wherever Vulkan runs.
 
 use std::io::{self, Read, Write};
 use std::ops::Range;
@@ -12,11 +12,11 @@ use super::tiles::{CompressedRows, Fragment, Pages};
 use crate::error::Error;
 use crate::team;
 
-/// The fault of bytes that should be arrays.
+/// The reason why bytes cannot be read as arrays.
 #[derive(Debug)]
 pub(super) struct Garbled(pub(super) String);
 
-/// The error where the bytes are a message of another process.
+/// The error for bytes that are a message of another process.
 pub(super) fn unread(Garbled(why): Garbled) -> Error {
     team::garbled(&why)
 }
@@ -34,7 +34,7 @@ pub(super) fn put<T: Pod>(to: &mut impl Write, array: &[T]) -> io::Result<()> {
     to.write_all(bytemuck::cast_slice(array))
 }
 
-/// Arrays one after the other, from a message or a file.
+/// Reads arrays one after the other from a message or a file.
 pub(super) struct Reader<R> {
     from: R,
     left: u64,
@@ -57,7 +57,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The next array, whose elements are `C` numbers each.
+    /// The next array. Each element has `C` numbers.
     fn take_channels<const C: usize>(&mut self) -> Result<Vec<[f32; C]>> {
         let length = self.length(size_of::<f32>())?;
         if length % C > 0 {
@@ -68,7 +68,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The length of the next array. A length beyond the bytes that are left is refused.
+    /// The length of the next array. A length beyond the remaining bytes is an error.
     fn length(&mut self, element: usize) -> Result<usize> {
         let mut length = [0; 8];
         self.fill(&mut length)?;
@@ -95,7 +95,7 @@ fn other_lengths() -> Garbled {
     Garbled("its arrays have other lengths".into())
 }
 
-/// The bytes of the contributions of some chunks to these `rows`, of the pixels of one endpoint.
+/// The contributions of some chunks to these `rows` as bytes, from the pixels of one endpoint.
 pub(super) fn chunks_to_bytes<const C: usize>(
     chunks: &[&Chunk<C>],
     from_camera: bool,
@@ -105,13 +105,13 @@ pub(super) fn chunks_to_bytes<const C: usize>(
         chunks.iter().flat_map(|chunk| chunk.rows()).filter(|(row, _)| row.from_camera == from_camera);
     let counts = of_endpoint.map(|(_, terms)| at(terms, rows).len()).filter(|count| *count > 0);
     let (pixels, entries) = counts.fold((0, 0), |(pixels, entries), count| (pixels + 1, entries + count));
-    // Five arrays with their lengths: pixels and ends, keys, means and errors.
+    // There are five arrays with their lengths: pixels and ends, keys, means and errors.
     let mut bytes = Vec::with_capacity(40 + 12 * pixels + entries * size_of::<Term<C>>());
     put_chunks(&mut bytes, chunks, from_camera, rows).expect("memory takes all bytes");
     bytes
 }
 
-/// Writes the contributions of some chunks to these `rows`, of the pixels of one endpoint. A pixel without such contributions is left out.
+/// Writes the contributions of some chunks to these `rows`, from one endpoint's pixels. Pixels without any are left out.
 pub(super) fn put_chunks<const C: usize>(
     to: &mut impl Write,
     chunks: &[&Chunk<C>],
@@ -141,7 +141,7 @@ pub(super) fn put_chunks<const C: usize>(
     put_words(to, entries, &wanted, |term| term.error.map(f32::to_bits))
 }
 
-/// Writes an array of the words that `part` takes of each of the `terms` terms of these rows.
+/// Writes an array of the words that `part` takes from each of the `terms` terms of these rows.
 fn put_words<const C: usize, const N: usize>(
     to: &mut impl Write,
     terms: usize,
@@ -158,7 +158,6 @@ fn put_words<const C: usize, const N: usize>(
     Ok(())
 }
 
-/// The chunk that [`put_chunks`] wrote.
 pub(super) fn take_chunk<const C: usize>(
     from: &mut Reader<impl Read>,
     from_camera: bool,
@@ -184,7 +183,6 @@ pub(super) fn take_chunk<const C: usize>(
     Ok(Chunk { rows: rows.collect(), terms: Terms::Long(terms) })
 }
 
-/// Writes means and errors, of pixels or of rows.
 pub(super) fn put_estimates<const C: usize>(
     to: &mut impl Write,
     estimates: &[Estimates<C>],
@@ -192,12 +190,10 @@ pub(super) fn put_estimates<const C: usize>(
     put::<f64>(to, estimates.as_flattened().as_flattened())
 }
 
-/// The means and errors that [`put_estimates`] wrote.
 pub(super) fn take_estimates<const C: usize>(from: &mut Reader<impl Read>) -> Result<Vec<Estimates<C>>> {
     Ok(from.take::<f64>()?.as_chunks::<2>().0.as_chunks::<C>().0.to_vec())
 }
 
-/// Sparse rows: starts, columns, and the weights of each channel.
 type Sparse<S, N> = (Vec<S>, Vec<N>, Vec<Vec<f32>>);
 
 fn put_sparse<S: Pod, N: Pod>(
@@ -237,7 +233,7 @@ pub(super) fn put_fragments(to: &mut Vec<u8>, fragments: &[Fragment]) -> io::Res
     Ok(())
 }
 
-/// The fragments that [`put_fragments`] wrote, with `channels` weights of an entry. Their rows are counted from `first_row` on.
+/// Reads the fragments that [`put_fragments`] wrote, with `channels` weights per entry. Their rows are counted from `first_row`.
 pub(super) fn take_fragments(
     from: &mut Reader<impl Read>,
     channels: usize,
@@ -258,7 +254,6 @@ pub(super) fn rows_to_bytes(rows: &CompressedRows) -> Vec<u8> {
     message(|to| put_sparse(to, &rows.row_start, &rows.columns, &rows.weights))
 }
 
-/// The rows that [`rows_to_bytes`] wrote.
 pub(super) fn take_rows(bytes: &[u8], channels: usize) -> Result<CompressedRows> {
     let mut from = Reader::new(bytes);
     let (row_start, columns, weights) = take_sparse(&mut from, channels)?;

@@ -1,5 +1,4 @@
-//! The kernel of a product and its dispatches. The rows of a layer are cut into bands, each small enough for the device's buffers and for one
-//! dispatch.
+//! The kernel of a product and its dispatches. Rows of a layer are cut into bands that fit the device's buffers and one dispatch.
 
 use std::ops::Range;
 
@@ -18,11 +17,10 @@ pub(super) struct Limits {
 /// A gigabyte of entries, which even a slow GPU reads in a tenth of a second.
 const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 
-/// The limits for software Vulkan: either of them takes two cores some 50 ms (measured).
+/// The limits for software Vulkan. Two cores take some 50 ms for either of them (measured).
 const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
-    /// The limits for a device, with those of its buffers.
     pub(super) fn of(gpu: &Gpu) -> Self {
         let Self { entries, rows } = if gpu.summary.is_processor() { ON_PROCESSOR } else { ON_GPU };
         let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / 4;
@@ -30,17 +28,14 @@ impl Limits {
     }
 }
 
-/// Most entries of a row. 32 lanes share them, and software Vulkan leaves a loop after 65,535 iterations
-/// without an error.
+/// The most entries of a row. 32 lanes share them, and software Vulkan leaves a loop after 65,535 iterations without an error.
 const LONGEST_ROW: usize = 1 << 20;
 
-/// A layer's bands, top to bottom.
 pub(super) struct DeviceLayer {
     pub(super) bounces: Bounces,
     pub(super) bands: Vec<Band>,
 }
 
-/// Rows of a band in compressed form, in buffers of their own.
 pub(super) struct Band {
     pub(super) rows: Range<u32>,
     pub(super) starts: wgpu::Buffer,
@@ -49,7 +44,6 @@ pub(super) struct Band {
 }
 
 impl DeviceLayer {
-    /// Copies the rows to the device, in bands within `limits`.
     pub(super) fn upload(gpu: &Gpu, bounces: Bounces, from: &CompressedRows, limits: Limits) -> Result<Self> {
         let CompressedRows { row_start, columns, weights } = from;
         let longest = row_start.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);
@@ -63,7 +57,7 @@ impl DeviceLayer {
         }
         let band = |rows: Range<usize>| {
             let entries = row_start[rows.start]..row_start[rows.end];
-            // A band's entries fit a buffer, whose length fits 32 bits.
+            // A band's entries fit into a buffer, and its length fits 32 bits.
             let starts: Vec<u32> =
                 row_start[rows.start..=rows.end].iter().map(|start| (start - entries.start) as u32).collect();
             let weights =
@@ -80,7 +74,7 @@ impl DeviceLayer {
     }
 }
 
-/// Cuts the rows into bands of whole rows, each with as many rows as the limits allow, and at least one.
+/// Cuts the rows into bands of whole rows. Each band has the most rows that the limits allow, and at least one.
 fn cut(row_start: &[usize], limits: Limits) -> Vec<Range<usize>> {
     let rows = row_start.len() - 1;
     let mut bands = Vec::new();
@@ -94,7 +88,7 @@ fn cut(row_start: &[usize], limits: Limits) -> Vec<Range<usize>> {
     bands
 }
 
-/// Rows of a workgroup; `ROWS_OF_GROUP` of `shaders/product.wgsl`.
+/// The rows of a workgroup; `ROWS_OF_GROUP` of `shaders/product.wgsl`.
 const ROWS_OF_GROUP: u32 = 2;
 
 /// The band has entries; `HAS_ENTRIES` of `shaders/product.wgsl`.
@@ -112,15 +106,14 @@ struct Parameters {
     padding: u32,
 }
 
-/// The terms of a row's sum besides its entries; flags of `shaders/product.wgsl`.
+/// The terms of a row's sum besides its entries, as flags of `shaders/product.wgsl`.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
     pub(super) diagonal: bool,
-    /// The sum that earlier bands wrote to the photo.
+    /// Whether to add the sum that earlier bands wrote to the photo.
     pub(super) adds: bool,
 }
 
-/// The buffers that all bands share.
 pub(super) struct Shared<'a> {
     pub(super) diagonal: &'a wgpu::Buffer,
     pub(super) from: &'a wgpu::Buffer,
@@ -130,11 +123,10 @@ pub(super) struct Shared<'a> {
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    /// Bound in place of a buffer that is not read.
+    /// A stand-in that is bound for each buffer that is not read.
     nothing: wgpu::Buffer,
 }
 
-/// A dispatch, ready to be recorded.
 pub(super) struct Step {
     group: wgpu::BindGroup,
     workgroups: [u32; 2],
@@ -182,7 +174,7 @@ impl Kernel {
         })
     }
 
-    /// The dispatch that writes the sums of these rows to the photo: over the entries of a band in one channel, if there is one, and over `terms`.
+    /// The dispatch that writes the sums of these rows to the photo: over a band's entries in one channel, if any, and over `terms`.
     pub(super) fn step(
         &self,
         gpu: &Gpu,
@@ -234,7 +226,7 @@ fn bits(terms: Terms) -> u32 {
     u32::from(terms.diagonal) << 1 | u32::from(terms.adds) << 2
 }
 
-/// Workgroups in two dimensions for `rows` rows, with as few in the second dimension as possible.
+/// The workgroups for `rows` rows in two dimensions, with as few in the second dimension as possible.
 fn workgroups(rows: u32) -> [u32; 2] {
     let groups = rows.div_ceil(ROWS_OF_GROUP);
     let down = groups.div_ceil(MOST_GROUPS).max(1);
@@ -292,7 +284,7 @@ mod tests {
             [entries, rows]
         };
         let (many, card) = (u64::from(u32::MAX), "discrete GPU");
-        // Four bytes of an entry in one buffer.
+        // The limit is four bytes per entry in one buffer.
         assert_eq!(limits(card, 4004, many)[0], 1001);
         assert_eq!(limits(card, many, 4004)[0], 1001);
         assert_eq!(limits(card, many, many), [1 << 27, 1 << 24]);

@@ -1,4 +1,4 @@
-//! The matrix in a device's memory. Products are taken there, and only patterns and photos are transferred.
+//! The matrix in a device's memory. The device computes products, and only patterns and photos are transferred.
 
 mod kernel;
 #[cfg(test)]
@@ -21,16 +21,15 @@ use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
 ///
-/// Weights are `f32`, vectors and sums `f64`, as on the processor. 32 lanes sum a row in a fixed order, which
-/// is not the processor's. So products repeat to the bit, and differ from [`TransportMatrix::apply`] by the
-/// rounding of sums only.
+/// Weights are `f32`, and vectors and sums `f64`, as on the processor. 32 lanes sum a row in a fixed order, which differs from the
+/// processor's. Products therefore repeat to the bit, and differ from [`TransportMatrix::apply`] only by the rounding of sums.
 pub struct GpuMatrix {
     gpu: Gpu,
     kernel: Kernel,
     rig: RigShape,
     layers: Vec<DeviceLayer>,
     diagonals: Vec<wgpu::Buffer>,
-    /// Whether direct light is a diagonal; without one the buffers above are empty.
+    /// Whether direct light is a diagonal. Otherwise the buffers above are empty.
     has_diagonal: bool,
     limits: Limits,
     vectors: Vectors,
@@ -42,7 +41,7 @@ struct Vectors {
     to: Results,
 }
 
-/// The transpose and the dispatches, which are made when first needed. A product holds their lock, since all products share the vectors.
+/// The transpose and the dispatches, made when first needed. A product holds their lock, because all products share the vectors.
 #[derive(Default)]
 struct State {
     transposed: Option<Vec<DeviceLayer>>,
@@ -56,10 +55,7 @@ impl std::fmt::Debug for GpuMatrix {
 }
 
 impl GpuMatrix {
-    /// Copies the matrix to the device that `tracer` traces on.
-    ///
-    /// # Errors
-    /// [`Error::Device`] where the device has no `f64` or not enough memory.
+    /// Copies the matrix to the device that `tracer` traces on. A device without `f64` or without enough memory gives [`Error::Device`].
     pub fn new(tracer: &Tracer, matrix: &TransportMatrix) -> Result<Self> {
         Self::on(tracer.gpu(), matrix)
     }
@@ -91,12 +87,12 @@ impl GpuMatrix {
     /// `y ← P x`, as [`TransportMatrix::apply`].
     ///
     /// # Errors
-    /// [`Error::Dimension`] for vectors that do not fit; [`Error::Device`] when the device failed.
+    /// [`Error::Dimension`] for vectors that do not fit; [`Error::Device`] if the device fails.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.take(&mut self.state(), Product { direction: Direction::Forward, part, channel }, x, y)
     }
 
-    /// A product of `matrix`, which this is a copy of. For a rig that is not coaxial, its transpose is copied to the device when first needed.
+    /// Multiplies with `matrix`, whose copy this is. If the rig is not coaxial, the transpose is copied when it is first needed.
     pub(super) fn multiply(
         &self,
         matrix: &TransportMatrix,
@@ -199,7 +195,7 @@ impl GpuMatrix {
 }
 
 impl Vectors {
-    /// Each buffer is as long as the longer of pattern and photo: they change places for the transpose.
+    /// Each buffer has the length of the longer of pattern and photo, because the two are exchanged for the transpose.
     fn new(gpu: &Gpu, rig: RigShape) -> Result<Self> {
         let bytes = 8 * rig.projector.pixels().max(rig.camera.pixels()) as u64;
         Ok(Self {
@@ -209,9 +205,9 @@ impl Vectors {
     }
 }
 
-/// Measurements for the benchmarks: products without transfers to and from the host, and plain copies to compare with.
+/// Measurements for the benchmarks: products without transfers to and from the host, and plain copies for comparison.
 impl GpuMatrix {
-    /// Bytes that a product with all light of one channel reads and writes, each counted once.
+    /// The bytes that a product with all light of one channel reads and writes, each counted once.
     pub fn bytes_of_product(&self) -> u64 {
         let of_band = |band: &Band| {
             band.starts.size() + band.columns.size() + band.weights.first().map_or(0, wgpu::Buffer::size)
@@ -228,11 +224,8 @@ impl GpuMatrix {
         self.layers.iter().map(|layer| layer.bands.len()).sum::<usize>().max(1)
     }
 
-    /// The time of `count` products with all light of the first channel, one after the other on the device,
-    /// with the pattern of the last product.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`] when the device failed.
+    /// The time of `count` products with all light of the first channel, one after the other on the device, with the pattern of the last
+    /// product. A device that fails gives [`crate::Error::Device`].
     pub fn time_products(&self, count: u32) -> Result<Duration> {
         let mut state = self.state();
         let product = Product { part: Part::Full, channel: 0, direction: Direction::Forward };
@@ -242,10 +235,8 @@ impl GpuMatrix {
         })
     }
 
-    /// The time of `count` copies of `bytes` from one buffer to another, which read and write each byte once.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`] when the device failed or has not enough memory.
+    /// The time of `count` copies of `bytes` from one buffer to another, which read and write each byte once. A device that fails or lacks
+    /// memory gives [`crate::Error::Device`].
     pub fn time_copies(&self, bytes: u64, count: u32) -> Result<Duration> {
         let bytes = bytes.next_multiple_of(4);
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -253,7 +244,7 @@ impl GpuMatrix {
         let copy = |encoder: &mut wgpu::CommandEncoder| {
             (0..count).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
         };
-        // The first use of the buffers also clears them, so the second run is the one that counts.
+        // The first use of the buffers also clears them, so only the second run counts.
         self.time("copies", copy)?;
         self.time("copies", copy)
     }

@@ -1,4 +1,4 @@
-//! Products on software Vulkan, compared with the processor's.
+//! Products on software Vulkan, compared with products on the processor.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -8,13 +8,12 @@ use crate::image::{Image, Resolution};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
 
-/// The first adapter, as the tests' environment provides it.
 pub(in crate::transport) fn gpu() -> Gpu {
     Gpu::open(None, 0)
         .unwrap_or_else(|error| unreachable!("the README's test command installs a driver: {error}"))
 }
 
-/// Rows with `per_row` entries on average, some empty and some very long; three channels.
+/// Rows in three channels with `per_row` entries on average. Some are empty, and some are very long.
 fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> CompressedRows {
     let mut made = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); 3] };
     for row in 0..rows {
@@ -32,7 +31,7 @@ fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> Compres
     made
 }
 
-/// `(R + Rᵀ)/2` entry by entry: symmetric to the last bit.
+/// `(R + Rᵀ)/2` entry by entry, which is symmetric to the last bit.
 fn symmetric(random: &mut Pcg64, pixels: usize, per_row: usize) -> CompressedRows {
     let half = rows(random, [pixels; 2], per_row / 2);
     let mut entries = Vec::new();
@@ -57,7 +56,7 @@ fn symmetric(random: &mut Pcg64, pixels: usize, per_row: usize) -> CompressedRow
     made
 }
 
-/// A coaxial pinhole rig, whose direct light is a diagonal; second bounce and the rest in separate layers.
+/// A coaxial pinhole rig, whose direct light is a diagonal. The second bounce and the rest are separate layers.
 pub(in crate::transport) fn coaxial() -> Assembled {
     let random = &mut Pcg64::seed_from_u64(1);
     let resolution = Resolution::new(37, 29);
@@ -71,7 +70,7 @@ pub(in crate::transport) fn coaxial() -> Assembled {
     Assembled { matrix, ambient, noise: None, summary: TraceSummary::default(), gpu_matrix: None }
 }
 
-/// A projector beside the camera, of fewer pixels: direct light is a layer.
+/// A projector beside the camera with fewer pixels. Direct light is a layer.
 fn apart() -> TransportMatrix {
     let random = &mut Pcg64::seed_from_u64(2);
     let rig =
@@ -86,7 +85,6 @@ fn signed(random: &mut Pcg64, length: usize) -> Vec<f64> {
     (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
 }
 
-/// Both products of a part and channel with the same patterns.
 fn both(
     matrix: &TransportMatrix,
     gpu_matrix: &GpuMatrix,
@@ -121,7 +119,7 @@ fn magnitudes(
     let mut sums = vec![(0.0, 0); if is_transposed { csr.cols() } else { csr.rows() }];
     csr.entries().for_each(|(row, column, weight)| {
         let sum = &mut sums[if is_transposed { column } else { row }];
-        // Layers and diagonal may meet on an entry, which is one here.
+        // Layers and the diagonal may meet in an entry, which counts as one here.
         *sum = (sum.0 + weight.abs(), sum.1 + 3);
     });
     sums
@@ -132,7 +130,7 @@ const PARTS: [Part; 3] = [Part::Full, Part::Direct, Part::Global];
 #[test]
 fn products_agree_with_the_processor_to_rounding_for_any_bands() {
     let gpu = gpu();
-    // A discrete GPU has memory of its own, whose memory the host cannot read.
+    // A discrete GPU has separate memory that the host cannot read.
     let far = Gpu { shares_memory: false, ..gpu.clone() };
     for matrix in [coaxial().matrix, apart()] {
         let whole = GpuMatrix::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
@@ -146,9 +144,8 @@ fn products_agree_with_the_processor_to_rounding_for_any_bands() {
                 let magnitudes = magnitudes(&matrix, (part, channel), is_transposed);
                 for (row, (magnitude, terms)) in magnitudes.into_iter().enumerate() {
                     let error = (expected[row] - found[row]).abs();
-                    // Either sum of so many products is off by at most as many halves of an ε of Σ|a||x|
-                    // (Higham 2002, section 3.1), and here |x| < 1; `f32` weights are rounded once more where
-                    // entries meet, which changes Σ|a| by less than a half.
+                    // Each sum is off by at most ε/2 of Σ|a||x| per product (Higham 2002, section 3.1), and here |x| < 1. Where
+                    // entries meet, `f32` weights are rounded once more, which changes Σ|a| by less than a half.
                     let bound = 1.5 * (terms + 2) as f64 * f64::EPSILON * magnitude;
                     assert!(error <= bound, "{part:?} {channel}, row {row}: {error:e} above {bound:e}");
                     compared += expected[row].abs();
@@ -181,7 +178,7 @@ fn figures_of_the_device_are_those_of_the_matrix() {
         let bands = on_device.dispatches();
         assert!(bands > 4 && bands == on_device.layers.iter().map(|layer| layer.bands.len()).sum::<usize>());
         let [rows, cols] = [matrix.rig.camera.pixels(), matrix.rig.projector.pixels()];
-        // Each band has the offsets of its rows and one more; an entry has a column and a weight; vectors are double precision.
+        // Each band has the offsets of its rows and one more. An entry has a column and a weight. Vectors are double precision.
         let offsets = 4 * (2 * rows + bands);
         let diagonal = if matrix.is_symmetric() { 4 * rows } else { 0 };
         let bytes = offsets + 8 * matrix.nonzeros() + diagonal + 8 * (rows + cols);
@@ -192,7 +189,6 @@ fn figures_of_the_device_are_those_of_the_matrix() {
     }
 }
 
-/// A coaxial rig is its own transpose, which is not copied.
 #[test]
 fn only_a_rig_apart_has_its_transpose_on_the_device() {
     let gpu = gpu();

@@ -1,4 +1,4 @@
-//! The assembly of a matrix by all processes of a team: each traces its pixels, and merges the contributions of all others to its rows.
+//! The assembly of a matrix by a team. Each process traces its pixels, and merges all processes' contributions to its rows.
 
 use std::ops::Range;
 
@@ -20,21 +20,17 @@ use crate::transport::{Channels, TransportMatrix, pilot};
 const GO_ON: u8 = 1;
 const STOP: u8 = 0;
 
-/// The part of a matrix that one process has.
 struct Own<const C: usize> {
     matrix: TransportMatrix,
-    /// Direct and ambient light of its pixels.
     direct: Vec<Estimates<C>>,
     ambient: Vec<Estimates<C>>,
-    /// The sums over its rows.
     sums: Vec<Estimates<C>>,
-    /// The sums over the entries that it merged.
     squares: EntrySquares,
     has_halves: bool,
     summary: TraceSummary,
 }
 
-/// Traces the scene and assembles its matrix, which is then spread over the team of the tracer. As
+/// Traces the scene and assembles its matrix, spread over the team of the tracer. It works like
 /// [`assemble_layers`](crate::transport::assemble_layers), with the same bits.
 pub(in crate::transport) fn assemble<const C: usize>(
     tracer: &mut Tracer,
@@ -58,7 +54,7 @@ pub(in crate::transport) fn assemble<const C: usize>(
         bytes += of_part;
         nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
     }
-    // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal. All processes keep the same layers.
+    // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal. All processes keep the same layers.
     let keeps = |(layer, &elsewhere): (&Layer, &u64)| {
         layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
     };
@@ -74,7 +70,7 @@ pub(in crate::transport) fn assemble<const C: usize>(
     finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
 }
 
-/// The same in a process that does not lead. `None` if another process failed, or the leader was stopped.
+/// Works like `assemble`, in a process that does not lead. Returns `None` if another process failed, or if the leader was stopped.
 pub(super) fn assemble_part<const C: usize>(
     comm: &dyn Comm,
     tracer: &mut Tracer,
@@ -87,7 +83,7 @@ pub(super) fn assemble_part<const C: usize>(
     own.retain(&comm.receive(0));
     let Own { mut matrix, direct, .. } = own;
     if matrix.is_symmetric() {
-        // Rows that other processes have are not asked for.
+        // The rows of other processes are never requested.
         let padded = |own: Vec<f32>| {
             let mut plane = vec![0.0; matrix.rig.camera.pixels()];
             plane[matrix.rows.clone()].copy_from_slice(&own);
@@ -98,8 +94,8 @@ pub(super) fn assemble_part<const C: usize>(
     Ok(Some(matrix))
 }
 
-/// The share of this process once every process has traced its own; that of the leader has the costs of all. In another process it is `None`
-/// where one of them failed. The leader fails then.
+/// The share of this process, once every process has traced its own. The leader's share has the costs of all. If one process fails, the
+/// leader returns an error and the others return `None`.
 fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Option<Share<C>>> {
     if comm.rank() > 0 {
         answer(comm, share.as_ref().map(|share| share.summary));
@@ -109,7 +105,7 @@ fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Opt
     let others = 1..comm.size();
     let send_all = |word: u8| others.clone().for_each(|rank| comm.send(rank, &[word]));
     if share.is_err() {
-        // The others stop tracing when they see it.
+        // The others stop tracing when they see this message.
         send_all(STOP);
     }
     let answers: Vec<Result<TraceSummary>> =
@@ -122,7 +118,7 @@ fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Opt
 }
 
 impl<const C: usize> Own<C> {
-    /// Traces the own pixels, exchanges the contributions, and merges those to the own rows. `None` as for [`agree`].
+    /// Traces this process's pixels, exchanges the contributions, and merges those to its rows. Returns `None` as [`agree`] does.
     fn trace(
         comm: &dyn Comm,
         tracer: &mut Tracer,
@@ -149,10 +145,10 @@ impl<const C: usize> Own<C> {
         self.matrix.layers.retain(|_| keep.next() == Some(&1));
     }
 
-    /// The message to the leader: the number of entries of each layer, the bytes of all, and the sums over pixels, rows and entries.
+    /// The message to the leader: the number of entries of each layer, the bytes of all layers, and the sums over pixels, rows and entries.
     fn to_bytes(&self) -> Vec<u8> {
         let nonzeros: Vec<u64> = self.matrix.layers.iter().map(|layer| layer.nonzeros() as u64).collect();
-        // Numbers can be sent.
+        // Encoding numbers cannot fail.
         let head = to_bytes(&(nonzeros, self.matrix.bytes() as u64, self.has_halves)).unwrap_or_default();
         wire::message(|to| {
             wire::put(to, &head)?;
@@ -163,7 +159,7 @@ impl<const C: usize> Own<C> {
         })
     }
 
-    /// Adds the message of the process of the next pixels. Returns its number of entries of each layer, and their bytes.
+    /// Adds the message of the process with the next pixels. Returns its number of entries of each layer, and their bytes.
     fn add_part(&mut self, bytes: &[u8]) -> Result<(Vec<u64>, u64)> {
         let mut from = wire::Reader::new(bytes);
         let (nonzeros, size, has_halves): (Vec<u64>, u64, bool) =
@@ -178,8 +174,8 @@ impl<const C: usize> Own<C> {
     }
 }
 
-/// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays that a part of the picture takes;
-/// counts are the same each time, where measured seconds are not.
+/// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays of each part of the
+/// picture. Counts repeat exactly, unlike measured seconds.
 fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> Result<Vec<StartPixels>> {
     let projector = tracer.projector_resolution(settings);
     let pilot = pilot::of(settings);
@@ -202,15 +198,15 @@ fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> 
         .collect())
 }
 
-/// `pixels` of a picture of this size, cut into ranges of about equal work. `rays` has the work of rows of pixels of a smaller picture.
+/// Cuts `pixels` of a picture of this size into ranges of about equal work. `rays` has the work of each row of pixels of a smaller picture.
 fn divide(pixels: &Range<usize>, size: Resolution, rays: &[u64], processes: usize) -> Vec<Range<usize>> {
-    // One more for each row of pixels: a picture of nothing is cut into equal parts.
+    // Each row of pixels gets one more ray, so that a picture of nothing is cut into equal parts.
     let work: Vec<f64> = rays.iter().map(|&rays| 1.0 + rays as f64).collect();
     let total: f64 = work.iter().sum();
     let of_row = size.height as f64 / rays.len() as f64 * size.width as f64;
     let (mut cuts, mut done) = (vec![pixels.start], 0.0);
     for (row, &work) in work.iter().enumerate() {
-        // Within a row of pixels the work is taken to be even.
+        // Within a row of pixels, the work is taken to be even.
         while cuts.len() < processes && done + work >= total * cuts.len() as f64 / processes as f64 {
             let share = (total * cuts.len() as f64 / processes as f64 - done) / work;
             cuts.push((((row as f64 + share) * of_row) as usize).min(pixels.end));
@@ -238,19 +234,19 @@ mod tests {
             assert_eq!(found.len(), processes);
             assert_eq!(found.iter().flat_map(Clone::clone).collect::<Vec<_>>(), (0..80).collect::<Vec<_>>());
         }
-        // Each of four gets 200 of 800: rows of pixels with 100, 100, 300 and 300, of 20 pixels each.
+        // Each of four processes gets 200 of 800. The rows of pixels have 100, 100, 300 and 300, and 20 pixels each.
         let found = divide(&(0..80), size, &[99, 99, 299, 299], 4);
         assert_eq!(found, [0..40, 40..53, 53..66, 66..80], "cut after 2, 2⅔ and 3⅓ rows");
         assert_eq!(divide(&(0..0), size, &[1, 1], 3), [0..0, 0..0, 0..0]);
     }
 
-    /// The work of each process, by the rays that its pixels take, is a fair share but for that of one row of pixels at either end.
+    /// The work of each process, measured in rays, differs from a fair share by at most one row of pixels at either end.
     #[test]
     fn the_rays_of_a_scene_are_shared_out_evenly() {
         let scene = crate::scene::builtin::corner().to_scene();
         let mut projector = scene.camera.clone();
         projector.position += 0.2 * projector.right;
-        // The upper part of the picture looks past the scene, so that its pixels take fewer rays.
+        // The upper part of the picture looks past the scene, so its pixels take fewer rays.
         let mut scene = crate::scene::Scene { projector: Some(projector), ..scene };
         scene.camera.position += 0.6 * scene.camera.up;
         let mut tracer =

@@ -1,8 +1,8 @@
 //! The exchange of contributions between processes, and their merge into the rows of the matrix.
 //!
-//! Each process has the contributions of the paths that it traced, and needs those to its own rows. They are exchanged and merged [step by
-//! step](Steps): first those to the first rows of every process, in the end those to the last ones. Each contribution is needed in one step, and given
-//! back after it. In a coaxial rig, the entries whose mirror images were merged in earlier steps come from the finished rows of all processes.
+//! Each process has the contributions of the paths that it traced, and needs the contributions to its own rows. Processes exchange and
+//! merge them [step by step](Steps), from the first rows of every process to the last. Each contribution is needed in one step, and freed
+//! after it. In a coaxial rig, the entries whose mirror images were merged in earlier steps come from the finished rows of all processes.
 
 use std::ops::Range;
 
@@ -20,21 +20,21 @@ use crate::transport::tiles::{self, Before, Builder, Pieces};
 use crate::transport::transpose::Sources;
 use crate::transport::wire::{self, unread};
 
-/// The steps in which the rows of a matrix are merged: in each of them, every process merges a group of its rows, at the same time as the others.
+/// The steps in which the rows of a matrix are merged. In each step, all processes merge a group of their rows at the same time.
 ///
-/// A contribution counts for the rows of the pixels at both ends of its path in a coaxial rig, and for the one of its camera pixel else. It is
-/// needed in the first of the steps of its rows alone: later, the entry that it is part of is read from the rows that are finished, which have its
+/// In a coaxial rig, a contribution counts for the rows of the pixels at both ends of its path. In any other rig, it counts for the row of
+/// its camera pixel. It is needed only in the first step of its rows. Later, its entry is read from the finished rows, which contain the
 /// mirror image.
 #[derive(Debug)]
 pub(in crate::transport) struct Steps {
     symmetric: bool,
-    /// The groups of each process by rank, one for each step; some of the last ones are empty.
+    /// The groups of each process by rank, one for each step. The last ones may be empty.
     groups: Vec<Vec<Range<usize>>>,
     of_pixel: Vec<u8>,
 }
 
 impl Steps {
-    /// The steps of processes with these groups of rows. All rows together are those of the camera, and no process has more than 255 groups.
+    /// The steps of processes with these groups of rows. The groups must cover all camera rows, with at most 255 for each process.
     pub(in crate::transport) fn new(rig: RigShape, mut groups: Vec<Vec<Range<usize>>>) -> Self {
         let pixels = rig.camera.pixels();
         let count = groups.iter().map(Vec::len).max().unwrap_or(0).max(1);
@@ -53,12 +53,10 @@ impl Steps {
         self.groups.first().map_or(1, Vec::len)
     }
 
-    /// The group of each process, by rank.
     fn groups(&self, step: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         self.groups.iter().map(move |groups| groups[step].clone())
     }
 
-    /// The rows of each process.
     pub(super) fn rows(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         self.groups.iter().map(|groups| groups[0].start..groups[groups.len() - 1].end)
     }
@@ -67,7 +65,7 @@ impl Steps {
         usize::from(self.of_pixel[pixel])
     }
 
-    /// The step in which a contribution is needed, of a path from `pixel` to the pixel `other`.
+    /// The step that needs a contribution of a path from `pixel` to the pixel `other`.
     pub(in crate::transport) fn of(&self, pixel: u32, from_camera: bool, other: u32) -> usize {
         let of_pixel = |pixel: u32| self.of_pixel(pixel as usize);
         match (self.symmetric, from_camera) {
@@ -81,7 +79,7 @@ impl Steps {
 /// The steps in which the processes merge the rows of their pixels. Every process of the team must call it.
 pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> Result<Steps> {
     let mine = &pixels[comm.rank()].camera;
-    // They depend on the number of threads of a process.
+    // The groups depend on the number of threads of a process.
     let ends: Vec<usize> = tiles::groups(mine.len()).iter().map(|group| mine.start + group.end).collect();
     let message = to_bytes(&ends)?;
     let all = comm.exchange(vec![message; comm.size()]);
@@ -93,9 +91,8 @@ pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> R
     Ok(Steps::new(rig, groups.collect::<Result<_>>()?))
 }
 
-/// Merges the contributions of all processes to the own rows. `found` are the own contributions by their steps, and `direct` is as for
-/// [`combine`](crate::transport::merging::combine). The squares are those of the entries that this process merged. Every process of the team must
-/// call it.
+/// Merges the contributions of all processes to this process's rows. `found` has its own contributions by step, and `direct` is as for
+/// [`combine`](crate::transport::merging::combine). The squares cover the entries that this process merged. Every process must call it.
 pub(super) fn merge<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
@@ -107,7 +104,7 @@ pub(super) fn merge<const C: usize>(
     let mine = steps.rows().nth(comm.rank()).unwrap_or_default();
     let sums = row_sums(comm, rig, steps, &found, direct)?;
     let Found { steps: found, about } = found;
-    // In a coaxial rig, about as many paths of other pixels end at these.
+    // In a coaxial rig, these pixels are the ends of about the same number of paths from other pixels.
     let of_class = about.of_class.map(|count| if rig.symmetric { 2 * count } else { count });
     let mut layers = builders::<C>(of_class, rig, mine.len(), classes, false);
     let mut squares = EntrySquares::default();
@@ -131,15 +128,15 @@ pub(super) fn merge<const C: usize>(
     Ok(Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows: sums, squares })
 }
 
-/// Sends the contributions to the wanted rows of each process, and returns all contributions to the own ones, by ascending rank. `own` are the own
-/// ones of this step.
+/// Sends each process the contributions to its wanted rows. Returns all contributions to this process's rows, by ascending rank. `own` are
+/// this process's contributions of this step.
 fn exchange<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
     wanted: &[Range<usize>],
     own: Vec<Chunk<C>>,
 ) -> Result<Vec<Chunk<C>>> {
-    // The rows of the camera's pixels are here; in a coaxial rig their paths count for the pixels at their ends as well.
+    // The rows of this process's camera pixels are here. In a coaxial rig their paths also count for the pixels at their ends.
     let chunks: Vec<&Chunk<C>> = own.iter().collect();
     let message = |(rank, rows): (usize, &Range<usize>)| {
         if rank == comm.rank() { Vec::new() } else { wire::chunks_to_bytes(&chunks, rig.symmetric, rows) }
@@ -156,7 +153,7 @@ fn exchange<const C: usize>(
     Ok(all)
 }
 
-/// The sums over the own rows. `found` are the own contributions, and `direct` is the diagonal of these rows.
+/// The sums over this process's rows. `found` has its own contributions, and `direct` is the diagonal of these rows.
 fn row_sums<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
@@ -169,7 +166,7 @@ fn row_sums<const C: usize>(
     let scale = Scale::new(all.into_iter().max().unwrap_or(0));
     let chunks: Vec<&Chunk<C>> = found.chunks().collect();
     let Outline { sums, .. } = outline(&chunks, rig, &(0..rig.camera.pixels()), false, scale);
-    // Each process adds the sums of the others for its rows.
+    // Each process adds the others' sums for its rows.
     let message = |rows: Range<usize>| {
         wire::message(|to| wire::put::<i128>(to, sums[rows].as_flattened().as_flattened()))
     };
@@ -184,7 +181,8 @@ fn row_sums<const C: usize>(
     Ok(with_direct(scale, &of_rows, direct))
 }
 
-/// The entries of each layer in the own rows of a step whose mirror images were merged in earlier steps, before the columns of which process they come.
+/// For each layer, the entries in this step's rows of this process whose mirror images were merged in earlier steps. They come from each
+/// process in turn, with the column that ends its range.
 fn mirrored(
     comm: &dyn Comm,
     rig: RigShape,

@@ -1,16 +1,18 @@
-//! A matrix that is spread over the processes of a team: each traces the light paths from some pixels, and has the rows of these pixels.
+//! A matrix that is spread over the processes of a team. Each process traces the light paths from some pixels, and holds the rows of these
+//! pixels.
 //!
-//! Every sum is taken in the order in which one process alone would take it, so that the bits do not depend on the number of processes:
+//! Every sum is taken in the order of a single process, so the bits do not depend on the number of processes:
 //!
-//! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end there. Each process sends the
-//!   latter to the process that has the row (`exchange`), which merges them by ascending start pixel. One process merges an entry of a symmetric matrix, and its mirror image is a copy.
-//! * Sums over rows and over all entries, from which the noise follows, are exact, so that they do not depend on the order (`exchange`).
-//! * A product of a row is the sum over its entries from left to right. The process that has the row takes it, and the leader puts the rows
-//!   together (`product`). The transpose of a rig that is not coaxial is spread by the pixels of the projector, after its first use.
-//! * A photo that is traced anew adds up contributions to every pixel in the order of the paths. The processes trace, the leader adds up
-//!   (`retrace`).
+//! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end there. Each process
+//!   sends the latter to the process that holds the row (`exchange`), which merges them by ascending start pixel. One process merges an
+//!   entry of a symmetric matrix, and its mirror image is a copy.
+//! * Sums over rows and over all entries, which determine the noise, are exact, so they do not depend on the order (`exchange`).
+//! * A product of a row is the sum over its entries from left to right. The process that holds the row computes it, and the leader puts the
+//!   rows together (`product`). The transpose of a rig that is not coaxial is spread by the pixels of the projector when it is first used.
+//! * A photo that is traced anew adds up contributions to every pixel in the order of the paths. The processes trace, and the leader adds
+//!   up (`retrace`).
 //!
-//! The leader tells the others what to do by a `Command`; a [`SceneWorker`] does it.
+//! The leader sends the others a `Command`; a [`SceneWorker`] carries it out.
 
 mod assembly;
 mod exchange;
@@ -39,16 +41,16 @@ use crate::render::{AdapterSummary, StartPixels, TraceSettings, Tracer};
 use crate::scene::Scene;
 use crate::team::{Comm, Remote, Team, Told, answer, serve};
 
-/// The parts of a matrix that other processes have, as the leader sees them.
+/// The parts of a matrix that other processes hold, as the leader sees them.
 #[derive(Clone, Debug)]
 pub(super) struct Spread(Arc<Parts>);
 
 #[derive(Debug)]
 struct Parts {
     remote: Remote,
-    /// The pixels of each process, by rank: its rows are those of the camera, its columns those of the projector.
+    /// The pixels of each process, by rank. Its rows are the camera pixels, and its columns are the projector pixels.
     pixels: Vec<StartPixels>,
-    /// The number of entries that other processes have, and the bytes that these take there.
+    /// The number of entries that other processes hold, and their size in bytes there.
     nonzeros: usize,
     bytes: usize,
     /// Set once each process has its rows of the transpose.
@@ -60,7 +62,6 @@ impl Spread {
         Self(Arc::new(Parts { remote, pixels, nonzeros, bytes, is_transposed: OnceLock::new() }))
     }
 
-    /// The number of entries that other processes have.
     pub(super) fn nonzeros(&self) -> usize {
         self.0.nonzeros
     }
@@ -74,18 +75,15 @@ impl Spread {
     }
 }
 
-/// The rows of a product that a process with these pixels has: those of the camera's pixels, or of the projector's for the transpose of a matrix
-/// that is not symmetric.
+/// A process's rows of a product: its camera pixels, or its projector pixels for the transpose of a matrix that is not symmetric.
 fn own_rows<'a>(matrix: &TransportMatrix, product: Product, pixels: &'a StartPixels) -> &'a Range<usize> {
     if is_transposed(matrix, product) { &pixels.projector } else { &pixels.camera }
 }
 
-/// Whether a product is one with the transpose of a matrix that is not symmetric.
 fn is_transposed(matrix: &TransportMatrix, product: Product) -> bool {
     product.direction == Direction::Adjoint && !matrix.is_symmetric()
 }
 
-/// A command about an object: a scene, or the rows of a matrix.
 #[derive(Serialize, Deserialize)]
 enum Command {
     /// Moves this scene to the device whose name contains `adapter`. The answer is an [`crate::render::AdapterSummary`].
@@ -93,11 +91,11 @@ enum Command {
         scene: Box<Scene>,
         adapter: Option<String>,
     },
-    /// Traces the paths of each range of pixels of a scene that the leader asks for.
+    /// Traces the paths of each range of pixels of a scene that the leader requests.
     Trace {
         settings: TraceSettings,
     },
-    /// Assembles rows of the matrix of a scene: `pixels` has the rows of each process, by rank.
+    /// Assembles rows of the matrix of a scene. `pixels` has the rows of each process, by rank.
     Assemble {
         scene: u64,
         settings: TraceSettings,
@@ -105,7 +103,7 @@ enum Command {
         split: bool,
         pixels: Vec<StartPixels>,
     },
-    /// Multiplies the own rows of a matrix with a vector, or with four interleaved ones, which follow.
+    /// Multiplies the worker's rows of a matrix with one vector, or with four interleaved ones. The vectors follow.
     Multiply {
         product: Product,
         interleaved: bool,
@@ -114,18 +112,18 @@ enum Command {
     Rows {
         layer: usize,
     },
-    /// Adds the squares of the own entries of a layer to a sum, which follows.
+    /// Adds the squares of the worker's entries of a layer to a sum. The sum follows.
     Squares {
         layer: usize,
         channel: usize,
     },
 }
 
-/// Lets the other processes of the team help to trace `scene`, which is that of the tracer. They get the scene from this process, and open the
-/// adapter whose name contains `adapter`, or the fastest one for `None`.
+/// Lets the other processes of the team help to trace `scene`, which must be the tracer's scene. They get the scene from this process, and
+/// open the adapter whose name contains `adapter`, or the fastest one for `None`.
 ///
 /// # Errors
-/// [`Error::Team`] where a process has no such adapter, or one with another driver: its light paths would have other bits.
+/// [`Error::Team`] if a process has no such adapter, or one with another driver: its light paths would have other bits.
 pub fn share_scene(
     tracer: &mut Tracer,
     scene: &Scene,
@@ -154,25 +152,23 @@ pub fn share_scene(
     Ok(())
 }
 
-/// A process that does not lead: the scenes that the leader shares, and its rows of their matrices.
+/// A process that does not lead, with the scenes that the leader shares, and its rows of their matrices.
 pub struct SceneWorker {
     comm: Arc<dyn Comm>,
-    /// The name of the machine, for messages.
     host: String,
-    /// The number of this process among those on the same machine, which chooses among several equal adapters.
+    /// The number of this process among the processes on the same machine. It selects one of several equal adapters.
     turn: usize,
     scenes: HashMap<u64, Tracer>,
     matrices: HashMap<u64, Rows>,
 }
 
-/// Rows of a matrix, with the pixels of all processes.
 struct Rows {
     matrix: TransportMatrix,
     pixels: Vec<StartPixels>,
 }
 
 impl SceneWorker {
-    /// A process on the machine `host`, the number `turn` there, that has nothing yet.
+    /// Process number `turn` on the machine `host`, without any scenes.
     pub fn new(comm: Arc<dyn Comm>, host: String, turn: usize) -> Self {
         Self { comm, host, turn, scenes: HashMap::new(), matrices: HashMap::new() }
     }
@@ -238,7 +234,7 @@ impl SceneWorker {
         Ok((self.host.clone(), summary))
     }
 
-    /// The own rows of a matrix; `None` where another process failed, or the leader was stopped.
+    /// This process's rows of a matrix. The result is `None` if another process failed, or if the leader was stopped.
     fn assemble(
         &mut self,
         scene: u64,
@@ -253,12 +249,12 @@ impl SceneWorker {
             Channels::Rgb => assembly::assemble_part::<3>(comm, tracer, settings, of, pixels),
         };
         tracer.observe(Arc::new(()));
-        // The leader and the others wait for this process: a message that it cannot read ends the team.
+        // The leader and the others wait for this process, so a message that it cannot read ends the team.
         matrix.expect("all processes run the same program")
     }
 }
 
-/// Stops a trace when the leader says something: it does so only where it goes on without this trace.
+/// Stops a trace when a message of the leader arrives. The leader sends one only if it goes on without this trace.
 struct StopByLeader(Arc<dyn Comm>);
 
 impl Observer for StopByLeader {

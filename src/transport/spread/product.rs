@@ -1,4 +1,4 @@
-//! Products of a matrix that is spread over several processes, its transpose, and its rows brought together.
+//! Products of a matrix that is spread over several processes, its transpose, and the collection of its rows.
 
 use std::ops::Range;
 
@@ -12,12 +12,11 @@ use crate::transport::tiles::{CompressedRows, Interleaved, Summable};
 use crate::transport::{TransportMatrix, wire};
 
 impl Spread {
-    /// Gives the other processes a command about the matrix.
     fn command(&self, command: &Command) -> Turn<'_> {
         self.0.remote.command(command).expect("numbers can be sent")
     }
 
-    /// The product of a matrix of which `own` has the rows of this process, the leader.
+    /// The product of a matrix. `own` has the rows of this process, the leader.
     pub(in crate::transport) fn multiply<V: Summable>(
         &self,
         own: &TransportMatrix,
@@ -43,7 +42,7 @@ impl Spread {
         }
     }
 
-    /// All rows of the layers; `own` are the rows of this process.
+    /// All rows of the layers. `own` are the rows of this process.
     pub(in crate::transport) fn gathered(&self, own: &[Layer]) -> Result<Vec<Layer>> {
         let layer = |(at, own): (usize, &Layer)| {
             let mut rows = vec![own.to_rows()];
@@ -56,7 +55,7 @@ impl Spread {
         own.iter().enumerate().map(layer).collect()
     }
 
-    /// The squares of all entries of a layer, added row by row to `own`, the sum over the rows of this process.
+    /// The squares of all entries of a layer, added row by row to `own`, which is the sum over the rows of this process.
     pub(in crate::transport) fn squares(&self, layer: usize, channel: usize, own: f64) -> f64 {
         let turn = self.command(&Command::Squares { layer, channel });
         turn.others().fold(own, |sum, rank| {
@@ -70,7 +69,7 @@ pub(super) fn number(message: &[u8]) -> f64 {
     message.try_into().map(f64::from_le_bytes).expect("all processes run the same program")
 }
 
-/// The rows of a product that this process has, for the leader, which sends the vector.
+/// Computes this process's rows of a product for the leader, which sends the vector.
 pub(super) fn multiply_part<V: Summable>(
     comm: &dyn Comm,
     own: &TransportMatrix,
@@ -83,14 +82,14 @@ pub(super) fn multiply_part<V: Summable>(
     comm.send(0, bytemuck::cast_slice(&to));
 }
 
-/// Makes the rows of the transpose that this process has: those of its pixels of the projector. Every process of the team must call it.
+/// Makes this process's rows of the transpose, one for each of its projector pixels. Every process of the team must call it.
 pub(super) fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[StartPixels]) {
     for layer in &own.layers {
         let rows = layer.to_rows();
         let message = |to: &StartPixels| wire::rows_to_bytes(&rows.transposed(&to.projector, own.rows.start));
         let received = comm.exchange(pixels.iter().map(message).collect());
         let channels = rows.weights.len();
-        // The rows of the matrix come by rank, and so in their order.
+        // The rows of the matrix arrive by rank, so they are in order.
         let parts: Vec<CompressedRows> = received
             .iter()
             .map(|bytes| wire::take_rows(bytes, channels).expect("all processes run the same program"))

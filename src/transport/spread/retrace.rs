@@ -1,4 +1,4 @@
-//! Light paths that several processes trace and one adds up, in the order of the paths.
+//! Light paths that several processes trace and one process adds up, in the order of the paths.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -9,11 +9,11 @@ use crate::observer::{Observer, Step};
 use crate::render::{Batch, Recorded, StartPixels, TraceSettings, Tracer};
 use crate::team::{Comm, Turn, answer, garbled, read_answer};
 
-/// About how many light paths a process traces at a time.
+/// The approximate number of light paths that a process traces at a time.
 const PATHS: u64 = 1 << 16;
 
-/// As [`Tracer::trace`], with the help of the team of the tracer, if it has one. Ranges of pixels go round: while the leader adds up one, the
-/// others trace the next ones.
+/// Works like [`Tracer::trace`], with the help of the team of the tracer, if it has one. The processes take ranges of pixels in turn: while
+/// the leader adds up one, the others trace the next ones.
 pub(in crate::transport) fn trace(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -23,7 +23,7 @@ pub(in crate::transport) fn trace(
     settings.check()?;
     let turn = remote.command(&Command::Trace { settings: *settings })?;
     let traced = trace_all(&turn, tracer, settings, visit);
-    // The others end the command in any case, and nothing that they sent is left over.
+    // The others end the command in any case, and all their messages are received.
     turn.send_all(&[]);
     for rank in turn.others() {
         while !turn.comm().receive(rank).is_empty() {}
@@ -31,7 +31,7 @@ pub(in crate::transport) fn trace(
     traced
 }
 
-/// Traces the ranges of the leader, and receives the ranges of the others.
+/// Traces the leader's ranges, and receives the other processes' ranges.
 fn trace_all(
     turn: &Turn<'_>,
     tracer: &mut Tracer,
@@ -59,7 +59,7 @@ fn trace_all(
     Ok(())
 }
 
-/// Traces the ranges of this process for the leader, one ahead of those that it takes, until all are done or the leader says that it has enough.
+/// Traces this process's ranges for the leader, one ahead of the leader, until all are done or the leader says that it has enough.
 pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, settings: &TraceSettings) {
     match tracer {
         None => answer::<()>(&**comm, Err(garbled("no such scene"))),
@@ -79,12 +79,12 @@ pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, sett
             tracer.observe(Arc::new(()));
         }
     }
-    // The end of the answers; then the leader's word is taken.
+    // The empty message ends the answers. Then the leader's last message is received.
     comm.send(0, &[]);
     comm.receive(0);
 }
 
-/// The pixels of the camera and then those of a projector that stands apart, in ranges.
+/// The pixels of the camera, and then of a projector that stands apart, in ranges.
 fn ranges(tracer: &Tracer, settings: &TraceSettings) -> Vec<StartPixels> {
     let StartPixels { camera, projector } = tracer.start_pixels(settings);
     let of_one = |camera, projector| {
@@ -100,17 +100,16 @@ fn ranges(tracer: &Tracer, settings: &TraceSettings) -> Vec<StartPixels> {
         .collect()
 }
 
-/// The light paths from a range of pixels. A projector that stands apart has about as many from each pixel as the camera.
+/// The number of light paths from a range of pixels. A projector that stands apart has about the same number from each pixel as the camera.
 fn paths(range: &StartPixels, settings: &TraceSettings) -> u64 {
     (range.camera.len() + range.projector.len()) as u64 * u64::from(settings.samples)
 }
 
-/// Tells an observer of all ranges how far the trace of one of them is.
+/// Reports the progress of one range to an observer of all ranges.
 struct Within {
     all: Arc<dyn Observer + Send + Sync>,
-    /// Paths of the ranges before.
+    /// Paths of the earlier ranges.
     done: u64,
-    /// Paths of all ranges.
     total: u64,
 }
 
@@ -137,7 +136,7 @@ mod tests {
         let apart = Scene { projector: Some(scene.camera.clone()), ..scene };
         let tracer = Tracer::new(&apart, None).expect("the README's test command installs a Vulkan driver");
         let size = |width| Resolution::new(width, 100);
-        // 12800 and 6400 pixels with 100 paths each: 20 and 10 times 65536, and some more or less.
+        // 12800 and 6400 pixels with 100 paths each make about 20 and 10 times 65536 paths.
         let settings = TraceSettings { projector: Some(size(64)), ..TraceSettings::new(size(128), 100) };
         let found = ranges(&tracer, &settings);
         let camera = found.iter().take_while(|part| !part.camera.is_empty()).count();
@@ -150,7 +149,7 @@ mod tests {
             found[..camera].iter().all(|part| part.projector.is_empty()),
             "the camera's paths come first"
         );
-        // A pixel of more paths is a range of its own, and none is empty.
+        // A pixel with more paths is a separate range, and no range is empty.
         let few = TraceSettings {
             projector: Some(Resolution::new(1, 1)),
             ..TraceSettings::new(Resolution::new(2, 1), 1 << 18)
@@ -163,7 +162,7 @@ mod tests {
         assert_eq!(paths(&StartPixels { camera: 3..5, projector: 0..7 }, &few), 9 << 18);
     }
 
-    /// Keeps what is done, of how much.
+    /// Records the done and the total paths at each step.
     #[derive(Default)]
     struct Seen(Mutex<Vec<(u64, u64)>>);
 
@@ -180,7 +179,7 @@ mod tests {
         let within = Within { all: Arc::clone(&seen) as Arc<_>, done: 30, total: 40 };
         let step = |done| within.step(&Step { stage: "tracing", done, total: 10, estimate: Estimate::None });
         assert_eq!([step(0), step(5), step(10)].map(|flow| flow.is_break()), [false, true, false]);
-        // A range of the projector may have more paths than it was taken to have.
+        // A projector range may have more paths than estimated.
         assert!(step(12).is_continue());
         assert_eq!(*seen.0.lock().expect("no one panics"), [(30, 40), (35, 40), (40, 40), (40, 40)]);
     }

@@ -1,4 +1,4 @@
-//! A matrix that is spread over threads, against the one of a single process: all bits are the same.
+//! A matrix that is spread over threads has the same bits as the matrix of a single process.
 
 use std::thread::JoinHandle;
 
@@ -20,7 +20,7 @@ struct Crew {
     others: Vec<JoinHandle<()>>,
 }
 
-/// Lets a member of a team compute in one thread, so that it has several steps for a small matrix on every machine.
+/// Lets a member of a team compute in one thread, so that a small matrix has several steps on every machine.
 fn with_one_thread<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.unwrap_or_else(|error| unreachable!("{error}")).install(compute)
@@ -41,7 +41,6 @@ impl Crew {
         Self { others: comms.map(serving).collect(), team: Team::lead(leader, Vec::new()) }
     }
 
-    /// Ends the team; a thread that panicked fails the test.
     fn end(self) {
         drop(self.team);
         for other in self.others {
@@ -62,7 +61,7 @@ struct Case {
     channels: Channels,
 }
 
-/// A coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector beside the camera, of another size.
+/// A coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector beside the camera with another size.
 fn cases() -> Vec<Case> {
     let settings = TraceSettings::new(Resolution::new(13, 11), 6);
     let mut apart = builtin::corner().to_scene();
@@ -82,7 +81,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Pictures whose rows are merged in several steps: coaxial, and with a projector beside the camera, of another size.
+/// Pictures whose rows are merged in several steps: a coaxial rig, and a projector beside the camera with another size.
 fn cases_of_several_steps() -> Vec<Case> {
     let mut cases = cases();
     let apart = cases.swap_remove(2);
@@ -99,10 +98,9 @@ fn pattern(pixels: usize) -> Vec<f64> {
     (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.4).collect()
 }
 
-/// Vectors, numbers and entries.
 type Told = (Vec<Vec<f64>>, Vec<f64>, Vec<Csr>);
 
-/// Everything that a matrix tells: products of single vectors and of a block in both directions, norms, entries, ambient light and noise.
+/// Everything that a matrix gives: products of vectors and of a block in both directions, norms, entries, ambient light and noise.
 fn told(traced: &Assembled) -> Result<Told> {
     let matrix = &traced.matrix;
     let (mut vectors, mut norms, mut entries) = (Vec::new(), Vec::new(), Vec::new());
@@ -148,7 +146,7 @@ fn a_spread_matrix_has_the_bits_of_one_process() -> Result<()> {
                     let own = traced.matrix.rows.len();
                     assert!(own > 0 && own < settings.resolution.pixels(), "each process has some rows");
                     assert!(traced.matrix.bounces().eq(alone.matrix.bounces()), "the same layers are kept");
-                    // Two bytes of a column and four of a weight for each entry, wherever it is.
+                    // Each entry takes two bytes for its column and four for each weight, in whichever process it is.
                     let least = traced.matrix.nonzeros() * (2 + 4 * channels.count());
                     assert!(traced.matrix.bytes() >= least, "{} of {least}", traced.matrix.bytes());
                     assert!(told(&traced)? == expected, "{} with {size} processes", scene.path.display());
@@ -204,7 +202,6 @@ fn photos_that_are_traced_anew_have_the_bits_of_one_process() -> Result<()> {
 
 #[test]
 fn a_leader_that_is_stopped_leaves_a_team_that_goes_on() -> Result<()> {
-    /// Stops every computation at its first step.
     struct Stop;
     impl Observer for Stop {
         fn step(&self, _: &Step<'_>) -> ControlFlow<()> {

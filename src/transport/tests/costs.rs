@@ -1,4 +1,4 @@
-//! The size of a matrix, which small traces tell before.
+//! The size of a matrix, which small traces predict.
 
 use std::time::Instant;
 
@@ -13,7 +13,6 @@ fn tracer() -> Tracer {
         .expect("the README's test command installs a Vulkan driver")
 }
 
-/// A projector beside the camera.
 fn tracer_apart() -> Tracer {
     let scene = builtin::cornell().to_scene();
     let mut projector = scene.camera.clone();
@@ -43,7 +42,6 @@ fn a_pilot_has_one_path_from_each_of_few_pixels() {
     assert!(mean > 0.0);
 }
 
-/// Below the limit nothing is traced; above it, a pilot tells how many connections there really are.
 #[test]
 fn memory_is_predicted_from_a_pilot_where_it_could_be_too_much() {
     let mut tracer = tracer();
@@ -51,13 +49,13 @@ fn memory_is_predicted_from_a_pilot_where_it_could_be_too_much() {
     let mut predicted =
         |limit| predict(&mut tracer, &settings, Channels::Luma, limit).expect("it can be traced");
     let most = predicted(u64::MAX);
-    // Two connections of each of six surfaces of 8400 paths.
+    // Two connections on each of six surfaces for 8400 paths.
     assert_eq!(most.connections, 12.0 * 8400.0);
     assert_eq!(predicted(most.bytes.ceil() as u64), most);
     let likely = predicted(most.bytes as u64 - 1);
     assert!(likely.connections < most.connections && likely.bytes < most.bytes, "{likely:?}");
     let (_, mean) = pilot::connections(&mut tracer, &pilot::of(&settings)).expect("it can be traced");
-    // A twentieth more than the mean of 1920 paths.
+    // The prediction is a twentieth more than the mean of 1920 paths.
     assert!(
         (likely.connections - 1.05 * mean * 8400.0).abs() < 1e-9 * likely.connections,
         "{likely:?}, {mean}"
@@ -86,13 +84,13 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let share = Share::<1>::trace(&mut tracer, &pilot, &all, false, None);
         let share = share.expect("the scene can be traced");
         let found: usize = share.found.chunks().map(|chunk| chunk.terms.len()).sum();
-        // So many different pixels are hit where all paths from a pixel hit those that they reach at random.
+        // The number of different pixels that are hit, if all paths from a pixel hit the pixels that they reach at random.
         let ends = small.unwrap_or(pilot.resolution).pixels() as f64;
         let reached = probe.reached * ends;
         let hit = reached * (1.0 - (-3.0 * connections / reached).exp());
         let of_start = found as f64 / paths as f64;
         assert!(probe.reached < 1.0 && (hit - of_start).abs() < 1e-6 * of_start, "{hit}, {of_start}");
-        // No part takes longer than the whole: times of paths, of entries, of five products and of vectors of 2²¹ entries.
+        // Together, paths, entries, five products and vectors of 2²¹ entries take no longer than the whole.
         let entries =
             assemble(&mut tracer, &pilot, Channels::Luma).expect("it can be traced").matrix.nonzeros() as f64;
         let parts = [
@@ -108,7 +106,6 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
     }
 }
 
-/// A scene of fewer pixels than a probe has is traced as it is.
 #[test]
 fn a_probe_of_few_pixels_is_the_scene_as_it_is_asked_for() {
     let mut tracer = tracer();

@@ -1,4 +1,4 @@
-//! Checks of a prediction by independent light paths: sums of squares, and signs, on numbers worked out by hand.
+//! Checks of a prediction by independent light paths, with sums of squares and signs, on numbers that are calculated by hand.
 
 use crate::image::Resolution;
 use crate::render::TraceSettings;
@@ -6,7 +6,7 @@ use crate::transport::{EstimatedProduct, Squares, with_other_seed};
 
 #[test]
 fn the_excess_is_what_noise_and_allowed_errors_leave_in_standard_errors() {
-    // The noise of both is 4 + 4, and errors of the norm 3 are allowed; the sum scatters by √(36 + 2² 16) = 10.
+    // The noise of both is 4 + 4, and errors of the norm 3 are allowed. The sum scatters by √(36 + 2² 16) = 10.
     let sums = Squares { difference: 30.0, noise: 4.0, product: 100.0, fourth: [36.0, 16.0] };
     assert_eq!(sums.excess(1.0, 3.0), 1.3);
     assert_eq!(Squares { difference: 1.0, ..sums }.excess(1.0, 3.0), -1.6);
@@ -56,11 +56,12 @@ fn squares_of_a_product_are_those_of_its_differences_errors_and_values() {
 
 #[test]
 fn signs_count_the_pixels_that_are_farther_than_a_draw_of_the_noise() {
-    // The squares of the errors sum up to 21. With a noise of its own that is as large, and with errors of the norm 3, a pixel of error 1 is farther
-    // if its square is above 2 + 9/21, and 9/6 for the errors that are spread evenly: 1.982 and more. One of error 3 is so from 4.833 on.
+    // The squares of the errors sum up to 21. The prediction's noise is as large, and errors of the norm 3 are allowed. A pixel of error 1
+    // is farther if its square is above 2 + 9/21, and 9/6 for the errors that are spread evenly: 1.982 and more. A pixel of error 3 is
+    // farther from 4.833 on.
     let photo = product(&[0.0; 6], &[1.0, -1.0, 0.0, 3.0, 3.0, 1.0]);
     let signs = photo.signs(&[1.99, 1.98, 7.0, 4.84, 4.83, -1.99], 1.0, 3.0);
-    // Three of five where two and a half are expected, with a variance of five quarters; the pixel without noise does not count.
+    // Three of five pixels are farther, where 2.5 are expected with a variance of 5/4. The pixel without noise does not count.
     assert!((signs - 0.5 / 1.25_f64.sqrt()).abs() < 1e-12, "{signs}");
     let one = product(&[2.0], &[1.0]);
     let of_one = [2.9, 3.0, 3.1, 0.9].map(|prediction| one.signs(&[prediction], 0.0, 0.0));

@@ -1,4 +1,4 @@
-//! The working set: how many bytes matrices and messages take while they are made, and then.
+//! The working set: the bytes that matrices and messages take while they are made, and afterwards.
 
 #![allow(unsafe_code, reason = "a global allocator that counts cannot be written without")]
 
@@ -16,7 +16,7 @@ use crate::transport::tiles::{CompressedRows, Entries, Fragment, Pages, Tiles, g
 use crate::transport::transpose::Sources;
 use crate::transport::{Bounces, Channels, Layer, Part, RigShape, TransportMatrix, wire};
 
-/// Bytes that some threads have allocated and not given back: now, and the most so far.
+/// Bytes that some threads have allocated and not freed: now, and the most so far.
 #[derive(Default)]
 struct Counter {
     now: AtomicIsize,
@@ -24,7 +24,7 @@ struct Counter {
 }
 
 thread_local! {
-    /// The counter of this thread; other tests have none, or their own.
+    /// The counter of this thread. Other tests have none, or another one.
     static COUNTER: Cell<Option<&'static Counter>> = const { Cell::new(None) };
 }
 
@@ -34,14 +34,14 @@ struct Counting;
 static ALLOCATOR: Counting = Counting;
 
 fn count(bytes: isize) {
-    // A thread that ends has no counter any more.
+    // A thread that ends no longer has a counter.
     if let Ok(Some(counter)) = COUNTER.try_with(Cell::get) {
         let now = counter.now.fetch_add(bytes, SeqCst) + bytes;
         counter.most.fetch_max(now, SeqCst);
     }
 }
 
-// SAFETY: everything is passed on to the system's allocator as it came.
+// SAFETY: all calls go to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size() as isize);
@@ -61,7 +61,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Bytes of a piece of work, of its threads alone: what it was given, the most at a time (what it was given included), and what was left at its end.
+/// The bytes of a piece of work, counted in its threads only: its input, the peak including its input, and the rest at its end.
 #[derive(Clone, Copy, Debug)]
 struct Bytes {
     given: usize,
@@ -81,7 +81,7 @@ fn measured<A: Send, T: Send>(
         .start_handler(move |_| COUNTER.set(Some(counter)))
         .build();
     pool.expect("threads can be started").install(|| {
-        // The threads themselves keep some memory from their first work on.
+        // The threads themselves keep some memory after their first work.
         rayon::join(|| rayon::broadcast(|_| ()), || ());
         counter.now.store(0, SeqCst);
         let given = make();
@@ -93,10 +93,10 @@ fn measured<A: Send, T: Send>(
     })
 }
 
-/// Bytes of lists of tasks, vectors of vectors and the like beside the arrays that a test knows.
+/// The bytes of small things such as lists of tasks and vectors of vectors, besides the arrays that a test knows.
 const SMALL: usize = 100_000;
 
-/// Bytes of a contribution, and of an entry of a layer, of one channel: place, mean and error; column and weight.
+/// The bytes of a contribution (place, mean and error) and of a layer's entry (column and weight) in one channel.
 const TERM: usize = 12;
 const ENTRY: usize = 8;
 
@@ -124,7 +124,7 @@ fn chunks(from_camera: bool, each: usize) -> Vec<Chunk<1>> {
     (0..PIXELS).step_by(64).map(chunk).collect()
 }
 
-/// Rows of `cols` columns in pieces of 64, each with [`EACH`] entries.
+/// Rows of `cols` columns in pieces of 64 rows, each row with [`EACH`] entries.
 fn pieces(rows: usize, cols: usize) -> Vec<CompressedRows> {
     let piece = |_| {
         let mut piece = CompressedRows::with_room(1, 64, 64 * EACH);
@@ -138,15 +138,15 @@ fn pieces(rows: usize, cols: usize) -> Vec<CompressedRows> {
     (0..rows / 64).map(piece).collect()
 }
 
-/// The most rows that become tiles at a time, as a share of all.
+/// The most rows that become tiles at a time, as a share of all rows.
 fn group(threads: usize) -> f64 {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
     let longest = pool.install(|| groups(PIXELS).iter().map(Range::len).max());
     longest.unwrap_or(0) as f64 / PIXELS as f64
 }
 
-/// A matrix is made of contributions that are given back while it grows: both together never take what they take one beside the other. A group of rows
-/// is there more often: half of its contributions transposed, and its rows as those of tasks and as one piece.
+/// A matrix is made of contributions that are freed while it grows, so both together never take the sum of their sizes. A group of rows is
+/// in memory more often: half of its contributions transposed, its rows from the tasks, and its rows as one piece.
 #[test]
 fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
     for threads in [1, 2] {
@@ -156,26 +156,25 @@ fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
         let entries: usize = layers.iter().map(Tiles::nonzeros).sum();
         let tiles: usize = layers.iter().map(Tiles::bytes).sum();
         assert!(entries > 3 * PIXELS * EACH / 2 && bytes.given >= TERM * PIXELS * EACH);
-        // The first rows have the most on and above the diagonal.
+        // The first rows have the most entries on and above the diagonal.
         let share = group(threads) * (2.0 - group(threads));
         let of_group = (share * ((TERM / 2 + 2 * ENTRY) * PIXELS * EACH) as f64) as usize;
-        // A pixel has its sums, where its contributions are, a task's cursor and the number of its contributions.
+        // A pixel has its sums, the location of its contributions, a task's cursor and the number of its contributions.
         let of_pixels = 150 * PIXELS;
         let bound = bytes.given.max(tiles) + of_group + of_pixels;
         assert!(bound < bytes.given + tiles, "the bound tells something: {bound}, {bytes:?}, {tiles}");
         assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}; {tiles} of tiles");
-        // In the end only the matrix and the sums over its rows are left. The threads' own queues may be larger or smaller than at the beginning.
+        // Only the matrix and the sums over its rows remain. The threads' own queues may have grown or shrunk.
         let kept = tiles + size_of_val(&rows[..]);
         assert!(bytes.left.abs_diff(kept) < SMALL / 4, "{bytes:?}, {kept}");
     }
 }
 
-/// Pieces of rows are given back as they become tiles.
 #[test]
 fn rows_are_given_back_as_they_become_tiles() {
     let (tiles, bytes) = measured(1, || pieces(PIXELS, PIXELS), |pieces| Tiles::new(PIXELS, pieces));
     let of_group = (group(1) * bytes.given as f64) as usize;
-    // A group is there twice beside its pieces: as windows of rows, and as tiles.
+    // A group is in memory twice beside its pieces: as windows of rows, and as tiles.
     let bound = bytes.given.max(tiles.bytes()) + 2 * of_group + SMALL;
     assert!(bound < bytes.given + tiles.bytes(), "the bound tells something: {bound}, {bytes:?}");
     assert!(bytes.most <= bound, "{bytes:?} above {bound}");
@@ -189,15 +188,14 @@ fn a_matrix_takes_the_bytes_that_it_states() {
         TransportMatrix::new(rig(true), Channels::Luma, vec![vec![1.0; PIXELS]], layers)
     });
     assert_eq!(matrix.nonzeros(), 2 * PIXELS * EACH);
-    // A column of two bytes and a weight of four for each entry, and the diagonal; padding takes less than one byte of an entry here.
+    // Each entry has two bytes for its column and four for its weight, plus the diagonal. Padding takes less than one byte per entry.
     let least = 6 * matrix.nonzeros() + 4 * PIXELS;
     assert!((least..least + matrix.nonzeros()).contains(&matrix.bytes()), "{} of {least}", matrix.bytes());
-    // Lists of bands, and arrays that end within a word.
+    // The difference comes from lists of bands, and from arrays that end within a word.
     let off = bytes.left.abs_diff(matrix.bytes());
     assert!(off < 4000, "{} are stated: {bytes:?}", matrix.bytes());
 }
 
-/// Columns and weights are read band by band, as many at the same time as there are threads.
 #[test]
 fn a_matrix_is_read_in_pieces() {
     for threads in [1, 3] {
@@ -212,14 +210,14 @@ fn a_matrix_is_read_in_pieces() {
             pieces.len() >= 4 && pieces.iter().map(|(columns, _)| columns).sum::<usize>() == PIXELS * EACH
         );
         let longest = pieces.iter().map(|(columns, _)| *columns).max().unwrap_or(0);
-        // Each thread has the columns and then the weights of a band, of four bytes; the offsets of its rows, and where they are in a tile.
+        // Each thread has the columns and then the weights of a band, of four bytes, the offsets of its rows, and their places in a tile.
         let of_rows = 8 * 2 * PIXELS + threads * PIXELS.div_ceil(pieces.len()) * 48;
         let bound = bytes.given + threads * 2 * 4 * longest + of_rows + SMALL;
         assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}");
     }
 }
 
-/// A product needs the sums of the bands that are computed at the time, and four interleaved vectors where a block is multiplied.
+/// A product needs the sums of the bands that are being computed. A block also needs four interleaved vectors.
 #[test]
 fn products_take_the_memory_of_some_bands() {
     let make = || {
@@ -245,7 +243,7 @@ fn products_take_the_memory_of_some_bands() {
     assert!(block.most <= block.given + 32 * (2 * PIXELS + rows + 1) + SMALL / 10, "{block:?}");
 }
 
-/// The merged rows are there as the transposed contributions, as the rows of the tasks, and as one piece.
+/// The merged rows are in memory as the transposed contributions, as the rows of the tasks, and as one piece.
 #[test]
 fn merging_takes_the_contributions_and_twice_their_rows() {
     let make = || Sources::new(chunks(false, EACH), rig(false), &(0..PIXELS), false);
@@ -255,13 +253,13 @@ fn merging_takes_the_contributions_and_twice_their_rows() {
         pieces.iter().flatten().map(|piece| piece.columns.len()).sum::<usize>()
     });
     assert_eq!(entries, PIXELS * EACH);
-    // Each of eight tasks has the offset of each row, and the next place of it.
+    // Each of eight tasks has the offset of each row, and its next place.
     let of_rows = 8 * 2 * 8 * PIXELS;
     let bound = bytes.given + (TERM + 2 * ENTRY) * entries + of_rows + SMALL;
     assert!(bytes.most <= bound, "{bytes:?} above {bound}");
 }
 
-/// On four threads the sums of all tasks take a quarter of the memory of the contributions at most, or one task has all of them.
+/// On four threads the sums of all tasks take at most a quarter of the memory of the contributions, or a single task has all sums.
 #[test]
 fn sums_over_rows_take_a_quarter_of_the_contributions() {
     for (each, tasks) in [(3, 1), (24, 2), (72, 4)] {
@@ -276,7 +274,7 @@ fn sums_over_rows_take_a_quarter_of_the_contributions() {
             (of_class, terms.iter().sum::<u32>()),
             ([0, 2 * PIXELS * each, 0], (2 * PIXELS * each) as u32)
         );
-        // Two sums of sixteen bytes and a number for each row.
+        // Each row has two sums of sixteen bytes and a number.
         let of_task = 36 * PIXELS;
         assert!(tasks == 1 || tasks * of_task <= bytes.given / 4);
         // The list of the rows with contributions has 32 bytes for each, and room for up to twice as many.
@@ -287,7 +285,7 @@ fn sums_over_rows_take_a_quarter_of_the_contributions() {
     }
 }
 
-/// Long arrays are on pages of their own, which the system gets back with them; short ones end within a word.
+/// Long arrays are on separate pages, which return to the system with them. Short arrays end within a word.
 #[test]
 fn long_arrays_are_on_pages_of_their_own() {
     for (length, own) in [(1, 8), (1001, 4008), ((1 << 20) - 1, 1 << 22), (1 << 20, 0), ((1 << 20) + 1, 0)] {
@@ -296,7 +294,7 @@ fn long_arrays_are_on_pages_of_their_own() {
     }
 }
 
-/// Contributions that come in small chunks are joined to long ones, which are on pages of their own: the rest is less than four megabytes.
+/// Contributions in small chunks are joined to long ones on separate pages. The rest is less than four megabytes.
 #[test]
 fn many_small_chunks_are_joined_while_they_come() {
     let rows = || chunks(true, EACH).into_iter().chain(chunks(true, EACH)).chain(chunks(true, EACH));
@@ -306,7 +304,7 @@ fn many_small_chunks_are_joined_while_they_come() {
         || (),
         |()| {
             let mut joined = Chunks::new();
-            // Three times what one long chunk has at least.
+            // The input has three times the minimum size of a long chunk.
             rows().for_each(|chunk| joined.push(chunk));
             joined.into_chunks()
         },
@@ -321,7 +319,6 @@ fn many_small_chunks_are_joined_while_they_come() {
     assert!(bytes.left < (1 << 22) + of_rows, "{bytes:?}");
 }
 
-/// A message has the room that it needs, and no more.
 #[test]
 fn messages_take_no_more_than_their_bytes() {
     let (message, _) = measured(
@@ -342,7 +339,6 @@ fn messages_take_no_more_than_their_bytes() {
     );
 }
 
-/// A fragment of ten rows with `entries` entries of two channels.
 fn fragment(first: usize, entries: usize) -> Fragment {
     Fragment {
         first,

@@ -1,4 +1,4 @@
-//! Contributions as bytes: what is written is read again, and what is not whole is refused.
+//! Contributions as bytes: written bytes can be read again, and incomplete bytes are refused.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::transport::wire::{
     take_chunk, take_estimates, take_fragments, take_rows,
 };
 
-/// Three pixels of the camera and two of the projector, each with contributions at the pixels 2, 5 and 8, of different classes.
+/// Three camera pixels and two projector pixels, each with contributions at the pixels 2, 5 and 8, of different classes.
 fn chunk() -> Chunk<3> {
     let row = |at: usize| Row { pixel: [4, 6, 9, 1, 3][at], from_camera: at < 3, end: 3 * (at + 1) };
     let term = |at: usize| Term {
@@ -22,7 +22,6 @@ fn chunk() -> Chunk<3> {
 
 type Contributions = Vec<(u32, bool, Key, [[u32; 3]; 2])>;
 
-/// The contributions of the chunk to these pixels, of paths from one endpoint.
 fn wanted(from_camera: bool, pixels: &Range<u32>) -> Contributions {
     let is_wanted = |(_, of_camera, key, _): &(u32, bool, Key, [[u32; 3]; 2])| {
         *of_camera == from_camera && pixels.contains(&key.other())
@@ -46,7 +45,7 @@ fn contributions_are_read_as_they_were_written() {
     }
 }
 
-/// Bytes that end anywhere are refused, and so are those with some too many.
+/// Bytes that are cut off anywhere are refused, and so are extra bytes.
 fn check_ends<T>(bytes: &[u8], take: impl Fn(&mut Reader<&[u8]>) -> Result<T, Garbled>) {
     for end in 0..bytes.len() {
         assert!(take(&mut Reader::new(&bytes[..end])).is_err(), "{end} of {} bytes", bytes.len());
@@ -67,13 +66,12 @@ fn what_ends_early_or_late_is_refused() {
     let fragment = fragment();
     check_ends(&message(|to| put_fragments(to, &[fragment])), |from| take_fragments(from, 2, 3));
     check_ends(&message(|to| put(to, &[1.5_f64, 2.5])), |from| from.take::<f64>());
-    // A length that no memory has.
+    // No memory has this length.
     for length in [u64::MAX, u64::MAX / 8 + 1, 1 << 40] {
         assert!(Reader::new(&length.to_le_bytes()).take::<u64>().is_err());
     }
 }
 
-/// The arrays of a message of contributions of one channel.
 fn chunk_of(pixels: &[u32], ends: &[u64], keys: &[u32], lights: [usize; 2]) -> Result<Chunk<1>, Garbled> {
     let bytes = message(|to| {
         put(to, pixels)?;
@@ -102,7 +100,6 @@ fn arrays_of_other_lengths_are_refused() {
     ] {
         assert!(chunk.is_err(), "{what}");
     }
-    // Colours come in threes.
     let bytes = message(|to| {
         put(to, &[4_u32])?;
         put(to, &[1_u64])?;
@@ -172,7 +169,7 @@ fn estimates_and_rows_are_read_as_they_were_written() {
     }
 }
 
-/// Row by row, the transpose of some columns is what other processes need of the rows of this one.
+/// The transpose of some columns has, row by row, what other processes need from the rows of this one.
 #[test]
 fn the_transpose_of_some_columns_counts_from_the_first_row() {
     let transposed = rows().transposed(&(4..10), 100);

@@ -1,4 +1,4 @@
-//! A row of tiles, and the transpose of its entries: the part of a symmetric matrix below its diagonal.
+//! A row of tiles, and the transpose of its entries, which is the part of a symmetric matrix below its diagonal.
 
 use std::ops::Range;
 
@@ -9,35 +9,31 @@ use super::kernels::{LANES, Slice};
 use super::rows::{CompressedRows, Pieces};
 use super::{Pages, Shape, take};
 
-/// The beginning of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Start {
     pub(super) slice: usize,
     pub(super) step: usize,
 }
 
-/// The arrays of one tile that a window's entries are written to.
+/// The arrays of one tile that receive a window's entries.
 pub(super) struct Filled<'a> {
     pub(super) slices: &'a mut [Slice],
     pub(super) columns: &'a mut [[u16; LANES]],
     pub(super) weights: Vec<&'a mut [[f32; LANES]]>,
 }
 
-/// A row of tiles.
 #[derive(Clone, Debug)]
 pub(super) struct Band {
-    /// The beginning of each tile, from left to right, and the end of the last.
+    /// The start of each tile, from left to right, and the end of the last.
     pub(super) tiles: Vec<Start>,
     pub(super) slices: Vec<Slice>,
-    /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has
-    /// weight 0.
+    /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has weight 0.
     pub(super) columns: Pages<[u16; LANES]>,
     /// `[channel][step][lane]`
     pub(super) weights: Vec<Pages<[f32; LANES]>>,
 }
 
 impl Band {
-    /// The band of `rows` rows, which `windows` have.
     pub(super) fn new(rows: usize, windows: &[Window], channels: usize, shape: Shape, cols: usize) -> Self {
         // Within a tile, the windows follow one another.
         let across = cols.div_ceil(shape.columns);
@@ -89,7 +85,7 @@ impl Band {
             }
             step += slice.steps as usize;
         }
-        // The last one is of lanes without a row.
+        // The last place belongs to lanes without a row.
         places.truncate(rows);
         (end.slice > start.slice).then_some(places)
     }
@@ -99,14 +95,13 @@ impl Band {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Place {
     step: usize,
-    /// The number of steps; those beyond the entries of the row are padding.
+    /// The number of steps. Steps beyond the entries of the row are padding.
     steps: u32,
     pub(super) lane: u8,
 }
 
 impl Place {
-    /// Calls `visit` with each of the row's entries from the column `from` of the tile on, and before the column `to`:
-    /// column and step. The columns are those of the tile's band.
+    /// Calls `visit` with column and step of each of the row's entries in the tile's columns `from..to`. `columns` is the band's array.
     pub(super) fn each(
         self,
         columns: &[[u16; LANES]],
@@ -121,7 +116,7 @@ impl Place {
         let mut before = None;
         for (at, step) in of_row.iter().enumerate().skip(first) {
             let column = column(step);
-            // A repeated column is padding, and so are all that follow.
+            // A repeated column is padding, and so is everything after it.
             if usize::from(column) >= to || before >= Some(column) {
                 break;
             }
@@ -131,12 +126,12 @@ impl Place {
     }
 }
 
-/// Some entries of consecutive rows, whose columns are near each other.
+/// Some entries of consecutive rows with nearby columns.
 pub(in crate::transport) struct Fragment {
     pub(in crate::transport) first: usize,
-    /// The column that `columns` count from.
+    /// The column from which `columns` count.
     pub(in crate::transport) base: u32,
-    /// The offset into `columns` for each row, then the number of entries.
+    /// The offset into `columns` for each row, and the number of entries at the end.
     pub(in crate::transport) row_start: Vec<u32>,
     pub(in crate::transport) columns: Vec<u16>,
     /// `[channel][entry]`
@@ -148,12 +143,11 @@ impl Fragment {
         self.row_start.len() - 1
     }
 
-    /// Whether it has some of these rows.
     pub(super) fn overlaps(&self, rows: &Range<usize>) -> bool {
         self.first < rows.end && rows.start < self.first + self.rows()
     }
 
-    /// Appends its entries of a row to the last row of `to`.
+    /// Appends the fragment's entries of a row to the last row of `to`.
     pub(super) fn append(&self, row: usize, to: &mut CompressedRows) {
         let entries = self.row(row);
         to.columns.extend(self.columns[entries.clone()].iter().map(|&column| self.base + u32::from(column)));
@@ -166,13 +160,13 @@ impl Fragment {
         self.row(row).len()
     }
 
-    /// Its entries of a row; none where it does not have the row.
+    /// The entries of a row; none if the fragment does not have the row.
     fn row(&self, row: usize) -> Range<usize> {
         let row = row.checked_sub(self.first).filter(|&row| row < self.rows());
         row.map_or(0..0, |row| self.row_start[row] as usize..self.row_start[row + 1] as usize)
     }
 
-    /// The fragment of these `rows`, which has the transpose of `of`. Rows of the latter are counted from its first one, which has number `base`.
+    /// The fragment of these `rows` with the transpose of `of`. The rows of `of` are counted from its first one, which has number `base`.
     fn transposed(of: &impl Above, rows: Range<usize>, base: usize, channels: usize) -> Self {
         let mut row_start = vec![0; rows.len() + 1];
         of.each(|_, column, _| row_start[column - rows.start + 1] += 1);
@@ -191,8 +185,8 @@ impl Fragment {
     }
 }
 
-/// The entries below the diagonal in `rows`, as fragments by ascending columns. The rows before are in `bands`; these come from
-/// `above`, which has the entries on and above the diagonal.
+/// The entries below the diagonal in `rows`, as fragments by ascending columns. `bands` has the earlier rows, and `above` has the entries
+/// of these rows on and above the diagonal.
 pub(super) fn below(
     bands: &[Band],
     above: &Pieces,
@@ -209,8 +203,7 @@ pub(super) fn below(
     fragments
 }
 
-/// The transpose of these columns of `bands`, as fragments by ascending columns of the transpose. The first row of the bands has number `first_row`
-/// there.
+/// The transpose of these columns of `bands`, as fragments by ascending columns. The first row of the bands has number `first_row` there.
 pub(super) fn of_bands(
     bands: &[Band],
     columns: &Range<usize>,
@@ -233,23 +226,19 @@ pub(super) fn of_bands(
     tiles.par_iter().filter_map(of_tile).collect()
 }
 
-/// Entries above the diagonal.
 trait Above: Sync {
-    /// The place of the weights of an entry.
+    /// The place of an entry's weights.
     type At: Copy;
 
-    /// Calls `visit` with row, counted from the first one, column and place of each entry, row by row.
+    /// Calls `visit` with row, column and place of each entry, row by row. Rows are counted from the first one.
     fn each(&self, visit: impl FnMut(usize, usize, Self::At));
 
     fn weight(&self, channel: usize, at: Self::At) -> f32;
 }
 
-/// The entries of a tile in some columns.
 struct OfTile<'a> {
     band: &'a Band,
-    /// The first column of the tile.
     first_column: usize,
-    /// The place of each row of the tile.
     places: Vec<Place>,
     columns: Range<usize>,
 }
@@ -282,7 +271,7 @@ struct OfRows<'a> {
 }
 
 impl<'a> Above for OfRows<'a> {
-    /// The piece, and the place there.
+    /// The piece, and the index there.
     type At = (&'a CompressedRows, usize);
 
     fn each(&self, mut visit: impl FnMut(usize, usize, Self::At)) {

@@ -11,23 +11,21 @@ use super::kernels::{LANES, Slice};
 use super::rows::{CompressedRows, Pieces};
 use super::{Shape, Tiles};
 
-/// Groups of rows that become tiles one after the other, at least, unless a group had too few windows for all cores. While a group becomes
-/// tiles, it is in memory twice more.
+/// The minimum number of groups of rows that become tiles one after the other. There are fewer if a group would have too few windows for
+/// all cores. While a group becomes tiles, it is in memory twice more.
 const GROUPS: usize = 16;
 
-/// Tiles that rows are added to, group by group.
 pub(in crate::transport) struct Builder {
     tiles: Tiles,
-    /// Whether only what is on and above the diagonal is given.
+    /// Whether the given rows have only the part on and above the diagonal.
     symmetric: bool,
-    /// Rows of a group: whole bands.
+    /// The number of rows of a group, which has whole bands.
     group: usize,
-    /// The first row that is not in tiles yet.
     next: usize,
 }
 
 impl Builder {
-    /// For a matrix of `rows × cols` with about `entries` entries. If it is symmetric, its rows are given from the diagonal on.
+    /// The rows of a symmetric matrix are given from the diagonal on. `entries` is an estimate.
     pub(in crate::transport) fn new(
         [rows, cols]: [usize; 2],
         channels: usize,
@@ -43,12 +41,12 @@ impl Builder {
         Self { tiles, symmetric, group: group_of(rows, shape), next: 0 }
     }
 
-    /// The rows that are to be given next; `None` once all are in tiles.
+    /// The rows to give next; `None` once all rows are in tiles.
     pub(in crate::transport) fn next_rows(&self) -> Option<Range<usize>> {
         (self.next < self.tiles.rows).then(|| self.next..self.tiles.rows.min(self.next + self.group))
     }
 
-    /// Adds the rows of [`Builder::next_rows`], which the pieces have.
+    /// Adds the rows of [`Builder::next_rows`], which the pieces must have.
     pub(in crate::transport) fn push(&mut self, pieces: impl Borrow<Pieces>) {
         let Some(rows) = self.next_rows() else { return };
         let Tiles { shape, channels, cols, .. } = self.tiles;
@@ -60,8 +58,8 @@ impl Builder {
         self.push_joined(pieces, vec![Before { fragments, columns_before: cols }]);
     }
 
-    /// The same as [`Builder::push`] for pieces that do not have all entries: the others are in fragments, and the two take turns in each row. Both
-    /// are dropped before the tiles take memory, if they are given away.
+    /// Works like [`Builder::push`] for pieces that lack some entries. Fragments have the others, and the two alternate in each row. Both
+    /// are dropped before the tiles take memory, if the caller passes ownership.
     pub(in crate::transport) fn push_joined(&mut self, pieces: impl Borrow<Pieces>, parts: Vec<Before>) {
         let Some(rows) = self.next_rows() else { return };
         let Tiles { shape, channels, cols, .. } = self.tiles;
@@ -99,7 +97,6 @@ impl Builder {
         self.tiles.channels
     }
 
-    /// The tiles of all rows.
     pub(in crate::transport) fn finish(self) -> Tiles {
         debug_assert!(self.next_rows().is_none(), "all rows were given");
         self.tiles
@@ -111,23 +108,21 @@ fn group_of(rows: usize, shape: Shape) -> usize {
     (rows.div_ceil(GROUPS) / shape.rows).max(enough) * shape.rows
 }
 
-/// The groups in which `rows` rows become tiles in this process.
 pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
-    // The number of rows of a band depends on nothing else.
+    // The number of rows of a band depends only on these arguments.
     let shape = Shape::new(rows, 1, 1, rayon::current_num_threads());
     let group = group_of(rows, shape);
     (0..rows).step_by(group).map(|first| first..rows.min(first + group)).collect()
 }
 
-/// The part of one process of some rows: entries that are copied from its finished rows. In each row they come first, and then the entries of
-/// the pieces in the columns of this process.
+/// One process's part of some rows: the entries that are copied from its finished rows. In each row they come first, followed by the
+/// entries of the pieces in the columns of this process.
 pub(in crate::transport) struct Before {
     pub(in crate::transport) fragments: Vec<Fragment>,
-    /// The column after the last one of this process.
     pub(in crate::transport) columns_before: usize,
 }
 
-/// These rows: the fragments of each part in turn with what the pieces have.
+/// These rows: for each part, its fragments and then the entries of the pieces.
 fn whole_rows(parts: &[Before], pieces: &Pieces, rows: Range<usize>, channels: usize) -> CompressedRows {
     let parts: Vec<(Vec<&Fragment>, usize)> = parts
         .iter()
@@ -156,37 +151,32 @@ fn whole_rows(parts: &[Before], pieces: &Pieces, rows: Range<usize>, channels: u
     whole
 }
 
-/// Splits off the first `count` elements of `rest`.
 pub(in crate::transport) fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let (mine, others) = std::mem::take(rest).split_at_mut(count);
     *rest = others;
     mine
 }
 
-/// Rows of a window. Within it, rows are sorted by length, so that a slice has rows of about equally many entries. Its
-/// sums are close enough in memory to share cache lines.
+/// The number of rows of a window. Within it, rows are sorted by length, so that the rows of a slice have about equal numbers of entries.
+/// The sums of a window are close enough in memory to share cache lines.
 pub(super) const WINDOW: usize = 512;
 
-/// Consecutive rows of a band.
 pub(super) struct Window {
-    /// The first row, counted from the band's.
+    /// The first row, counted from the start of the band.
     first: usize,
     rows: CompressedRows,
-    /// The number of slices and steps in each tile.
     pub(super) sizes: Vec<Start>,
 }
 
-/// A row's entries within a tile.
 #[derive(Clone, Copy)]
 struct Segment {
     row: usize,
-    /// Index of the first entry.
     first: usize,
     length: usize,
 }
 
 impl Window {
-    /// The window of these rows, the first of which is the band's row number `first`.
+    /// The window of these rows. The first one is row `first` of the band.
     pub(super) fn new(first: usize, rows: CompressedRows, shape: Shape, cols: usize) -> Self {
         let mut window = Self { first, rows, sizes: Vec::with_capacity(cols.div_ceil(shape.columns)) };
         let mut sizes = std::mem::take(&mut window.sizes);
@@ -202,7 +192,7 @@ impl Window {
         self.rows.columns.len()
     }
 
-    /// Writes the entries to the arrays of each tile. `nowhere` is the row of lanes that have none.
+    /// Writes the entries to the arrays of each tile. Lanes without a row get the row `nowhere`.
     pub(super) fn fill(&self, shape: Shape, cols: usize, nowhere: u16, to: Vec<Filled<'_>>) {
         let mut to = to.into_iter();
         self.each_tile(shape, cols, |first_column, segments| {
@@ -266,7 +256,7 @@ impl Window {
 mod tests {
     use super::*;
 
-    /// Groups are whole bands, a sixteenth of the rows each, unless some threads had no window of it.
+    /// Groups are whole bands with a sixteenth of the rows each, or more if some threads would have no window of a group.
     #[test]
     fn groups_are_whole_bands_with_work_for_every_thread() {
         for threads in [1, 2, 3, 8] {
@@ -287,7 +277,7 @@ mod tests {
                     groups.len() == 1 || longest >= 512 * threads,
                     "{rows} rows, {threads} threads: {longest}"
                 );
-                // No more than that: a sixteenth, or a window for each thread, up to the end of a band.
+                // The largest group has a sixteenth of the rows, or a window for each thread, up to the end of a band.
                 let most = rows.div_ceil(16).max(512 * threads + shape.rows - 1);
                 assert!(longest <= most, "{rows} rows, {threads} threads: {longest} of {most}");
             }

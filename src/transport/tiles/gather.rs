@@ -1,5 +1,5 @@
-//! The inner loop of a product by vector instructions (AVX2), which multiply and add several lanes at once: entries of one vector are
-//! looked up four by one instruction or one by one, those of four vectors together. All prefetch what comes next.
+//! The inner loop of a product by vector instructions (AVX2), which multiply and add several lanes at once. Entries of one vector are
+//! looked up four at a time, or one by one. Entries of four interleaved vectors are looked up together. All kernels prefetch.
 
 #![allow(
     unsafe_code,
@@ -10,11 +10,10 @@ use std::arch::x86_64::*;
 
 use super::kernels::{Interleaved, Kernel, LANES, Slice};
 
-/// How many steps before its use an entry is prefetched. This covers the latency of memory: hardware
-/// prefetchers do not cross pages.
+/// The number of steps between an entry's prefetch and its use, to cover memory latency: hardware prefetchers do not cross pages.
 const AHEAD: usize = 80;
 
-/// The kernels for one vector; none where the processor lacks the instructions.
+/// The kernels for one vector; none if the processor lacks the instructions.
 pub(super) fn of_one() -> Vec<Kernel<f64>> {
     if !is_x86_feature_detected!("avx2") {
         return Vec::new();
@@ -30,7 +29,7 @@ pub(super) fn of_one() -> Vec<Kernel<f64>> {
     vec![by_four, one_by_one]
 }
 
-/// The kernel for four interleaved vectors, whose four numbers fill one register; none as for [`of_one`].
+/// The kernel for four interleaved vectors, whose four numbers fill one register; none if the processor lacks the instructions.
 pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     if !is_x86_feature_detected!("avx2") {
         return Vec::new();
@@ -41,8 +40,7 @@ pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     }]
 }
 
-/// Sums of one vector. Panics where a step or a row does not exist. A column that does not exist (no tile has
-/// one) reads the last entry of `from`.
+/// Sums of one vector. It panics at an invalid step or row. An invalid column (no tile has one) reads the last entry of `from`.
 #[target_feature(enable = "avx2")]
 fn by_four(
     slices: &[Slice],
@@ -89,7 +87,7 @@ fn by_four(
     }
 }
 
-/// The same as [`by_four`], for processors that look up four entries faster one by one. Panics where a step, a row or a column does not exist.
+/// Works like [`by_four`], for processors that look up entries faster one by one. It panics at an invalid step, row or column.
 #[target_feature(enable = "avx2")]
 fn one_by_one(
     slices: &[Slice],
@@ -106,7 +104,7 @@ fn one_by_one(
             prefetch(columns, weights);
             let from = columns.map(|column| from[usize::from(column)]);
             for ((sum, from), &weight) in sums.iter_mut().zip(from).zip(weights) {
-                // Rounded separately, as above.
+                // Products and sums are rounded separately, as above.
                 *sum += f64::from(weight) * from;
             }
         }
@@ -115,7 +113,7 @@ fn one_by_one(
     }
 }
 
-/// Sums of four interleaved vectors. Panics where a step, a row or a column does not exist.
+/// Sums of four interleaved vectors. It panics if a step, a row or a column does not exist.
 #[target_feature(enable = "avx2")]
 fn of_interleaved(
     slices: &[Slice],
@@ -147,7 +145,7 @@ fn of_interleaved(
                 _mm256_permute4x64_pd::<0b11_11_11_11>(high),
             ];
             for ((sum, &column), weight) in sums.iter_mut().zip(columns).zip(weights) {
-                // Rounded separately, as above.
+                // Products and sums are rounded separately, as above.
                 *sum = _mm256_add_pd(*sum, _mm256_mul_pd(weight, load(&from[usize::from(column)])));
             }
         }
@@ -159,7 +157,6 @@ fn of_interleaved(
     }
 }
 
-/// Prefetches the columns and weights of a later step.
 #[inline(always)]
 fn prefetch(columns: &[u16; LANES], weights: &[f32; LANES]) {
     // SAFETY: a prefetch may point anywhere; it reads nothing.

@@ -5,26 +5,23 @@ use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
 
-/// Rows of a slice. Their sums are computed at the same time, one per SIMD lane.
+/// The number of rows of a slice. Their sums are computed at the same time, one per SIMD lane.
 pub(super) const LANES: usize = 8;
 
-/// Eight rows of a tile with about equally many entries.
+/// Eight rows of a tile with about equal numbers of entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::transport) struct Slice {
-    /// Row within the tile for each lane; one past the last row for a lane without a row.
+    /// The row within the tile for each lane. A lane without a row has the number after the last row.
     pub(super) rows: [u16; LANES],
-    /// Steps: the number of entries of the longest row.
+    /// The number of steps, which is the number of entries of the longest row.
     pub(super) steps: u32,
 }
 
-/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of
-/// each row in order.
-///
-/// The steps of a slice are taken one after the other. Every row must be below `to.len()`, and every column
-/// below `from.len()`.
+/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of each row in order. The steps
+/// of a slice are taken one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
 pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);
 
-/// Vectors that are multiplied at once: their four numbers fill one vector register.
+/// The number of vectors that are multiplied at once. Their four numbers fill one vector register.
 pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
 
 /// The entries of four vectors at one row or column, in one cache line.
@@ -61,7 +58,7 @@ impl Value for Interleaved {
 
 /// Elements that have kernels.
 pub(in crate::transport) trait Summable: Value {
-    /// The kernels that use instructions which not every processor has; none where it lacks them. They prefetch what comes next.
+    /// The kernels with instructions that not every processor has; none if the processor lacks them. They prefetch the next entries.
     fn special() -> Vec<Kernel<Self>>;
 
     /// The fastest kernel, measured once per process.
@@ -96,20 +93,18 @@ impl Summable for Interleaved {
     }
 }
 
-/// A kernel of the inner loop. All kernels give the same bits.
 #[derive(Clone, Copy)]
 pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
 impl<V: Summable> Sums<V> {
-    /// The kernel that takes the least time now, which depends on the processor's maker and generation. The entries that are timed lie in the
-    /// first cache, and the entries of a matrix come from memory. There the portable kernel, which prefetches nothing, was slower than the others
-    /// on the one processor where this was measured (AMD Zen 4). It is taken only where there is no other.
+    /// The kernel that takes the least time now, which depends on the processor's maker and generation. The timed entries lie in the
+    /// first-level cache, but a matrix's entries come from memory. With entries from memory, the portable kernel, which does not prefetch,
+    /// was the slowest on the only processor where this was measured (AMD Zen 4). It is therefore taken only if there is no other kernel.
     fn fastest() -> Self {
         let timed = V::special().into_iter().map(|kernel| (Self(kernel).time(), Self(kernel)));
         timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)
     }
 
-    /// All kernels that this processor can run.
     #[cfg(test)]
     pub(super) fn all() -> Vec<Self> {
         let mut all = vec![Self(portable)];
@@ -128,7 +123,6 @@ impl<V: Summable> Sums<V> {
         (self.0)(slices, columns, weights, from, to);
     }
 
-    /// The shortest of several measured times for a few thousand entries.
     fn time(self) -> Duration {
         const STEPS: usize = 512;
         const COLUMNS: usize = 4096;

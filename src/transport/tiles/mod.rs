@@ -1,13 +1,12 @@
-//! A sparse matrix cut into tiles, so that the vectors of a product stay in the processor's caches and the
-//! entries are read at the speed of memory.
+//! A sparse matrix cut into tiles, so that the vectors of a product stay in the processor's caches and the entries are read at the speed of
+//! memory.
 //!
-//! Within a tile, eight rows of about equally many entries form a *slice* (the format is known as sliced
-//! ELLPACK). The eight sums are computed at the same time, each with the entries of one row from left to
-//! right. So the bits of a product do not depend on the shape of the tiles, the number of threads and the
-//! instructions used.
+//! Within a tile, eight rows of about equal numbers of entries form a *slice* (the format is known as sliced ELLPACK). The eight sums are
+//! computed together, each with the entries of one row from left to right. The bits of a product therefore do not depend on the shape of
+//! the tiles, the number of threads and the instructions used.
 //!
-//! Rows come in groups, from the first to the last ([`Builder`]). Of a symmetric matrix only the triangle on and above the
-//! diagonal is given; what is below it is read from the tiles of the groups before.
+//! Rows come in groups, from the first to the last ([`Builder`]). For a symmetric matrix, only the triangle on and above the diagonal is
+//! given. The part below the diagonal is read from the tiles of earlier groups.
 
 mod band;
 mod build;
@@ -34,7 +33,7 @@ pub(super) use rows::Pieces;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Entries {
     All,
-    /// Only those on and above the diagonal.
+    /// Only the entries on and above the diagonal.
     Upper,
 }
 
@@ -51,13 +50,12 @@ pub(crate) struct Tiles {
 }
 
 impl Tiles {
-    /// The matrix of `cols` columns whose rows are those of `pieces`, one after the other. The memory of the pieces is
-    /// given back as soon as their rows are in tiles.
+    /// The matrix of `cols` columns with the rows of `pieces`, one after the other. Each piece is freed as soon as its rows are in tiles.
     pub(super) fn new(cols: usize, pieces: Vec<CompressedRows>) -> Self {
         Self::of_pieces(cols, pieces, false)
     }
 
-    /// The symmetric matrix whose triangle on and above the diagonal has the rows of `pieces`.
+    /// The symmetric matrix from the rows of its triangle on and above the diagonal.
     pub(super) fn symmetric(pieces: Vec<CompressedRows>) -> Self {
         let rows = pieces.iter().map(CompressedRows::rows).sum();
         Self::of_pieces(rows, pieces, true)
@@ -87,18 +85,17 @@ impl Tiles {
         self.bands.iter().map(Band::bytes).sum()
     }
 
-    /// Rows of a band of tiles; the last band may have fewer.
+    /// The number of rows of a band of tiles. The last band may have fewer.
     pub(super) fn band_rows(&self) -> usize {
         self.shape.rows
     }
 
-    /// The product of one band's rows with `from`.
     pub(super) fn product<V: Summable>(&self, channel: usize, band: usize, from: &[V]) -> Vec<V> {
         let rows = self.shape.rows.min(self.rows - band * self.shape.rows);
         let band = &self.bands[band];
         let (slices, columns, weights) = (&band.slices[..], &band.columns[..], &band.weights[channel][..]);
         let sums = V::sums();
-        // One entry more, for lanes without a row.
+        // The additional entry is for lanes without a row.
         let mut product = vec![V::default(); rows + 1];
         for (ends, from) in band.tiles.windows(2).zip(from.chunks(self.shape.columns)) {
             let [start, end] = [ends[0], ends[1]];
@@ -114,8 +111,8 @@ impl Tiles {
         product
     }
 
-    /// `sum` with the squares of all entries added. Each row is summed from left to right, and then the rows are added
-    /// to `sum` one by one, so that neither the shape, nor the number of threads, nor a cut between rows changes the bits.
+    /// `sum` with the squares of all entries added. Each row is summed from left to right, and then the rows are added to `sum` one by one.
+    /// Neither the shape, nor the number of threads, nor a cut between rows changes the bits.
     pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
         let of_band = |(number, band): (usize, &Band)| {
             let mut sums = vec![0.0; self.shape.rows + 1];
@@ -140,7 +137,7 @@ impl Tiles {
     }
 }
 
-/// From tiles back to rows.
+/// Conversion from tiles back to rows.
 impl Tiles {
     pub(in crate::transport) fn to_rows(&self) -> CompressedRows {
         let row_start = self.row_start(Entries::All);
@@ -155,7 +152,7 @@ impl Tiles {
         CompressedRows { row_start, columns, weights }
     }
 
-    /// The offset of each row, then the number of entries.
+    /// The offset of each row, and the number of entries at the end.
     pub(crate) fn row_start(&self, which: Entries) -> Vec<usize> {
         let counts = |band| {
             let mut counts = vec![0; self.rows_of(band).len()];
@@ -171,7 +168,7 @@ impl Tiles {
         std::iter::once(0).chain(ends).collect()
     }
 
-    /// The columns of the entries, row by row, as several pieces. `row_start` is that of these entries.
+    /// The columns of the entries, row by row, as several pieces. `row_start` must be that of the same entries.
     pub(crate) fn columns<'a>(
         &'a self,
         which: Entries,
@@ -180,7 +177,7 @@ impl Tiles {
         self.pieces(which, row_start, |_, column, _, _| column as u32)
     }
 
-    /// The weights of one channel, as [`Tiles::columns`].
+    /// The weights of one channel, in pieces like [`Tiles::columns`].
     pub(crate) fn weights<'a>(
         &'a self,
         which: Entries,
@@ -192,8 +189,8 @@ impl Tiles {
         })
     }
 
-    /// `value` of band, column, step and lane of each entry, row by row. A piece is a band, and as many are made at the same time as there are
-    /// threads.
+    /// Calls `value` with band, column, step and lane of each entry. Returns the results row by row, one piece per band. The number of
+    /// pieces that are made at the same time is the number of threads.
     fn pieces<'a, T: Default + Clone + Send + 'a>(
         &'a self,
         which: Entries,
@@ -243,7 +240,7 @@ impl Tiles {
     }
 }
 
-/// Two matrices are equal when their entries are; the shape of the tiles does not count.
+/// Two matrices are equal if their entries are equal. The shape of the tiles does not count.
 impl PartialEq for Tiles {
     fn eq(&self, other: &Self) -> bool {
         (self.rows, self.cols, self.entries) == (other.rows, other.cols, other.entries)
@@ -251,40 +248,37 @@ impl PartialEq for Tiles {
     }
 }
 
-/// Rows and columns of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shape {
     rows: usize,
     columns: usize,
 }
 
-/// Most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level cache.
+/// The most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level cache.
 const MOST_ROWS: usize = 1 << 14;
-/// Fewest rows of a band: with fewer, the work between tiles would dominate.
+/// The fewest rows of a band. With fewer, the work between tiles would dominate.
 const LEAST_ROWS: usize = 1 << 8;
-/// Fewest bands for each thread, where that leaves enough rows, so that all threads finish at about the same
-/// time.
+/// The fewest bands per thread, if that leaves enough rows. Several bands let all threads finish at about the same time.
 const BANDS_A_THREAD: usize = 4;
 
-/// Fewest bands of a large matrix, so that it can be made group by group, and the rows that a band then has at least.
+/// The fewest bands of a large matrix, so that it can be made group by group, and the minimum rows that a band then has.
 const BANDS: usize = 16;
 const ROWS_OF_MANY_BANDS: usize = 1 << 12;
 
-/// Fewest columns of a tile: 32 KiB of a vector, which the first-level cache holds.
+/// The fewest columns of a tile: 32 KiB of a vector, which the first-level cache holds.
 const LEAST_COLUMNS: usize = 1 << 12;
-/// Most columns of a tile: 256 KiB of a vector, for the second-level cache.
+/// The most columns of a tile: 256 KiB of a vector, for the second-level cache.
 const MOST_COLUMNS: usize = 1 << 15;
-/// Entries that a row should have in a tile, so that the fixed cost of its sum is small.
+/// The number of entries that a row should have in a tile, so that the fixed cost of its sum is small.
 const ENTRIES_OF_A_ROW: usize = 5;
 
 impl Shape {
-    /// The shape for a matrix of `rows × columns` with `entries` entries that is multiplied by `threads`
-    /// threads. No sum depends on it.
+    /// The shape for a matrix of `rows × columns` with `entries` entries that `threads` threads multiply. Sums do not depend on it.
     fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
         let bands = (BANDS_A_THREAD * threads.max(1)).max(BANDS.min(rows / ROWS_OF_MANY_BANDS));
         // A power of two that leaves at least this number of bands.
         let of_band = (1 << rows.div_ceil(bands).max(1).ilog2()).clamp(LEAST_ROWS, MOST_ROWS);
-        // The narrowest tile with enough entries of a row.
+        // The narrowest tile in which a row has enough entries.
         let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
         Self { rows: of_band, columns: least.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
     }
@@ -306,7 +300,7 @@ mod tests_of_shape {
         assert_eq!(shape(512, 330, 2), (16_384, 4096));
         assert_eq!(shape(512, 40, 2), (16_384, 32_768));
         assert_eq!(shape(512, 40, 16), (4096, 32_768));
-        // The part of a process of four, which has one thread.
+        // One of four processes has this part, and one thread.
         let Shape { rows, .. } = Shape::new(512 * 512 / 4, 512 * 512, 330 * 512 * 512 / 4, 1);
         assert_eq!(rows, 4096);
         assert_eq!(shape(1, 0, 2), (256, 4096));

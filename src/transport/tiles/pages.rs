@@ -1,5 +1,4 @@
-//! Long arrays on large memory pages. A product reads them from end to end, and hardware prefetching starts
-//! anew at each small page.
+//! Long arrays on large memory pages: a product reads them in full, and prefetching restarts at each page.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -8,10 +7,9 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::Pod;
 use memmap2::MmapMut;
 
-/// Arrays of at least this many bytes get pages of their own.
+/// Arrays of at least this many bytes get separate pages.
 const LONG: usize = 4 << 20;
 
-/// An array that is zero at first.
 pub(in crate::transport) struct Pages<T> {
     memory: Memory,
     length: usize,

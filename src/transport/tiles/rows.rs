@@ -2,20 +2,20 @@
 
 use std::ops::Range;
 
-/// A sparse matrix in compressed rows, with one set of `f32` weights per channel on a common sparsity
-/// pattern: the form in which layers are built and written.
+/// A sparse matrix in compressed rows, with `f32` weights per channel on a common sparsity pattern. Layers are
+/// built and written in this form.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CompressedRows {
-    /// The offset into `columns` for each row, then the number of entries.
+    /// The offset into `columns` for each row, and the number of entries at the end.
     pub(crate) row_start: Vec<usize>,
-    /// Column of each entry, ascending in each row.
+    /// The column of each entry, ascending in each row.
     pub(crate) columns: Vec<u32>,
     /// `[channel][entry]`
     pub(crate) weights: Vec<Vec<f32>>,
 }
 
 impl CompressedRows {
-    /// No rows, with this many channels, and room for rows and entries.
+    /// No rows, but this many channels, and room for rows and entries.
     pub(crate) fn with_room(channels: usize, rows: usize, entries: usize) -> Self {
         let mut row_start = Vec::with_capacity(rows + 1);
         row_start.push(0);
@@ -42,9 +42,8 @@ impl CompressedRows {
         }
     }
 
-    /// The transpose of these columns: a row for each of them. The first row of this matrix has number `first` there.
+    /// The transpose of these columns, with a row for each. The first row of this matrix has number `first` there.
     pub(in crate::transport) fn transposed(&self, wanted: &Range<usize>, first: usize) -> Self {
-        // The entries of a row in these columns.
         let of_row = |row: usize| {
             let (start, columns) = (self.row_start[row], &self.columns[self.row(row)]);
             let at = |column: usize| start + columns.partition_point(|&c| (c as usize) < column);
@@ -57,7 +56,7 @@ impl CompressedRows {
         let mut next = row_start.clone();
         let entries = row_start[wanted.len()];
         let (mut columns, mut weights) = (vec![0; entries], vec![vec![0.0; entries]; self.weights.len()]);
-        // Rows are visited in order, so that each row of the transpose is filled from left to right.
+        // Rows are visited in order, so each row of the transpose is filled from left to right.
         for row in 0..self.rows() {
             for entry in of_row(row) {
                 let at = &mut next[place(entry)];
@@ -74,7 +73,6 @@ impl CompressedRows {
     }
 }
 
-/// Consecutive rows of a sparse matrix, as pieces.
 pub(in crate::transport) struct Pieces {
     /// The first row of each piece, and the end of the last.
     first: Vec<usize>,
@@ -82,7 +80,6 @@ pub(in crate::transport) struct Pieces {
 }
 
 impl Pieces {
-    /// These pieces, one after the other, from the row number `first` on.
     pub(in crate::transport) fn new(first: usize, pieces: Vec<CompressedRows>) -> Self {
         let ends = pieces.iter().scan(first, |end, piece| {
             *end += piece.rows();
@@ -91,7 +88,6 @@ impl Pieces {
         Self { first: std::iter::once(first).chain(ends).collect(), pieces }
     }
 
-    /// The row after the last one.
     pub(in crate::transport) fn end(&self) -> usize {
         self.first[self.first.len() - 1]
     }
@@ -111,7 +107,7 @@ impl Pieces {
         (piece, piece.row(row - self.first[which]))
     }
 
-    /// Gives back the memory of the pieces whose rows are all before `row`, which must not be asked for any more.
+    /// Frees the pieces whose rows are all before `row`. These rows must not be requested afterwards.
     pub(in crate::transport) fn release_before(&mut self, row: usize) {
         for (piece, &end) in self.pieces.iter_mut().zip(&self.first[1..]) {
             if end <= row {

@@ -2,7 +2,7 @@ use super::kernels::{LANES, Slice, Sums};
 use super::*;
 use proptest::prelude::*;
 
-/// A matrix of two channels with about `per_row` entries in each row; some rows and columns are empty.
+/// A matrix of two channels with about `per_row` entries in each row. Some rows and columns are empty.
 fn matrix(rows: usize, cols: usize, per_row: usize, seed: u64) -> CompressedRows {
     let mut state = seed | 1;
     let mut draw = |below: usize| {
@@ -28,7 +28,6 @@ fn shapes() -> impl Strategy<Value = Shape> {
     (6..12_u32, 6..16_u32).prop_map(|(rows, columns)| Shape { rows: 1 << rows, columns: 1 << columns })
 }
 
-/// The matrix cut into pieces of `each` rows.
 fn cut(of: &CompressedRows, each: usize) -> Vec<CompressedRows> {
     let rows = of.row_start.len() - 1;
     let piece = |first: usize| {
@@ -43,7 +42,6 @@ fn cut(of: &CompressedRows, each: usize) -> Vec<CompressedRows> {
     (0..rows).step_by(each).map(piece).collect()
 }
 
-/// The tiles of pieces, in this shape.
 fn tiles(shape: Shape, cols: usize, pieces: Vec<CompressedRows>, symmetric: bool) -> Tiles {
     let pieces = Pieces::new(0, pieces);
     let mut builder = Builder::of_shape(shape, [pieces.rows(), cols], 2, symmetric);
@@ -53,7 +51,6 @@ fn tiles(shape: Shape, cols: usize, pieces: Vec<CompressedRows>, symmetric: bool
     builder.finish()
 }
 
-/// The sums of the rows, from left to right.
 fn product(from: &CompressedRows, channel: usize, x: &[f64]) -> Vec<f64> {
     let of_row = |ends: &[usize]| {
         (ends[0]..ends[1]).fold(0.0, |sum, entry| {
@@ -67,8 +64,7 @@ fn pattern(cols: usize) -> Vec<f64> {
     (0..cols).map(|column| (column * 7919 % 1013) as f64 / 1013.0 - 0.5).collect()
 }
 
-/// The vector interleaved with multiples of it by powers of two (and zero), whose products are exact
-/// multiples of its product.
+/// The vector, interleaved with its multiples by powers of two and zero, whose products are exact multiples.
 fn four(x: &[f64]) -> Vec<Interleaved> {
     x.iter().map(|x| Interleaved([*x, -2.0 * x, 0.0, 0.5 * x])).collect()
 }
@@ -141,7 +137,7 @@ fn symmetric(of: &CompressedRows) -> [CompressedRows; 2] {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// More rows than become tiles at the same time, too.
+    /// Some cases have more rows than become tiles at the same time.
     #[test]
     fn a_symmetric_matrix_is_made_of_its_triangle(
         rows in prop_oneof![1..3000_usize, 33_000..34_000_usize], shape in shapes(), seed: u64,
