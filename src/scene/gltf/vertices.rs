@@ -35,7 +35,6 @@ pub(super) struct Vertices<'a> {
     texcoords: [Option<OpenAccessor<'a>>; 2],
     colors: Option<(OpenAccessor<'a>, Type)>,
     targets: Vec<Target<'a>>,
-    /// The number of vertices.
     pub count: usize,
 }
 
@@ -47,8 +46,8 @@ struct Target<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    /// Opens the primitive's attributes and its morph targets, whose rest weights are `weights`. Of the
-    /// texture coordinates it opens the sets that `material` uses.
+    /// Opens the primitive's attributes and its morph targets with the rest weights `weights`. Only the
+    /// texture coordinate sets that `material` uses are opened.
     pub(super) fn open(
         document: &'a Document,
         what: &str,
@@ -194,7 +193,7 @@ const INDICES: [ComponentType; 3] = [ComponentType::U8, ComponentType::U16, Comp
 pub(super) struct Corners<'a> {
     mode: Mode,
     indices: Option<OpenAccessor<'a>>,
-    /// The number of triangles, degenerate ones included.
+    /// The number of triangles, including degenerate ones.
     pub triangles: usize,
 }
 

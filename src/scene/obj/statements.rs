@@ -1,4 +1,4 @@
-//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file. Errors name the line, and positions are double precision, for
+//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file. Errors name the line. Positions are in double precision, for
 //! scenes far from the origin.
 
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::scene::source::{Warnings, fault};
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
-/// The name of a material whose name is left out.
+/// The name of a material that has none.
 pub(super) const UNNAMED: &str = "unnamed";
 
 /// One statement, with continued lines joined.
@@ -23,10 +23,10 @@ pub(super) struct Line<'a> {
     pub rest: &'a str,
 }
 
-/// One number more than any statement takes.
+/// One more than the largest number of numbers in a statement.
 const MAX_NUMBERS: usize = 8;
 
-/// The numbers of a statement, at most [`MAX_NUMBERS`] of them.
+/// The numbers of a statement, at most [`MAX_NUMBERS`].
 pub(super) struct Arguments {
     first: [f32; MAX_NUMBERS],
     count: usize,
@@ -128,10 +128,10 @@ pub(super) fn shortened(word: &str) -> String {
 
 // The geometry of an `.obj` file, statement by statement. Errors name the line.
 //
-// `tobj` is not used for it: it reads positions in single precision, which is too coarse for scenes far from the origin, accepts indices that do
-// not exist, and reports errors without line numbers.
+// The crate `tobj` is not used: it reads positions in single precision, which is too coarse for scenes far from the origin, accepts indices
+// that do not exist, and reports errors without line numbers.
 
-/// Maximum number of unknown statement kinds that warnings name.
+/// The largest number of unknown statement kinds that warnings name.
 const MAX_UNKNOWN: usize = 16;
 
 /// The elements that the indices of a corner refer to, in order.
@@ -156,7 +156,7 @@ pub(super) struct Checked {
     pub texcoords: Vec<Vec2>,
     /// Unit vectors; zero where the file's normal has no direction.
     pub normals: Vec<Vec3>,
-    /// The vertex, texture coordinate and normal of each corner of the faces, counted from 1; 0 for none.
+    /// The vertex, texture coordinate and normal of each corner of the faces, counted from 1. A missing element is 0.
     pub corners: Vec<[u32; 3]>,
     /// The number of corners of each face.
     pub sizes: Vec<u32>,
@@ -171,7 +171,6 @@ pub(super) struct Checked {
     material: Option<u32>,
     triangles: usize,
     unknown: usize,
-    /// Whether there are points or lines.
     pub has_points: bool,
 }
 
@@ -230,7 +229,7 @@ impl Checked {
         };
         let mut position = DVec3::ZERO;
         for (axis, word) in line.words().take(3).enumerate() {
-            // They are numbers, as was found above.
+            // These words are numbers, as was checked above.
             position[axis] = word.parse().unwrap_or_default();
         }
         self.vertices.push((position, color));
@@ -265,8 +264,8 @@ impl Checked {
         Ok(())
     }
 
-    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. Texture coordinates and normals that the file does not have
-    /// are left out: exporters that leave them out may still count them.
+    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. References to texture coordinates and normals that the
+    /// file does not have are dropped with a warning, because some exporters omit these but still count them.
     fn corner(&self, line: &Line<'_>, word: &str, warnings: &mut Warnings) -> Result<[u32; 3]> {
         let counts = [self.vertices.len(), self.texcoords.len(), self.normals.len()];
         let mut found = [0; 3];
@@ -295,14 +294,14 @@ impl Checked {
     }
 }
 
-/// The element of `count` that an index refers to, which counts from 1 or backwards from −1; the result counts from 1.
+/// The number of the element that an index refers to. The index counts from 1, or backwards from −1; the result counts from 1.
 fn existing(index: i64, count: usize) -> Option<u32> {
     let count = i64::try_from(count).ok()?;
     let index = if index < 0 { count + 1 + index } else { index };
     (1..=count).contains(&index).then(|| u32::try_from(index).ok())?
 }
 
-/// The index of a name in `names`; a new name is added.
+/// The index of a name in `names`, to which a new name is added.
 fn index_of(names: &mut IndexSet<String>, name: &str) -> u32 {
     names.get_index_of(name).unwrap_or_else(|| names.insert_full(name.into()).0) as u32
 }
