@@ -157,7 +157,6 @@ fn remove_in(folder: &Path) {
     }
 }
 
-/// Whether a file is a temporary file whose process has ended.
 fn is_left_over(name: &str, path: &Path) -> bool {
     let Some((process, system)) = writer_in(name) else { return false };
     // krylux did not make a link.

@@ -42,7 +42,6 @@ pub(crate) fn kind(path: &Path) -> Result<Option<FileKind>> {
     found.map_err(Error::reading(path))
 }
 
-/// Makes a folder and its parents.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
     spot::make_folder(path).map_err(Error::writing(path))
 }
@@ -57,14 +56,12 @@ pub(crate) fn remove(path: &Path) -> Result<()> {
     removed.map_err(Error::writing(path))
 }
 
-/// The bytes of a regular file.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let read = opened_to_hold(path).and_then(|mut file| file.read_to_end(&mut bytes));
     read.map_err(Error::reading(path)).map(|_| bytes)
 }
 
-/// The text of a regular file in UTF-8.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let mut text = String::new();
     let read = opened_to_hold(path).and_then(|mut file| file.read_to_string(&mut text));
@@ -94,7 +91,6 @@ fn opened(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// The refusal of a part of a path that is not a folder.
 fn no_folder(name: &Path, kind: FileKind) -> io::Error {
     let what = match kind {
         FileKind::Link => spot::LINK,

@@ -53,7 +53,6 @@ impl FileKind {
         }
     }
 
-    /// Refuses everything except a regular file.
     pub(super) fn require_file(self) -> io::Result<()> {
         let what = match self {
             Self::File => return Ok(()),
@@ -123,13 +122,11 @@ impl Spot {
         self.folder.rename(name, &self.name)
     }
 
-    /// Removes the file of another name in the same folder.
     pub(super) fn remove_sibling(&self, name: &Path) -> io::Result<()> {
         self.folder.remove_file(name)
     }
 }
 
-/// Makes a folder and its parents.
 pub(super) fn make_folder(path: &Path) -> io::Result<()> {
     let Some((top, parts)) = below_top(path)? else { return fs::create_dir_all(path) };
     fs::create_dir_all(&top)?;

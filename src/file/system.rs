@@ -26,7 +26,6 @@ pub(super) mod unix {
             Ok(Self(Some(openat(CWD, path, FOLDER, Mode::empty())?)))
         }
 
-        /// Opens the folder `name` inside this folder.
         pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
             match openat(self.at(), name, FOLDER | OFlags::NOFOLLOW, Mode::empty()) {
                 Ok(folder) => Ok(Self(Some(folder))),
@@ -110,7 +109,6 @@ pub(super) mod any_system {
             fs::metadata(path).map(|_| Self(path.to_path_buf()))
         }
 
-        /// Opens the folder `name` inside this folder.
         pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
             match self.kind(name, false)? {
                 FileKind::Folder => Ok(Self(self.0.join(name))),

@@ -75,7 +75,6 @@ impl Tree {
         self.at("run").join(names[number % names.len()])
     }
 
-    /// Names and contents of everything outside.
     fn outside(&self) -> Vec<(PathBuf, Option<Vec<u8>>)> {
         let (mut found, mut folders) = (Vec::new(), vec![self.at("outside")]);
         while let Some(folder) = folders.pop() {

@@ -13,7 +13,6 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// A file format that can be decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
     Png,
@@ -92,7 +91,6 @@ impl DecodedImage {
         self.channels >= 3
     }
 
-    /// Whether the last sample of a pixel is its opacity.
     pub(crate) fn has_alpha(&self) -> bool {
         self.channels.is_multiple_of(2)
     }
@@ -125,7 +123,6 @@ impl DecodedImage {
     }
 }
 
-/// Decodes a PNG file with at most `max_bytes` bytes of pixels.
 fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let message = |error: png::DecodingError| error.to_string();
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: max_bytes });
@@ -155,7 +152,6 @@ fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     Ok(DecodedImage { width, height, channels, samples })
 }
 
-/// Decodes a JPEG file with at most `max_bytes` bytes of pixels.
 fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let header = open_jpeg(bytes, ColorSpace::RGB)?;
     let (width, height) = jpeg_size(&header)?;
@@ -223,7 +219,6 @@ mod tests {
         bytes
     };
 
-    /// Asserts that the decoded file equals the result of the crate `image`.
     fn agrees(format: Format, file: &[u8], what: &str) {
         let other: DynamicImage = image::load_from_memory(file).expect("it is a whole picture");
         let size = format.size(file).expect("it has a size");

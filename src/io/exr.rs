@@ -115,7 +115,6 @@ fn unusable(path: &Path, fault: String) -> Error {
     Error::data(path, fault, "give an EXR file with channels R, G, B or Y, bare or in a layer")
 }
 
-/// The names and images of all layers that form an image.
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     // Some decoders of the crate `exr`, for example the PIZ decoder, assert properties of the data. A panic is safe
     // to catch here, because the closure owns everything that it modifies.
@@ -189,7 +188,6 @@ fn assemble(channels: &[(String, &FlatSamples)], prefix: &str, resolution: Resol
     })
 }
 
-/// The channel names of an image without their prefix.
 fn suffixes(channels: usize) -> &'static [&'static str] {
     if channels == 3 { &["R", "G", "B"] } else { &["Y"] }
 }

@@ -140,8 +140,8 @@ pub struct Verification {
     /// The verdict on the answer. Early records do not have it.
     #[serde(default)]
     pub verdict: CheckVerdict,
-    /// The excess of the difference over what the noise of both photos and the stated residuals explain, in standard errors of the difference.
-    /// For several photos it is the largest value.
+    /// The excess of the difference over what the noise of both photos and the stated residuals explain, in standard errors of the
+    /// difference. For several photos it is the largest value.
     #[serde(default)]
     pub statistic: f64,
     /// The probability of such a statistic if the answer is right.

@@ -26,7 +26,6 @@ use crate::file;
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
 
-/// The version of the format.
 const FORMAT: u32 = 2;
 /// The folder of a model in the folder of its run.
 pub const FOLDER: &str = "model";
@@ -290,7 +289,6 @@ fn unusable(path: &Path, fault: String) -> Error {
 mod tests {
     use super::*;
 
-    /// A model whose ambient light has three channels.
     fn of_channels(channels: Vec<ChannelArrays>, resolution: Resolution) -> ModelArrays {
         ModelArrays {
             channels,

@@ -95,7 +95,6 @@ pub fn read_image(path: &Path) -> Result<Image> {
     Image::new(Resolution::new(width, height), channels, values.iter().map(|&value| value as f32).collect())
 }
 
-/// Parses the bytes of an `.npy` file. `Err` is a sentence about the fault.
 pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     require_plain_header(bytes)?;
     let file = NpyFile::new(bytes).map_err(|error| format!("its header is malformed: {error}"))?;
@@ -202,7 +201,6 @@ fn decoder(number: &TypeStr) -> std::result::Result<Decode, String> {
     })
 }
 
-/// The value of a 16-bit float.
 fn half(bits: u16) -> f64 {
     ::exr::prelude::f16::from_bits(bits).to_f64()
 }

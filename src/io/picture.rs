@@ -9,7 +9,6 @@ use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
 use crate::{file, machine};
 
-/// The file formats of images.
 enum Kind {
     Npy,
     Exr,
@@ -132,14 +131,12 @@ const MAX_BYTES: usize = 512 << 20;
 /// Bytes of memory for each decoded byte: an 8-bit sample becomes a 16-bit sample, and then a 32-bit sample.
 const MEMORY_PER_BYTE: u64 = 8;
 
-/// The size that a PNG or JPEG file states.
 pub(super) fn size(path: &Path) -> Result<Resolution> {
     let bytes = file::read(path)?;
     let (width, height) = format(path, &bytes)?.size(&bytes).map_err(|fault| no_picture(path, fault))?;
     Ok(Resolution::new(width as usize, height as usize))
 }
 
-/// The largest size of decoded pixels in bytes on this machine.
 fn max_bytes() -> usize {
     let most = machine::memory() / 2 / MEMORY_PER_BYTE;
     MAX_BYTES.min(usize::try_from(most).unwrap_or(MAX_BYTES))

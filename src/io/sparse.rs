@@ -186,7 +186,6 @@ pub(crate) fn add_format_to_npz(archive: &mut ZipWriter<impl Write + Seek>) -> i
     array.finish()
 }
 
-/// The options of a member of `bytes` bytes.
 pub(crate) fn npz_options(bytes: u64) -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
@@ -360,7 +359,6 @@ impl<W> FirstError<W> {
         Self { inner, has_failed: false }
     }
 
-    /// The result of `work`, or `rest` after an error.
     fn unless_failed<T>(&mut self, rest: T, work: impl FnOnce(&mut W) -> io::Result<T>) -> io::Result<T> {
         if self.has_failed {
             return Ok(rest);

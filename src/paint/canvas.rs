@@ -37,7 +37,6 @@ impl Light {
         }
     }
 
-    /// Whether a layer of the matrix belongs to this light.
     pub(super) fn holds(self, layer: Self) -> bool {
         match self {
             Self::All => true,
@@ -245,7 +244,6 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// The layers of the matrix, if it is in memory.
 fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
     let has_matrix = match lab.kind() {
         SourceKind::Scene => lab.assembled()?.is_some(),
@@ -297,12 +295,10 @@ impl Columns {
         Self { by_channel: matrices.into_iter().map(columns).collect() }
     }
 
-    /// The matrices, whose rows are the columns.
     pub(super) fn channels(&self) -> &[Csr] {
         &self.by_channel
     }
 
-    /// The number of entries of one channel.
     pub(super) fn nonzeros(&self) -> usize {
         self.by_channel.first().map_or(0, |matrix| matrix.weights().len())
     }

@@ -32,7 +32,6 @@ const HEADER_TIMEOUT: Duration = Duration::from_secs(5);
 /// The time that a client has to read a page, or to open its socket.
 const PAGE_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// The largest size of a request's headers.
 const HEADER_BYTES: usize = 16 * 1024;
 
 /// Answers a client that too many connections are open.
@@ -227,7 +226,6 @@ async fn talk(
     }
 }
 
-/// A page that has just left is not a fault.
 fn gone(error: &SocketError) -> Result<(), String> {
     use tokio_tungstenite::tungstenite::error::ProtocolError;
     match error {
@@ -279,12 +277,10 @@ async fn write(socket: &mut WebSocketStream<TokioIo<Upgraded>>, message: Message
 /// The number of answers and texts that may wait for one page. The oldest are dropped.
 const MOST_WAITING: usize = 16;
 
-/// Something to send to a page.
 #[derive(Clone, Debug)]
 pub enum Parcel {
     /// Bytes, which several pages share.
     Bytes(Arc<Vec<u8>>),
-    /// JSON.
     Text(String),
 }
 
@@ -311,7 +307,6 @@ impl Outboxes {
         arrived
     }
 
-    /// Closes the outbox of a page that has left.
     pub fn close(&self, client: Client) {
         self.lock().remove(&client);
     }
@@ -341,7 +336,6 @@ impl Outboxes {
         outboxes.values().for_each(|outbox| outbox.arrived.notify_one());
     }
 
-    /// Takes the next parcel of a page.
     pub fn take(&self, client: Client) -> Option<Parcel> {
         let mut outboxes = self.lock();
         let outbox = outboxes.get_mut(&client)?;

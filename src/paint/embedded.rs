@@ -253,7 +253,6 @@ struct Sections {
 }
 
 impl Sections {
-    /// Adds a section and returns its number.
     fn add(&mut self, bytes: &[u8]) -> usize {
         let (number, text) = (self.count, deflated(bytes, LEVEL));
         // Writing to a string cannot fail.
@@ -274,7 +273,6 @@ pub enum Precision {
     Single,
 }
 
-/// A packed layer: positions, and the values of each channel.
 struct PackedLayer {
     pub(super) positions: Vec<u8>,
     pub(super) values: Vec<Vec<u8>>,
@@ -369,7 +367,6 @@ pub(super) fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Co
     layers.iter().map(|(light, columns)| (*light, without_small(columns, &scales, threshold))).collect()
 }
 
-/// The size of each entry of a layer, column by column.
 fn sizes(columns: &Columns, scales: &[f64]) -> Vec<f64> {
     let mut sizes = vec![0.0_f64; columns.nonzeros()];
     for (of, scale) in columns.channels().iter().zip(scales) {

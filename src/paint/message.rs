@@ -15,16 +15,13 @@ use crate::analysis::planes::Planes;
 /// The number of bytes before the content of a message.
 pub const HEADER: usize = 8;
 
-/// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PageRequest {
     /// New values of single pixels of the pattern, one for each channel.
     Change(Vec<(u32, Vec<f32>)>),
-    /// A whole new pattern.
     Replace(Planes),
     /// A stroke has ended, so the exact photo of the pattern is wanted.
     Finish,
-    /// Another light, by its index.
     Light(usize),
     /// The light of this projector pixel.
     Column(u32),
@@ -38,12 +35,10 @@ pub enum PageRequest {
 pub struct NumberedQuestion {
     /// The number that the page chose.
     pub number: u32,
-    /// The question.
     #[serde(flatten)]
     pub question: Question,
 }
 
-/// The content of a message of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageKind {
     /// A photo. The number is that of the author's last request that the photo includes. The flag says that the photo is exact.
@@ -107,14 +102,12 @@ fn planes(content: &[u8], channels: usize, pixels: usize) -> Result<Planes, Stri
     Ok(values.chunks_exact(pixels).map(<[f64]>::to_vec).collect())
 }
 
-/// Writes a message of planes.
 pub fn write(kind: MessageKind, is_exact: bool, light: usize, number: u32, planes: &Planes) -> Vec<u8> {
     let mut bytes = header(kind, is_exact, light, number);
     put(&mut bytes, planes);
     bytes
 }
 
-/// Writes an answer: a JSON text with planes.
 pub fn write_answer(number: u32, text: &str, planes: &Planes) -> Vec<u8> {
     let mut bytes = header(MessageKind::Answer, true, 0, number);
     // Floats begin at multiples of four bytes.
@@ -140,10 +133,8 @@ fn put(bytes: &mut Vec<u8>, planes: &Planes) {
 /// The number of questions of one page that may wait. A page asks one after the other.
 const MOST_QUESTIONS: usize = 4;
 
-/// The number of a connection.
 pub type Client = u64;
 
-/// The waiting requests.
 #[derive(Debug, Default)]
 pub struct Pending {
     /// The page that changed the pattern last, with the number of its request.
@@ -152,9 +143,7 @@ pub struct Pending {
     pub replace: Option<Planes>,
     /// The newest values of single pixels.
     pub changes: BTreeMap<u32, Vec<f32>>,
-    /// Whether a stroke has ended.
     pub is_finished: bool,
-    /// Another light, by its index.
     pub light: Option<usize>,
     /// The newest pixel that each page looks at. The key is `true` for a camera pixel, `false` for a projector pixel.
     pub looks: BTreeMap<(Client, bool), u32>,
@@ -162,7 +151,6 @@ pub struct Pending {
     pub questions: VecDeque<(Client, NumberedQuestion)>,
     /// New pages, which need the current pattern and photo.
     pub newcomers: Vec<Client>,
-    /// Whether the session should end.
     pub is_over: bool,
 }
 
@@ -217,7 +205,6 @@ impl Mailbox {
         Ok(())
     }
 
-    /// Adds a new page.
     pub fn welcome(&self, client: Client) {
         self.lock().newcomers.push(client);
         self.arrived.notify_one();
@@ -231,7 +218,6 @@ impl Mailbox {
         pending.newcomers.retain(|of| *of != client);
     }
 
-    /// Makes the session end.
     pub fn end(&self) {
         self.lock().is_over = true;
         self.arrived.notify_one();

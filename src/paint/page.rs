@@ -55,7 +55,6 @@ pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Bytes> {
 #[template(path = "paint.html", config = "src/report/askama.toml")]
 struct Page<'a> {
     title: &'a str,
-    /// A sentence at the end of the page.
     about: &'a str,
     /// The attribute that lets the page's own scripts and styles run; empty for a page without such a
     /// restriction.

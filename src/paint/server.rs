@@ -44,7 +44,6 @@ pub enum Ended {
     Idle,
 }
 
-/// The state that all connections share.
 pub(super) struct ServerState {
     pub(super) mailbox: Mailbox,
     pub(super) outboxes: Outboxes,
@@ -60,13 +59,11 @@ pub(super) struct ServerState {
 /// One of the [`MOST_CONNECTIONS`] places for connections.
 #[derive(Default)]
 pub(super) struct Slot {
-    /// Whether the connection has sent a request.
     pub(super) has_asked: Cell<bool>,
     /// Notified when another connection takes the place.
     end: Notify,
 }
 
-/// The planes and pixels of patterns.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sizes {
     pub(super) channels: usize,
@@ -209,9 +206,7 @@ pub struct Guard {
 /// The two paths of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// The page.
     Page,
-    /// The socket of the page.
     Socket,
 }
 

@@ -21,15 +21,12 @@ pub struct Session<'a> {
 /// A message to pages. Only the newest photo, pattern and look counts.
 #[derive(Clone, Debug)]
 pub enum Event {
-    /// A photo, for every page.
     Photo(Vec<u8>),
     /// The pattern of the photo, for all pages except its author's.
     Pattern(Option<Client>, Vec<u8>),
     /// The light of a pixel, or the pixels that light a pixel, for one page.
     Look(Client, MessageKind, Vec<u8>),
-    /// An answer, for one page.
     Answer(Client, Vec<u8>),
-    /// A text, for one page.
     Text(Client, String),
 }
 

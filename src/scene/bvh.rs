@@ -100,7 +100,6 @@ fn split(boxes: &[Aabb], order: &mut [u32], first: usize, at: usize, nodes: &mut
     split(boxes, right, first + middle, children + 1, nodes);
 }
 
-/// The number of levels of a tree; the root alone has one.
 fn depth(bvh: &CwBvh) -> usize {
     let mut deepest = 0;
     let mut pending = vec![(0_usize, 1_usize)];

@@ -224,7 +224,6 @@ mod tests {
 
     use super::*;
 
-    /// A camera at (1, 2, 3) that looks along +X with +Z up.
     fn camera() -> Camera {
         Camera {
             name: "test".into(),

@@ -52,7 +52,6 @@ impl CameraPair {
     }
 }
 
-/// The content of a camera file.
 #[derive(Default)]
 pub(super) struct CameraFile {
     /// The file's bytes, which enter the scene's hash.
@@ -62,7 +61,6 @@ pub(super) struct CameraFile {
     pub projector_resolution: Option<Resolution>,
 }
 
-/// The tables of a camera file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tables {
@@ -70,7 +68,6 @@ struct Tables {
     projector: Option<View>,
 }
 
-/// One table of a camera file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct View {
@@ -105,7 +102,6 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cam
     read(&neighbour).map(Some)
 }
 
-/// Reads a camera file.
 fn read(path: &Path) -> Result<CameraFile> {
     let bytes = file::read(path)?;
     let text = std::str::from_utf8(&bytes)

@@ -128,7 +128,6 @@ impl<'a> Watcher<'a> {
         Self(Some(told))
     }
 
-    /// Reports the finished share.
     pub(super) fn tell(self, share: f32) -> Result<()> {
         match self.0.map(|told| told(share.clamp(0.0, 1.0))) {
             Some(ControlFlow::Break(())) => Err(Error::Interrupted),

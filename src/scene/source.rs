@@ -135,7 +135,6 @@ const MAX_TEXELS: u64 = 1 << 27;
 /// The largest size of one decoded picture in bytes. PNG's widest pixel, 16-bit RGBA, has 8 bytes.
 const MAX_BYTES: usize = 8 << 27;
 
-/// A decoded picture.
 pub(super) struct Texels {
     pub width: u32,
     pub height: u32,
@@ -143,7 +142,6 @@ pub(super) struct Texels {
     pub texels: Vec<[u8; 4]>,
 }
 
-/// Why a picture cannot be used.
 pub(super) struct Fault {
     /// A predicate for a sentence about the picture.
     pub fault: String,
@@ -153,7 +151,6 @@ pub(super) struct Fault {
     pub is_unknown: bool,
 }
 
-/// Advice for pictures of other formats, which ImageMagick reads.
 const CONVERT: &str =
     "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures";
 

@@ -53,7 +53,6 @@ impl Triangle {
         color.map(|channel| (channel.clamp(0.0, 1.0) * 65535.0).round() as u16)
     }
 
-    /// The triangle with its front and back exchanged.
     pub(super) fn flipped(mut self) -> Self {
         self.positions.swap(1, 2);
         self.normals.swap(1, 2);

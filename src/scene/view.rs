@@ -17,7 +17,6 @@ const FAR: f32 = 50.0;
 /// The roughness below which a surface counts as a mirror here.
 const SMOOTH: f32 = 0.05;
 
-/// The first surface on a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Hit {
     distance: f32,
@@ -30,11 +29,9 @@ struct Hit {
 enum Darkness {
     /// A one-sided surface shows its back.
     Back,
-    /// Its colour is black.
     Black,
     /// It is invisible: its opacity is 0.
     Absent,
-    /// It is a smooth mirror, or clear glass.
     Mirror,
 }
 

@@ -121,7 +121,6 @@ impl Model {
     }
 }
 
-/// The hash of a scene without a file, computed from its content.
 fn content_hash(scene: &Scene) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     // Rust prints floats with the shortest digits that read back as the same number, so different values have different texts.
@@ -143,7 +142,6 @@ fn content_hash(scene: &Scene) -> [u8; 32] {
     *hasher.finalize().as_bytes()
 }
 
-/// A two-sided Lambertian material of albedo `color`.
 pub(super) fn matte(name: &str, color: Vec3) -> Material {
     Material { name: name.into(), base_color: color, ..Material::default() }
 }
@@ -208,7 +206,6 @@ struct Binary {
 }
 
 impl Binary {
-    /// Appends the vertices of a part. Returns the index of their accessor.
     fn positions(&mut self, part: &Part) -> usize {
         let mut minimum = Vec3::INFINITY;
         let mut maximum = Vec3::NEG_INFINITY;
@@ -230,7 +227,6 @@ impl Binary {
         )
     }
 
-    /// Appends the triangles of a part. Returns the index of their accessor.
     fn indices(&mut self, part: &Part) -> usize {
         let start = self.bytes.len();
         // The largest index of each width is reserved for primitive restart.

@@ -13,7 +13,6 @@ use super::{Document, object_name};
 use crate::error::{Error, Result};
 use crate::scene::source;
 
-/// Reads every buffer of the file.
 pub(super) fn load(document: &mut Document) -> Result<()> {
     let unread = unread(&document.root);
     for (index, is_unread) in unread.into_iter().enumerate() {
@@ -100,7 +99,6 @@ fn unread(root: &json::Root) -> Vec<bool> {
     views.into_iter().map(|[compressed, plain]| compressed > 0 && plain == 0).collect()
 }
 
-/// The compression extension of a buffer view.
 pub(super) fn compression(view: &json::buffer::View) -> Option<&json::Value> {
     let others = &view.extensions.as_ref()?.others;
     MESHOPT.iter().find_map(|name| others.get(*name))
@@ -198,7 +196,6 @@ pub(super) struct OpenAccessor<'a> {
     pub count: usize,
 }
 
-/// Elements at a fixed stride, in bytes.
 #[derive(Clone, Copy)]
 struct Elements<'a> {
     bytes: &'a [u8],
@@ -206,7 +203,6 @@ struct Elements<'a> {
 }
 
 impl<'a> Elements<'a> {
-    /// The bytes from element `index` on.
     fn at(&self, index: usize) -> Option<&'a [u8]> {
         self.bytes.get(index.checked_mul(self.stride)?..)
     }
@@ -412,7 +408,6 @@ impl OpenAccessor<'_> {
         Some(vector)
     }
 
-    /// Element `index` of an array of unsigned integers. `None` past the end.
     pub(super) fn integer(&self, index: usize) -> Option<u32> {
         self.integers::<1>(index).map(|[integer]| integer)
     }
@@ -428,7 +423,6 @@ impl OpenAccessor<'_> {
         Some(integers)
     }
 
-    /// The component at the start of `bytes`.
     fn value(&self, bytes: &[u8]) -> Option<f32> {
         // The lower bound of −1 only affects signed types.
         let (value, maximum) = match self.component {

@@ -25,9 +25,7 @@ struct Candidate<'a> {
 
 /// The camera at which the rig stands, unless a camera file states one.
 pub(super) enum Wanted {
-    /// The node of this name.
     Named(String),
-    /// The only camera node.
     Only,
     /// The first perspective camera.
     First,
@@ -69,7 +67,6 @@ pub(super) fn wanted(
     Ok(if is_empty { Wanted::Placed } else { Wanted::First })
 }
 
-/// The names of candidates, for messages.
 fn names(candidates: &[&Candidate<'_>]) -> String {
     candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ")
 }

@@ -21,7 +21,6 @@ use crate::scene::triangle::MAX_TRIANGLES;
 /// number of equal vertices.
 const MAX_BYTES: usize = 1 << 30;
 
-/// The extension of a buffer view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct CompressedView {
@@ -72,7 +71,6 @@ fn parse(value: json::Value) -> std::result::Result<CompressedView, String> {
     serde_json::from_value(value).map_err(|error| error.to_string())
 }
 
-/// The decompressed bytes of a view.
 fn decoded_view(
     document: &Document,
     of: &CompressedView,
@@ -103,7 +101,6 @@ fn decoded_view(
     Ok(bytes)
 }
 
-/// Adds a buffer with these bytes.
 fn add_buffer(document: &mut Document, bytes: Vec<u8>) -> json::Index<json::Buffer> {
     document.buffers.push(bytes);
     // The memory cannot hold 2³² buffers.
@@ -112,7 +109,6 @@ fn add_buffer(document: &mut Document, bytes: Vec<u8>) -> json::Index<json::Buff
 
 const HELP: &str = "the file is damaged or too large: export it again, or without mesh compression";
 
-/// The extension of a primitive.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct CompressedPrimitive {
@@ -140,7 +136,6 @@ pub(super) fn decompress_primitives(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// The decompressed mesh of a primitive.
 fn decode(document: &Document, what: &str, compressed: &CompressedPrimitive) -> Result<Mesh> {
     let view = json::Index::new(compressed.buffer_view);
     let (bytes, _) = buffers::view(document, what, view)?;

@@ -117,7 +117,6 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// Advice for a file that requires an unsupported extension.
 pub(super) fn advice(name: &str) -> &'static str {
     match name {
         "KHR_texture_basisu" => {
@@ -169,7 +168,6 @@ impl Extras {
         }
     }
 
-    /// The lens of the camera `name`.
     pub(super) fn lens(&self, document: &Document, name: &str) -> Result<Lens> {
         let number = |key: &str| match self.0.get(key) {
             None => Ok(None),
@@ -203,9 +201,7 @@ const MAX_NAME_BYTES: usize = 200;
 /// region of surfaces without a label. A region's index therefore does not depend on the order of the nodes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Label {
-    /// A non-negative integer.
     Number(u64),
-    /// Any other name.
     Name(String),
     /// Surfaces without a label in a file that has labels.
     Absent,
@@ -243,7 +239,6 @@ pub(super) fn label(document: &Document, what: &str, extras: &json::Extras) -> R
     })
 }
 
-/// The first 60 characters of a value as JSON, for a message of one line.
 fn shortened(value: &json::Value) -> String {
     let text = value.to_string();
     match text.char_indices().nth(60) {

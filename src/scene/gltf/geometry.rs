@@ -22,7 +22,6 @@ const NO_AREA: &str = "points or lines, which have no area";
 
 /// The triangles of one primitive at one node. Their region index is set later.
 pub(super) struct Surface {
-    /// Index into the placed nodes.
     pub placed: usize,
     /// The label of the primitive, or else of its mesh, or else of its node.
     pub label: Option<Label>,
@@ -113,7 +112,6 @@ struct Placement {
 }
 
 enum Poses {
-    /// One transform for each instance.
     Rigid(Vec<Transform>),
     /// One matrix for each joint of the skin.
     Skinned(Rc<[DAffine3]>),
@@ -240,7 +238,6 @@ fn cut_short(document: &Document, what: &str) -> Error {
     document.damaged_mesh(format!("{what}: its data ends too early"))
 }
 
-/// Makes world-space triangles of a primitive at one pose.
 struct Placer<'a> {
     pub document: &'a Document,
     pub what: &'a str,
@@ -366,7 +363,6 @@ impl Counts {
     }
 }
 
-/// The error when there is no memory for the triangles.
 pub(super) fn too_many(document: &Document, count: usize) -> Error {
     document.fault(
         format!("there is no memory for {count} triangles, all instances counted"),
@@ -374,7 +370,6 @@ pub(super) fn too_many(document: &Document, count: usize) -> Error {
     )
 }
 
-/// The progress of the assembly of triangles.
 #[derive(Clone, Copy)]
 struct Progress<'a> {
     pub watcher: Watcher<'a>,
@@ -384,7 +379,6 @@ struct Progress<'a> {
 }
 
 impl Progress<'_> {
-    /// Tells the watcher that work on the node begins.
     fn begin(self) -> Result<()> {
         self.watcher.tell(self.share(0.0))
     }

@@ -187,7 +187,6 @@ fn factors(
     Ok(material)
 }
 
-/// `KHR_materials_specular` of a material, or its defaults.
 fn specular(source: &json::Material) -> json::extensions::material::Specular {
     source.extensions.as_ref().and_then(|extensions| extensions.specular.clone()).unwrap_or_default()
 }
@@ -236,12 +235,10 @@ const ROUNDING: f32 = 1e-5;
 /// Range checks. Their errors name the material and the factor.
 pub(super) struct Checks<'a> {
     pub document: &'a Document,
-    /// The material's name in messages.
     pub what: &'a str,
 }
 
 impl Checks<'_> {
-    /// A value in `[0, 1]`, up to rounding.
     pub(super) fn fraction(&self, factor: &str, value: f32) -> Result<f32> {
         // NaN fails the comparison, too.
         if (-ROUNDING..=1.0 + ROUNDING).contains(&value) {
@@ -250,7 +247,6 @@ impl Checks<'_> {
         Err(self.out_of_range(factor, value, "between 0 and 1"))
     }
 
-    /// A colour in `[0, 1]`, up to rounding.
     pub(super) fn fractions(&self, factor: &str, values: [f32; 3]) -> Result<Vec3> {
         let [red, green, blue] = values;
         Ok(Vec3::new(
@@ -260,7 +256,6 @@ impl Checks<'_> {
         ))
     }
 
-    /// A colour of finite, non-negative values.
     pub(super) fn not_negative(&self, factor: &str, values: [f32; 3]) -> Result<Vec3> {
         match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
             Some(&value) => Err(self.out_of_range(factor, value, "finite and not negative")),
@@ -268,7 +263,6 @@ impl Checks<'_> {
         }
     }
 
-    /// A finite value.
     pub(super) fn finite(&self, factor: &str, value: f32) -> Result<f32> {
         if value.is_finite() { Ok(value) } else { Err(self.out_of_range(factor, value, "finite")) }
     }
@@ -373,10 +367,8 @@ const TRANSMISSION: &str = "KHR_materials_transmission";
 const DIFFUSE_TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 const VOLUME: &str = "KHR_materials_volume";
 
-/// The extensions that this module reads.
 const READ_HERE: [&str; 3] = [TRANSMISSION, DIFFUSE_TRANSMISSION, VOLUME];
 
-/// `KHR_materials_transmission`.
 #[derive(Default, Deserialize)]
 pub(super) struct Transmission {
     #[serde(default, rename = "transmissionFactor")]
@@ -385,7 +377,6 @@ pub(super) struct Transmission {
     pub texture: Option<json::texture::Info>,
 }
 
-/// `KHR_materials_diffuse_transmission`.
 #[derive(Default, Deserialize)]
 pub(super) struct DiffuseTransmission {
     #[serde(default, rename = "diffuseTransmissionFactor")]

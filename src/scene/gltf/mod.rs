@@ -95,7 +95,6 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 struct Document {
     path: PathBuf,
     root: json::Root,
-    /// The translation of each node, as [`nodes::translations`] reads it.
     translations: Vec<Option<DVec3>>,
     /// The binary chunk of a `.glb`, until [`buffers::load`] moves it to the first buffer.
     chunk: Option<Vec<u8>>,
@@ -173,7 +172,6 @@ impl Document {
     }
 }
 
-/// Parses the JSON of a glTF 2.0 file.
 fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     let error = match json::Root::from_slice(text) {
         Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
@@ -284,7 +282,6 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
 }
 
-/// The error about a file of a glTF version other than 2.
 fn other_version(path: &Path, version: &str) -> Error {
     let help = if version.starts_with("1.") {
         "convert it: npx gltf-pipeline -i OLD.gltf -o NEW.glb (or export the scene again as glTF 2.0)"

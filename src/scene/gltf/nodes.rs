@@ -34,7 +34,6 @@ pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
 }
 
 pub(super) struct Placed {
-    /// Index into the file's nodes.
     pub node: usize,
     /// The transform from the node's frame to the world, in double precision because chains of transforms accumulate rounding errors.
     pub transform: DAffine3,
@@ -97,7 +96,6 @@ fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize
     Ok(roots)
 }
 
-/// Advice for nodes that do not form trees.
 const FOREST: &str = "the file is damaged: nodes must form a tree; export it again";
 
 /// The parent of each node. A node with several parents is an error.
@@ -197,7 +195,6 @@ fn above(parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<Above>> {
     known
 }
 
-/// Whether node `start` is its own ancestor.
 fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
     let mut at = start;
     // If `start` is on a cycle, the walk returns to it after at most as many steps as there are nodes.
@@ -266,7 +263,6 @@ pub(super) fn name_regions(
     Ok((triangles, names, labelled))
 }
 
-/// The names of the regions, and the region of each surface.
 type Naming = (Vec<String>, Vec<u32>);
 
 /// One region for each label, in the order of labels.

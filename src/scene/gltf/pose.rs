@@ -57,11 +57,8 @@ impl Transform {
 pub(super) enum Pose<'a> {
     /// The transform of the mesh's node, or of one of its instances.
     Rigid(Transform),
-    /// Transforms by the joints of a skin.
     Skinned {
-        /// The matrix of each joint.
         joints: Rc<[DAffine3]>,
-        /// The joints and weights of each vertex.
         influences: Influences<'a>,
     },
 }
@@ -233,7 +230,6 @@ fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     })
 }
 
-/// The joints and weights of a primitive's vertices.
 pub(super) struct Influences<'a> {
     sets: Vec<(OpenAccessor<'a>, OpenAccessor<'a>)>,
 }

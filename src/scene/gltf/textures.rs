@@ -27,7 +27,6 @@ pub(super) struct Textures {
     pictures: Pictures,
 }
 
-/// A reference to a texture in a material of the file.
 pub(super) struct TextureUse {
     index: usize,
     set: u32,
@@ -153,7 +152,6 @@ impl Textures {
     }
 }
 
-/// The reason why there is no picture, and the remedy.
 type Absence = (String, String);
 
 /// The reason why a texture has no image. A reference to an image that does not exist is an error.

@@ -18,7 +18,6 @@ const COORDINATES: [ComponentType; 5] =
 
 const COLORS: [ComponentType; 3] = [ComponentType::F32, ComponentType::U8, ComponentType::U16];
 
-/// A vertex in the mesh's frame.
 #[derive(Clone, Copy)]
 pub(super) struct Vertex {
     pub position: Vec3,
@@ -98,7 +97,6 @@ impl<'a> Vertices<'a> {
         self.targets.len()
     }
 
-    /// Vertex `index`; `None` if it does not exist.
     pub(super) fn vertex(&self, index: usize) -> Option<Vertex> {
         let mut position = Vec3::from_array(self.positions.vector(index)?);
         let mut normal = match &self.normals {
@@ -131,7 +129,6 @@ impl<'a> Vertices<'a> {
     }
 }
 
-/// Opens the morph targets whose weight is not zero.
 fn open_targets<'a>(
     document: &'a Document,
     what: &str,
@@ -189,7 +186,6 @@ pub(super) fn open_for<'a>(
 
 const INDICES: [ComponentType; 3] = [ComponentType::U8, ComponentType::U16, ComponentType::U32];
 
-/// A primitive's index list and mode.
 pub(super) struct Corners<'a> {
     mode: Mode,
     indices: Option<OpenAccessor<'a>>,
@@ -198,7 +194,6 @@ pub(super) struct Corners<'a> {
 }
 
 impl<'a> Corners<'a> {
-    /// Opens the index list of a primitive with `vertices` vertices.
     pub(super) fn open(
         document: &'a Document,
         what: &str,

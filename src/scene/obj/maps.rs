@@ -12,19 +12,15 @@ use crate::file;
 use crate::scene::source::{self, ContentHash, Fault, Pictures, Texels, fault};
 use crate::scene::{Texture, TextureRef, Wrap};
 
-/// The textures of the materials read so far.
 pub(super) struct Maps<'a> {
     scene: &'a Path,
     pub textures: Vec<Texture>,
     index_of: HashMap<(Option<PathBuf>, Option<PathBuf>, bool), u32>,
     pictures: Pictures,
-    /// Whether a missing picture is an error.
     strict: bool,
-    /// Warnings about missing pictures.
     pub missing: Vec<String>,
 }
 
-/// The arguments of a map statement.
 #[derive(Clone, PartialEq)]
 struct Map {
     file: PathBuf,

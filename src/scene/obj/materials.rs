@@ -31,7 +31,6 @@ use crate::error::Result;
 use crate::scene::source::{self, ContentHash, Warnings, fault};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
 
-/// The materials that faces refer to.
 pub(super) struct ObjMaterials {
     pub list: Vec<Material>,
     pub textures: Vec<Texture>,
@@ -75,7 +74,6 @@ impl ObjMaterials {
     }
 }
 
-/// A name without the comment behind it.
 fn without_comment(name: &str) -> &str {
     name.find(" #").or_else(|| name.find("\t#")).map_or(name, |end| name[..end].trim_end())
 }
@@ -192,7 +190,6 @@ fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
     names
 }
 
-/// A material as its library states it.
 #[derive(Clone, Default)]
 struct Entry {
     name: String,
@@ -207,7 +204,6 @@ struct Entry {
     opacity: Option<f32>,
     roughness: Option<f32>,
     metallic: Option<f32>,
-    /// `illum`.
     model: Option<u8>,
     diffuse_map: Option<String>,
     opacity_map: Option<String>,
@@ -215,7 +211,6 @@ struct Entry {
     normal_map: Option<String>,
 }
 
-/// The entries of a library in order.
 fn entries(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<Entry>> {
     let mut entries: Vec<Entry> = Vec::new();
     statements(path, text, |line| {
@@ -283,7 +278,6 @@ impl Entry {
     }
 }
 
-/// Whether a colour is given as a file of its spectrum.
 fn is_spectral(line: &Line<'_>) -> bool {
     line.words().next() == Some("spectral")
 }

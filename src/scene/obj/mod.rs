@@ -185,7 +185,6 @@ fn triangle(corners: &[Corner; 3], material: u32, group: u32) -> Triangle {
     triangle
 }
 
-/// A corner of a face.
 #[derive(Clone, Copy)]
 struct Corner {
     /// The position in the scene's coordinates.
@@ -197,9 +196,7 @@ struct Corner {
     pub normal: Option<Vec3>,
 }
 
-/// A polygon of the file.
 struct Face {
-    /// Three or more corners.
     pub corners: Vec<Corner>,
     /// Index into [`Checked::groups`].
     pub group: u32,

@@ -10,7 +10,6 @@ use crate::error::{Error, Result};
 use crate::scene::source::{Warnings, fault};
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
-/// The name of a material that has none.
 pub(super) const UNNAMED: &str = "unnamed";
 
 /// One statement, with continued lines joined.
@@ -19,7 +18,6 @@ pub(super) struct Line<'a> {
     pub path: &'a Path,
     number: usize,
     pub keyword: &'a str,
-    /// The rest of the line, trimmed.
     pub rest: &'a str,
 }
 
@@ -40,7 +38,6 @@ impl std::ops::Deref for Arguments {
     }
 }
 
-/// Calls `each` for every statement of a file.
 pub(super) fn statements(
     path: &Path,
     text: &str,
@@ -77,7 +74,6 @@ impl<'a> Line<'a> {
         )
     }
 
-    /// The line's place, as in `line 7 of paint.mtl`.
     pub(super) fn place(&self) -> String {
         let file = self.path.file_name().unwrap_or_default();
         format!("line {} of {}", self.number, file.display())
@@ -94,7 +90,6 @@ impl<'a> Line<'a> {
         self.rest.split_whitespace().take_while(|word| !word.starts_with('#'))
     }
 
-    /// The arguments as finite numbers.
     pub(super) fn numbers(&self) -> Result<Arguments> {
         let mut numbers = Arguments { first: [0.0; MAX_NUMBERS], count: 0 };
         for word in self.words() {
@@ -109,7 +104,6 @@ impl<'a> Line<'a> {
         Ok(numbers)
     }
 
-    /// The only argument, a finite number.
     pub(super) fn number(&self) -> Result<f32> {
         match *self.numbers()? {
             [number] => Ok(number),
@@ -131,10 +125,8 @@ pub(super) fn shortened(word: &str) -> String {
 // The crate `tobj` is not used: it reads positions in single precision, which is too coarse for scenes far from the origin, accepts indices
 // that do not exist, and reports errors without line numbers.
 
-/// The largest number of unknown statement kinds that warnings name.
 const MAX_UNKNOWN: usize = 16;
 
-/// The elements that the indices of a corner refer to, in order.
 const ELEMENTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// Consecutive faces of the same group and material.
@@ -147,7 +139,6 @@ pub(super) struct FaceRun {
     pub material: Option<u32>,
 }
 
-/// The content of the statements read so far.
 #[derive(Default)]
 pub(super) struct Checked {
     /// Positions in the file's coordinates, and their colours.
@@ -301,7 +292,6 @@ fn existing(index: i64, count: usize) -> Option<u32> {
     (1..=count).contains(&index).then(|| u32::try_from(index).ok())?
 }
 
-/// The index of a name in `names`, to which a new name is added.
 fn index_of(names: &mut IndexSet<String>, name: &str) -> u32 {
     names.get_index_of(name).unwrap_or_else(|| names.insert_full(name.into()).0) as u32
 }
