@@ -92,7 +92,7 @@ pub enum Error {
         help: String,
     },
     /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are
-    /// unchanged.
+    /// kept.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Journal {
         /// The file at fault.
@@ -112,8 +112,7 @@ pub enum Error {
         /// The remedy.
         help: String,
     },
-    /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
-    /// shader invocation without an error.
+    /// Some light paths never finished, so the photo would be wrong. A driver may stop a shader silently.
     #[error(
         "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: {help}"
     )]

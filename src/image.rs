@@ -23,8 +23,7 @@ struct StatedResolution {
     height: usize,
 }
 
-/// The largest number of pixels that a file may state. No image has this many, and sums of a few such numbers do not
-/// overflow.
+/// The largest number of pixels that a file may state. No image has this many, and sums of a few cannot overflow.
 const MAX_STATED_PIXELS: usize = 1 << 40;
 
 impl TryFrom<StatedResolution> for Resolution {
@@ -185,8 +184,7 @@ impl Blur {
         self.convolve(&self.kernel, x)
     }
 
-    /// The variances of the entries of `K x`, if the entries of `x` are independent and have these variances. Both have `n`
-    /// values.
+    /// The variances of the entries of `K x`, if the entries of `x` are independent and have the variances `variance`.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         // Near an edge, a pixel enters more than once. Its weights are therefore summed before they are squared.
@@ -271,8 +269,7 @@ fn mirrored(at: isize, length: usize) -> usize {
     if within < length { within } else { 2 * length - 1 - within }
 }
 
-/// The value at the quantile `rank`, from 0 to 1: the sorted value at the nearest index, or 0 if there are no values. No
-/// value may be NaN.
+/// The sorted value at the index nearest to the quantile `rank`, from 0 to 1; 0 without values. No value may be NaN.
 pub(crate) fn percentile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     if values.is_empty() {

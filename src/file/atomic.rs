@@ -15,11 +15,10 @@ use crate::error::{Error, Result};
 /// Writes a file atomically: fills a temporary file in the same folder, flushes it to disk and renames it.
 ///
 /// A reader of `path` always finds the complete old or the complete new content, even after a crash or on a full disk. In a run's folder
-/// and in the cache, links and pipes are refused. Elsewhere, links are followed, and files that are not regular (a pipe, `/dev/stdout`) are
-/// written directly.
+/// and in the cache, links and pipes are refused. Elsewhere, links are followed, and pipes and devices are written directly.
 ///
 /// # Errors
-/// [`Error::Write`] naming `path` (not the temporary file) for any failure, including a failure of `fill`. The temporary file is removed.
+/// [`Error::Write`] naming `path` (not the temporary file), also when `fill` fails. The temporary file is removed.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     write_steps(path, fill).map_err(Error::writing(path))
 }
@@ -121,8 +120,7 @@ impl Drop for Temporary<'_> {
 
 const SUFFIX: &str = ".tmp";
 
-/// The time since its last change after which a file of another machine or container counts as left over. This machine cannot tell whether
-/// the file's process is alive.
+/// A file of another machine or container counts as left over if its last change is older, since its process cannot be looked up.
 const FOREIGN_AGE: Duration = Duration::from_secs(24 * 3600);
 
 /// The writer's part in the name of a temporary file: `PID-SYSTEM-`. The system number stands for this boot of this machine and its space
@@ -137,8 +135,7 @@ static SYSTEM: LazyLock<String> = LazyLock::new(|| {
     blake3::hash(format!("{boot} {}", processes.display()).as_bytes()).to_hex()[..8].to_owned()
 });
 
-/// Removes the temporary files that ended processes left in `folder`. Each process looks through a folder once. A file that cannot be
-/// removed stays, since it does no harm.
+/// Removes the temporary files that ended processes left in `folder`, once in each process. A file that cannot be removed does no harm.
 fn remove_left_over(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let real = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());

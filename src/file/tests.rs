@@ -46,8 +46,7 @@ impl Tree {
             if path.ancestors().skip(1).any(Path::is_symlink) {
                 continue;
             }
-            // This fails where the parent is not a folder, or where something already exists. The result is
-            // ignored.
+            // This fails where the parent is not a folder or something already exists; that is ignored.
             let _ = match thing {
                 Thing::File => fs::OpenOptions::new().write(true).create_new(true).open(&path).map(drop),
                 Thing::Folder => fs::create_dir(&path),
@@ -91,7 +90,7 @@ impl Tree {
 }
 
 proptest! {
-    /// Links above the top are the user's. Below the top, no link is followed, and only regular files are
+    /// Links above the top are the user's. Below it, no link is followed, and only regular files are
     /// accepted.
     #[test]
     fn nothing_outside_a_top_is_read_or_written(
@@ -174,8 +173,7 @@ fn only_the_user_and_root_are_no_strangers() {
         let users = [0, 1000, 1001, 65534];
         let [user, owner] = [0; 2].map(|_| users[random.random_range(0..users.len())]);
         let mode = random.random_range(0..0o10000);
-        // The owner can change the file, since the owner can change the mode. The mode's bits say whether the
-        // group and others can.
+        // The owner can change the mode, and thereby the file. The mode's bits say whether others can.
         let may_write = |who: u32| who == owner || mode & 0o020 != 0 || mode & 0o002 != 0;
         let is_safe = users.into_iter().filter(|who| ![0, user].contains(who)).all(|who| !may_write(who));
         assert_eq!(stranger_of(user, (owner, mode)).is_none(), is_safe, "{user} {owner} {mode:o}");

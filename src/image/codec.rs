@@ -75,8 +75,7 @@ impl Format {
         }
     }
 
-    /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before memory is allocated
-    /// for them.
+    /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before the allocation.
     pub(crate) fn decode(self, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
         match self {
             Self::Png => decode_png(bytes, max_bytes),
@@ -165,8 +164,7 @@ fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
 }
 
-/// Decodes a file of one of the other formats with at most `max_bytes` bytes of pixels. All of these formats have 8-bit
-/// samples.
+/// Decodes a file of one of the other formats, which all have 8-bit samples.
 fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let mut limits = Limits::default();
     limits.max_alloc = Some(max_bytes as u64);

@@ -17,8 +17,7 @@ use crate::file;
 use crate::image::{Image, Resolution};
 use crate::machine;
 
-/// The largest number of samples of all channels of a file: 8192² pixels in four channels. A file that claims more
-/// is refused.
+/// The largest number of samples in a file, over all channels: 8192² pixels in four channels.
 const MAX_SAMPLES: usize = 1 << 28;
 
 /// Bytes of memory for each sample while a file is decoded: in the decoder, in a plane, and in the image.
@@ -116,8 +115,8 @@ fn unusable(path: &Path, fault: String) -> Error {
 }
 
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
-    // Some decoders of the crate `exr`, for example the PIZ decoder, assert properties of the data. A panic is safe
-    // to catch here, because the closure owns everything that it modifies.
+    // The decoders of the crate `exr` may panic; the decoder of PIZ, for example, asserts properties of the data. A panic is safe to catch
+    // here, because the closure owns everything that it modifies.
     machine::unless_panics(|| decode_unguarded(bytes)).unwrap_or_else(|| Err("it is malformed".into()))
 }
 

@@ -1,5 +1,4 @@
-//! The manifest `run.json` records how a run's results were computed. It is written when the run starts and again when it
-//! ends.
+//! The manifest `run.json`: the record of how a run's results were computed, written at the start and at the end.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -18,8 +17,7 @@ use crate::finding::{Finding, Grade};
 /// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
 
-/// Everything that a run depended on, and its outcome. Fields that do not apply are absent; a rig, for example, has no
-/// samples.
+/// Everything that a run depended on, and its outcome. Fields that do not apply are absent.
 ///
 /// `R` is the record of a run on a rig: [`RigRecord`](crate::measure::RigRecord).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -132,8 +130,7 @@ pub struct Verification {
     pub by: Independent,
     /// The photos that the answer predicts, such as `photos of the eigenvectors`.
     pub of: String,
-    /// The relative difference of the predicted photos to the independent photos, without the noise of the independent
-    /// photos.
+    /// The relative difference of the predicted photos to the independent photos, without the noise of the latter.
     pub error: f64,
     /// The relative noise of the independent photos.
     pub noise: f64,
@@ -338,8 +335,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         self.message = message.into();
     }
 
-    /// Writes the manifest atomically: a reader finds either the old or the new manifest. From then on, no link in its folder
-    /// is followed, as after [`Manifest::read`].
+    /// Writes the manifest atomically. From then on, no link in its folder is followed, as after [`Manifest::read`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut text =
             serde_json::to_string_pretty(self).map_err(|error| Error::writing(path)(error.into()))?;

@@ -8,8 +8,8 @@
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
 //! | `ambient.npy` | the photo without the projector |
 //!
-//! NumPy and SciPy read all of these files. With `d` the direct light, `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @
-//! (Q.T @ x)))`. The last term applies to symmetric models only.
+//! NumPy and SciPy read all of these files. With `d` the direct light, `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The
+//! last term applies to symmetric models only.
 //!
 //! Every file is checked against its digest when it is read. The record also has its own digest.
 //!
@@ -119,8 +119,7 @@ pub fn folder(run: &Path) -> PathBuf {
     run.join(FOLDER)
 }
 
-/// The path of the model's record, `model/model.json`, in the run's folder `run`. Runs that use the model depend on this
-/// file.
+/// The path of the model's record in the run's folder `run`. Runs that use the model depend on this file.
 pub fn record_path(run: &Path) -> PathBuf {
     folder(run).join(RECORD)
 }

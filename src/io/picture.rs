@@ -32,8 +32,8 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// Reads an image of the size `expected`. A file that states another size is refused before its pixels are decoded, since a few bytes can
-/// state any number of pixels. In the message, `whose` names the thing that has the expected size.
+/// Reads an image of the size `expected`. A file that states another size is refused before its pixels are decoded. In the message, `whose`
+/// names the thing that has the expected size.
 ///
 /// # Errors
 /// The errors of [`read`], and [`Error::Data`] when the image has another size.
@@ -56,8 +56,7 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
     require(image.resolution()).map(|()| image)
 }
 
-/// The sizes of the images in a file, as the file states them before anything is decoded. The list is empty for `.npy` files, which are as
-/// long as their arrays.
+/// The sizes of the images in a file, as its header states them. The list is empty for `.npy` files, which are as long as their arrays.
 pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     match kind(path) {
         Some(Kind::Png | Kind::Jpeg) => Ok(vec![size(path)?]),
@@ -124,8 +123,7 @@ fn unknown(path: &Path) -> Error {
     )
 }
 
-/// The largest size of decoded pixels in bytes. It allows a 16-bit RGB picture of 8192² pixels, and keeps a hostile header from allocating
-/// more memory.
+/// The largest size of decoded pixels in bytes: a 16-bit RGB picture of 8192² pixels has less. It limits the memory for hostile headers.
 const MAX_BYTES: usize = 512 << 20;
 
 /// Bytes of memory for each decoded byte: an 8-bit sample becomes a 16-bit sample, and then a 32-bit sample.

@@ -1,5 +1,4 @@
-//! Rasters: 8-bit sRGB pictures for viewing, and their PNG files. Tone mapping turns linear radiance into them by one exposure for the
-//! whole photo and the sRGB curve (IEC 61966-2-1).
+//! Rasters: 8-bit sRGB pictures for viewing. Tone mapping uses one exposure for the whole photo and the sRGB curve (IEC 61966-2-1).
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -106,10 +105,8 @@ impl Raster {
 /// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight does not darken the rest.
 const WHITE_PERCENTILE: f64 = 0.995;
 
-/// The factor that maps the 99.5th percentile of the positive, finite samples to white.
-///
-/// Dark samples are not counted, so the photo of a single projected pixel also has a useful exposure. The factor is 1 for an image
-/// without a positive, finite sample.
+/// The factor that maps the 99.5th percentile of the positive, finite samples to white; 1 if there are none. Dark samples are not counted,
+/// so the photo of a single projected pixel also has a useful exposure.
 pub fn exposure(image: &Image) -> f32 {
     let lit: Vec<f64> =
         image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
@@ -139,8 +136,7 @@ pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
-/// The number of intervals of the table of first guesses. The encoded value changes by less than one byte per interval, even at the
-/// steepest part of the curve.
+/// The number of intervals of first guesses. Over one interval, the encoded value changes by less than one byte, even at the steepest part.
 const GUESSES: usize = 4096;
 
 /// Tables of the encoded bytes. A report shows millions of pixels, and a power function for each channel would be slow.

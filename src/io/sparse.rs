@@ -204,8 +204,7 @@ const MAX_EXPANSION: u64 = 64;
 /// Reads a file that `scipy.sparse.save_npz` wrote for a CSR matrix of real numbers, compressed or not.
 ///
 /// # Errors
-/// [`crate::Error::Read`]; [`crate::Error::Data`] when the file is not such an archive, or when its arrays do not form a CSR
-/// matrix.
+/// [`crate::Error::Read`]; [`crate::Error::Data`] when the file does not contain the arrays of a CSR matrix.
 pub fn read_npz(path: &Path) -> Result<Csr> {
     let archive = file::open(path)?;
     let length = archive.metadata().map_err(Error::reading(path))?.len();
@@ -271,10 +270,8 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
     from_entries(path, rows, cols, entries.collect())
 }
 
-/// Writes Matrix Market's coordinate format, with indices from 1 on. A matrix that is symmetric to the last bit is written as
-/// `symmetric` (its lower triangle), any other matrix as `general`.
-///
-/// Values have enough digits for a reader to get the same numbers.
+/// Writes Matrix Market's coordinate format, with indices from 1 on and enough digits for a reader to get the same numbers. A matrix that
+/// is symmetric to the last bit is written as `symmetric` (its lower triangle), any other matrix as `general`.
 ///
 /// # Errors
 /// [`crate::Error::Write`], also for a NaN or infinite entry, which the format cannot represent.

@@ -46,12 +46,10 @@ impl Light {
     }
 }
 
-/// A source that is painted on: an open laboratory, with the columns of its matrix if the matrix is in memory. Photos have one plane for
-/// each channel of the laboratory.
+/// A source that is painted on: an open laboratory, with the columns of its matrix if the matrix is in memory.
 pub struct Canvas<'a> {
     lab: &'a mut Lab,
-    /// The sizes of patterns and of photos. A matrix does not state the sizes of its pictures, so a square number of pixels is taken as a
-    /// square.
+    /// The sizes of patterns and of photos.
     sizes: [Resolution; 2],
     /// The layers of the matrix, whose sum is all light. There are none if the matrix is not in memory.
     layers: Vec<(Light, Columns)>,
@@ -179,8 +177,7 @@ impl<'a> Canvas<'a> {
         Ok(self.white.insert(white))
     }
 
-    /// Adds the effect of a change of one projector pixel to a photo. `change` has a value for each channel. Returns `false` if the columns
-    /// of the matrix are not in memory.
+    /// Adds the effect of a change of one projector pixel to a photo. Returns `false` if the columns of the matrix are not in memory.
     pub fn add_pixel(&self, light: Light, pixel: usize, change: &[f64], photo: &mut Planes) -> bool {
         for (channel, (photo, &change)) in photo.iter_mut().zip(change).enumerate() {
             self.layers_of(light).for_each(|columns| columns.add(channel, pixel, change, photo));

@@ -1,8 +1,8 @@
 //! The binary messages between page and server, and the mailbox of requests that wait for the session. All numbers are little-endian.
 //! Planes are 32-bit floats, one plane after the other.
 //!
-//! Each binary message begins with eight bytes: its kind, its flags, the index of its light among
-//! [`Canvas::lights`](super::Canvas::lights), and a number. Rare and small messages (greetings, questions, errors) are JSON text instead.
+//! Each message begins with eight bytes: its kind, its flags, the index of its light among [`Canvas::lights`](super::Canvas::lights), and a
+//! number. Rare and small messages (greetings, questions, errors) are JSON text instead.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -53,8 +53,7 @@ pub enum MessageKind {
     Answer = 5,
 }
 
-/// Reads a binary message. `channels` and `pixels` are the pattern's; the number is the page's own. `Err` is the fault of the message, in a
-/// few words.
+/// Reads a binary message. `channels` and `pixels` are the pattern's; the number is the page's own. `Err` is the message's fault.
 pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, PageRequest), String> {
     let (Some(header), Some(content)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("a message of {} bytes, shorter than its header", bytes.len()));

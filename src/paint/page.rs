@@ -56,8 +56,7 @@ pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Bytes> {
 struct Page<'a> {
     title: &'a str,
     about: &'a str,
-    /// The attribute that lets the page's own scripts and styles run; empty for a page without such a
-    /// restriction.
+    /// The attribute that lets the page's own scripts and styles run; empty without such a restriction.
     nonce: String,
     style: &'static str,
     info: String,

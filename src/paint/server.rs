@@ -244,8 +244,8 @@ impl Guard {
         }
     }
 
-    /// Whether the host of a request is this machine or the address that the server listens on. Any other name may belong to a foreign page
-    /// that has redirected its name to this machine.
+    /// Whether a request names this machine or the listening address as its host. A foreign page may have redirected its name to this
+    /// machine.
     pub fn knows_host(&self, host: &str) -> bool {
         let name =
             host.rsplit_once(':').map_or(host, |(name, port)| if port.ends_with(']') { host } else { name });

@@ -53,8 +53,8 @@ impl<'a> Session<'a> {
         (&self.pattern, &self.photo)
     }
 
-    /// Changes single pixels of the pattern. If the pixels are few and their columns are in memory, the photo is updated by these columns.
-    /// Otherwise it is taken again.
+    /// Changes single pixels of the pattern. If they are few and their columns are in memory, these update the photo. Otherwise it is
+    /// retaken.
     pub fn change(&mut self, changes: impl IntoIterator<Item = (u32, Vec<f32>)>) -> Result<()> {
         let changes: Vec<(u32, Vec<f32>)> = changes.into_iter().collect();
         let (light, few) = (self.light(), self.canvas.pixels_of_a_product());
@@ -103,8 +103,7 @@ impl<'a> Session<'a> {
         self.canvas.lights()[self.light]
     }
 
-    /// Handles the waiting requests; `send` passes the results to the pages. A failure is reported to the page that asked, and the session
-    /// continues.
+    /// Handles the waiting requests; `send` passes the results to the pages. A failure is reported to the page that asked.
     pub(super) fn work(&mut self, pending: Pending, send: &mut dyn FnMut(Event)) {
         let author = pending.author;
         let is_new = author.is_some() || pending.light.is_some();

@@ -8,8 +8,8 @@ use crate::image::Resolution;
 /// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of view. The horizontal field
 /// follows from the resolution, since pixels are square.
 ///
-/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top, looks along `forward + (2u/w
-/// − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
+/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top, looks along
+/// `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Camera {
     /// The name of the camera's node in the file.
@@ -46,8 +46,7 @@ impl Lens {
     pub(super) const HELP: &str =
         "an open aperture needs its radius and the distance of the plane in focus, in metres";
 
-    /// The lens with the aperture radius and focus distance that a file states. Without a radius it is a pinhole. `Err` is a predicate for
-    /// a sentence about the camera.
+    /// The lens that a file states. Without a radius it is a pinhole. `Err` is a predicate for a sentence about the camera.
     pub(super) fn checked(radius: Option<f64>, focus: Option<f64>) -> Result<Self, String> {
         let radius = radius.unwrap_or(0.0);
         if !(radius.is_finite() && radius >= 0.0) {
@@ -98,8 +97,7 @@ impl Camera {
     pub const PLACED: &str = "auto";
 
     /// A pinhole with a field of view of 40° that sees all of these triangles from the front (+Z, as in glTF), somewhat from the right and
-    /// from above. It stands outside of rooms. If nearly all surfaces turn their black backs to it, it stands behind, beside or below the
-    /// scene instead.
+    /// above. If nearly all surfaces turn their black backs to it, it stands behind, beside or below the scene instead.
     pub fn in_front_of(triangles: &[Triangle], materials: &[Material]) -> Self {
         let corners = || triangles.iter().flat_map(|triangle| triangle.positions);
         let low = corners().fold(Vec3::INFINITY, Vec3::min);
@@ -137,8 +135,7 @@ impl Camera {
         text
     }
 
-    /// Whether `other` has the same pose, field of view and lens, up to the rounding of transforms. The visible surfaces are about
-    /// `distance` metres away.
+    /// Whether `other` has the same pose, field of view and lens, up to rounding. The visible surfaces are about `distance` metres away.
     pub fn coincides(&self, other: &Self, distance: f32) -> bool {
         let close = |a: Vec3, b: Vec3, unit: f32| a.distance(b) <= 1e-6 * (unit + a.length());
         close(self.position, other.position, distance)
@@ -171,8 +168,8 @@ impl Camera {
         Some(((1.0 + x) / 2.0 * resolution.width as f32, (1.0 - y) / 2.0 * resolution.height as f32))
     }
 
-    /// The share of the picture that photos of this resolution cut off at the left and right, given the picture's shape in the file. `None`
-    /// if they show all of it or more. Half a pixel on each side is tolerated.
+    /// The share of the picture, in its file's shape, that photos of this resolution cut off at the left and right. `None` if they show all
+    /// of it, up to half a pixel on each side.
     pub fn cropped(&self, resolution: Resolution) -> Option<f64> {
         let whole = f64::from(self.aspect?) * resolution.height as f64;
         let width = resolution.width as f64;

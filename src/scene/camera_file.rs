@@ -42,8 +42,7 @@ pub(super) struct CameraPair {
 }
 
 impl CameraPair {
-    /// Camera and projector in the coordinates of a scene at `place`. A projector that coincides with the camera is dropped, since the rig
-    /// is then coaxial.
+    /// Camera and projector in the coordinates of a scene at `place`. A projector that coincides with the camera is dropped (coaxial rig).
     pub(super) fn at(self, place: &Place) -> (Camera, Option<Camera>) {
         let camera = self.camera.around(place.origin);
         let projector = self.projector.map(|projector| projector.around(place.origin));

@@ -27,8 +27,7 @@ pub struct Material {
     pub normal_texture: Option<TextureRef>,
     /// Factor of the first two components of the normal from the texture.
     pub normal_scale: f32,
-    /// `specularFactor`: strength of the dielectric's specular lobe. With 0 the dielectric is purely
-    /// Lambertian.
+    /// `specularFactor`: strength of the dielectric's specular lobe. With 0 the dielectric is Lambertian.
     pub specular: f32,
     /// Alpha for [`Material::specular`].
     pub specular_texture: Option<TextureRef>,
@@ -46,8 +45,7 @@ pub struct Material {
     pub transmission: f32,
     /// Red for [`Material::transmission`].
     pub transmission_texture: Option<TextureRef>,
-    /// Share of the diffuse light that leaves on the other side of the surface, as with paper that is lit
-    /// from behind.
+    /// Share of the diffuse light that leaves on the other side, as with paper that is lit from behind.
     pub diffuse_transmission: f32,
     /// Alpha for [`Material::diffuse_transmission`].
     pub diffuse_transmission_texture: Option<TextureRef>,
@@ -55,8 +53,7 @@ pub struct Material {
     pub diffuse_transmission_color: Vec3,
     /// RGB (sRGB) for [`Material::diffuse_transmission_color`].
     pub diffuse_transmission_color_texture: Option<TextureRef>,
-    /// The medium behind the front of a closed surface. `None` means that the surface is a thin wall with air
-    /// on both sides.
+    /// The medium behind the front of a closed surface. `None` means a thin wall with air on both sides.
     pub volume: Option<Volume>,
     /// Whether the back reflects (and emits) like the front. The back of a one-sided surface is black. A
     /// surface that transmits light is always treated as two-sided, because transmission from one side only
@@ -104,14 +101,12 @@ impl Material {
             || matches!(self.alpha_mode, AlphaMode::Blend)
     }
 
-    /// Whether light may pass without a change of direction: through the holes of a partly covering surface,
-    /// or through a smooth thin wall.
+    /// Whether light may pass straight on, through the holes of the surface or through a smooth thin wall.
     pub fn lets_light_straight_through(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque || (self.transmission > 0.0 && self.volume.is_none())
     }
 
-    /// Whether the microfacet width `roughness²` may be below `alpha` somewhere. With a roughness texture
-    /// this is always assumed.
+    /// Whether the microfacet width `roughness²` may be below `alpha`; always so with a roughness texture.
     pub fn may_be_smoother_than(&self, alpha: f32) -> bool {
         self.metallic_roughness_texture.is_some() || self.roughness * self.roughness < alpha
     }
@@ -161,8 +156,7 @@ impl Material {
 }
 
 impl Default for Material {
-    /// A white, two-sided Lambertian, for scenes made in code. It differs from glTF's default material, which
-    /// has `metallic` 1.
+    /// A white, two-sided Lambertian. It differs from glTF's default material, which has `metallic` 1.
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -214,8 +208,7 @@ pub struct Texture {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// RGBA texels, 8 bits per channel. RGB is sRGB-encoded for the material's colours and linear for all
-    /// else.
+    /// RGBA texels, 8 bits per channel. RGB is sRGB-encoded for the material's colours, otherwise linear.
     pub texels: Vec<[u8; 4]>,
     /// Wrapping of `u` and `v`.
     pub wrap: [Wrap; 2],

@@ -35,8 +35,7 @@ pub struct LoadOptions<'a> {
     pub camera: Option<&'a str>,
     /// The path of a camera file. Its poses replace the scene's poses (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
-    /// If the scene has no camera, one is placed in front of it that sees all of it ([`Camera::in_front_of`]). If it has several
-    /// perspective cameras, the first is taken with a warning.
+    /// If the scene has no camera, places one ([`Camera::in_front_of`]). Of several perspective cameras, takes the first, with a warning.
     pub auto_camera: bool,
     /// Whether material libraries, pictures and texture coordinates that are missing or unreadable are errors. Otherwise a warning names
     /// them, and their surfaces are matte or have the material's colour.
@@ -98,8 +97,7 @@ pub struct Scene {
     pub projector_resolution: Option<Resolution>,
     /// Names of the regions, indexed by [`Triangle::region`].
     pub regions: Vec<String>,
-    /// Whether the regions are ground-truth labels by the scene's author (`extras.region` in the file). Otherwise there is one region for
-    /// each mesh node.
+    /// Whether the regions are ground-truth labels (`extras.region` in the file). Otherwise there is one region for each mesh node.
     pub regions_are_labels: bool,
     /// BLAKE3 hash of the scene file, of all files that it refers to, and of the camera file.
     pub hash: [u8; 32],

@@ -63,8 +63,7 @@ pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// The file next to the scene that has the file name of the path `elsewhere`. Such a path is not relative; it may come from another
-/// computer.
+/// The file next to the scene with the same name as the path `elsewhere`, which may come from another computer.
 pub(super) fn same_name(scene: &Path, elsewhere: &str) -> Option<PathBuf> {
     let name = elsewhere.rsplit(['/', '\\']).next().filter(|name| !name.is_empty() && !name.contains(':'))?;
     next_to(scene, name).ok()
@@ -110,8 +109,7 @@ impl Warnings {
     }
 }
 
-/// A BLAKE3 hash of a sequence of byte strings. Each string is preceded by its length, so sequences with the same concatenation but other
-/// boundaries have different hashes.
+/// A BLAKE3 hash of a sequence of byte strings. Each is preceded by its length, so that other boundaries give another hash.
 #[derive(Default)]
 pub(super) struct ContentHash(blake3::Hasher);
 
@@ -192,8 +190,7 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Decodes the bytes of a PNG, JPEG, WebP, BMP, GIF or TGA file, or the first picture of an animation. TGA is recognized only by the
-    /// file's `name`.
+    /// Decodes a PNG, JPEG, WebP, BMP, GIF or TGA file, or the first picture of an animation. TGA is recognized only by its `name`.
     pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> std::result::Result<Texels, Fault> {
         let Some(format) = Format::of(bytes).or_else(|| Format::of_name(name?)) else {
             return Err(other_format(bytes));

@@ -58,8 +58,7 @@ impl Darkness {
     }
 }
 
-/// The reason why photos of this scene are black or nearly black, as one sentence; `None` if some surface is in view, near enough and from
-/// its front.
+/// Why photos of this scene are black or nearly black, as one sentence; `None` if some surface is in view, near and from its front.
 pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<String> {
     let side = (MAX_INTERSECTIONS / scene.triangles.len().max(1)).isqrt().clamp(4, MAX_SIDE);
     let camera = &scene.camera;
@@ -127,8 +126,7 @@ fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option
     ))
 }
 
-/// The reason why a surface of this material is dark from its front or its back. A texture matters only if its colours are black
-/// everywhere.
+/// Why a surface of this material is dark from this side. A texture matters only if its colours are black everywhere.
 fn darkness(scene: &Scene, material: u32, is_front: bool) -> Option<Darkness> {
     let material = &scene.materials[material as usize];
     if matches!(material.alpha_mode, AlphaMode::Blend) && material.opacity == 0.0 {

@@ -147,8 +147,7 @@ fn depth(across: f64, along: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The least height of an egg's surface above the cup, and its greatest height above the plane of the
-    /// rims.
+    /// The least height of an egg's surface above the cup, and its greatest height above the rims.
     fn clearance(rows: usize, half_axes: DVec3) -> (f64, f64) {
         let cup = Cup::new(0, rows);
         let heights = cup.egg(half_axes).positions.into_iter().map(|position| {

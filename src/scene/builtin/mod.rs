@@ -67,8 +67,7 @@ pub fn zigzag() -> Model {
 }
 
 /// Two white planes that meet at a right angle along a vertical edge, 1.2 m in front of the camera. Each
-/// extends 0.6 m towards the camera and 0.6 m to its side. They fill the view. The left plane is region 0,
-/// the right one region 1.
+/// extends 0.6 m towards the camera and 0.6 m to its side. They fill the view. The left plane is region 0.
 pub fn corner() -> Model {
     Model::along_z("corner", planes(["left", "right"]), white_paper(), (0.0, TAN_20_DEGREES))
 }
@@ -149,8 +148,7 @@ pub fn cornell() -> Model {
     Model::along_z("cornell", vec![white, red, green, short, tall], materials, (1.3, TAN_20_DEGREES))
 }
 
-/// A block with a base of 0.3 m × 0.3 m around the floor point `foot`, rotated by `turn` radians about the
-/// vertical.
+/// A block with a base of 0.3 m × 0.3 m around `foot`, rotated by `turn` radians about the vertical.
 fn block(name: &str, foot: DVec3, height: f64, turn: f64) -> Part {
     let (sine, cosine) = turn.sin_cos();
     // Corners before the rotation: left or right, bottom or top, back or front.

@@ -46,8 +46,8 @@ impl Part {
         self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     }
 
-    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is the vertex in column `i ≤
-    /// columns` and row `j ≤ rows`. The front is the side from which columns run to the right and rows upwards.
+    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is the vertex in column
+    /// `i ≤ columns` and row `j ≤ rows`. The front is the side from which columns run to the right and rows upwards.
     pub fn grid(&mut self, columns: usize, rows: usize, at: impl Fn(usize, usize) -> Vec3) {
         let first = self.positions.len();
         for row in 0..=rows {

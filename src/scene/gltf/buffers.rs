@@ -87,8 +87,7 @@ fn is_fallback(buffer: &json::Buffer) -> bool {
     MESHOPT.iter().any(is_fallback)
 }
 
-/// For each buffer, whether it has views and all of them are compressed. Such a buffer is not read, even though some exporters do not mark
-/// it.
+/// For each buffer, whether it has views and all of them are compressed. Such a buffer is not read, even if it is not marked.
 fn unread(root: &json::Root) -> Vec<bool> {
     let mut views = vec![[0_usize; 2]; root.buffers.len()];
     for view in &root.buffer_views {
@@ -140,8 +139,7 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     })
 }
 
-/// A predicate for a file whose URI leads to nothing: it is missing, or not next to the scene. A URI that cannot be decoded is another
-/// error.
+/// A predicate for a file that is missing or not next to the scene. A URI that cannot be decoded is another error.
 pub(super) fn absence(document: &Document, uri: &str) -> Option<&'static str> {
     let is_data = uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"));
     let decoded = percent_decode(uri).filter(|_| !is_data && !uri.is_empty())?;
@@ -223,8 +221,7 @@ impl Sparse<'_> {
         integer(self.indices.at(position)?, self.component)
     }
 
-    /// The position of the replacement of element `index`, if there is one. A binary search needs neither a dense copy of the array, since
-    /// a hostile file could choose its size, nor a scan for each element.
+    /// The position of the replacement of element `index`. A binary search needs no dense copy, whose size a hostile file could choose.
     fn find(&self, index: usize) -> Option<usize> {
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -241,8 +238,7 @@ impl Sparse<'_> {
 
 const HELP: &str = "the file is damaged or not glTF 2.0: export it again";
 
-/// Opens an accessor with elements of shape `shape` and one of the component types `components`. `what` names the object that uses it, such
-/// as `mesh 0, primitive 1: POSITION`.
+/// Opens an accessor of this shape and one of these component types. `what` names its user, such as `mesh 0, primitive 1: POSITION`.
 pub(super) fn open_accessor<'a>(
     document: &'a Document,
     what: &str,

@@ -1,5 +1,4 @@
-//! Decompresses buffer views (`EXT_meshopt_compression`, `KHR_meshopt_compression`) and primitives (`KHR_draco_mesh_compression`) before
-//! anything reads them.
+//! Decompression of buffer views (`EXT_meshopt_compression`, `KHR_meshopt_compression`) and primitives (`KHR_draco_mesh_compression`).
 
 use std::collections::BTreeMap;
 
@@ -17,8 +16,7 @@ use super::{Document, buffers, object_name};
 use crate::error::Result;
 use crate::scene::triangle::MAX_TRIANGLES;
 
-/// The largest total size of the decompressed views of one file, in bytes. A limit is needed because a few kilobytes can stand for any
-/// number of equal vertices.
+/// The largest total size of a file's decompressed views, in bytes. A few kilobytes can stand for any number of equal vertices.
 const MAX_BYTES: usize = 1 << 30;
 
 #[derive(Deserialize)]

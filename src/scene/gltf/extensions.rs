@@ -87,8 +87,7 @@ const WITHOUT_EFFECT: [&str; 14] = [
 /// Extensions for image formats. They matter only for textures that have no picture in another format.
 const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"];
 
-/// Refuses required extensions that are not supported, and adds a warning for each other unsupported
-/// extension in use.
+/// Refuses unsupported extensions that are required, and warns about each other unsupported one.
 pub(super) fn check(document: &mut Document) -> Result<()> {
     for name in &document.root.extensions_required {
         let name = name.as_str();
@@ -107,8 +106,8 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         } else if !is_supported(name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
-            // The warning about a material extension names a material that uses it. It is therefore made
-            // where materials are read.
+            // Warnings about material extensions are made where materials are read, since they name a
+            // material.
             && !name.starts_with("KHR_materials_")
         {
             document.warnings.add(format!("the extension {name} is not supported and ignored"));
@@ -193,8 +192,7 @@ impl Extras {
     }
 }
 
-/// The largest length of a label in bytes. A limit is needed because every node below a labelled node has a
-/// copy of its label.
+/// The largest length of a label in bytes. Every node below a labelled node has a copy of its label.
 const MAX_NAME_BYTES: usize = 200;
 
 /// A region label. The order of labels is the order of the regions: numbers by value, then names, then the

@@ -306,8 +306,7 @@ fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Er
     }
 }
 
-/// The largest number of primitives, counted each time a node places them. A limit is needed because a small file can place any number of
-/// primitives without triangles.
+/// The largest number of placed primitives. A limit is needed because a small file can place any number without triangles.
 const MAX_PLACEMENTS: usize = 1 << 20;
 
 /// The largest sum of triangles times morph targets.

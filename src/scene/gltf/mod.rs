@@ -227,8 +227,7 @@ const CHUNK_HEADER_BYTES: usize = 8;
 const JSON_CHUNK: &[u8; 4] = b"JSON";
 const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
 
-/// Splits a file into its JSON text and its binary chunk, if it has one. A file that does not begin with the GLB magic is JSON text as a
-/// whole.
+/// Splits a file into its JSON text and its binary chunk. A file that does not begin with the GLB magic is JSON text as a whole.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
     let extension_is_glb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
     if !bytes.starts_with(MAGIC) {

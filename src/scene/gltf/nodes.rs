@@ -12,8 +12,7 @@ use super::{Document, extensions, geometry, object_name};
 use crate::error::Result;
 use crate::scene::Triangle;
 
-/// The translation of each node relative to its parent in double precision, since the crate `gltf` reads single precision. It is empty for
-/// a text that cannot be read.
+/// The translation of each node relative to its parent in double precision; the crate `gltf` reads single. Empty for unreadable text.
 pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
     #[derive(Deserialize)]
     struct File {
@@ -69,8 +68,7 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     Ok(placed)
 }
 
-/// The root nodes of the file's default scene, or of its first scene if the file names no default. A file without scenes is a library of
-/// objects, and all of them are shown.
+/// The root nodes of the file's default scene, or else of its first scene. Without scenes, the file is a library, and all of it is shown.
 fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize>> {
     let index = document.root.scene.map_or(0, |scene| scene.value());
     let count = document.root.scenes.len();
@@ -121,9 +119,8 @@ fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     Ok(parents)
 }
 
-/// The nodes at which the walk starts, so that it visits each node at most once. These are the nodes that the scene lists, except those
-/// below another listed node. Some exporters list a child of a node that is not in the scene. Like in other viewers, the child is then
-/// shown without its parent.
+/// The nodes at which the walk starts, so that it visits each node at most once: the listed nodes that are not below another listed node.
+/// Some exporters list a child of a node that is not in the scene. The child is then shown without its parent, as in other viewers.
 fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>) -> Result<Vec<usize>> {
     let names = &document.root.nodes;
     let name = |index: usize| object_name("node", index, names[index].name.as_ref());

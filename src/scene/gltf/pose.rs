@@ -1,5 +1,4 @@
-//! Transforms of a mesh's vertices to world space: by its node, by the instances of `EXT_mesh_gpu_instancing`, or by a skin in its rest
-//! pose.
+//! Transforms of a mesh's vertices to world space: by its node, by instances (`EXT_mesh_gpu_instancing`), or by a skin in its rest pose.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -30,8 +29,7 @@ pub(super) struct Transform {
 impl Transform {
     pub(super) fn new(points: &DAffine3) -> Self {
         let DMat3 { x_axis, y_axis, z_axis } = points.matrix3;
-        // Cofactors are the inverse transpose times the determinant. They also exist for singular matrices, and normals are normalized
-        // anyway.
+        // Cofactors are the inverse transpose times the determinant. They also exist for singular matrices. Normals are normalized anyway.
         let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
         let mirrors = points.matrix3.determinant() < 0.0;
         Self { points: *points, normals: if mirrors { -cofactors } else { cofactors }, mirrors }

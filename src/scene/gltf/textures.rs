@@ -119,8 +119,8 @@ impl Textures {
         Some(self.list.len() as u32 - 1)
     }
 
-    /// Decodes image `index` of the file. Returns its name in messages and its texels. If the picture is missing or has an unsupported
-    /// format, returns the reason and the remedy.
+    /// Decodes image `index` of the file. Returns its name and texels, or the reason and remedy if it is missing or in an unsupported
+    /// format.
     fn picture(
         &mut self,
         document: &mut Document,

@@ -1,5 +1,4 @@
-//! A primitive's triangles and vertices: positions, normals, texture coordinates and colours, with morph
-//! targets at their rest weights.
+//! A primitive's triangles and vertices, with morph targets at their rest weights.
 
 use glam::{Vec2, Vec3};
 use gltf_json as json;
@@ -45,8 +44,8 @@ struct Target<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    /// Opens the primitive's attributes and its morph targets with the rest weights `weights`. Only the
-    /// texture coordinate sets that `material` uses are opened.
+    /// Opens the attributes and the morph targets with the rest weights `weights`, and the texture
+    /// coordinates that `material` uses.
     pub(super) fn open(
         document: &'a Document,
         what: &str,

@@ -7,12 +7,10 @@ use glam::Vec3;
 /// The largest share of a polygon's area that rounding may remove or add. For a polygon that crosses itself, the difference is larger.
 const ROUNDING: f64 = 1e-6;
 
-/// The largest number of corners that are left to earcut. On a polygon that crosses itself, its work grows faster than the square of that
-/// number.
+/// The largest number of corners that are left to earcut, which takes more than quadratic time on polygons that cross themselves.
 const MAX_EARCUT: usize = 128;
 
-/// The largest average number of corners that are examined per corner of a polygon while its ears are cut off. It makes the work
-/// proportional to the length of the file.
+/// The largest average number of corners examined per corner while ears are cut off. It keeps the work proportional to the file.
 const MAX_LOOKS: usize = 1 << 11;
 
 /// Splits polygons and reuses its buffers.
@@ -40,8 +38,7 @@ impl Triangulator {
             self.unclear += 1;
             return fan;
         }
-        // A quad keeps the diagonal at its first corner unless it is concave. Larger polygons are not split into fans, because a fan of
-        // many corners consists of slivers.
+        // A convex quad keeps the diagonal at its first corner. A fan of more corners would consist of slivers.
         if fan.len() == 2 && fan.iter().all(|&triangle| self.area(triangle) > 0.0) {
             return fan;
         }
@@ -110,8 +107,7 @@ impl Triangulator {
                 if left.is_power_of_two() {
                     reflex.retain(|&other| is_left[other]);
                 }
-                // The next corner is skipped, so that a convex part does not become a fan of slivers. Where ears are rare, the next ear is
-                // beside this one, and the search goes back.
+                // The next corner is skipped, so that a convex part does not become slivers. Where ears are rare, the search goes back.
                 at = if is_narrow { before } else { around[after][1] };
             } else {
                 (since, at) = (since + 1, after);

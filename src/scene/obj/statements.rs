@@ -1,5 +1,4 @@
-//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file. Errors name the line. Positions are in double precision, for
-//! scenes far from the origin.
+//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file in double precision. Errors name the line.
 
 use std::path::Path;
 
@@ -120,10 +119,8 @@ pub(super) fn shortened(word: &str) -> String {
     }
 }
 
-// The geometry of an `.obj` file, statement by statement. Errors name the line.
-//
-// The crate `tobj` is not used: it reads positions in single precision, which is too coarse for scenes far from the origin, accepts indices
-// that do not exist, and reports errors without line numbers.
+// The geometry of an `.obj` file. The crate `tobj` is not used: it reads positions in single precision, which is too coarse far from the
+// origin, accepts indices that do not exist, and reports errors without line numbers.
 
 const MAX_UNKNOWN: usize = 16;
 
