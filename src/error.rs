@@ -91,8 +91,7 @@ pub enum Error {
         /// The remedy.
         help: String,
     },
-    /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are
-    /// kept.
+    /// A journal of photos cannot be read or written, is in use, or lacks a record. Its photos are unchanged.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Journal {
         /// The file at fault.

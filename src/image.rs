@@ -184,7 +184,7 @@ impl Blur {
         self.convolve(&self.kernel, x)
     }
 
-    /// The variances of the entries of `K x`, if the entries of `x` are independent and have the variances `variance`.
+    /// The `n` variances of the entries of `K x`, if the entries of `x` are independent and have these `n` variances.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         // Near an edge, a pixel enters more than once. Its weights are therefore summed before they are squared.

@@ -7,7 +7,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 use std::thread::{self, JoinHandle};
 
-/// The bytes of memory that this process may use. A container or `ulimit -v` may limit them. 8 GiB if the machine does not say.
+/// The bytes of memory that this process may use, which a container or `ulimit -v` may limit; 8 GiB if the machine does not say.
 pub(crate) fn memory() -> u64 {
     let of_container = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let stated = of_container.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());

@@ -120,7 +120,7 @@ impl Drop for Temporary<'_> {
 
 const SUFFIX: &str = ".tmp";
 
-/// A file of another machine or container counts as left over if its last change is older, since its process cannot be looked up.
+/// After this time without a change, a file of another machine or container counts as left over, since its process cannot be looked up.
 const FOREIGN_AGE: Duration = Duration::from_secs(24 * 3600);
 
 /// The writer's part in the name of a temporary file: `PID-SYSTEM-`. The system number stands for this boot of this machine and its space

@@ -99,7 +99,8 @@ fn no_folder(name: &Path, kind: FileKind) -> io::Error {
     io::Error::new(ErrorKind::InvalidInput, format!("{} is {what}", name.display()))
 }
 
-/// Why users other than root and this process's user may change a file, such as `can be written by everybody`.
+/// Why users other than root and this process's user may change a file or folder, such as `can be written by everybody`; `None` if they may
+/// not.
 pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     #[cfg(unix)]
     {

@@ -71,8 +71,8 @@ pub fn read_npy(path: &Path) -> Result<Array> {
 /// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does. The values are rounded to `f32`.
 ///
 /// # Errors
-/// The errors of [`read_npy`], and [`Error::Data`] for another shape, no pixels, or a value too large for
-/// `f32`.
+/// The errors of [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that
+/// is too large for `f32`.
 pub fn read_image(path: &Path) -> Result<Image> {
     let Array { shape, values } = read_npy(path)?;
     let (height, width, channels) = match *shape.as_slice() {

@@ -56,7 +56,7 @@ pub(super) struct ServerState {
     pub(super) start: Instant,
 }
 
-/// One of the [`MOST_CONNECTIONS`] places for connections.
+/// One of the places for connections, of which there are `MOST_CONNECTIONS`.
 #[derive(Default)]
 pub(super) struct Slot {
     pub(super) has_asked: Cell<bool>,

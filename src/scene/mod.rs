@@ -35,7 +35,7 @@ pub struct LoadOptions<'a> {
     pub camera: Option<&'a str>,
     /// The path of a camera file. Its poses replace the scene's poses (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
-    /// If the scene has no camera, places one ([`Camera::in_front_of`]). Of several perspective cameras, takes the first, with a warning.
+    /// If the scene has no camera, places one ([`Camera::in_front_of`]). If it has several perspective cameras, takes the first and warns.
     pub auto_camera: bool,
     /// Whether material libraries, pictures and texture coordinates that are missing or unreadable are errors. Otherwise a warning names
     /// them, and their surfaces are matte or have the material's colour.

@@ -21,7 +21,8 @@ pub fn plane(distance: f32, albedo: f32) -> Scene {
 }
 
 /// Two square matte plates that face each other, left and right of the optical axis. Their sides are `side` metres long, and they are
-/// `separation` metres apart. The camera sees the inner faces of both. Their near edges are `separation` metres in front of the camera.
+/// `separation` metres apart. The camera sees the inner faces of both. Along the axis, their near edges are `separation` metres in front of
+/// it.
 ///
 /// With `x = side/separation`, the form factor from one plate to the other is
 /// `2/(π x²)·(ln√((1+x²)²/(1+2x²)) + 2x√(1+x²)·atan(x/√(1+x²)) − 2x·atan x)`.

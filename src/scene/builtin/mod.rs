@@ -67,7 +67,8 @@ pub fn zigzag() -> Model {
 }
 
 /// Two white planes that meet at a right angle along a vertical edge, 1.2 m in front of the camera. Each
-/// extends 0.6 m towards the camera and 0.6 m to its side. They fill the view. The left plane is region 0.
+/// extends 0.6 m towards the camera and 0.6 m to its side. They fill the view. The left plane is region 0,
+/// the right one region 1.
 pub fn corner() -> Model {
     Model::along_z("corner", planes(["left", "right"]), white_paper(), (0.0, TAN_20_DEGREES))
 }
