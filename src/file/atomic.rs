@@ -156,7 +156,7 @@ fn remove_in(folder: &Path) {
 
 fn is_left_over(name: &str, path: &Path) -> bool {
     let Some((process, system)) = writer_in(name) else { return false };
-    // krylux did not make a link.
+    // A link is not one of krylux's temporary files.
     let Some(about) = fs::symlink_metadata(path).ok().filter(fs::Metadata::is_file) else { return false };
     if system == *SYSTEM && Path::new("/proc/self").exists() {
         return !Path::new(&format!("/proc/{process}")).exists();

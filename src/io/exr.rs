@@ -115,8 +115,7 @@ fn unusable(path: &Path, fault: String) -> Error {
 }
 
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
-    // The decoders of the crate `exr` may panic; the decoder of PIZ, for example, asserts properties of the data. A panic is safe to catch
-    // here, because the closure owns everything that it modifies.
+    // The decoders of the crate `exr` may panic. That is safe to catch here: the closure owns everything that it modifies.
     machine::unless_panics(|| decode_unguarded(bytes)).unwrap_or_else(|| Err("it is malformed".into()))
 }
 

@@ -106,8 +106,8 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     let size = number.num_bytes().unwrap_or(1);
     let data = file.into_inner();
     let count: usize = shape.iter().product();
-    // The product of the lengths does not overflow, because `require_plain_header` bounds it. The comparison
-    // ensures that the array is not larger than the file.
+    // `require_plain_header` bounds the product, so it does not overflow; the comparison bounds it by the
+    // file.
     if count.checked_mul(size) != Some(data.len()) {
         return Err(format!(
             "a {} array of {number} takes {} bytes, but the file holds {}",
@@ -155,7 +155,7 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     for digits in shape.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty()) {
         let length: u64 =
             std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok()).unwrap_or(u64::MAX);
-        // The bound must also hold for the product of the other lengths if one of them is zero.
+        // If one length is zero, the bound must still hold for the product of the others.
         elements = elements
             .checked_mul(length.max(1))
             .filter(|&count| count < 1 << 48)

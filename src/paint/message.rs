@@ -33,7 +33,6 @@ pub enum PageRequest {
 /// A question and its number. The page expects an answer with this number.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct NumberedQuestion {
-    /// The number that the page chose.
     pub number: u32,
     #[serde(flatten)]
     pub question: Question,
@@ -140,7 +139,6 @@ pub struct Pending {
     pub author: Option<(Client, u32)>,
     /// A whole new pattern. The changes apply after it.
     pub replace: Option<Planes>,
-    /// The newest values of single pixels.
     pub changes: BTreeMap<u32, Vec<f32>>,
     pub is_finished: bool,
     pub light: Option<usize>,

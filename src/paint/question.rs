@@ -118,7 +118,6 @@ impl Canvas<'_> {
         Ok(answer)
     }
 
-    /// The remark on an answer that uses one channel of three.
     fn of_channel(&self) -> &'static str {
         if self.channels() > 1 { "; of red light" } else { "" }
     }

@@ -196,7 +196,6 @@ mod tests {
         pixels().fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / brightest
     }
 
-    /// Opens a scene with separate bounces.
     fn split(scene: &str) -> LabBuilder {
         Lab::builder(scene).settings(Settings { split_bounces: true, ..Settings::default() })
     }

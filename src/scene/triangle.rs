@@ -84,8 +84,8 @@ impl Triangle {
 /// that was duplicated in place. A ray would have to test each of them, and software Vulkan silently ends an invocation after 65,535 tests.
 /// Returns the number of dropped triangles.
 pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
-    // The list has a 64-bit hash of the corners of each triangle, and triangles with the same hash are compared. It takes a tenth of the
-    // memory of the triangles. A table of triangles would double that memory.
+    // Triangles with the same 64-bit hash of the corners are compared. The list of hashes takes a tenth of the memory of the triangles; a
+    // table of triangles would double it.
     let mut order: Vec<(u64, u32)> = triangles
         .par_iter()
         .enumerate()

@@ -274,8 +274,7 @@ fn material(material: &Material) -> Value {
 }
 
 fn camera(camera: &Camera) -> Value {
-    // A pinhole has no clipping planes, but the format requires a near one. The field of view is rounded to single precision, so that the
-    // last digit does not depend on the machine.
+    // The format requires a near plane. The field of view is rounded, so that its last digit does not depend on the machine.
     let field = (2.0 * f64::from(camera.tan_half_fov).atan()) as f32;
     let mut perspective = json!({ "yfov": field, "znear": 0.001 });
     if let Some(aspect) = camera.aspect {

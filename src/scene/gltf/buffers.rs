@@ -366,7 +366,6 @@ fn elements<'a>(
     }
 }
 
-/// The unsigned integer of type `component` at the start of `bytes`.
 fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
     match component {
         ComponentType::U8 => bytes.first().map(|&byte| u32::from(byte)),

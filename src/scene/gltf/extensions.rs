@@ -106,8 +106,7 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         } else if !is_supported(name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
-            // Warnings about material extensions are made where materials are read, since they name a
-            // material.
+            // These warnings name a material, so they are made where materials are read.
             && !name.starts_with("KHR_materials_")
         {
             document.warnings.add(format!("the extension {name} is not supported and ignored"));

@@ -161,8 +161,7 @@ impl<'a> Maps<'a> {
         while let Some(option) = rest.strip_prefix('-') {
             let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
             rest = arguments.trim_start();
-            // A warning says that three options are ignored: -t distorts the picture at random, -mm changes its contrast, and -imfchan
-            // chooses a channel.
+            // The options -t (random distortion), -mm (contrast) and -imfchan (choice of a channel) only give a warning.
             let most = match name {
                 "o" | "s" | "t" => 3,
                 "mm" => 2,

@@ -23,7 +23,6 @@ pub(super) struct Line<'a> {
 /// One more than the largest number of numbers in a statement.
 const MAX_NUMBERS: usize = 8;
 
-/// The numbers of a statement, at most [`MAX_NUMBERS`].
 pub(super) struct Arguments {
     first: [f32; MAX_NUMBERS],
     count: usize,
