@@ -91,8 +91,7 @@ pub enum Error {
         /// The remedy.
         help: String,
     },
-    /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are
-    /// not changed.
+    /// A journal of photos cannot be read or written, is in use, or lacks a record. Its photos are unchanged.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Journal {
         /// The file at fault.
@@ -112,8 +111,7 @@ pub enum Error {
         /// The remedy.
         help: String,
     },
-    /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
-    /// shader invocation without an error.
+    /// Some light paths never finished, so the photo would be wrong. A driver may stop a shader silently.
     #[error(
         "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: {help}"
     )]
@@ -152,12 +150,10 @@ pub enum Error {
 }
 
 impl Error {
-    /// [`Error::Data`] about the file at `path`.
     pub(crate) fn data(path: impl Into<PathBuf>, fault: impl Into<String>, help: impl Into<String>) -> Self {
         Self::Data { path: path.into(), fault: fault.into(), help: help.into() }
     }
 
-    /// [`Error::Journal`] about the file at `path`.
     pub(crate) fn journal(
         path: impl Into<PathBuf>,
         fault: impl Into<String>,
@@ -166,7 +162,6 @@ impl Error {
         Self::Journal { path: path.into(), fault: fault.into(), help: help.into() }
     }
 
-    /// [`Error::Option`] about the option of this name.
     pub(crate) fn option(
         option: impl Into<String>,
         fault: impl Into<String>,
@@ -175,12 +170,10 @@ impl Error {
         Self::Option { option: option.into(), fault: fault.into(), help: help.into() }
     }
 
-    /// [`Error::Rig`] about the device of this name.
     pub(crate) fn rig(device: impl Into<String>, fault: impl Into<String>, help: impl Into<String>) -> Self {
         Self::Rig { device: device.into(), fault: fault.into(), help: help.into() }
     }
 
-    /// [`Error::Dimension`] of a quantity.
     pub(crate) fn dimension(
         what: &'static str,
         expected: impl Into<String>,
@@ -201,10 +194,7 @@ impl Error {
         move |reason| Self::Write { path, reason }
     }
 
-    /// Fails unless a size is the required one; `what` is the quantity.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`].
+    /// Fails with [`Error::Dimension`] unless a size equals the required one. `what` names the quantity.
     pub fn check_size<T: PartialEq + ToString>(what: &'static str, expected: T, found: T) -> Result<()> {
         if expected == found {
             return Ok(());

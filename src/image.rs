@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 
 pub(crate) mod codec;
 
-/// The shares of linear red, green and blue in luminance, by Rec. 709.
+/// The weights of linear red, green and blue in luminance (Rec. 709).
 pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// The size of a raster in pixels.
@@ -17,14 +17,13 @@ pub struct Resolution {
     pub height: usize,
 }
 
-/// A size as a file states it.
 #[derive(serde::Deserialize)]
 struct StatedResolution {
     width: usize,
     height: usize,
 }
 
-/// The most pixels of a size that a file states. No image has as many, and sums of a few images' pixels do not overflow.
+/// The largest number of pixels that a file may state. No image has this many, and sums of a few cannot overflow.
 const MAX_STATED_PIXELS: usize = 1 << 40;
 
 impl TryFrom<StatedResolution> for Resolution {
@@ -46,7 +45,7 @@ impl Resolution {
         Self { width, height }
     }
 
-    /// The number of pixels, `n = w·h`; the pixel at column `x`, row `y` has index `y·w + x`.
+    /// The number of pixels, `n = w·h`. The pixel at column `x`, row `y` has index `y·w + x`.
     pub fn pixels(self) -> usize {
         self.width * self.height
     }
@@ -58,11 +57,11 @@ impl std::fmt::Display for Resolution {
     }
 }
 
-/// A raster of 1 (luma) or 3 (linear RGB) channels, interleaved, row by row from the top left:
-/// sample `c` of pixel `(x, y)` is `samples[(y·w + x)·channels + c]`.
+/// A raster of 1 (luma) or 3 (linear RGB) channels, interleaved, row by row from the top left: sample `c` of pixel `(x, y)`
+/// is `samples[(y·w + x)·channels + c]`.
 ///
-/// In a pattern, 1 stands for an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m. In a
-/// photo, values are radiance in W/(m² sr).
+/// In a pattern, 1 stands for an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m. In a photo, values are
+/// radiance in W/(m² sr).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     resolution: Resolution,
@@ -74,8 +73,7 @@ impl Image {
     /// An image with these samples, in the order that [`Image`] describes.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or when the number of samples is not
-    /// `w·h·channels`.
+    /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or when the number of samples is not `w·h·channels`.
     pub fn new(resolution: Resolution, channels: usize, samples: Vec<f32>) -> Result<Self> {
         if channels != 1 && channels != 3 {
             return Err(Error::dimension("channels of an image", "1 or 3", channels.to_string()));
@@ -137,7 +135,7 @@ impl Image {
         (0..self.channels).map(|channel| self.plane(channel)).collect()
     }
 
-    /// The image in one channel; `None` where it has colours. Drawing programs save gray pictures with three equal channels.
+    /// The image in one channel; `None` if it has colours. Drawing programs save gray pictures with three equal channels.
     pub fn gray(&self) -> Option<Self> {
         let pixels = self.samples.chunks_exact(self.channels);
         let is_gray = pixels.clone().all(|pixel| pixel.iter().all(|sample| *sample == pixel[0]));
@@ -154,8 +152,8 @@ const REACH: f64 = 4.0;
 
 /// A separable Gaussian blur `K` of images of one resolution.
 ///
-/// Beyond its edges the image is continued by reflection at the border between pixels (`… c b a | a b c …`). Then `K = Kᵀ`, so that `K A K` is
-/// symmetric where `A` is, and `K 1 = 1`, so that a constant pattern stays constant.
+/// Each image is continued beyond its edges by reflection at the border between pixels (`… c b a | a b c …`). Then `K = Kᵀ`,
+/// so `K A K` is symmetric for a symmetric `A`. Also `K 1 = 1`, so a constant pattern stays constant.
 #[derive(Clone, Debug)]
 pub struct Blur {
     resolution: Resolution,
@@ -164,7 +162,7 @@ pub struct Blur {
 }
 
 impl Blur {
-    /// A blur whose standard deviation is `deviation` pixels; `None` if that is 0, which means no blur.
+    /// A blur with a standard deviation of `deviation` pixels; `None` for 0, which means no blur.
     pub fn new(resolution: Resolution, deviation: f64) -> Option<Self> {
         if deviation <= 0.0 {
             return None;
@@ -176,21 +174,20 @@ impl Blur {
         Some(Self { resolution, kernel })
     }
 
-    /// The resolution of the images that it blurs.
+    /// The resolution of the blurred images.
     pub fn resolution(&self) -> Resolution {
         self.resolution
     }
 
-    /// The blurred image `K x`; both have `n` values.
+    /// The blurred image `K x`. Both have `n` values.
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
         self.convolve(&self.kernel, x)
     }
 
-    /// The variances of the entries of `K x`, if the entries of `x` are independent and have these variances;
-    /// both have `n` values.
+    /// The `n` variances of the entries of `K x`, if the entries of `x` are independent and have these `n` variances.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
-        // Near an edge a pixel enters more than once, so its weights are summed before they are squared.
+        // Near an edge, a pixel enters more than once. Its weights are therefore summed before they are squared.
         let [across, down] = [width, height].map(|length| {
             (0..length).map(|at| self.squared_weights(at, length)).collect::<Vec<Vec<(usize, f64)>>>()
         });
@@ -230,8 +227,7 @@ impl Blur {
         weights.into_iter().collect()
     }
 
-    /// Convolves the rows and then the columns. Each weight of the kernel adds a shifted copy of a whole row,
-    /// which is fast.
+    /// Convolves the rows and then the columns. Each weight of the kernel adds a shifted copy of a whole row, which is fast.
     fn convolve(&self, kernel: &[f64], x: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         let reach = kernel.len() - 1;
@@ -263,19 +259,17 @@ impl Blur {
     }
 }
 
-/// Adds `weight · of` to `sum`.
 fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
     sum.iter_mut().zip(of).for_each(|(sum, value)| *sum += weight * value);
 }
 
-/// The index of the pixel at position `at` when a row of `length` pixels is continued by repeated reflection
-/// at its ends.
+/// The index of the pixel at position `at` when a row of `length` pixels is continued by repeated reflection at its ends.
 fn mirrored(at: isize, length: usize) -> usize {
     let within = at.rem_euclid(2 * length as isize) as usize;
     if within < length { within } else { 2 * length - 1 - within }
 }
 
-/// The value at the quantile `rank`, from 0 to 1: that of the nearest index among the sorted values; 0 if there are none. No value may be NaN.
+/// The sorted value at the index nearest to the quantile `rank`, from 0 to 1; 0 without values. No value may be NaN.
 pub(crate) fn percentile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     if values.is_empty() {
@@ -301,7 +295,7 @@ mod tests {
 
     #[test]
     fn the_blur_is_symmetric_keeps_constants_and_predicts_variances() {
-        // The kernel is wider than the image is high, so that positions are reflected more than once.
+        // The kernel is wider than the image is high, so positions are reflected more than once.
         let resolution = Resolution::new(7, 3);
         let blur = Blur::new(resolution, 1.3).expect("wider than 0");
         let n = resolution.pixels();

@@ -7,8 +7,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 use std::thread::{self, JoinHandle};
 
-/// Bytes of memory that this process may use: those of the machine, or fewer where a container or `ulimit -v` says so. A machine that
-/// does not tell is taken to have 8 GiB.
+/// The bytes of memory that this process may use, which a container or `ulimit -v` may limit; 8 GiB if the machine does not say.
 pub(crate) fn memory() -> u64 {
     let of_container = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let stated = of_container.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());
@@ -16,29 +15,28 @@ pub(crate) fn memory() -> u64 {
     stated.chain(address_space()).fold(total, u64::min)
 }
 
-/// The memory of the machine in bytes.
 fn total_memory() -> Option<u64> {
     let about = fs::read_to_string("/proc/meminfo").ok()?;
     let total = about.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
     Some(total.trim().trim_end_matches(" kB").parse::<u64>().ok()? * 1024)
 }
 
-/// The bytes of address space that `ulimit -v` allows this process; `None` where there is no limit.
+/// The bytes of address space that `ulimit -v` allows this process; `None` without a limit.
 pub(crate) fn address_space() -> Option<u64> {
     address_space_in(&fs::read_to_string("/proc/self/limits").ok()?)
 }
 
-/// [`address_space`] from the system's table of limits.
+/// [`address_space`] from the text of `/proc/self/limits`.
 fn address_space_in(limits: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// The most threads that share computations, however many are asked for; and for each core.
+/// The largest number of threads that share computations: in total, and for each core. A request for more is cut to these.
 const MOST_THREADS: usize = 1024;
 const MOST_OF_CORE: usize = 4;
 
-/// The result of `work`; `None` if it panics, which is not said on standard error. `work` must not leave anything half changed that is used later.
+/// The result of `work`; `None` if it panics, which is not printed. `work` must not leave half-changed data that is used later.
 pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     thread_local!(static IS_SILENT: Cell<bool> = const { Cell::new(false) });
     static HOOK: Once = Once::new();
@@ -56,9 +54,9 @@ pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     outcome.ok()
 }
 
-/// Starts the threads that share computations: one for each core, or as many as `RAYON_NUM_THREADS` says, up to [`MOST_OF_CORE`] for each core; or the
-/// number that the system allows where a limit of processes or of address space forbids more. Without this, the first computation would end the
-/// process where not all of them can be started.
+/// Starts the threads that share computations: one for each core, or the number that `RAYON_NUM_THREADS` states, up to
+/// [`MOST_OF_CORE`] for each core. A limit on processes or address space may allow only fewer. Without this function, the first
+/// computation would end the process if some threads could not be started.
 pub(crate) fn start_threads() {
     let cores = thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let wanted = wanted(rayon_threads(), cores);
@@ -69,26 +67,25 @@ pub(crate) fn start_threads() {
         some if some > 3 => rayon::ThreadPoolBuilder::new().num_threads(some / 2),
         _ => rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread(),
     };
-    // It fails where a program that uses the library has started its own before, which then serve.
+    // This fails if a program that uses the library has already started a pool. That pool then serves.
     let _ = builder.build_global();
 }
 
-/// How many threads are to share computations, where the user asked for a number of them.
+/// The number of threads that should share computations. `asked` is the number that the user asked for.
 fn wanted(asked: Option<usize>, cores: usize) -> usize {
     asked.unwrap_or(cores).min(MOST_OF_CORE.saturating_mul(cores)).min(MOST_THREADS)
 }
 
-/// Whether one more thread can be started. Libraries that start one without asking would end the process where none can.
+/// Whether one more thread can be started. Some libraries start one without asking, and end the process if that fails.
 pub(crate) fn has_thread() -> bool {
     started(1, || thread::Builder::new().spawn(thread::park)) == 1
 }
 
-/// The number of threads that the user asked for.
 fn rayon_threads() -> Option<usize> {
     std::env::var("RAYON_NUM_THREADS").ok()?.parse().ok().filter(|&threads| threads > 0)
 }
 
-/// How many of `wanted` threads can run at the same time. They are parked, and ended before this returns.
+/// The number of the `wanted` threads that can run at the same time. They are parked, and they end before this function returns.
 fn started(wanted: usize, spawn: impl Fn() -> io::Result<JoinHandle<()>>) -> usize {
     let threads: Vec<JoinHandle<()>> = (0..wanted).map_while(|_| spawn().ok()).collect();
     let count = threads.len();

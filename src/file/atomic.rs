@@ -12,30 +12,23 @@ use std::time::Duration;
 use super::spot::{FileKind, Spot};
 use crate::error::{Error, Result};
 
-/// Writes a file atomically: a temporary file in the same folder is filled, flushed to disk and renamed.
+/// Writes a file atomically: fills a temporary file in the same folder, flushes it to disk and renames it.
 ///
-/// A reader of `path` always finds the complete old or the complete new content, even after a crash or on a full disk. In a run's folder and in the
-/// cache, links and pipes are refused. Elsewhere, links are followed, and files that are not regular (a pipe, `/dev/stdout`) are written directly.
+/// A reader of `path` always finds the complete old or the complete new content, even after a crash or on a full disk. In a run's folder
+/// and in the cache, links and pipes are refused. Elsewhere, links are followed, and pipes and devices are written directly.
 ///
 /// # Errors
-/// [`Error::Write`] naming `path` (not the temporary file) for any failure, including those of `fill`; the temporary file is
-/// removed.
+/// [`Error::Write`] naming `path` (not the temporary file), also when `fill` fails. The temporary file is removed.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     write_steps(path, fill).map_err(Error::writing(path))
 }
 
-/// Writes `bytes` atomically; see [`write_with`].
-///
-/// # Errors
-/// [`Error::Write`] naming `path`.
+/// Writes `bytes` atomically, with the errors of [`write_with`].
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// Checks that `path` can be written, so that a long run fails early.
-///
-/// # Errors
-/// [`Error::Write`] naming `path`.
+/// Checks that `path` can be written, so that a long run fails early. A failure is [`Error::Write`] naming `path`.
 pub fn check_writable(path: &Path) -> Result<()> {
     let probe = || match Target::of(path)? {
         Target::Stream => OpenOptions::new().write(true).open(path).map(drop),
@@ -62,11 +55,11 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     }
 }
 
-/// The end of a path that is to be written.
+/// The target of a write.
 enum Target {
-    /// To a regular file, or to none yet; with the path after links of the user's.
+    /// A regular file, or a file that does not exist yet. The path has the user's links resolved.
     File(Spot, PathBuf),
-    /// To a pipe or a device that the user named.
+    /// A pipe or a device that the user named.
     Stream,
 }
 
@@ -77,7 +70,7 @@ impl Target {
             Some(FileKind::Folder) => Err(ErrorKind::IsADirectory.into()),
             Some(FileKind::Other) if !spot.is_ours => Ok(Self::Stream),
             Some(FileKind::File) if !spot.is_ours => {
-                // The file may have been removed meanwhile; then there is no link to follow.
+                // If the file was removed meanwhile, there is no link to follow.
                 let real = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
                 Ok(Self::File(Spot::of(&real)?, real))
             }
@@ -87,14 +80,14 @@ impl Target {
     }
 }
 
-/// A file `.NAME.PID-SYSTEM-NUMBER.tmp` beside the one that it becomes. It is removed unless it has been renamed.
+/// A file `.NAME.PID-SYSTEM-NUMBER.tmp` beside its target. It is removed unless it has been renamed.
 struct Temporary<'a> {
     target: &'a Spot,
     name: PathBuf,
 }
 
 impl<'a> Temporary<'a> {
-    /// Creates it. Those that killed processes left in the folder are removed.
+    /// Creates the file, and removes the temporary files that killed processes left in the folder.
     fn beside(target: &'a Spot, path: &Path) -> io::Result<(Self, File)> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let name = path
@@ -110,7 +103,7 @@ impl<'a> Temporary<'a> {
             let name = target.sibling(&own);
             match target.create_sibling(&name) {
                 Ok(file) => return Ok((Self { target, name }, file)),
-                // An earlier process of the same number left it.
+                // An earlier process with the same number left this file.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
             }
@@ -120,19 +113,18 @@ impl<'a> Temporary<'a> {
 
 impl Drop for Temporary<'_> {
     fn drop(&mut self) {
-        // After renaming there is none.
+        // After the renaming, there is nothing to remove.
         let _ = self.target.remove_sibling(&self.name);
     }
 }
 
 const SUFFIX: &str = ".tmp";
 
-/// How long after its last change a file of another machine or container is taken to be left over: whether its process lives cannot be told
-/// from here.
+/// After this time without a change, a file of another machine or container counts as left over, since its process cannot be looked up.
 const FOREIGN_AGE: Duration = Duration::from_secs(24 * 3600);
 
-/// Who writes a temporary file, as a part of its name: `PID-SYSTEM-`. The system is a number for this boot of this machine and its space of
-/// process numbers, since the same number means another process elsewhere.
+/// The writer's part in the name of a temporary file: `PID-SYSTEM-`. The system number stands for this boot of this machine and its space
+/// of process numbers, because another system uses the same process number for another process.
 fn writer() -> String {
     format!("{}-{}-", std::process::id(), *SYSTEM)
 }
@@ -143,8 +135,7 @@ static SYSTEM: LazyLock<String> = LazyLock::new(|| {
     blake3::hash(format!("{boot} {}", processes.display()).as_bytes()).to_hex()[..8].to_owned()
 });
 
-/// Removes the temporary files that ended processes left in `folder`. Each process looks through a folder once. What cannot be removed stays:
-/// it does no harm.
+/// Removes the temporary files that ended processes left in `folder`, once in each process. A file that cannot be removed does no harm.
 fn remove_left_over(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let real = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
@@ -163,10 +154,9 @@ fn remove_in(folder: &Path) {
     }
 }
 
-/// Whether a file is a temporary one whose process has ended.
 fn is_left_over(name: &str, path: &Path) -> bool {
     let Some((process, system)) = writer_in(name) else { return false };
-    // A link is not ours.
+    // A link is not one of krylux's temporary files.
     let Some(about) = fs::symlink_metadata(path).ok().filter(fs::Metadata::is_file) else { return false };
     if system == *SYSTEM && Path::new("/proc/self").exists() {
         return !Path::new(&format!("/proc/{process}")).exists();
@@ -199,7 +189,7 @@ mod tests {
     #[test]
     fn only_files_of_ended_processes_are_removed() {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
-        // No process has the highest number that the system's type holds.
+        // No process has the highest number of the system's type.
         let dead = format!(".photo.npy.{}-{}-a7Xk2Q.tmp", u32::MAX, *SYSTEM);
         let foreign = ".photo.npy.7-00000000-a7Xk2Q.tmp".to_owned();
         let kept = [
@@ -221,7 +211,7 @@ mod tests {
         let is_there = |name: &String| folder.path().join(name).exists();
         assert!(!is_there(&dead), "{dead}");
         kept.iter().for_each(|name| assert!(is_there(name), "{name}"));
-        // Names of others stay also where they are old.
+        // Other programs' files stay even if they are old.
         for name in &kept[2..] {
             let old = File::options().append(true).open(folder.path().join(name)).expect("it is there");
             old.set_modified(std::time::SystemTime::now() - 2 * FOREIGN_AGE).expect("files have times");

@@ -1,7 +1,7 @@
-//! Files: reading of those that a user or another file names, and writing of our own.
+//! Files: reads the files that the user or another file names, and writes krylux's files.
 //!
-//! A device, a pipe or a file of the system's is refused, since reading it might never end. Below the top of a run's folder, or of the cache, no link is
-//! followed ([`follow_no_links_below`]).
+//! A device, a pipe or a file that the system makes up is refused, since reading it might never end. Below the top of a run's
+//! folder or of the cache, no link is followed ([`follow_no_links_below`]).
 
 pub mod atomic;
 mod spot;
@@ -20,17 +20,15 @@ use crate::machine;
 
 pub(crate) use spot::{FileKind, follow_no_links_below};
 
-/// Opens a regular file for reading.
 pub(crate) fn open(path: &Path) -> Result<File> {
     opened(path).map_err(Error::reading(path))
 }
 
-/// Opens a regular file for reading and writing.
 pub(crate) fn open_to_change(path: &Path) -> Result<File> {
     Spot::of(path).and_then(|spot| spot.open(Access::Change)).map_err(Error::writing(path))
 }
 
-/// Like [`open_to_change`], but the file is made where there is none.
+/// Like [`open_to_change`], but makes the file if it does not exist.
 pub(crate) fn open_or_make(path: &Path) -> io::Result<File> {
     Spot::of(path)?.open(Access::Make)
 }
@@ -44,12 +42,11 @@ pub(crate) fn kind(path: &Path) -> Result<Option<FileKind>> {
     found.map_err(Error::reading(path))
 }
 
-/// Makes a folder and those above it.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
     spot::make_folder(path).map_err(Error::writing(path))
 }
 
-/// Removes a file, a link or a folder with all that is in it, if it is there.
+/// Removes a file, a link, or a folder with its content, if it exists.
 pub(crate) fn remove(path: &Path) -> Result<()> {
     let removed = match fs::symlink_metadata(path) {
         Ok(there) if there.is_dir() => fs::remove_dir_all(path),
@@ -59,21 +56,19 @@ pub(crate) fn remove(path: &Path) -> Result<()> {
     removed.map_err(Error::writing(path))
 }
 
-/// The bytes of a regular file.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let read = opened_to_hold(path).and_then(|mut file| file.read_to_end(&mut bytes));
     read.map_err(Error::reading(path)).map(|_| bytes)
 }
 
-/// The text of a regular file in UTF-8.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let mut text = String::new();
     let read = opened_to_hold(path).and_then(|mut file| file.read_to_string(&mut text));
     read.map_err(Error::reading(path)).map(|_| text)
 }
 
-/// Opens a file that is read as a whole, which must not take more than half of the memory.
+/// Opens a file that will be read as a whole. It must not take more than half of the memory.
 fn opened_to_hold(path: &Path) -> io::Result<File> {
     let file = opened(path)?;
     let (bytes, most) = (file.metadata()?.len(), machine::memory() / 2);
@@ -84,10 +79,10 @@ fn opened_to_hold(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Opens a regular file; the error says what it is instead.
+/// Opens a regular file. For anything else, the error says what it is.
 fn opened(path: &Path) -> io::Result<File> {
     let file = Spot::of(path)?.open(Access::Read)?;
-    // The system makes the content of these up while it is read.
+    // The system makes up the content of these folders while it is read.
     let real = fs::canonicalize(path)?;
     if ["/proc", "/sys"].iter().any(|folder| real.starts_with(folder)) {
         let what = "it is not on disk, but made up by the system; give a file on disk";
@@ -96,7 +91,6 @@ fn opened(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// The refusal of a part of a path that is no folder.
 fn no_folder(name: &Path, kind: FileKind) -> io::Error {
     let what = match kind {
         FileKind::Link => spot::LINK,
@@ -105,14 +99,15 @@ fn no_folder(name: &Path, kind: FileKind) -> io::Error {
     io::Error::new(ErrorKind::InvalidInput, format!("{} is {what}", name.display()))
 }
 
-/// The reason why users other than this process' user and root may change a file or folder, such as `can be written by everybody`; `None` if they may not.
+/// Why users other than root and this process's user may change a file or folder, such as `can be written by everybody`; `None` if they may
+/// not.
 pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;
         stranger_of(rustix::process::geteuid().as_raw(), (about.uid(), about.mode()))
     }
-    // Elsewhere a user's own folders are written by nobody else.
+    // On other systems, nobody else writes to a user's folders.
     #[cfg(not(unix))]
     {
         let _ = about;
@@ -120,7 +115,7 @@ pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     }
 }
 
-/// [`stranger`] for a user, and an owner with a mode. The sticky bit of a folder does not help, since it lets others add files.
+/// [`stranger`] for a user, an owner and a mode. The sticky bit of a folder does not help, since it lets others add files.
 #[cfg(unix)]
 fn stranger_of(user: u32, (owner, mode): (u32, u32)) -> Option<String> {
     if owner != user && owner != 0 {

@@ -1,5 +1,5 @@
-//! Paths and the files at their ends. Below the top of a run's folder or of the cache no link is followed: an archive of a stranger may hold links to
-//! any file of the user's.
+//! Paths and the files at their ends. Below the top of a run's folder or of the cache, no link is followed: a stranger's archive
+//! may hold links to any of the user's files.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -13,7 +13,7 @@ use super::system::any_system as system;
 #[cfg(unix)]
 use super::system::unix as system;
 
-/// The folders below whose top no link is followed, as absolute paths.
+/// Absolute paths of the folders below which no link is followed.
 static TOPS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// From now on this process follows no link below `top`, and opens only regular files there. The path `top` itself may be a link.
@@ -24,20 +24,16 @@ pub(crate) fn follow_no_links_below(top: &Path) {
     }
 }
 
-/// How a file is opened.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Access {
-    /// Only to be read.
     Read,
-    /// To be read and written.
     Change,
-    /// To be read and written; it is made where there is none.
+    /// Read and write; make the file if it does not exist.
     Make,
-    /// To be read and written; it must not be there yet.
+    /// Read and write; the file must not exist yet.
     New,
 }
 
-/// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FileKind {
     File,
@@ -57,7 +53,6 @@ impl FileKind {
         }
     }
 
-    /// The refusal of everything that is no regular file.
     pub(super) fn require_file(self) -> io::Result<()> {
         let what = match self {
             Self::File => return Ok(()),
@@ -69,21 +64,19 @@ impl FileKind {
     }
 }
 
-/// The refusal of a link.
 pub(super) const LINK: &str =
     "a link, and no link is followed in the folder of a run or of the cache; remove it";
 
-/// A name in a folder that is open already, or a path that the user named.
+/// A name in an open folder, or a path that the user named.
 pub(super) struct Spot {
     folder: system::Folder,
-    /// Relative to the folder.
     name: PathBuf,
-    /// Whether it lies below a top, so that no link is followed.
+    /// Whether the path lies below a top, so that no link is followed.
     pub(super) is_ours: bool,
 }
 
 impl Spot {
-    /// Follows a path to its last part. A path that the user named is taken as it is.
+    /// Follows a path to its last part. A path outside every top is taken as it is.
     pub(super) fn of(path: &Path) -> io::Result<Self> {
         let Some((top, mut parts)) = below_top(path)? else {
             return Ok(Self { folder: system::Folder::current(), name: path.to_path_buf(), is_ours: false });
@@ -102,7 +95,7 @@ impl Spot {
         }
     }
 
-    /// Opens a regular file, and nothing else: a pipe would wait for its other end.
+    /// Opens a regular file, and nothing else: opening a pipe would wait for the other end.
     pub(super) fn open(&self, access: Access) -> io::Result<File> {
         if access != Access::New
             && let Some(kind) = self.kind()?
@@ -110,33 +103,30 @@ impl Spot {
             kind.require_file()?;
         }
         let file = self.folder.open_file(&self.name, access, !self.is_ours)?;
-        // It may be another one than a moment ago.
+        // The file may have been replaced since the first check.
         FileKind::of(file.metadata()?.file_type()).require_file()?;
         Ok(file)
     }
 
-    /// Another name in the same folder.
     pub(super) fn sibling(&self, name: &OsStr) -> PathBuf {
         self.name.with_file_name(name)
     }
 
-    /// A new file of another name in the same folder.
+    /// Creates a new file of another name in the same folder.
     pub(super) fn create_sibling(&self, name: &Path) -> io::Result<File> {
         self.folder.open_file(name, Access::New, false)
     }
 
-    /// Gives the file of another name in the same folder this name, in place of what is there.
+    /// Renames the file `name` of the same folder to this spot's name, and replaces the file there.
     pub(super) fn take_from(&self, name: &Path) -> io::Result<()> {
         self.folder.rename(name, &self.name)
     }
 
-    /// Removes the file of another name in the same folder.
     pub(super) fn remove_sibling(&self, name: &Path) -> io::Result<()> {
         self.folder.remove_file(name)
     }
 }
 
-/// Makes a folder and those above it.
 pub(super) fn make_folder(path: &Path) -> io::Result<()> {
     let Some((top, parts)) = below_top(path)? else { return fs::create_dir_all(path) };
     fs::create_dir_all(&top)?;
@@ -150,11 +140,10 @@ pub(super) fn make_folder(path: &Path) -> io::Result<()> {
     parts.iter().try_fold(system::Folder::open(&top)?, make).map(drop)
 }
 
-/// The top that a path lies below, and its parts from there on. A path with `..` is the user's.
+/// The top above a path, and the parts of the path below it. A path that contains `..` counts as the user's, below no top.
 fn below_top(path: &Path) -> io::Result<Option<(PathBuf, Vec<PathBuf>)>> {
     let path = absolute(path)?;
     let tops = TOPS.lock().unwrap_or_else(PoisonError::into_inner);
-    // The outermost top counts.
     let Some(top) = path.ancestors().skip(1).filter(|above| tops.contains(*above)).last() else {
         return Ok(None);
     };

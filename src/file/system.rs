@@ -1,4 +1,4 @@
-//! A folder, as the system lets it be opened.
+//! Opening of folders and of files in them, on each system.
 
 /// Linux and macOS: files are opened relative to the descriptor of their folder, which was itself reached without following a link.
 #[cfg(unix)]
@@ -26,7 +26,6 @@ pub(super) mod unix {
             Ok(Self(Some(openat(CWD, path, FOLDER, Mode::empty())?)))
         }
 
-        /// The folder of this name in this one.
         pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
             match openat(self.at(), name, FOLDER | OFlags::NOFOLLOW, Mode::empty()) {
                 Ok(folder) => Ok(Self(Some(folder))),
@@ -55,7 +54,7 @@ pub(super) mod unix {
             })
         }
 
-        /// Opens a file without waiting, also where it has become a pipe.
+        /// Opens a file without waiting, even if a pipe has taken its place.
         pub(in crate::file) fn open_file(
             &self,
             name: &Path,
@@ -87,8 +86,8 @@ pub(super) mod unix {
     }
 }
 
-/// Windows and other systems: every part of a path is checked before it is used. Another program could put a link there after the check; on Windows a
-/// file is then opened as the link itself, and refused.
+/// Windows and other systems: every part of a path is checked before it is used. Another program could put a link there after the
+/// check; Windows then opens the link itself, and it is refused.
 #[cfg(any(not(unix), test))]
 pub(super) mod any_system {
     use std::fs::{self, File, OpenOptions};
@@ -97,7 +96,6 @@ pub(super) mod any_system {
 
     use super::super::spot::{Access, FileKind};
 
-    /// A folder by its path.
     #[cfg_attr(unix, allow(dead_code, reason = "on Unix only the tests use it"))]
     pub(in crate::file) struct Folder(PathBuf);
 
@@ -111,7 +109,6 @@ pub(super) mod any_system {
             fs::metadata(path).map(|_| Self(path.to_path_buf()))
         }
 
-        /// The folder of this name in this one.
         pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
             match self.kind(name, false)? {
                 FileKind::Folder => Ok(Self(self.0.join(name))),

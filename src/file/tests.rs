@@ -1,4 +1,4 @@
-//! Trees of links and pipes, made at random: nothing outside the top changes or is read, and nothing waits.
+//! Random trees of links and pipes: nothing outside the top is read or changed, and nothing waits.
 
 use std::os::unix::fs::symlink;
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ fn thing() -> impl Strategy<Value = Thing> {
     prop::sample::select(vec![File, Folder, Folder, Folder, Pipe, LinkToFile, LinkToFolder, LinkToNothing])
 }
 
-/// The outside, and beside it a run's folder with these things in `a`, `a/a`, `b` and so on.
+/// A folder of the user, and beside it a run's folder with random things in `a`, `a/a`, `b` and so on.
 struct Tree {
     folder: tempfile::TempDir,
 }
@@ -46,7 +46,7 @@ impl Tree {
             if path.ancestors().skip(1).any(Path::is_symlink) {
                 continue;
             }
-            // Nothing is made where the part above is not a folder, or where something is there already.
+            // This fails where the parent is not a folder or something already exists; that is ignored.
             let _ = match thing {
                 Thing::File => fs::OpenOptions::new().write(true).create_new(true).open(&path).map(drop),
                 Thing::Folder => fs::create_dir(&path),
@@ -65,7 +65,7 @@ impl Tree {
         self.folder.path().join(name)
     }
 
-    /// One of the 14 places up to three levels deep.
+    /// One of 14 places, up to three levels deep.
     fn place(&self, number: usize) -> PathBuf {
         let names = [
             "a", "b", "a/a", "a/b", "b/a", "b/b", "a/a/a", "a/a/b", "a/b/a", "a/b/b", "b/a/a", "b/a/b",
@@ -74,7 +74,6 @@ impl Tree {
         self.at("run").join(names[number % names.len()])
     }
 
-    /// Everything outside: names and contents.
     fn outside(&self) -> Vec<(PathBuf, Option<Vec<u8>>)> {
         let (mut found, mut folders) = (Vec::new(), vec![self.at("outside")]);
         while let Some(folder) = folders.pop() {
@@ -91,7 +90,8 @@ impl Tree {
 }
 
 proptest! {
-    /// Links above the top are the user's; below it none is followed, and what is no regular file is refused.
+    /// Links above the top are the user's. Below it, no link is followed, and only regular files are
+    /// accepted.
     #[test]
     fn nothing_outside_a_top_is_read_or_written(
         things in prop::collection::vec((0..13_usize, thing()), 1..14),
@@ -121,7 +121,7 @@ proptest! {
         }
     }
 
-    /// The code for systems without descriptors of folders decides as that for Linux and macOS.
+    /// The code for systems without folder descriptors decides like the code for Linux and macOS.
     #[test]
     fn all_systems_decide_alike(things in prop::collection::vec((0..13_usize, thing()), 1..14), place in 0..13_usize) {
         macro_rules! decide {
@@ -136,7 +136,7 @@ proptest! {
                 folder
                     .and_then(|folder| {
                         let kind = folder.kind(name, false);
-                        // Spots open no pipe.
+                        // `Spot` opens no pipe.
                         let is_open = !matches!(kind, Ok(FileKind::Other)) && folder.open_file(name, $access, false).is_ok();
                         Ok((kind.map_err(|error| error.kind()), is_open))
                     })
@@ -146,7 +146,7 @@ proptest! {
         for access in [Access::Read, Access::Change, Access::Make, Access::New] {
             let trees = [Tree::new(&things)?, Tree::new(&things)?];
             let found = [decide!(unix, trees[0], access), decide!(any_system, trees[1], access)];
-            // Only a link in the last place differs: it is opened, and refused by what it is.
+            // Only a link in the last place differs: it is opened, and then refused because it is a link.
             if !matches!(found[0], Ok((Ok(FileKind::Link), _))) {
                 prop_assert_eq!(&found[0], &found[1], "{:?}", trees[0].place(place));
             }
@@ -173,7 +173,7 @@ fn only_the_user_and_root_are_no_strangers() {
         let users = [0, 1000, 1001, 65534];
         let [user, owner] = [0; 2].map(|_| users[random.random_range(0..users.len())]);
         let mode = random.random_range(0..0o10000);
-        // Who can change it: its owner (who can change its mode), and its group and all others, by their bits.
+        // The owner can change the mode, and thereby the file. The mode's bits say whether others can.
         let may_write = |who: u32| who == owner || mode & 0o020 != 0 || mode & 0o002 != 0;
         let is_safe = users.into_iter().filter(|who| ![0, user].contains(who)).all(|who| !may_write(who));
         assert_eq!(stranger_of(user, (owner, mode)).is_none(), is_safe, "{user} {owner} {mode:o}");

@@ -1,7 +1,7 @@
-//! Decoding of pictures' files.
+//! Decoding of picture files.
 //!
-//! The decoders of PNG and JPEG are called directly: the one keeps 16 bits, the other takes files that are cut short. The crate
-//! `image` decodes the formats that only textures come in.
+//! This module calls the decoders of PNG and JPEG directly: the PNG decoder keeps 16 bits, and the JPEG decoder accepts
+//! truncated files. The crate `image` decodes the formats that only textures use.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -13,7 +13,6 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// A file format that can be decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
     Png,
@@ -22,18 +21,15 @@ pub(crate) enum Format {
     Other(ImageFormat),
 }
 
-/// A decoded picture, row by row from the top left.
 pub(crate) struct DecodedImage {
-    /// The number of columns.
     pub width: u32,
-    /// The number of rows.
     pub height: u32,
     /// The number of samples per pixel: 1 (gray), 2 (gray and alpha), 3 (RGB) or 4 (RGBA).
     pub channels: usize,
     samples: Samples,
 }
 
-/// The samples of all pixels, interleaved, in the precision of the file.
+/// The interleaved samples of all pixels, in the precision of the file.
 enum Samples {
     Eight(Vec<u8>),
     Sixteen(Vec<u16>),
@@ -49,7 +45,7 @@ impl Format {
         } else if bytes.starts_with(b"GIF8") {
             Some(Self::Other(ImageFormat::Gif))
         } else if bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) {
-            // Two letters alone are too little; the four bytes that are zero are reserved.
+            // The two letters alone do not suffice, so the four reserved bytes must be zero, too.
             Some(Self::Other(ImageFormat::Bmp))
         } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
             Some(Self::Other(ImageFormat::WebP))
@@ -58,13 +54,12 @@ impl Format {
         }
     }
 
-    /// The format of a file whose first bytes say nothing: TGA, recognized by its name.
+    /// The format of a file that its first bytes do not identify: TGA, recognized by the file's name.
     pub(crate) fn of_name(name: &Path) -> Option<Self> {
         let is_tga = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
         is_tga.then_some(Self::Other(ImageFormat::Tga))
     }
 
-    /// Reads the width and height in pixels, without decoding the pixels.
     pub(crate) fn size(self, bytes: &[u8]) -> Result<(u32, u32), String> {
         match self {
             Self::Png => {
@@ -80,8 +75,7 @@ impl Format {
         }
     }
 
-    /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before memory is
-    /// allocated for them.
+    /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before the allocation.
     pub(crate) fn decode(self, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
         match self {
             Self::Png => decode_png(bytes, max_bytes),
@@ -92,18 +86,15 @@ impl Format {
 }
 
 impl DecodedImage {
-    /// Whether the pixels are RGB and not gray.
     pub(crate) fn has_color(&self) -> bool {
         self.channels >= 3
     }
 
-    /// Whether the last sample of a pixel is its opacity.
     pub(crate) fn has_alpha(&self) -> bool {
         self.channels.is_multiple_of(2)
     }
 
-    /// All samples, interleaved, with 16 bits each. 8-bit samples are scaled by 257, so that full scale stays full
-    /// scale.
+    /// All samples, interleaved, with 16 bits each. 8-bit samples are scaled by 257, so full scale stays full scale.
     pub(crate) fn into_sixteen_bits(self) -> Vec<u16> {
         match self.samples {
             Samples::Eight(samples) => samples.into_iter().map(|sample| u16::from(sample) * 257).collect(),
@@ -131,11 +122,10 @@ impl DecodedImage {
     }
 }
 
-/// Decodes a PNG file with at most `max_bytes` bytes of pixels.
 fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let message = |error: png::DecodingError| error.to_string();
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: max_bytes });
-    // Palettes, transparent colours and samples of fewer than 8 bits are expanded to samples of 8 bits.
+    // Palettes, transparent colours and samples of fewer than 8 bits are expanded to 8-bit samples.
     decoder.set_transformations(Transformations::EXPAND);
     // Text and colour profiles are not used, and a hostile file may have very large ones.
     decoder.set_ignore_text_chunk(true);
@@ -161,7 +151,6 @@ fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     Ok(DecodedImage { width, height, channels, samples })
 }
 
-/// Decodes a JPEG file with at most `max_bytes` bytes of pixels.
 fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let header = open_jpeg(bytes, ColorSpace::RGB)?;
     let (width, height) = jpeg_size(&header)?;
@@ -175,7 +164,7 @@ fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
 }
 
-/// Decodes a file of another format, of which all have samples of 8 bits, with at most `max_bytes` bytes of pixels.
+/// Decodes a file of one of the other formats, which all have 8-bit samples.
 fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let mut limits = Limits::default();
     limits.max_alloc = Some(max_bytes as u64);
@@ -195,16 +184,13 @@ fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<D
     Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
 }
 
-/// The width and height of a JPEG file.
 fn jpeg_size(header: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(u32, u32), String> {
     let info = header.info().ok_or("the header states no size")?;
     Ok((u32::from(info.width), u32::from(info.height)))
 }
 
-/// Reads the headers of a JPEG file whose pixels will be decoded to `color`.
 fn open_jpeg(bytes: &[u8], color: ColorSpace) -> Result<JpegDecoder<ZCursor<&[u8]>>, String> {
-    // The sides are bounded by the format, and the memory by the callers. A file that is cut short is decoded up to
-    // the cut, as by viewers.
+    // The format bounds the sides, and the callers bound the memory. A truncated file is decoded up to the cut, as in viewers.
     let options = DecoderOptions::default()
         .jpeg_set_out_colorspace(color)
         .set_strict_mode(false)
@@ -231,7 +217,6 @@ mod tests {
         bytes
     };
 
-    /// Asserts that the decoded file equals that of the crate `image`.
     fn agrees(format: Format, file: &[u8], what: &str) {
         let other: DynamicImage = image::load_from_memory(file).expect("it is a whole picture");
         let size = format.size(file).expect("it has a size");
@@ -282,7 +267,7 @@ mod tests {
 
     #[test]
     fn textures_in_other_formats_are_decoded() {
-        // GIF has a palette, and a transparent colour at most.
+        // GIF has a palette, with one transparent colour at most.
         let gif = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [0, 0, 0, 0]];
         let other = [[1, 2, 3, 255], [40, 50, 60, 255], [255, 128, 0, 255], [9, 8, 7, 255]];
         for (format, name, texels) in [

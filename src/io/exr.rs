@@ -1,5 +1,5 @@
-//! OpenEXR files: one part, 32-bit floats with ZIP compression. Channel names have the layer as a prefix
-//! (`photo.R`, `photo.Y`).
+//! OpenEXR files: one part, 32-bit floats with ZIP compression. Channel names have the layer as a prefix (`photo.R`,
+//! `photo.Y`).
 //!
 //! Half floats are never written: their 11 significant bits would add noise to Krylov vectors.
 
@@ -17,28 +17,25 @@ use crate::file;
 use crate::image::{Image, Resolution};
 use crate::machine;
 
-/// The largest number of samples of all channels of a file: 8192² pixels in four channels. A file that claims
-/// more is refused.
+/// The largest number of samples in a file, over all channels: 8192² pixels in four channels.
 const MAX_SAMPLES: usize = 1 << 28;
 
-/// Bytes of memory for each sample while a file is decoded: the decoder's, those of a plane, and those of the image.
+/// Bytes of memory for each sample while a file is decoded: in the decoder, in a plane, and in the image.
 const BYTES_OF_SAMPLE: usize = 12;
 
-/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as
-/// `NAME.Y`. With an empty name the channels are called `R`, `G`, `B` or `Y`, which every viewer shows by
-/// default.
+/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as `NAME.Y`. With
+/// an empty name the channels are called `R`, `G`, `B` or `Y`, which every viewer shows by default.
 ///
 /// # Errors
-/// [`Error::Dimension`] when there is no layer or no pixel, when the sizes differ, or when a name is used
-/// twice or is not ASCII; [`Error::Write`].
+/// [`Error::Dimension`] when there is no layer or no pixel, when the sizes differ, or when a name is used twice or
+/// is not ASCII; [`Error::Write`].
 pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
     let bytes = encode(layers)?;
     let written = bytes.map_err(|error| Error::writing(path)(std::io::Error::other(error)))?;
     atomic::write_bytes(path, &written)
 }
 
-/// The bytes of a file with these layers. The outer error is about the layers, the inner one about the
-/// encoder.
+/// The bytes of a file with these layers. The outer error is about the layers, the inner error about the encoder.
 fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
     let mismatch = |what, expected: String, found: String| Err(Error::dimension(what, expected, found));
     let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
@@ -76,15 +73,14 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
     Ok(picture.write().to_buffered(&mut file).map(|()| file.into_inner()))
 }
 
-/// Reads one layer: RGB if it has the channels `R`, `G` and `B`, otherwise luma from `Y`. Half floats and
-/// integers are converted to `f32`.
+/// Reads one layer: RGB if it has the channels `R`, `G` and `B`, otherwise luma from `Y`. Half floats and integers
+/// are converted to `f32`.
 ///
-/// `layer` is the prefix of the channel names, or the name of a part. Without it, the channels without a
-/// prefix are read, or those of the only layer in the file.
+/// `layer` is the prefix of the channel names, or the name of a part. Without it, the channels without a prefix are
+/// read, or the only layer in the file.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed or has no such layer. The message lists the
-/// layers.
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed or has no such layer. The message lists the layers.
 pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     let bytes = file::read(path)?;
     let unusable = |fault| unusable(path, fault);
@@ -105,7 +101,7 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     Ok(found.swap_remove(chosen).1)
 }
 
-/// The sizes of the layers that a file states. Nothing is decoded.
+/// The sizes of the layers, as the file states them. Nothing is decoded.
 pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
     let bytes = file::read(path)?;
     let header = || MetaData::read_from_buffered(bytes.as_slice(), false).map_err(|error| error.to_string());
@@ -118,10 +114,8 @@ fn unusable(path: &Path, fault: String) -> Error {
     Error::data(path, fault, "give an EXR file with channels R, G, B or Y, bare or in a layer")
 }
 
-/// All layers of a file that form an image, with their names.
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
-    // Some decoders of the crate `exr` assert properties of the data, for example that of PIZ compression. A
-    // panic is safe to catch here, because the closure owns everything that it modifies.
+    // The decoders of the crate `exr` may panic. That is safe to catch here: the closure owns everything that it modifies.
     machine::unless_panics(|| decode_unguarded(bytes)).unwrap_or_else(|| Err("it is malformed".into()))
 }
 
@@ -173,8 +167,7 @@ fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, S
     Ok(found)
 }
 
-/// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if the file has
-/// neither.
+/// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if the file has neither.
 fn assemble(channels: &[(String, &FlatSamples)], prefix: &str, resolution: Resolution) -> Option<Image> {
     let plane = |suffix: &str| {
         let full = if prefix.is_empty() { suffix.to_string() } else { format!("{prefix}.{suffix}") };
@@ -193,7 +186,6 @@ fn assemble(channels: &[(String, &FlatSamples)], prefix: &str, resolution: Resol
     })
 }
 
-/// The channel names of an image without their prefix.
 fn suffixes(channels: usize) -> &'static [&'static str] {
     if channels == 3 { &["R", "G", "B"] } else { &["Y"] }
 }

@@ -1,5 +1,4 @@
-//! The manifest `run.json`: the record of how a run's results were computed. It is written when the run
-//! starts and again when it ends.
+//! The manifest `run.json`: the record of how a run's results were computed, written at the start and at the end.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -18,8 +17,7 @@ use crate::finding::{Finding, Grade};
 /// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
 
-/// Everything that a run depended on, and its outcome. Fields that do not apply are absent; a rig, for
-/// example, has no samples.
+/// Everything that a run depended on, and its outcome. Fields that do not apply are absent.
 ///
 /// `R` is the record of a run on a rig: [`RigRecord`](crate::measure::RigRecord).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,14 +29,14 @@ pub struct Manifest<R> {
     pub version: String,
     /// The words of the command line.
     pub command: Vec<Name>,
-    /// The question: the fields of the verb's request with their values. Absent before krylux 0.1 kept it.
+    /// The question: the fields of the verb's request with their values. Early records do not have it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub request: Option<Value>,
     /// The state of the run.
     pub status: Status,
     /// The status as a sentence, such as `reached rtol` or the text of an error.
     pub message: String,
-    /// The time when the run started, RFC 3339 in UTC.
+    /// The start time of the run, RFC 3339 in UTC.
     pub started: String,
     /// The seed of the random numbers of the tracer and of starting vectors.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -70,14 +68,13 @@ pub struct Manifest<R> {
     /// The cost of a run on a rig, and how its photos were taken.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<R>,
-    /// How far the answer is from light that it was not computed from.
+    /// The difference between the answer and light that it was not computed from.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub verification: Option<Verification>,
-    /// Findings about the rig and the answer, from which the colour of the page and the exit status follow.
+    /// Findings about the rig and the answer. They determine the colour of the page and the exit status.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub findings: Vec<Finding>,
-    /// The photo budget of the method. A replay of the run with another analysis may use this number of
-    /// photos.
+    /// The photo budget of the method. A replay of the run with another analysis may use this number of photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub photos_allowed: Option<usize>,
     /// The number of photos taken.
@@ -86,12 +83,12 @@ pub struct Manifest<R> {
     pub timings: Vec<Timing>,
     /// The files written, relative to the run's folder.
     pub outputs: Vec<String>,
-    /// The folders in the run's own that hold the runs which this one replaces, until it is whole.
+    /// The folders inside the run's folder with the runs that this run replaces, until this run is complete.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub replaces: Vec<String>,
 }
 
-/// The state of a run. A manifest of a run that was killed says `running`.
+/// The state of a run. The manifest of a killed run says `running`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -99,13 +96,13 @@ pub enum Status {
     Running,
     /// The run is complete. The message says whether its result is good.
     Done,
-    /// The user stopped the run. The results up to then were written.
+    /// The user stopped the run. The results so far were written.
     Interrupted,
     /// An error stopped the run. The message is the error's text.
     Failed,
 }
 
-/// The backend of matrix products. The results of the two differ by the rounding of sums only.
+/// The backend of matrix products. The results of the two backends differ only by the rounding of sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ProductsOn {
@@ -120,7 +117,7 @@ pub enum ProductsOn {
 pub struct Noise {
     /// The error of the whole matrix in the Frobenius norm.
     pub operator: f64,
-    /// The error of the global light (two bounces and more) in the Frobenius norm.
+    /// The error of the global light (two or more bounces) in the Frobenius norm.
     pub global: f64,
     /// The root-mean-square error of the photo under an all-ones pattern.
     pub white: f64,
@@ -129,28 +126,28 @@ pub struct Noise {
 /// The comparison of an answer with light that it was not computed from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verification {
-    /// Which light this was.
+    /// The kind of independent light.
     pub by: Independent,
     /// The photos that the answer predicts, such as `photos of the eigenvectors`.
     pub of: String,
-    /// The relative difference of the predicted photos to independent ones, without the noise of the latter.
+    /// The relative difference of the predicted photos to the independent photos, without the noise of the latter.
     pub error: f64,
     /// The relative noise of the independent photos.
     pub noise: f64,
-    /// The verdict on the answer, which records of earlier programs do not have.
+    /// The verdict on the answer. Early records do not have it.
     #[serde(default)]
     pub verdict: CheckVerdict,
-    /// The number of its standard errors by which the difference exceeds what the noise of both and the stated residuals explain; of several photos the
-    /// largest.
+    /// The excess of the difference over what the noise of both photos and the stated residuals explain, in standard errors of the
+    /// difference. For several photos it is the largest value.
     #[serde(default)]
     pub statistic: f64,
-    /// The chance of such a statistic if the answer is right.
+    /// The probability of such a statistic if the answer is right.
     #[serde(default)]
     pub p_value: f64,
-    /// The relative error of the predicted photos from which the comparison would have refuted the answer in 99 of 100 cases.
+    /// The relative error of the predicted photos at which the comparison would have refuted the answer in 99 of 100 cases.
     #[serde(default)]
     pub resolution: f64,
-    /// The likely cause of a refutation, where a number tells it.
+    /// The likely cause of a refutation, if a number shows it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub cause: Option<String>,
 }
@@ -159,9 +156,9 @@ pub struct Verification {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CheckVerdict {
-    /// The answer is within its stated noise, and the comparison would have seen an answer that is wrong.
+    /// The answer is within its stated noise, and the comparison would have detected a wrong answer.
     Passed,
-    /// The difference has a chance of less than 0.001 if the answer is right.
+    /// The difference has a probability of less than 0.001 if the answer is right.
     Refuted,
     /// The noise of the comparison hides whether the answer is right.
     #[default]
@@ -169,14 +166,14 @@ pub enum CheckVerdict {
 }
 
 impl Verification {
-    /// The chance below which an answer is refuted.
+    /// The probability below which an answer is refuted.
     pub const LEVEL: f64 = 1e-3;
 
-    /// The verdict of this chance and this resolution. A comparison is too weak where it would not even tell an answer that has nothing to do with
-    /// the light, whose photos are off by all of their light.
+    /// The verdict for a probability and a resolution. A resolution of 1 or more is too weak: the comparison could not even
+    /// refute an answer that is unrelated to the light, whose photos have a relative error of 1.
     pub fn judged(p_value: f64, resolution: f64) -> CheckVerdict {
         match p_value {
-            // A chance that is not a number refutes, too.
+            // NaN refutes, too.
             p if p < Self::LEVEL || p.is_nan() => CheckVerdict::Refuted,
             _ if resolution < 1.0 => CheckVerdict::Passed,
             _ => CheckVerdict::TooWeak,
@@ -188,7 +185,7 @@ impl Verification {
         self.verdict == CheckVerdict::Passed
     }
 
-    /// The verdict as a finding: an answer that the comparison does not confirm fails.
+    /// The verdict as a finding. An answer that the comparison does not confirm fails.
     pub fn finding(&self) -> Finding {
         let grade = if self.is_passed() { Grade::Ok } else { Grade::Fails };
         let expected = format!("a chance of {} or more that a right answer is so far off", Self::LEVEL);
@@ -235,7 +232,7 @@ impl Verification {
 pub enum Independent {
     /// Light paths of another seed.
     AnotherSeed,
-    /// One more photo of a rig.
+    /// Another photo from the rig.
     AnotherPhoto,
 }
 
@@ -267,7 +264,7 @@ pub struct Adapter {
     pub backend: String,
 }
 
-/// The file of a run's source: a scene, a rig file or a matrix.
+/// The source of a run: a scene, a rig file or a matrix.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SourceFile {
     /// The path as given on the command line.
@@ -286,7 +283,7 @@ pub struct Timing {
 }
 
 impl<R: Serialize + DeserializeOwned> Manifest<R> {
-    /// The manifest of a run that starts now, with the words of its command line.
+    /// The manifest of a run that starts now. `command` has the words of its command line.
     pub fn new(command: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Self {
         Self {
             krylux_format: FORMAT,
@@ -316,12 +313,12 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         }
     }
 
-    /// The command line in one line. Bytes that are no Unicode are replaced.
+    /// The command line in one line. Bytes that are not Unicode are replaced.
     pub fn command_line(&self) -> String {
         self.command.iter().map(Name::to_string).collect::<Vec<_>>().join(" ")
     }
 
-    /// The verb of the command line: the first word after the program that is no option.
+    /// The verb of the command line: the first word after the program that is not an option.
     pub fn verb(&self) -> &str {
         let mut words = self.command.iter().skip(1).filter_map(Name::to_str);
         words.find(|word| !word.starts_with('-')).unwrap_or_default()
@@ -338,8 +335,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         self.message = message.into();
     }
 
-    /// Writes the manifest atomically: a reader finds either the old or the new one. From then on no link in its folder is followed, as after
-    /// [`Manifest::read`].
+    /// Writes the manifest atomically. From then on, no link in its folder is followed, as after [`Manifest::read`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut text =
             serde_json::to_string_pretty(self).map_err(|error| Error::writing(path)(error.into()))?;
@@ -367,7 +363,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
 /// The last second of the year 9999, in seconds since 1970: RFC 3339 allows four digits for the year.
 const LAST_SECOND: u64 = 253_402_300_799;
 
-/// A time such as `2026-01-31T23:59:59Z`. Times outside 1970 to 9999 become the first or last second of that range.
+/// A time such as `2026-01-31T23:59:59Z`. A time outside 1970 to 9999 becomes the first or last second of that range.
 pub fn rfc3339(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs().min(LAST_SECOND));
     humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_secs(seconds)).to_string()
@@ -412,7 +408,7 @@ mod tests {
         ] {
             assert_eq!(Verification::judged(p, resolution), verdict, "{p} {resolution}");
         }
-        // A record of an earlier program proves nothing.
+        // An early record without a verdict counts as too weak.
         let earlier = r#"{"by": "another-photo", "of": "x", "error": 0.1, "noise": 0.1}"#;
         let earlier: Verification = serde_json::from_str(earlier).expect("it was written so");
         assert_eq!(earlier.verdict, CheckVerdict::TooWeak);

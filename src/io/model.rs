@@ -1,5 +1,4 @@
-//! Low-rank models of light transport on disk: the folder `model/` in the folder of the run that captured the
-//! model.
+//! Low-rank models of light transport on disk: the folder `model/` in the folder of the run that captured the model.
 //!
 //! | file | content |
 //! |---|---|
@@ -9,11 +8,10 @@
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
 //! | `ambient.npy` | the photo without the projector |
 //!
-//! NumPy and SciPy read all of these files. With `d` the direct light,
-//! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term belongs to symmetric models
-//! only.
+//! NumPy and SciPy read all of these files. With `d` the direct light, `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The
+//! last term applies to symmetric models only.
 //!
-//! Every file that is read back must have its digest; the record has one of itself.
+//! Every file is checked against its digest when it is read. The record also has its own digest.
 //!
 //! This module reads and writes the arrays; [`crate::analysis::low_rank`] defines their meaning.
 
@@ -28,13 +26,12 @@ use crate::file;
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
 
-/// The version of the format.
 const FORMAT: u32 = 2;
 /// The folder of a model in the folder of its run.
 pub const FOLDER: &str = "model";
 const RECORD: &str = "model.json";
 
-/// The arrays of a model, and what is needed to interpret them.
+/// The arrays of a model, and the facts needed to interpret them.
 #[derive(Clone, Debug)]
 pub struct ModelArrays {
     /// The arrays of each channel.
@@ -43,7 +40,7 @@ pub struct ModelArrays {
     pub ambient: Image,
     /// The resolution of photos.
     pub resolution: Resolution,
-    /// The resolution of patterns. It has the same number of pixels as that of photos.
+    /// The resolution of patterns. It has the same number of pixels as the resolution of photos.
     pub projector: Resolution,
     /// The unit of the photos' values.
     pub unit: String,
@@ -80,7 +77,7 @@ pub enum DirectArrays {
 struct Record {
     krylux_model: u32,
     version: String,
-    /// The digest of this record with an empty digest.
+    /// The digest of this record, computed with this field empty.
     digest: String,
     source: String,
     resolution: Resolution,
@@ -92,7 +89,7 @@ struct Record {
     files: BTreeMap<String, String>,
 }
 
-/// Only what says whether the rest of a record can be read.
+/// The field that tells whether the rest of a record can be read.
 #[derive(Deserialize)]
 struct Version {
     krylux_model: u32,
@@ -122,15 +119,14 @@ pub fn folder(run: &Path) -> PathBuf {
     run.join(FOLDER)
 }
 
-/// The path of the model's record, `model/model.json`, in the run's folder `run`. Runs that use the model
-/// depend on this file.
+/// The path of the model's record in the run's folder `run`. Runs that use the model depend on this file.
 pub fn record_path(run: &Path) -> PathBuf {
     folder(run).join(RECORD)
 }
 
 impl ModelArrays {
-    /// Writes the model into the run's folder `run`. Returns the names of its files relative to that folder.
-    /// The record is written last, so that a model with a record is complete.
+    /// Writes the model into the run's folder `run`. Returns the names of its files relative to that folder. The record is
+    /// written last, so a model with a record is complete.
     pub fn write(&self, run: &Path) -> Result<Vec<String>> {
         let folder = folder(run);
         file::follow_no_links_below(run);
@@ -192,8 +188,8 @@ impl ModelArrays {
     /// Reads the model in the run's folder `run`.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] naming the file when its digest is another one than when it was written, when it is
-    /// malformed, when its size differs from the record's, or when it has a value that is not finite.
+    /// [`Error::Read`]; [`Error::Data`] naming the file when its digest differs from the record's, when it is malformed,
+    /// when its size differs from the record's, or when it has a value that is not finite.
     pub fn read(run: &Path) -> Result<Self> {
         file::follow_no_links_below(run);
         let folder = folder(run);
@@ -233,14 +229,14 @@ impl ModelArrays {
 }
 
 impl Record {
-    /// The digest of the record at `path`.
+    /// The record's own digest. `path` names the record in errors.
     fn own_digest(&self, path: &Path) -> Result<String> {
         let mut record = serde_json::to_value(self).map_err(|error| Error::writing(path)(error.into()))?;
         record["digest"] = "".into();
         Ok(blake3::hash(record.to_string().as_bytes()).to_string())
     }
 
-    /// The path of a file of the model whose bytes are those that were written.
+    /// The path of a file of the model, after its digest is checked.
     fn whole_file(&self, folder: &Path, name: &str) -> Result<PathBuf> {
         let path = folder.join(name);
         if self.files.get(name) != Some(&digest_of_file(&path)?) {
@@ -292,7 +288,6 @@ fn unusable(path: &Path, fault: String) -> Error {
 mod tests {
     use super::*;
 
-    /// A model whose ambient light has three channels.
     fn of_channels(channels: Vec<ChannelArrays>, resolution: Resolution) -> ModelArrays {
         ModelArrays {
             channels,
@@ -344,7 +339,7 @@ mod tests {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= 1 << (at % 8);
                 std::fs::write(&path, damaged).map_err(Error::writing(&path))?;
-                // White space of the record means nothing: what is read is the same.
+                // Changed white space in the record has no effect, so an accepted model must equal the original.
                 if let Ok(read) = ModelArrays::read(folder.path()) {
                     assert_eq!(format!("{read:?}"), whole, "byte {at} of {}", path.display());
                 }

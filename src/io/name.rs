@@ -1,11 +1,12 @@
-//! Paths and arguments as records have them, whatever their bytes.
+//! Paths and arguments in records, with any bytes.
 
 use std::ffi::{OsStr, OsString};
 use std::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A path or an argument. A record has it as text, or with its bytes (on Windows its 16-bit units) where it is not Unicode: `{"Unix": [255]}`.
+/// A path or an argument. A record has it as text. If it is not Unicode, the record has its bytes (on
+/// Windows, its 16-bit units): `{"Unix": [255]}`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Name(OsString);
 
@@ -22,7 +23,7 @@ impl<T: AsRef<OsStr> + ?Sized> From<&T> for Name {
     }
 }
 
-/// Bytes that are no Unicode are replaced.
+/// Bytes that are not Unicode are replaced.
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.display().fmt(f)

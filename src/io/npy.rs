@@ -13,17 +13,16 @@ use crate::image::{Image, Resolution};
 /// The largest length of a header in bytes, as in NumPy. The header of a plain array is much shorter.
 const MAX_HEADER_BYTES: usize = 10_000;
 
-/// An array as read from a file. Values are in C order (the last index runs fastest) and converted to `f64`.
+/// An array from a file. Values are in C order (the last index runs fastest) and converted to `f64`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
     /// The length of each dimension; empty for a scalar.
     pub shape: Vec<usize>,
-    /// The values; their number is the product of `shape`.
+    /// The values. Their number is the product of `shape`.
     pub values: Vec<f64>,
 }
 
-/// Writes an array of `shape` (for example `[k, h, w]`) whose values are in C order. The type in the file is
-/// that of the values.
+/// Writes an array of `shape` (for example `[k, h, w]`). The values are in C order and keep their type.
 ///
 /// # Errors
 /// [`Error::Dimension`] when the number of values is not the product of `shape`; [`Error::Write`].
@@ -62,8 +61,8 @@ fn write_array<T: npyz::AutoSerialize>(writer: impl Write, shape: &[usize], valu
 /// [`picture::require_finite`](super::picture::require_finite).
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is not in `.npy` format, is cut off, has additional bytes
-/// at its end, or contains anything but a plain array of real numbers.
+/// [`Error::Read`]; [`Error::Data`] when the file is not in `.npy` format, is cut off, has additional bytes at
+/// its end, or contains anything but a plain array of real numbers.
 pub fn read_npy(path: &Path) -> Result<Array> {
     let bytes = file::read(path)?;
     parse(&bytes).map_err(|fault| unusable(path, fault))
@@ -72,8 +71,8 @@ pub fn read_npy(path: &Path) -> Result<Array> {
 /// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does. The values are rounded to `f32`.
 ///
 /// # Errors
-/// Those of [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too
-/// large for `f32`.
+/// The errors of [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that
+/// is too large for `f32`.
 pub fn read_image(path: &Path) -> Result<Image> {
     let Array { shape, values } = read_npy(path)?;
     let (height, width, channels) = match *shape.as_slice() {
@@ -95,7 +94,6 @@ pub fn read_image(path: &Path) -> Result<Image> {
     Image::new(Resolution::new(width, height), channels, values.iter().map(|&value| value as f32).collect())
 }
 
-/// Parses the bytes of an `.npy` file. `Err` says what is wrong with them.
 pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     require_plain_header(bytes)?;
     let file = NpyFile::new(bytes).map_err(|error| format!("its header is malformed: {error}"))?;
@@ -108,8 +106,8 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     let size = number.num_bytes().unwrap_or(1);
     let data = file.into_inner();
     let count: usize = shape.iter().product();
-    // The product of the lengths does not overflow: `require_plain_header` has bounded it. The comparison
-    // keeps it from exceeding the file's size.
+    // `require_plain_header` bounds the product, so it does not overflow; the comparison bounds it by the
+    // file.
     if count.checked_mul(size) != Some(data.len()) {
         return Err(format!(
             "a {} array of {number} takes {} bytes, but the file holds {}",
@@ -128,16 +126,15 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// The values of an `.npy` file that holds numbers of type `T`. `Err` says what is wrong with its bytes.
+/// The values of an `.npy` file with numbers of type `T`. `Err` is a sentence about the fault.
 pub(crate) fn parse_as<T: npyz::Deserialize>(bytes: &[u8]) -> std::result::Result<Vec<T>, String> {
     require_plain_header(bytes)?;
     let file = NpyFile::new(bytes).map_err(|error| format!("its header is malformed: {error}"))?;
     file.into_vec().map_err(|error| error.to_string())
 }
 
-/// Checks the header before the crate `npyz` parses it. For a hostile header, `npyz` would recurse as deep as
-/// brackets nest, allocate as much memory as the header claims, and multiply lengths without checking for
-/// overflow.
+/// Checks the header before the crate `npyz` parses it. On a hostile header, `npyz` would recurse as deep as
+/// brackets nest, allocate as much memory as the header claims, and multiply lengths without overflow checks.
 fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     if bytes.len() < 12 || !bytes.starts_with(b"\x93NUMPY") {
         return Err("it does not start as an .npy file does".into());
@@ -158,7 +155,7 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     for digits in shape.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty()) {
         let length: u64 =
             std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok()).unwrap_or(u64::MAX);
-        // The bound must hold for the product of the other lengths, too, if one of them is zero.
+        // If one length is zero, the bound must still hold for the product of the others.
         elements = elements
             .checked_mul(length.max(1))
             .filter(|&count| count < 1 << 48)
@@ -167,7 +164,7 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Converts the bytes of one number to `f64`. The number of bytes must be that of the number's type.
+/// Converts the bytes of one number to `f64`. It needs exactly the bytes of the number's type.
 type Decode = fn(&[u8]) -> f64;
 
 /// The function that decodes numbers of this type. `Err` says that the type is not supported.
@@ -203,13 +200,11 @@ fn decoder(number: &TypeStr) -> std::result::Result<Decode, String> {
     })
 }
 
-/// The value of a 16-bit float.
 fn half(bits: u16) -> f64 {
     ::exr::prelude::f16::from_bits(bits).to_f64()
 }
 
-/// Reorders values from Fortran order (the first index runs fastest) to C order (the last index runs
-/// fastest).
+/// Reorders values from Fortran order (the first index runs fastest) to C order (the last index runs fastest).
 fn from_fortran_order(shape: &[usize], stored: &[f64]) -> Vec<f64> {
     let strides: Vec<usize> = shape
         .iter()

@@ -1,5 +1,4 @@
-//! Reading and writing of images in the format that the file's extension selects, as for `--pattern`,
-//! `--target` and `-o`.
+//! Reads and writes images in the format that the file's extension selects, for `--pattern`, `--target` and `-o`.
 
 use std::path::Path;
 
@@ -10,7 +9,6 @@ use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
 use crate::{file, machine};
 
-/// The file formats of images.
 enum Kind {
     Npy,
     Exr,
@@ -18,12 +16,11 @@ enum Kind {
     Jpeg,
 }
 
-/// Reads a pattern or a target. The values of `.npy` and `.exr` files are linear; those of `.png` and `.jpg`
-/// files are decoded from sRGB to linear values in \[0,1\]. All values of the result are finite.
+/// Reads a pattern or a target. The values of `.npy` and `.exr` files are linear. The values of `.png` and `.jpg` files are decoded from
+/// sRGB to linear values in \[0,1\]. All values of the result are finite.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file is malformed, or a value is NaN
-/// or infinite.
+/// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file is malformed, or a value is NaN or infinite.
 pub fn read(path: &Path) -> Result<Image> {
     let image = match kind(path) {
         Some(Kind::Npy) => npy::read_image(path)?,
@@ -35,11 +32,11 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// Reads an image that must have a certain size. Files of another size are refused before their pixels are decoded, since
-/// a few bytes can state any number of them. `whose` names in the message what has that size.
+/// Reads an image of the size `expected`. A file that states another size is refused before its pixels are decoded. In the message, `whose`
+/// names the thing that has the expected size.
 ///
 /// # Errors
-/// Those of [`read`], and [`Error::Data`] when the image has another size.
+/// The errors of [`read`], and [`Error::Data`] when the image has another size.
 pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Image> {
     let require = |found: Resolution| match found == expected {
         true => Ok(()),
@@ -59,7 +56,7 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
     require(image.resolution()).map(|()| image)
 }
 
-/// The sizes that a file states of the images in it, before anything is decoded; none for `.npy` files, which are as long as their arrays.
+/// The sizes of the images in a file, as its header states them. The list is empty for `.npy` files, which are as long as their arrays.
 pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     match kind(path) {
         Some(Kind::Png | Kind::Jpeg) => Ok(vec![size(path)?]),
@@ -69,8 +66,8 @@ pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     }
 }
 
-/// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing
-/// ([`raster::exposure`], [`raster::develop`]).
+/// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing ([`raster::exposure`],
+/// [`raster::develop`]).
 ///
 /// # Errors
 /// [`Error::Data`] when the file has another extension; [`Error::Write`].
@@ -91,8 +88,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
-/// Checks that an image has no NaN or infinite values. One such value in a pattern would make every later
-/// photo NaN.
+/// Checks that an image has no NaN or infinite values. One such value in a pattern would make every later photo NaN.
 ///
 /// # Errors
 /// [`Error::Data`] naming the file and the first pixel at fault.
@@ -127,21 +123,18 @@ fn unknown(path: &Path) -> Error {
     )
 }
 
-/// The largest size of decoded pixels in bytes. It allows a 16-bit RGB picture of 8192² pixels, and keeps a
-/// hostile header from allocating more memory.
+/// The largest size of decoded pixels in bytes: a 16-bit RGB picture of 8192² pixels has less. It limits the memory for hostile headers.
 const MAX_BYTES: usize = 512 << 20;
 
-/// Bytes of memory for each decoded byte: an 8-bit sample becomes one of 16 bits, and then one of 32 bits.
+/// Bytes of memory for each decoded byte: an 8-bit sample becomes a 16-bit sample, and then a 32-bit sample.
 const MEMORY_PER_BYTE: u64 = 8;
 
-/// The size that a PNG or JPEG file states.
 pub(super) fn size(path: &Path) -> Result<Resolution> {
     let bytes = file::read(path)?;
     let (width, height) = format(path, &bytes)?.size(&bytes).map_err(|fault| no_picture(path, fault))?;
     Ok(Resolution::new(width as usize, height as usize))
 }
 
-/// The largest size of decoded pixels in bytes on this machine.
 fn max_bytes() -> usize {
     let most = machine::memory() / 2 / MEMORY_PER_BYTE;
     MAX_BYTES.min(usize::try_from(most).unwrap_or(MAX_BYTES))
@@ -160,12 +153,11 @@ fn unusable_picture(path: &Path, fault: String, help: &str) -> Error {
     Error::data(path, fault, help)
 }
 
-/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The
-/// pattern has one channel if the file is gray, and three otherwise.
+/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The pattern has one channel if the
+/// file is gray, and three otherwise.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a
-/// transparent pixel.
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = file::read(path)?;
     let picture =

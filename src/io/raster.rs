@@ -1,5 +1,4 @@
-//! Rasters: 8-bit sRGB pictures for viewing, their PNG files, and the tone mapping of linear radiance to them: one exposure for the whole
-//! photo, and the sRGB curve (IEC 61966-2-1).
+//! Rasters: 8-bit sRGB pictures for viewing. Tone mapping uses one exposure for the whole photo and the sRGB curve (IEC 61966-2-1).
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -21,8 +20,7 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// Collects `w·h` pixels, row by row from the top left. Missing pixels are black; additional ones are
-    /// ignored.
+    /// Collects `w·h` pixels, row by row from the top left. Missing pixels are black; additional pixels are ignored.
     pub fn from_pixels(resolution: Resolution, pixels: impl IntoIterator<Item = [u8; 3]>) -> Self {
         let mut bytes: Vec<u8> = pixels.into_iter().take(resolution.pixels()).flatten().collect();
         bytes.resize(3 * resolution.pixels(), 0);
@@ -39,7 +37,7 @@ impl Raster {
         self.resolution
     }
 
-    /// All bytes; red, green and blue are interleaved.
+    /// All bytes. Red, green and blue are interleaved.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -53,8 +51,7 @@ impl Raster {
         }
     }
 
-    /// Copies `other` into this picture, with its top left corner at column `x`, row `y`. Parts beyond the
-    /// edges are clipped.
+    /// Copies `other` into this picture, with its top left corner at column `x`, row `y`. Parts beyond the edges are clipped.
     pub fn paste(&mut self, other: &Self, x: usize, y: usize) {
         let columns = other.resolution.width.min(self.resolution.width.saturating_sub(x));
         if columns == 0 {
@@ -66,8 +63,7 @@ impl Raster {
         }
     }
 
-    /// The picture with each pixel enlarged to a block of `factor × factor`, for viewers that would blur a
-    /// small picture.
+    /// The picture with each pixel enlarged to a block of `factor × factor`, for viewers that would blur a small picture.
     pub fn enlarged(&self, factor: usize) -> Self {
         let factor = factor.max(1);
         let resolution = Resolution::new(self.resolution.width * factor, self.resolution.height * factor);
@@ -100,23 +96,17 @@ impl Raster {
         Ok(file)
     }
 
-    /// Writes a PNG file.
-    ///
-    /// # Errors
-    /// Those of [`Raster::encode_png`], and [`Error::Write`].
+    /// Writes a PNG file, with the errors of [`Raster::encode_png`] and [`Error::Write`].
     pub fn write_png(&self, path: &Path) -> Result<()> {
         atomic::write_bytes(path, &self.encode_png()?)
     }
 }
 
-/// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight
-/// does not darken the rest.
+/// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight does not darken the rest.
 const WHITE_PERCENTILE: f64 = 0.995;
 
-/// The factor that maps the 99.5th percentile of the positive, finite samples to white.
-///
-/// Dark samples are not counted, so that the photo of a single projected pixel has a useful exposure, too.
-/// The factor is 1 for an image without a positive, finite sample.
+/// The factor that maps the 99.5th percentile of the positive, finite samples to white; 1 if there are none. Dark samples are not counted,
+/// so the photo of a single projected pixel also has a useful exposure.
 pub fn exposure(image: &Image) -> f32 {
     let lit: Vec<f64> =
         image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
@@ -137,8 +127,7 @@ pub fn develop(image: &Image, scale: f32) -> Raster {
     Raster::from_pixels(image.resolution(), rgb)
 }
 
-/// The quantile `rank` (in \[0,1\]) of `values` by the nearest-rank method; `None` if there are no values. No
-/// value may be NaN.
+/// The quantile `rank` (in \[0,1\]) of `values` by the nearest-rank method; `None` if there are no values. No value may be NaN.
 pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     let index = ((values.len() as f64 * rank).ceil() as usize).saturating_sub(1);
     if index >= values.len() {
@@ -147,14 +136,12 @@ pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
-/// The number of intervals of the table of first guesses. The encoded value changes by less than one byte per
-/// interval, even where the curve is steepest.
+/// The number of intervals of first guesses. Over one interval, the encoded value changes by less than one byte, even at the steepest part.
 const GUESSES: usize = 4096;
 
-/// Tables of the encoded bytes. A report shows millions of pixels, and a power function for each channel
-/// would be slow.
+/// Tables of the encoded bytes. A report shows millions of pixels, and a power function for each channel would be slow.
 struct Bytes {
-    /// For each byte the least linear value that is encoded as the next byte.
+    /// For each byte, the least linear value that is encoded as the next byte.
     next: [f32; 256],
     /// The byte at the start of each interval.
     guess: [u8; GUESSES + 1],
@@ -181,13 +168,13 @@ pub fn encode_srgb(linear: f32) -> u8 {
     byte + u8::from(linear >= BYTES.next[usize::from(byte)])
 }
 
-/// The same as [`encode_srgb`] without tables, for a value in \[0,1\].
+/// Like [`encode_srgb`], but without tables, for a value in \[0,1\].
 fn byte_of(linear: f32) -> u8 {
     let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (encoded * 255.0).round() as u8
 }
 
-/// The linear value of an sRGB-encoded one, both in \[0,1\] (IEC 61966-2-1).
+/// The linear value of an sRGB-encoded value, both in \[0,1\] (IEC 61966-2-1).
 pub fn decode_srgb(encoded: f32) -> f32 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }

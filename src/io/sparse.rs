@@ -1,6 +1,6 @@
 //! Files of sparse matrices: SciPy's `.npz` and Matrix Market's `.mtx`.
 //!
-//! A `.npz` archive is assembled here and not by the crate `npyz`, which depends on another version of the crate `zip`.
+//! This module assembles `.npz` archives itself, because the crate `npyz` depends on another version of the crate `zip`.
 
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -14,8 +14,7 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::sparse::Csr;
 
-/// Writes a matrix in the format that the extension selects: `.npz` ([`write_npz`]) or `.mtx`
-/// ([`write_mtx`]).
+/// Writes a matrix in the format that the extension selects: `.npz` ([`write_npz`]) or `.mtx` ([`write_mtx`]).
 ///
 /// # Errors
 /// [`Error::Data`] for another extension; [`Error::Write`].
@@ -31,8 +30,8 @@ pub fn check_writable(path: &Path) -> Result<()> {
     kind(path).and_then(|_| atomic::check_writable(path))
 }
 
-/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or
-/// `.npy` with a dense `m×n` array.
+/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or `.npy` with a dense
+/// `m×n` array.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] for another extension or a malformed file.
@@ -46,7 +45,6 @@ pub fn read(path: &Path) -> Result<Csr> {
     }
 }
 
-/// Reads a dense matrix from an `.npy` file.
 fn from_dense(path: &Path) -> Result<Csr> {
     let npy::Array { shape, values } = npy::read_npy(path)?;
     let &[rows, cols] = shape.as_slice() else {
@@ -78,7 +76,7 @@ fn require_sides(path: &Path, rows: usize, cols: usize) -> Result<()> {
     Ok(())
 }
 
-/// The matrix with these entries (row, column, value), which may be in any order. Zeros are dropped.
+/// The matrix with these entries (row, column, value) in any order. Zeros are dropped.
 fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, usize, f64)>) -> Result<Csr> {
     require_sides(path, rows, cols)?;
     entries.retain(|entry| entry.2 != 0.0);
@@ -127,11 +125,11 @@ fn kind(path: &Path) -> Result<Kind> {
     }
 }
 
-/// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that
-/// represents every value exactly, and `float64` otherwise.
+/// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that represents every value
+/// exactly, and `float64` otherwise.
 ///
-/// Index arrays are `int32` if that can represent all indices, and `int64` otherwise, as in SciPy. The
-/// members of the archive are not compressed and have a fixed date, so that equal matrices give equal bytes.
+/// Index arrays are `int32` if that can represent all indices, and `int64` otherwise, as in SciPy. The members of the archive are
+/// not compressed and have a fixed date, so equal matrices give equal bytes.
 pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
     atomic::write_with(path, |file| {
         let mut archive = ZipWriter::new(FirstError::new(file));
@@ -188,7 +186,6 @@ pub(crate) fn add_format_to_npz(archive: &mut ZipWriter<impl Write + Seek>) -> i
     array.finish()
 }
 
-/// The options of a member of `bytes` bytes.
 pub(crate) fn npz_options(bytes: u64) -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
@@ -198,17 +195,16 @@ pub(crate) fn npz_options(bytes: u64) -> SimpleFileOptions {
         .large_file(bytes + 4096 > u64::from(u32::MAX))
 }
 
-/// Members up to this size in bytes are read however small they are in the archive.
+/// A member up to this size in bytes is read at any compression ratio.
 const MAX_EXPANDED_BYTES: u64 = 1 << 28;
 
-/// How many times larger than in the archive a larger member may be. It keeps a small malicious archive from filling the memory.
+/// The largest compression ratio of a larger member. The limit keeps a small malicious archive from filling the memory.
 const MAX_EXPANSION: u64 = 64;
 
 /// Reads a file that `scipy.sparse.save_npz` wrote for a CSR matrix of real numbers, compressed or not.
 ///
 /// # Errors
-/// [`crate::Error::Read`]; [`crate::Error::Data`] when the file is not such an archive, or when its arrays do not form a
-/// CSR matrix.
+/// [`crate::Error::Read`]; [`crate::Error::Data`] when the file does not contain the arrays of a CSR matrix.
 pub fn read_npz(path: &Path) -> Result<Csr> {
     let archive = file::open(path)?;
     let length = archive.metadata().map_err(Error::reading(path))?.len();
@@ -219,7 +215,7 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
         let entry = archive.by_name(&format!("{name}.npy"));
         let entry = entry.map_err(|error| fault(format!("it has no array `{name}`: {error}")))?;
         let size = entry.size();
-        // The archive states both sizes, and may be wrong; but nothing in it takes more bytes than all of it.
+        // The archive states both sizes, and they may be wrong. A member cannot take more bytes than the whole archive.
         let packed = entry.compressed_size().min(length);
         if size > MAX_EXPANDED_BYTES.max(MAX_EXPANSION * packed) {
             return Err(fault(format!(
@@ -274,10 +270,8 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
     from_entries(path, rows, cols, entries.collect())
 }
 
-/// Writes Matrix Market's coordinate format, with indices from 1 on. A matrix that is symmetric to the last
-/// bit is written as `symmetric` (its lower triangle), any other one as `general`.
-///
-/// Values are written with enough digits that a reader gets the same numbers.
+/// Writes Matrix Market's coordinate format, with indices from 1 on and enough digits for a reader to get the same numbers. A matrix that
+/// is symmetric to the last bit is written as `symmetric` (its lower triangle), any other matrix as `general`.
 ///
 /// # Errors
 /// [`crate::Error::Write`], also for a NaN or infinite entry, which the format cannot represent.
@@ -350,20 +344,18 @@ pub fn read_mtx(path: &Path) -> Result<Csr> {
     from_entries(path, rows, cols, entries)
 }
 
-/// Passes everything to `inner` until an operation fails. From then on operations succeed and do nothing: the crate `zip` finishes an archive
-/// when it is dropped, even after an error that its caller knows of, and would print a second error on stderr.
+/// Passes everything to `inner` until an operation fails. After that, operations succeed and do nothing. Otherwise the crate
+/// `zip`, which finishes an archive when it is dropped, would print a second error on stderr.
 pub(crate) struct FirstError<W> {
     inner: W,
     has_failed: bool,
 }
 
 impl<W> FirstError<W> {
-    /// A writer on `inner`.
     pub(crate) fn new(inner: W) -> Self {
         Self { inner, has_failed: false }
     }
 
-    /// The result of `work`, or `rest` after an error.
     fn unless_failed<T>(&mut self, rest: T, work: impl FnOnce(&mut W) -> io::Result<T>) -> io::Result<T> {
         if self.has_failed {
             return Ok(rest);

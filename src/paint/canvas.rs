@@ -1,4 +1,4 @@
-//! A source that is painted on, with the columns of its matrix.
+//! The canvas: a source with a matrix that patterns are painted on.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,11 +10,11 @@ use crate::operator::{Adjoint, Operator};
 use crate::sparse::Csr;
 use crate::transport::Part;
 
-/// Which light a photo shows.
+/// The light that a photo shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Light {
-    /// All light, with the ambient light.
+    /// All light, including the ambient light.
     All,
     /// One bounce.
     Direct,
@@ -27,7 +27,7 @@ pub enum Light {
 }
 
 impl Light {
-    /// The part of the matrix that is this light, where there is one; the others are single layers.
+    /// The part of the matrix for this light; `None` for a light that is only a single layer.
     pub(super) fn part(self) -> Option<Part> {
         match self {
             Self::All => Some(Part::Full),
@@ -37,7 +37,6 @@ impl Light {
         }
     }
 
-    /// Whether a layer of the matrix belongs to this light.
     pub(super) fn holds(self, layer: Self) -> bool {
         match self {
             Self::All => true,
@@ -47,23 +46,22 @@ impl Light {
     }
 }
 
-/// A source that is painted on: an open laboratory, with the columns of its matrix where that is in memory. Photos have one plane or three,
-/// as the laboratory has channels.
+/// A source that is painted on: an open laboratory, with the columns of its matrix if the matrix is in memory.
 pub struct Canvas<'a> {
     lab: &'a mut Lab,
-    /// Pixels of patterns and of photos. The unknown size of a square matrix's pictures is taken as square.
+    /// The sizes of patterns and of photos.
     sizes: [Resolution; 2],
-    /// The layers of the matrix, whose sum is all light; none where the source has no matrix in memory.
+    /// The layers of the matrix, whose sum is all light. There are none if the matrix is not in memory.
     layers: Vec<(Light, Columns)>,
     lights: Vec<Light>,
     ambient: Planes,
     operators: Vec<(Part, Vec<LabOperator>)>,
-    /// The photo of white in all light, once it was taken.
+    /// The photo of white in all light, once it has been taken.
     white: Option<Planes>,
 }
 
 impl<'a> Canvas<'a> {
-    /// Opens the light transport of a laboratory: traces a scene, reads a run, connects to a rig.
+    /// Opens the light transport of a laboratory: traces a scene, reads a run, or connects to a rig.
     pub fn new(lab: &'a mut Lab) -> Result<Self> {
         let sizes = [lab.projector_resolution(), lab.resolution()];
         let sizes = if lab.kind() == SourceKind::Matrix { sizes.map(as_picture) } else { sizes };
@@ -75,7 +73,7 @@ impl<'a> Canvas<'a> {
         };
         let ambient = match lab.kind() {
             SourceKind::Matrix => vec![vec![0.0; sizes[1].pixels()]],
-            // A rig's photos are without it.
+            // The photos of a rig do not contain the ambient light.
             SourceKind::Rig => vec![vec![0.0; sizes[1].pixels()]; lab.channels().count()],
             _ => lab.ambient()?.planes(),
         };
@@ -87,37 +85,37 @@ impl<'a> Canvas<'a> {
         self.lab
     }
 
-    /// Pixels of patterns.
+    /// The resolution of patterns.
     pub fn projector(&self) -> Resolution {
         self.sizes[0]
     }
 
-    /// Pixels of photos.
+    /// The resolution of photos.
     pub fn camera(&self) -> Resolution {
         self.sizes[1]
     }
 
-    /// Planes of patterns and photos.
+    /// The number of planes of patterns and photos.
     pub fn channels(&self) -> usize {
         self.lab.channels().count()
     }
 
-    /// Which light can be shown; the first is all of it.
+    /// The lights that can be shown. The first is all light.
     pub fn lights(&self) -> &[Light] {
         &self.lights
     }
 
-    /// Whether patterns may be negative: those of a matrix, which no projector has to show.
+    /// Whether patterns may be negative. This is so for a matrix, since no projector has to show them.
     pub fn is_signed(&self) -> bool {
         self.lab.kind() == SourceKind::Matrix
     }
 
-    /// Whether photos are taken by devices, so that each takes its time.
+    /// Whether devices take the photos, so that each photo takes time.
     pub fn is_live(&self) -> bool {
         self.lab.kind() == SourceKind::Rig
     }
 
-    /// The layers of the matrix in memory, whose sum is all light without the ambient light; none where there is no such matrix.
+    /// The layers of the matrix in memory, whose sum is all light without the ambient light. There are none without such a matrix.
     pub(super) fn layers(&self) -> &[(Light, Columns)] {
         &self.layers
     }
@@ -127,7 +125,7 @@ impl<'a> Canvas<'a> {
         self.layers.iter().filter(move |(layer, _)| light.holds(*layer)).map(|(_, columns)| columns)
     }
 
-    /// The light without projector, which is part of all light only.
+    /// The light without the projector. It is a part of all light only.
     pub(super) fn ambient_of(&self, light: Light) -> Option<&Planes> {
         (light == Light::All).then_some(&self.ambient)
     }
@@ -135,7 +133,7 @@ impl<'a> Canvas<'a> {
     /// The photo of a pattern, one plane for each channel. It is the photo that [`Lab::photo`] takes, before rounding.
     ///
     /// # Errors
-    /// [`Error::Dimension`] where the pattern does not have the projector's pixels or channels; those of [`Lab::operator`].
+    /// [`Error::Dimension`] when the pattern does not have the projector's pixels or channels; the errors of [`Lab::operator`].
     pub fn photo(&mut self, light: Light, pattern: &Planes) -> Result<Planes> {
         Error::check_size("planes of the pattern", self.channels(), pattern.len())?;
         for plane in pattern {
@@ -179,8 +177,7 @@ impl<'a> Canvas<'a> {
         Ok(self.white.insert(white))
     }
 
-    /// Adds to a photo what a change of one projector pixel adds, `change` in each channel. Returns whether that is possible: the columns of the
-    /// matrix are in memory.
+    /// Adds the effect of a change of one projector pixel to a photo. Returns `false` if the columns of the matrix are not in memory.
     pub fn add_pixel(&self, light: Light, pixel: usize, change: &[f64], photo: &mut Planes) -> bool {
         for (channel, (photo, &change)) in photo.iter_mut().zip(change).enumerate() {
             self.layers_of(light).for_each(|columns| columns.add(channel, pixel, change, photo));
@@ -188,7 +185,7 @@ impl<'a> Canvas<'a> {
         !self.layers.is_empty()
     }
 
-    /// How many changed pixels take about as long as a whole product.
+    /// The number of changed pixels that take about as long as a whole product.
     pub fn pixels_of_a_product(&self) -> usize {
         // A whole product is parallel, and reads its entries in order.
         if self.layers.is_empty() { 0 } else { self.projector().pixels() / 4 }
@@ -209,8 +206,8 @@ impl<'a> Canvas<'a> {
         })
     }
 
-    /// How much each projector pixel lights one camera pixel: a row of the matrix, which is a dual photograph. `None` where only
-    /// photos in the other direction can be taken.
+    /// The light from each projector pixel to one camera pixel: a row of the matrix, which is a dual photograph. `None` if photos in the
+    /// other direction are not possible.
     pub fn row(&mut self, light: Light, pixel: usize) -> Result<Option<Planes>> {
         let projector = self.projector().pixels();
         if !self.layers.is_empty() {
@@ -231,7 +228,7 @@ impl<'a> Canvas<'a> {
         self.operators(part)?.iter_mut().map(product).collect::<Result<_>>().map(Some)
     }
 
-    /// The operators of a part, one for each channel. Their products are not recorded: a page takes many thousands.
+    /// The operators of a part, one for each channel. Their products are not recorded, because a page takes many thousands.
     pub(super) fn operators(&mut self, part: Part) -> Result<&mut Vec<LabOperator>> {
         let at = match self.operators.iter().position(|(of, _)| *of == part) {
             Some(at) => at,
@@ -244,7 +241,6 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// The layers of the matrix, where it is in memory.
 fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
     let has_matrix = match lab.kind() {
         SourceKind::Scene => lab.assembled()?.is_some(),
@@ -255,7 +251,7 @@ fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
         return Ok(Vec::new());
     }
     let request = |part, split_bounces| MatrixRequest { part, split_bounces, photos: None };
-    // `[layer][channel]` from `[channel][layer]`.
+    // Turns `[channel][layer]` into `[layer][channel]`.
     let by_layer = |lights: &[Light], matrices: Vec<Vec<(&'static str, Csr)>>| {
         let mut channels: Vec<_> = matrices.into_iter().map(Vec::into_iter).collect();
         let layer = |&light: &Light| {
@@ -277,13 +273,13 @@ fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
     Ok(found)
 }
 
-/// A matrix does not tell the sizes of its pictures: a square number of pixels is taken as a square.
+/// A matrix does not state the sizes of its pictures, so a square number of pixels is taken as a square.
 fn as_picture(strip: Resolution) -> Resolution {
     let side = strip.pixels().isqrt();
     if side * side == strip.pixels() { Resolution::new(side, side) } else { strip }
 }
 
-/// A matrix by its columns, one matrix for each channel: row `p` of each holds what projector pixel `p` lights.
+/// A matrix by its columns, one matrix for each channel. Row `p` of each matrix has the light of projector pixel `p`.
 #[derive(Clone, Debug)]
 pub struct Columns {
     by_channel: Vec<Csr>,
@@ -296,17 +292,14 @@ impl Columns {
         Self { by_channel: matrices.into_iter().map(columns).collect() }
     }
 
-    /// The matrices, whose rows are the columns.
     pub(super) fn channels(&self) -> &[Csr] {
         &self.by_channel
     }
 
-    /// Entries of one channel.
     pub(super) fn nonzeros(&self) -> usize {
         self.by_channel.first().map_or(0, |matrix| matrix.weights().len())
     }
 
-    /// Adds `change` times the light of a projector pixel to a photo.
     pub(super) fn add(&self, channel: usize, pixel: usize, change: f64, photo: &mut [f64]) {
         let (places, values) = self.by_channel[channel].row(pixel);
         for (&place, &value) in places.iter().zip(values) {
@@ -314,13 +307,12 @@ impl Columns {
         }
     }
 
-    /// Adds the light of a whole pattern to a photo.
     pub(super) fn multiply(&self, channel: usize, pattern: &[f64], photo: &mut [f64]) {
         let lit = pattern.iter().enumerate().filter(|(_, value)| **value != 0.0);
         lit.for_each(|(pixel, &value)| self.add(channel, pixel, value, photo));
     }
 
-    /// How much each projector pixel lights one camera pixel: a row of the matrix, added to `pattern`.
+    /// Adds the light from each projector pixel to one camera pixel, a row of the matrix, to `pattern`.
     fn add_row(&self, channel: usize, pixel: usize, pattern: &mut [f64]) {
         let matrix = &self.by_channel[channel];
         for (projector, found) in pattern.iter_mut().enumerate() {

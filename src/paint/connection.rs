@@ -1,4 +1,4 @@
-//! One connection: the page, or the socket of a page.
+//! One connection of a browser: for the page, or for the page's socket.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering;
@@ -26,37 +26,35 @@ use super::message::{Client, HEADER, MessageKind, PageRequest};
 use super::server::{Route, ServerState, Sizes, Slot};
 use super::session::{Event, error_text};
 
-/// How long a client may take to send its request.
+/// The time that a client has to send its request.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How long a client may take to read a page, or to open its socket.
+/// The time that a client has to read a page, or to open its socket.
 const PAGE_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// The most bytes of a request's headers.
 const HEADER_BYTES: usize = 16 * 1024;
 
-/// Tells a client that there is no room.
+/// Answers a client that too many connections are open.
 pub async fn refuse(mut stream: TcpStream) {
     const BUSY: &[u8] =
         b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nRetry-After: 1\r\nConnection: close\r\n\r\n";
-    // A client that does not listen is none of our business.
+    // It does not matter whether the client reads the answer.
     let _ = timeout(Duration::from_secs(1), stream.write_all(BUSY)).await;
 }
 
-/// Serves one connection to its end.
 pub(super) async fn serve_connection(
     stream: TcpStream,
     shared: Arc<ServerState>,
     place: &Slot,
 ) -> Result<(), String> {
-    // Small photos should not wait for more.
+    // Small photos are sent at once, without waiting for more data.
     let _ = stream.set_nodelay(true);
     let (opened, mut upgraded) = tokio::sync::mpsc::channel::<hyper::upgrade::OnUpgrade>(1);
     let service = hyper::service::service_fn(|mut request: Request<Incoming>| {
         place.has_asked.set(true);
         let answer = respond(&mut request, &shared);
         if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
-            // One socket for each connection, so that there is room.
+            // This cannot be full: each connection has one socket.
             let _ = opened.try_send(hyper::upgrade::on(&mut request));
         }
         async move { Ok::<_, std::convert::Infallible>(answer) }
@@ -164,17 +162,14 @@ fn text(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name)?.to_str().ok()
 }
 
-/// How long a page may take to read what it is sent.
+/// The time that a page has to read a message.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// How often a page is asked whether it is still there, and how long it may be silent.
+/// The interval at which a page is asked whether it is still there, and the longest time that it may be silent.
 const PING: Duration = Duration::from_secs(20);
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// Serves a page until it goes.
-///
-/// # Errors
-/// Why it was dropped.
+/// Serves a page until it leaves. `Err` is the reason why the page was dropped.
 pub async fn serve_socket(stream: TokioIo<Upgraded>, shared: &Arc<ServerState>) -> Result<(), String> {
     let most = most_bytes(shared.sizes);
     let limits = WebSocketConfig::default()
@@ -192,7 +187,7 @@ pub async fn serve_socket(stream: TokioIo<Upgraded>, shared: &Arc<ServerState>) 
     ended.map_err(|why| format!("dropped page {client}: {why}"))
 }
 
-/// The largest message that a page has reason to send: a pattern, or a target with its weights as JSON.
+/// The largest valid message of a page: a pattern, or a target with its weights as JSON.
 fn most_bytes(sizes: Sizes) -> usize {
     // A number of a target in JSON takes at most 25 bytes.
     HEADER + 4096 + 25 * (sizes.channels + 1) * sizes.pixels
@@ -231,7 +226,6 @@ async fn talk(
     }
 }
 
-/// A page that just went is no fault.
 fn gone(error: &SocketError) -> Result<(), String> {
     use tokio_tungstenite::tungstenite::error::ProtocolError;
     match error {
@@ -280,15 +274,13 @@ async fn write(socket: &mut WebSocketStream<TokioIo<Upgraded>>, message: Message
     }
 }
 
-/// Answers and texts that may wait for one page; the oldest are dropped.
+/// The number of answers and texts that may wait for one page. The oldest are dropped.
 const MOST_WAITING: usize = 16;
 
-/// Something to send.
 #[derive(Clone, Debug)]
 pub enum Parcel {
     /// Bytes, which several pages share.
     Bytes(Arc<Vec<u8>>),
-    /// JSON.
     Text(String),
 }
 
@@ -302,12 +294,12 @@ struct Outbox {
     arrived: Arc<Notify>,
 }
 
-/// The parcels that wait for each page. Only the newest photo is kept, so that a slow page gets fewer photos and needs no more memory.
+/// The parcels that wait for each page. Only the newest photo is kept, so a slow page gets fewer photos and needs no more memory.
 #[derive(Debug, Default)]
 pub struct Outboxes(Mutex<BTreeMap<Client, Outbox>>);
 
 impl Outboxes {
-    /// Opens one for a new page; it is told when something has come.
+    /// Opens an outbox for a new page. The result is notified when a parcel has arrived.
     pub fn open(&self, client: Client) -> Arc<Notify> {
         let outbox = Outbox::default();
         let arrived = Arc::clone(&outbox.arrived);
@@ -315,12 +307,11 @@ impl Outboxes {
         arrived
     }
 
-    /// Closes that of a page that has gone.
     pub fn close(&self, client: Client) {
         self.lock().remove(&client);
     }
 
-    /// Leaves an event for whom it is.
+    /// Puts an event into the outboxes of the pages that should get it.
     pub fn send(&self, event: Event) {
         let mut outboxes = self.lock();
         match event {
@@ -345,7 +336,6 @@ impl Outboxes {
         outboxes.values().for_each(|outbox| outbox.arrived.notify_one());
     }
 
-    /// Takes the next parcel of a page.
     pub fn take(&self, client: Client) -> Option<Parcel> {
         let mut outboxes = self.lock();
         let outbox = outboxes.get_mut(&client)?;
@@ -355,7 +345,7 @@ impl Outboxes {
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<Client, Outbox>> {
-        // Every change is whole: what a thread that panicked left is valid.
+        // Every change is complete, so the data is valid even if a thread panicked.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,4 +1,4 @@
-//! The page as one file, which holds the matrix and needs no server.
+//! The page as one file, which contains the matrix and needs no server.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,22 +17,22 @@ use crate::report::content::{self as array, Content};
 use crate::report::web::{bundle, deflated};
 use crate::sparse::Csr;
 
-/// How the file is made.
+/// Options of the file.
 #[derive(Clone, Debug)]
 pub struct EmbedOptions {
-    /// How the matrix's values are stored.
+    /// The storage format of the matrix's values.
     pub precision: Precision,
-    /// The most bytes of the file. A matrix that takes more is thinned: small entries are left out by chance, and others made larger, so that
-    /// every photo stays right on average. `None` for any size.
+    /// The largest size of the file in bytes, or `None` for any size. A matrix that takes more is thinned: some small entries are left out
+    /// at random, and others are made larger, so that every photo stays right on average.
     pub max_bytes: Option<usize>,
     /// Known answers that the page shows without asking.
     pub kept: Kept,
 }
 
-/// Answers that are kept in the file. Their planes have the camera's pixels.
+/// Answers that the file contains. Their planes have the camera's pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Kept {
-    /// Labels, one plane for each number of groups.
+    /// Labels, with one plane for each number of groups.
     pub groups: Option<Answer>,
     /// Eigenvectors, one plane each, with their eigenvalues.
     pub eigenvectors: Option<Answer>,
@@ -60,16 +60,16 @@ impl Kept {
 #[derive(Clone, Debug)]
 pub struct Embedded {
     html: String,
-    /// The relative difference that storing the matrix makes to the photos of white, of a checkerboard and of random patterns, at most.
+    /// The largest relative difference that storing the matrix makes to the photos of white, of a checkerboard and of random patterns.
     pub error: f64,
-    /// The share of the matrix's entries that the page has.
+    /// The share of the matrix's entries that the page contains.
     pub kept: f64,
 }
 
-/// How well the bytes are packed: a better level takes several times as long, and saves a few per cent.
+/// The compression level. A higher level takes several times as long, and saves a few per cent.
 const LEVEL: Compression = Compression::new(6);
 
-/// The least share of the entries that is tried where the whole matrix is too large, and how many shares are.
+/// The least share of the entries that is tried if the whole matrix is too large, and the number of trials.
 const LEAST_SHARE: f64 = 0.02;
 const TRIALS: usize = 6;
 
@@ -77,7 +77,7 @@ impl Embedded {
     /// Makes the page of a canvas whose matrix is in memory.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `-o` where there is no matrix, and `--max-size` where no thinned one is small enough; those of
+    /// [`Error::Option`] naming `-o` when there is no matrix, and `--max-size` when no thinned matrix is small enough; the errors of
     /// [`Canvas::photo`].
     pub fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
         if canvas.layers().is_empty() {
@@ -94,7 +94,7 @@ impl Embedded {
             let layers = thinned(canvas.layers(), share);
             let html = parts.html(&layers)?;
             let bytes = html.len();
-            // What is not of the matrix does not shrink; a little less than what should fit.
+            // The rest of the page does not shrink with the share. The factor leaves a small margin.
             let fitting = share * 0.97 * most as f64 / bytes as f64;
             if bytes > most {
                 if share <= LEAST_SHARE {
@@ -118,7 +118,7 @@ impl Embedded {
         Ok(Self { html, error, kept })
     }
 
-    /// Bytes of the file.
+    /// The size of the file in bytes.
     pub fn bytes(&self) -> usize {
         self.html.len()
     }
@@ -143,7 +143,7 @@ fn too_large(bytes: usize, most: usize) -> Error {
     )
 }
 
-/// The relative difference that storing makes to photos, the largest of four.
+/// The largest relative difference that storing makes to four photos.
 fn error(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], precision: Precision) -> Result<f64> {
     let (pixels, camera, width) =
         (canvas.projector().pixels(), canvas.camera().pixels(), canvas.projector().width);
@@ -212,7 +212,6 @@ impl Parts {
         Ok(Self { info, sections, precision: options.precision })
     }
 
-    /// The page with these layers.
     fn html(&self, layers: &[(Light, Columns)]) -> Result<String> {
         let (mut info, mut sections) = (self.info.clone(), self.sections.clone());
         let layer = |(light, columns): &(Light, Columns)| {
@@ -246,7 +245,7 @@ fn floats(planes: &Planes) -> Vec<u8> {
     planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()).collect()
 }
 
-/// Elements that hold deflated bytes as text.
+/// Elements that contain deflated bytes as text.
 #[derive(Clone, Default)]
 struct Sections {
     html: String,
@@ -254,7 +253,6 @@ struct Sections {
 }
 
 impl Sections {
-    /// Adds one; returns its number.
     fn add(&mut self, bytes: &[u8]) -> usize {
         let (number, text) = (self.count, deflated(bytes, LEVEL));
         // Writing to a string cannot fail.
@@ -264,28 +262,26 @@ impl Sections {
     }
 }
 
-/// How values are stored.
+/// The storage format of values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
-    /// 16 bits: eleven of precision.
+    /// 16-bit floats with 11 significant bits.
     #[default]
     Half,
-    /// 32 bits.
+    /// 32-bit floats.
     Single,
 }
 
-/// A packed layer: positions, and the values of each channel.
 struct PackedLayer {
     pub(super) positions: Vec<u8>,
     pub(super) values: Vec<Vec<u8>>,
-    /// The factor of the values of each channel.
     pub(super) scales: Vec<f32>,
     pub(super) is_symmetric: bool,
 }
 
 impl Precision {
-    /// A value, relative to the largest, as it is read back.
+    /// The value that is read back for a stored one. Both are relative to the largest value.
     pub(super) fn rounded(self, value: f64) -> f64 {
         match self {
             Self::Half => f16::from_f64(value).to_f64(),
@@ -301,15 +297,15 @@ impl Precision {
     }
 }
 
-/// The largest size of a channel's entries, by which the stored values are relative.
+/// The largest absolute value of a channel's entries. Stored values are relative to it.
 fn scale_of(columns: &Csr) -> f64 {
     let largest = columns.weights().iter().fold(0.0, |most: f64, value| most.max(value.abs()));
     if largest > 0.0 { f64::from(largest as f32) } else { 1.0 }
 }
 
-/// Packs the columns of all channels of a layer, which have the same positions, as numbers of seven bits a byte: first how many entries each
-/// column has, then the distance of each entry from the one before. The values stand apart, as half or single floats relative to the largest.
-/// Only the entries on and below the diagonal of a symmetric matrix are packed.
+/// Packs the columns of all channels of a layer, which have the same positions. Positions are numbers of seven bits a byte: first the
+/// number of entries of each column, then the distance of each entry from the previous entry. The values are separate, as half or single
+/// floats relative to the largest. For a symmetric matrix, only the entries on and below the diagonal are packed.
 fn pack(columns: &[Csr], precision: Precision) -> PackedLayer {
     let is_symmetric = columns.iter().all(Csr::is_symmetric);
     let first = &columns[0];
@@ -353,13 +349,14 @@ fn put_number(mut value: u32, bytes: &mut Vec<u8>) {
     bytes.push(value as u8);
 }
 
-/// Keeps about this share of the entries of all layers together: those above a threshold `τ` as they are, a smaller one `a` with the probability
-/// `|a| / τ` as `±τ`. The mean of every entry stays what it was. Both halves of a symmetric matrix are thinned alike.
+/// Keeps about this share of the entries of all layers together. Entries above a threshold `τ` stay as they are. A smaller entry `a`
+/// becomes `±τ` with the probability `|a| / τ`, and is otherwise dropped. The mean of every entry is unchanged. Both halves of a symmetric
+/// matrix are thinned alike.
 pub(super) fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Columns)> {
     if share >= 1.0 {
         return layers.to_vec();
     }
-    // Channels share positions: an entry counts by its largest size relative to its channel's largest.
+    // Channels share positions. The size of an entry is the largest over the channels, each relative to its channel's largest.
     let channels = layers.first().map_or(0, |(_, columns)| columns.channels().len());
     let largest = |channel: usize| {
         layers.iter().map(|(_, columns)| scale_of(&columns.channels()[channel])).fold(0.0, f64::max)
@@ -370,7 +367,6 @@ pub(super) fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Co
     layers.iter().map(|(light, columns)| (*light, without_small(columns, &scales, threshold))).collect()
 }
 
-/// The size of each entry of a layer, column by column.
 fn sizes(columns: &Columns, scales: &[f64]) -> Vec<f64> {
     let mut sizes = vec![0.0_f64; columns.nonzeros()];
     for (of, scale) in columns.channels().iter().zip(scales) {
@@ -379,7 +375,7 @@ fn sizes(columns: &Columns, scales: &[f64]) -> Vec<f64> {
     sizes
 }
 
-/// A layer whose entries below the threshold are left out, or made larger, by chance.
+/// A layer whose entries below the threshold are dropped or enlarged at random.
 fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
     let sizes = sizes(columns, scales);
     let first = &columns.channels()[0];
@@ -402,16 +398,16 @@ fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
         row_start.push(places_kept.len());
     }
     let thin = |values: Vec<f64>| Csr::new(first.cols(), row_start.clone(), places_kept.clone(), values).ok();
-    // The positions are a part of those of a valid matrix.
+    // The positions are a subset of a valid matrix's positions.
     Columns::new(values_kept.into_iter().filter_map(thin).collect())
 }
 
-/// The threshold above which entries count whole, so that `Σ min(1, size / τ)` is this share of them.
+/// The threshold `τ` for which `Σ min(1, size / τ)` is this share of the number of entries. Larger entries count whole.
 fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
     sizes.sort_by(f64::total_cmp);
     let wanted = share * sizes.len() as f64;
     let mut below = sizes.iter().sum::<f64>();
-    // From the largest down: with `k` whole ones, τ is what the others must share.
+    // The search starts at the largest entry. If `whole` entries count whole, `threshold` makes the others add up to the rest.
     for (whole, &size) in sizes.iter().rev().enumerate() {
         let threshold = below / (wanted - whole as f64).max(f64::MIN_POSITIVE);
         if size <= threshold {
@@ -422,7 +418,7 @@ fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
     f64::MIN_POSITIVE
 }
 
-/// A number from 0 to 1 by chance, the same for both halves of a symmetric matrix.
+/// A random number from 0 to 1, the same for both halves of a symmetric matrix.
 fn chance(column: usize, place: usize) -> f64 {
     let (low, high) = (column.min(place) as u64, column.max(place) as u64);
     rand_pcg::Pcg64Mcg::seed_from_u64(high << 32 | low).random()
@@ -447,9 +443,8 @@ mod tests {
         let page = whole.bytes() - 100_000;
         let thin = Embedded::new(&mut canvas, &options(Some(page)))?;
         assert!(thin.bytes() <= page && thin.kept < 1.0);
-        // Direct light is the largest entries: they are all there.
+        // Direct light has the largest entries, so all of them are kept.
         assert!(thin.error > whole.error && thin.error < 0.05, "{}", thin.error);
-        // The page itself takes more than this.
         let refused = Embedded::new(&mut canvas, &options(Some(10_000)));
         assert!(refused.is_err_and(|error| error.to_string().contains("--max-size")));
         Ok(())
@@ -466,7 +461,7 @@ mod tests {
         let thin = &thin[0].1.channels()[0];
         assert!(thin.is_symmetric());
         let share = thin.weights().len() as f64 / matrix.weights().len() as f64;
-        // 1,830 independent choices: three standard deviations are 3.5 % of the share and about 5 % of the sum.
+        // There are 1,830 independent choices. Three standard deviations are 3.5 % of the share and about 5 % of the sum.
         assert!((share / 0.3 - 1.0).abs() < 0.15, "{share}");
         assert!((sum(thin) / sum(&matrix) - 1.0).abs() < 0.1);
         Ok(())

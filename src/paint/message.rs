@@ -1,7 +1,8 @@
-//! The messages between page and server, in bytes, and the mailbox of requests that wait for the session. All numbers are little-endian; planes are 32-bit floats, one plane after the other.
+//! The binary messages between page and server, and the mailbox of requests that wait for the session. All numbers are little-endian.
+//! Planes are 32-bit floats, one plane after the other.
 //!
-//! Each binary message begins with eight bytes: its kind, its flags, the index of its light among [`Canvas::lights`](super::Canvas::lights), and
-//! a number. What is rare and small (greetings, questions, errors) travels as JSON text instead.
+//! Each message begins with eight bytes: its kind, its flags, the index of its light among [`Canvas::lights`](super::Canvas::lights), and a
+//! number. Rare and small messages (greetings, questions, errors) are JSON text instead.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -11,57 +12,47 @@ use serde::Deserialize;
 use super::question::Question;
 use crate::analysis::planes::Planes;
 
-/// Bytes before the content of a message.
+/// The number of bytes before the content of a message.
 pub const HEADER: usize = 8;
 
-/// A request of a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PageRequest {
     /// New values of single pixels of the pattern, one for each channel.
     Change(Vec<(u32, Vec<f32>)>),
-    /// A whole new pattern.
     Replace(Planes),
-    /// The exact photo of the pattern: a stroke has ended.
+    /// A stroke has ended, so the exact photo of the pattern is wanted.
     Finish,
-    /// Another light, by its index.
     Light(usize),
-    /// The light of a projector pixel.
+    /// The light of this projector pixel.
     Column(u32),
-    /// Which projector pixels light a camera pixel.
+    /// The projector pixels that light this camera pixel.
     Row(u32),
-    /// A question that takes longer.
     Ask(NumberedQuestion),
 }
 
-/// A question, with the number under which the page expects the answer.
+/// A question and its number. The page expects an answer with this number.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct NumberedQuestion {
-    /// The page's number.
     pub number: u32,
-    /// The question.
     #[serde(flatten)]
     pub question: Question,
 }
 
-/// The content of a message of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageKind {
-    /// A photo; the number is that of the author's last request in it. The flag says that it is exact.
+    /// A photo. The number is that of the author's last request that the photo includes. The flag says that the photo is exact.
     Photo = 1,
-    /// The pattern of that photo, for those who did not paint it.
+    /// The pattern of that photo, for the pages that did not paint it.
     Pattern = 2,
-    /// The light of the projector pixel that is the number.
+    /// The light of a projector pixel. The number is the pixel.
     Column = 3,
-    /// The projector pixels that light the camera pixel of that number.
+    /// The projector pixels that light a camera pixel. The number is the camera pixel.
     Row = 4,
     /// The answer to the question of this number: the length of a JSON text, the text, and planes.
     Answer = 5,
 }
 
-/// Reads a binary message. `channels` and `pixels` are those of the pattern; the number is the page's own.
-///
-/// # Errors
-/// The fault of the message, in a few words.
+/// Reads a binary message. `channels` and `pixels` are the pattern's; the number is the page's own. `Err` is the message's fault.
 pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, PageRequest), String> {
     let (Some(header), Some(content)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("a message of {} bytes, shorter than its header", bytes.len()));
@@ -109,17 +100,15 @@ fn planes(content: &[u8], channels: usize, pixels: usize) -> Result<Planes, Stri
     Ok(values.chunks_exact(pixels).map(<[f64]>::to_vec).collect())
 }
 
-/// A message of planes.
 pub fn write(kind: MessageKind, is_exact: bool, light: usize, number: u32, planes: &Planes) -> Vec<u8> {
     let mut bytes = header(kind, is_exact, light, number);
     put(&mut bytes, planes);
     bytes
 }
 
-/// An answer: a JSON text with planes.
 pub fn write_answer(number: u32, text: &str, planes: &Planes) -> Vec<u8> {
     let mut bytes = header(MessageKind::Answer, true, 0, number);
-    // Floats begin at multiples of four.
+    // Floats begin at multiples of four bytes.
     let padded = text.len().next_multiple_of(4);
     bytes.extend((padded as u32).to_le_bytes());
     bytes.extend(text.as_bytes());
@@ -139,32 +128,26 @@ fn put(bytes: &mut Vec<u8>, planes: &Planes) {
     bytes.extend(planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()));
 }
 
-/// Questions of one page that may wait. A page asks one after the other.
+/// The number of questions of one page that may wait. A page asks one after the other.
 const MOST_QUESTIONS: usize = 4;
 
-/// The number of a connection.
 pub type Client = u64;
 
-/// The requests that wait.
 #[derive(Debug, Default)]
 pub struct Pending {
-    /// Who changed the pattern last, with its number.
+    /// The page that changed the pattern last, with the number of its request.
     pub author: Option<(Client, u32)>,
-    /// A whole new pattern; the changes come after it.
+    /// A whole new pattern. The changes apply after it.
     pub replace: Option<Planes>,
-    /// The newest values of single pixels.
     pub changes: BTreeMap<u32, Vec<f32>>,
-    /// Whether a stroke has ended.
     pub is_finished: bool,
-    /// Another light.
     pub light: Option<usize>,
-    /// The newest pixel that each page looks at, of the camera (`true`) or of the projector.
+    /// The newest pixel that each page looks at. The key is `true` for a camera pixel, `false` for a projector pixel.
     pub looks: BTreeMap<(Client, bool), u32>,
-    /// Questions in order.
+    /// Questions in the order of their arrival.
     pub questions: VecDeque<(Client, NumberedQuestion)>,
-    /// Pages that have come and want to see what is there.
+    /// New pages, which need the current pattern and photo.
     pub newcomers: Vec<Client>,
-    /// Whether to end.
     pub is_over: bool,
 }
 
@@ -179,7 +162,7 @@ impl Pending {
     }
 }
 
-/// The requests that wait, and those who wait for them.
+/// The waiting requests, and a signal for the session that waits for them.
 #[derive(Debug, Default)]
 pub struct Mailbox {
     pending: Mutex<Pending>,
@@ -187,10 +170,7 @@ pub struct Mailbox {
 }
 
 impl Mailbox {
-    /// Leaves a request.
-    ///
-    /// # Errors
-    /// A page that has too many open questions is told so.
+    /// Adds a request. `Err` says that the page has too many open questions.
     pub fn put(&self, client: Client, number: u32, request: PageRequest) -> Result<(), String> {
         let mut pending = self.lock();
         match request {
@@ -222,13 +202,12 @@ impl Mailbox {
         Ok(())
     }
 
-    /// Welcomes a page.
     pub fn welcome(&self, client: Client) {
         self.lock().newcomers.push(client);
         self.arrived.notify_one();
     }
 
-    /// Forgets the requests that a page that has gone made for itself.
+    /// Removes the looks and questions of a page that has left.
     pub fn forget(&self, client: Client) {
         let mut pending = self.lock();
         pending.looks.retain(|(of, _), _| *of != client);
@@ -236,13 +215,12 @@ impl Mailbox {
         pending.newcomers.retain(|of| *of != client);
     }
 
-    /// Lets the session end.
     pub fn end(&self) {
         self.lock().is_over = true;
         self.arrived.notify_one();
     }
 
-    /// Waits for requests and takes them. One question is taken at a time, so that strokes come in between.
+    /// Waits for requests and takes them. It takes at most one question at a time, so that strokes are handled in between.
     pub fn take(&self) -> Pending {
         let mut pending = self.lock();
         while pending.is_empty() {
@@ -256,7 +234,7 @@ impl Mailbox {
     }
 
     fn lock(&self) -> MutexGuard<'_, Pending> {
-        // Every change is whole: what a thread that panicked left is valid.
+        // Every change is complete, so the data is valid even if a thread panicked.
         self.pending.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

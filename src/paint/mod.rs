@@ -1,8 +1,8 @@
-//! Painting with light: patterns are painted in a browser, and the photo is seen while the pen moves.
+//! Painting with light: the user paints patterns in a browser and sees the photo while the pen moves.
 //!
-//! A [`Canvas`] turns patterns into photos. Where the light transport matrix is in memory, a stroke costs only the columns of the
-//! pixels that it changes. A [`Session`] holds what is on the projector and answers the newest requests of all browsers; the
-//! [server](serve()) carries them between the two. [`page`] makes the page: one that asks the server, or one file that holds the matrix.
+//! A [`Canvas`] turns patterns into photos. If the light transport matrix is in memory, a stroke costs only the columns of the pixels that
+//! it changes. A [`Session`] holds the pattern on the projector and answers the newest requests of all browsers. The [server](serve())
+//! passes messages between them. [`page`] makes the page: either a page that asks the server, or one file that contains the matrix.
 
 mod canvas;
 mod connection;

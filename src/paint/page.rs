@@ -1,4 +1,4 @@
-//! The page as HTML: one that asks the server, or one file that holds the matrix.
+//! The page as HTML: a page that asks the server, or one file that contains the matrix.
 
 use askama::Template;
 use hyper::body::Bytes;
@@ -14,7 +14,7 @@ use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VALUES, VIEW, bu
 
 pub use super::embedded::{EmbedOptions, Embedded, Kept, Precision};
 
-/// The modules of the page, each after those that it imports.
+/// The modules of the page. Each stands after the modules that it imports.
 const MODULES: [Module; 18] = [
     FORMAT,
     COLOR,
@@ -44,21 +44,19 @@ pub(super) const WORKER: [Module; 4] = [
     ("worker.js", include_str!("web/worker.js")),
 ];
 
-/// The page of a server for a canvas; its scripts bear the mark `nonce`.
+/// The page that a server sends for a canvas. Its scripts have the attribute `nonce`.
 pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Bytes> {
     let about =
         "Everything that is painted here stays on this machine and the server that printed this address.";
     Ok(Bytes::from(page(&describe(canvas)?, about, Some(nonce), "")?))
 }
 
-/// The variables of the template.
 #[derive(Template)]
 #[template(path = "paint.html", config = "src/report/askama.toml")]
 struct Page<'a> {
     title: &'a str,
-    /// A sentence at the end.
     about: &'a str,
-    /// The attribute that lets the page's own scripts and styles run; empty for a page that forbids none.
+    /// The attribute that lets the page's own scripts and styles run; empty without such a restriction.
     nonce: String,
     style: &'static str,
     info: String,
@@ -67,7 +65,7 @@ struct Page<'a> {
     script: String,
 }
 
-/// The page as HTML. `info` is what its scripts know of the source, `data` the elements with the matrix.
+/// The page as HTML. `info` describes the source for the scripts; `data` has the elements with the matrix.
 pub(super) fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<String> {
     let page = Page {
         title: info["name"].as_str().unwrap_or_default(),
@@ -81,7 +79,7 @@ pub(super) fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -
     page.render().map_err(|error| Error::Numerical(format!("the painting page's template: {error}")))
 }
 
-/// The source as the page's scripts know it.
+/// The description of the source for the page's scripts.
 pub(super) fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
     let channels = canvas.channels();
     let white = Image::from_planes(canvas.camera(), canvas.white()?)?;

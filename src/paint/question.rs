@@ -1,4 +1,4 @@
-//! Questions that are ready on the page: groups, eigenvectors, and patterns for a wanted photo.
+//! The questions that the page can ask: groups, eigenvectors, and patterns for a wanted photo.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::transport::Part;
 use crate::verbs::{Segment, Segmented};
 
-/// The most eigenvectors, and the most groups, that a page may ask for.
+/// The largest number of eigenvectors or groups that a page may ask for.
 const MOST: usize = 32;
 
 /// A question.
@@ -23,29 +23,29 @@ pub enum Question {
     Eigenvectors {
         /// All light, or global light.
         light: Light,
-        /// How many, from 1 to 32.
+        /// The number of eigenvectors, from 1 to 32.
         count: usize,
     },
-    /// Groups of pixels that exchange light, for each of these numbers of groups; for none, as many as the light shows regions.
+    /// Groups of pixels that exchange light, for each of these numbers of groups. Without a number, the light determines it.
     Groups {
-        /// Each from 2 to 32.
+        /// Numbers from 2 to 32.
         groups: Vec<usize>,
     },
-    /// The pattern whose photo comes nearest to a target where that counts.
+    /// The pattern whose photo is nearest to a target, weighted by pixel.
     Pattern {
         /// The wanted photo, `channels × pixels`, in the unit of photos.
         target: Vec<Vec<f32>>,
-        /// How much each camera pixel counts, from 0 to 1.
+        /// The weight of each camera pixel, from 0 to 1.
         weights: Vec<f32>,
     },
 }
 
-/// An answer: numbers for a JSON text, with planes beside it.
+/// An answer: numbers for a JSON text, and planes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Answer {
     /// Eigenvalues, one for each plane, or the relative residual of a pattern.
     pub values: Vec<f64>,
-    /// Numbers of groups, one for each plane.
+    /// The numbers of groups, one for each plane.
     pub groups: Vec<usize>,
     /// The result as a sentence.
     pub status: String,
@@ -55,7 +55,6 @@ pub struct Answer {
 }
 
 impl From<&Eigs> for Answer {
-    /// Eigenvectors with their eigenvalues.
     fn from(found: &Eigs) -> Self {
         Self {
             values: found.values.clone(),
@@ -67,7 +66,6 @@ impl From<&Eigs> for Answer {
 }
 
 impl From<&Segmentation> for Answer {
-    /// Labels for each number of groups.
     fn from(found: &Segmentation) -> Self {
         let plane = |labels: &Vec<u8>| labels.iter().map(|&label| f64::from(label)).collect();
         Self {
@@ -83,7 +81,7 @@ impl Canvas<'_> {
     /// Answers a question.
     ///
     /// # Errors
-    /// [`Error::Option`] for what this source cannot be asked; those of the methods behind it.
+    /// [`Error::Option`] for a question that this source cannot answer; the errors of the methods used.
     pub fn answer(&mut self, question: &Question) -> Result<Answer> {
         match question {
             Question::Eigenvectors { light, count } => self.eigenvectors(*light, *count),
@@ -120,12 +118,11 @@ impl Canvas<'_> {
         Ok(answer)
     }
 
-    /// The remark on an answer that looks at one channel of three.
     fn of_channel(&self) -> &'static str {
         if self.channels() > 1 { "; of red light" } else { "" }
     }
 
-    /// The pattern by FISTA, or where every pixel counts the same by krylov-box, which needs fewer photos.
+    /// Computes the pattern by FISTA. If all pixels have the same weight, it uses krylov-box, which needs fewer photos.
     fn pattern_for(&mut self, target: &[Vec<f32>], weights: &[f32]) -> Result<Answer> {
         let pixels = self.camera().pixels();
         if self.projector().pixels() != pixels {
@@ -153,7 +150,7 @@ impl Canvas<'_> {
             let wanted = target[channel].iter().zip(&ambient[channel]).zip(&weights);
             let b: Vec<f64> =
                 wanted.map(|((&target, ambient), weight)| weight * (f64::from(target) - ambient)).collect();
-            // Light that no pixel asks for stays off.
+            // With weights, the start is dark, so that light that no pixel asks for stays off.
             let x0 = (!is_even).then(|| vec![0.0; pixels]);
             let options =
                 SolveOptions { products, rtol: 1e-3, diagonal: Some(white), x0, ..SolveOptions::default() };
@@ -171,7 +168,7 @@ fn refused<T>(what: &str, help: &str) -> Result<T> {
     Err(Error::option("question", format!("{what} cannot be answered"), help))
 }
 
-/// `W A`: each camera pixel counts by its weight.
+/// `W A`: the operator with each camera pixel multiplied by its weight.
 struct Weighted<'a, O> {
     operator: &'a mut O,
     weights: &'a [f64],

@@ -1,4 +1,4 @@
-//! The server of the page, on the loopback interface: one page and one socket, behind an address that cannot be guessed.
+//! The server of the page on the loopback interface: one page and one socket, behind an address that cannot be guessed.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -20,31 +20,30 @@ use super::page::served;
 use super::session::{Event, Session};
 use crate::error::{Error, Result};
 
-/// Connections at a time. A browser needs one or two for each page.
+/// The number of connections at a time. A browser needs one or two for each page.
 const MOST_CONNECTIONS: usize = 32;
 
-/// How often the server looks whether to end.
+/// The interval at which the server checks whether to end.
 const TICK: Duration = Duration::from_millis(100);
 
-/// How a server is started.
+/// Options of a server.
 #[derive(Clone, Debug)]
 pub struct ServeOptions {
-    /// The interface and the port; port 0 is any free one.
+    /// The interface and the port. Port 0 means any free port.
     pub listen: SocketAddr,
-    /// Without a message of any page for so long, the server ends.
+    /// The server ends after this time without a message from a page.
     pub idle: Option<Duration>,
 }
 
-/// Why a server ended.
+/// The reason why a server ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It was told to.
+    /// The caller's `go_on` stopped it.
     Stopped,
-    /// No page was used for as long as [`ServeOptions::idle`] says.
+    /// No page was used for the time [`ServeOptions::idle`].
     Idle,
 }
 
-/// The state that all connections share.
 pub(super) struct ServerState {
     pub(super) mailbox: Mailbox,
     pub(super) outboxes: Outboxes,
@@ -57,16 +56,14 @@ pub(super) struct ServerState {
     pub(super) start: Instant,
 }
 
-/// The place of a connection among those that are served at a time.
+/// One of the places for connections, of which there are `MOST_CONNECTIONS`.
 #[derive(Default)]
 pub(super) struct Slot {
-    /// Whether it has sent a request.
     pub(super) has_asked: Cell<bool>,
     /// Notified when another connection takes the place.
     end: Notify,
 }
 
-/// Planes and pixels of patterns.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sizes {
     pub(super) channels: usize,
@@ -83,11 +80,11 @@ impl ServerState {
     }
 }
 
-/// Serves the page until `go_on` says otherwise. `ready` is called with the page's address once it can be opened. Whatever a client sends,
-/// the server goes on; what it refused is told to `note`.
+/// Serves the page until `go_on` breaks. It calls `ready` with the page's address once the page can be opened. The server survives any
+/// message of a client, and reports what it refuses to `note`.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--listen` where the address cannot be had.
+/// [`Error::Option`] naming `--listen` when the server cannot listen on the address.
 pub fn serve(
     session: &mut Session<'_>,
     options: &ServeOptions,
@@ -125,7 +122,6 @@ pub fn serve(
     })
 }
 
-/// Answers requests until the server ends.
 fn run_session(session: &mut Session<'_>, shared: &ServerState) {
     loop {
         let pending = shared.mailbox.take();
@@ -154,7 +150,7 @@ async fn accept(
                         let Ok((stream, _)) = accepted else { continue };
                         places.retain(|place| Rc::strong_count(place) > 1);
                         if places.len() >= MOST_CONNECTIONS {
-                            // The oldest connection without a request makes room.
+                            // The oldest connection without a request gives up its place.
                             let Some(silent) = places.iter().position(|place| !place.has_asked.get()) else {
                                 note(&format!("refused a connection: {MOST_CONNECTIONS} are open already"));
                                 tokio::task::spawn_local(connection::refuse(stream));
@@ -196,7 +192,7 @@ fn no_listener(address: SocketAddr, reason: &std::io::Error) -> Error {
     )
 }
 
-/// Bytes of a token: too many to be guessed.
+/// The length of a token in bytes. It is long enough that the token cannot be guessed.
 const TOKEN_BYTES: usize = 16;
 
 /// The address of the page with its secret.
@@ -207,12 +203,10 @@ pub struct Guard {
     nonce: String,
 }
 
-/// The two addresses of the server.
+/// The two paths of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// The page.
     Page,
-    /// The socket of the page.
     Socket,
 }
 
@@ -220,25 +214,25 @@ impl Guard {
     /// A new token for a server at this address.
     ///
     /// # Errors
-    /// [`Error::Numerical`] where the system has no random numbers.
+    /// [`Error::Numerical`] when the system has no random numbers.
     pub fn new(address: SocketAddr) -> Result<Self> {
         Ok(Self { address, token: random()?, nonce: random()? })
     }
 
-    /// The address to open.
+    /// The URL to open.
     pub fn url(&self) -> String {
         format!("http://{}/{}/", self.address, self.token)
     }
 
-    /// The mark of the scripts that the page may run.
+    /// The nonce of the scripts that the page may run.
     pub fn nonce(&self) -> &str {
         &self.nonce
     }
 
-    /// The route of a path; `None` without the token.
+    /// The route of a path; `None` for a wrong token.
     pub fn route(&self, path: &str) -> Option<Route> {
         let (token, rest) = path.strip_prefix('/')?.split_once('/')?;
-        // Every byte is compared, so that the time tells nothing.
+        // All bytes are compared, so the time of the comparison reveals nothing about the token.
         let differs = token.bytes().zip(self.token.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
         if token.len() != self.token.len() || differs != 0 {
             return None;
@@ -250,8 +244,8 @@ impl Guard {
         }
     }
 
-    /// Whether a request names this machine or the address that is listened on. Other names may belong to somebody else's page, whose name
-    /// was made to point here.
+    /// Whether a request names this machine or the listening address as its host. A foreign page may have redirected its name to this
+    /// machine.
     pub fn knows_host(&self, host: &str) -> bool {
         let name =
             host.rsplit_once(':').map_or(host, |(name, port)| if port.ends_with(']') { host } else { name });
@@ -262,7 +256,7 @@ impl Guard {
         is_here || name.eq_ignore_ascii_case("localhost")
     }
 
-    /// Whether a socket was opened by a page of this server: its origin is the host that it asks.
+    /// Whether a page of this server opened the socket: the origin equals the requested host.
     pub fn knows_origin(&self, origin: Option<&str>, host: &str) -> bool {
         origin
             .and_then(|origin| origin.strip_prefix("http://"))

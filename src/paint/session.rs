@@ -1,4 +1,4 @@
-//! The pattern on the projector and its photo: the state that all pages of a server share.
+//! The pattern on the projector and its photo, which all pages of a server share.
 
 use super::canvas::{Canvas, Light};
 use super::message::{Client, MessageKind, NumberedQuestion, Pending, write, write_answer};
@@ -12,29 +12,26 @@ pub struct Session<'a> {
     light: usize,
     pattern: Planes,
     photo: Planes,
-    /// Whether the photo is a whole product, and not a sum of strokes.
+    /// Whether the photo is a whole product. Otherwise it contains sums of strokes.
     is_exact: bool,
-    /// Whole photos so far.
+    /// The number of whole photos so far.
     photos: usize,
 }
 
 /// A message to pages. Only the newest photo, pattern and look counts.
 #[derive(Clone, Debug)]
 pub enum Event {
-    /// A photo, for every page.
     Photo(Vec<u8>),
-    /// The pattern of the photo, for all pages but that of its author.
+    /// The pattern of the photo, for all pages except its author's.
     Pattern(Option<Client>, Vec<u8>),
-    /// The light of a pixel, or what lights a pixel, for one page.
+    /// The light of a pixel, or the pixels that light a pixel, for one page.
     Look(Client, MessageKind, Vec<u8>),
-    /// An answer, for one page.
     Answer(Client, Vec<u8>),
-    /// A text, for one page.
     Text(Client, String),
 }
 
 impl<'a> Session<'a> {
-    /// A dark pattern. Its photo is taken at once.
+    /// A session with a dark pattern. Its photo is taken at once.
     pub fn new(mut canvas: Canvas<'a>) -> Result<Self> {
         let pattern = vec![vec![0.0; canvas.projector().pixels()]; canvas.channels()];
         let photo = canvas.photo(Light::All, &pattern)?;
@@ -46,7 +43,7 @@ impl<'a> Session<'a> {
         &mut self.canvas
     }
 
-    /// Whole photos that were taken. Those of strokes are no products of their own.
+    /// The number of whole photos. Updates by strokes do not count.
     pub fn photos(&self) -> usize {
         self.photos
     }
@@ -56,8 +53,8 @@ impl<'a> Session<'a> {
         (&self.pattern, &self.photo)
     }
 
-    /// Changes single pixels of the pattern. The photo is updated by the columns of these pixels where they are in memory and few; it
-    /// is otherwise taken anew.
+    /// Changes single pixels of the pattern. If they are few and their columns are in memory, these update the photo. Otherwise it is
+    /// retaken.
     pub fn change(&mut self, changes: impl IntoIterator<Item = (u32, Vec<f32>)>) -> Result<()> {
         let changes: Vec<(u32, Vec<f32>)> = changes.into_iter().collect();
         let (light, few) = (self.light(), self.canvas.pixels_of_a_product());
@@ -76,7 +73,7 @@ impl<'a> Session<'a> {
         if is_incremental { Ok(()) } else { self.finish() }
     }
 
-    /// Takes the whole photo of the pattern, unless it is there.
+    /// Takes the whole photo of the pattern, unless the photo is already exact.
     pub fn finish(&mut self) -> Result<()> {
         if !self.is_exact {
             self.photo = self.canvas.photo(self.light(), &self.pattern)?;
@@ -93,7 +90,7 @@ impl<'a> Session<'a> {
         self.finish()
     }
 
-    /// Shows another light, by its index. An index beyond the last is ignored.
+    /// Shows the light of this index. An index beyond the last is ignored.
     pub fn choose(&mut self, light: usize) -> Result<()> {
         if light < self.canvas.lights().len() && light != self.light {
             self.light = light;
@@ -106,8 +103,7 @@ impl<'a> Session<'a> {
         self.canvas.lights()[self.light]
     }
 
-    /// Works on what waits; `send` carries what comes of it to the pages. What fails is said to the page that asked, and the session
-    /// goes on.
+    /// Handles the waiting requests; `send` passes the results to the pages. A failure is reported to the page that asked.
     pub(super) fn work(&mut self, pending: Pending, send: &mut dyn FnMut(Event)) {
         let author = pending.author;
         let is_new = author.is_some() || pending.light.is_some();
@@ -161,7 +157,7 @@ impl<'a> Session<'a> {
         if pending.is_finished { self.finish() } else { Ok(()) }
     }
 
-    /// `None` for a pixel that is not there, or that cannot be asked for.
+    /// The answer to a look; `None` for a pixel that does not exist or cannot be asked for.
     fn look(&mut self, is_row: bool, pixel: u32) -> Result<Option<Vec<u8>>> {
         let light = self.light();
         let pixels = if is_row { self.canvas.camera() } else { self.canvas.projector() }.pixels();
@@ -200,7 +196,6 @@ mod tests {
         pixels().fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / brightest
     }
 
-    /// A scene whose bounces are kept apart.
     fn split(scene: &str) -> LabBuilder {
         Lab::builder(scene).settings(Settings { split_bounces: true, ..Settings::default() })
     }
@@ -221,7 +216,7 @@ mod tests {
             session.finish()?;
             let (pattern, exact) = session.shown();
             let (pattern, exact) = (pattern.clone(), exact.clone());
-            // Sums of sixty columns in another order.
+            // The tolerance allows for sums of sixty columns in another order.
             assert!(difference(&by_strokes, &exact) < 1e-12);
             let light = session.light();
             assert_eq!(session.canvas().photo(light, &pattern)?, exact);

@@ -1,5 +1,4 @@
-//! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH) over boxes,
-//! and a search for the first hits of rays on the processor.
+//! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH), and first hits of rays on the CPU.
 
 use std::collections::HashSet;
 
@@ -17,12 +16,12 @@ use rayon::prelude::*;
 use super::Scene;
 use super::view::intersection;
 
-/// The largest number of boxes for which the slow, thorough builder is used. At this number it takes about 50
-/// ms and saves up to a seventh of the work for each ray. With 100,000 boxes it costs 0.13 s more than the
-/// medium builder, with a million 2.7 s, and no gain was measured on tessellated, bumpy boxes of that size.
+/// The largest number of boxes for which the slow, thorough builder is used. At this number it takes about 50 ms and saves up to a seventh
+/// of the work for each ray. With 100,000 boxes it costs 0.13 s more than the medium builder, with a million 2.7 s, and no gain was
+/// measured on tessellated, bumpy boxes of that size.
 const MAX_THOROUGH: usize = 1 << 15;
 
-/// Number of levels that the shaders' traversal stack holds.
+/// The number of levels that the shaders' traversal stack can store.
 const MAX_DEPTH: usize = 32;
 
 /// A bounding volume hierarchy in the shaders' layout.
@@ -48,8 +47,8 @@ impl Bvh {
 
 /// The tree over boxes, of at most [`MAX_DEPTH`] levels.
 ///
-/// The builders that judge trees by their cost take long and build deep trees where many boxes lie at one point. There a balanced
-/// tree, whose depth is the logarithm of the number of boxes, takes their place.
+/// If many boxes lie at one point, the builders that compare the costs of trees take long and build deep trees. In that case a balanced
+/// tree is built instead. Its depth is the logarithm of the number of boxes.
 pub(super) fn tree(boxes: impl Iterator<Item = [Vec3; 2]>) -> CwBvh {
     let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
     let params = match boxes.len() {
@@ -65,7 +64,7 @@ pub(super) fn tree(boxes: impl Iterator<Item = [Vec3; 2]>) -> CwBvh {
     }
 }
 
-/// A binary tree whose halves have equally many boxes, on the left and the right along the axis on which they are spread most.
+/// A binary tree with equally many boxes in both halves. Each node is split along the axis on which its boxes are spread most.
 fn balanced(boxes: &[Aabb]) -> Bvh2 {
     let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
     let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0)];
@@ -73,7 +72,7 @@ fn balanced(boxes: &[Aabb]) -> Bvh2 {
     Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() }
 }
 
-/// Makes the node `at` of the boxes `order`, which lie from `first` on in the order of all, and the nodes below it.
+/// Makes the node `at` and the nodes below it from the boxes `order`. In the order of all boxes, these start at `first`.
 fn split(boxes: &[Aabb], order: &mut [u32], first: usize, at: usize, nodes: &mut Vec<Bvh2Node>) {
     let all =
         |indices: &[u32]| indices.iter().fold(Aabb::empty(), |all, &index| all.union(&boxes[index as usize]));
@@ -100,7 +99,6 @@ fn split(boxes: &[Aabb], order: &mut [u32], first: usize, at: usize, nodes: &mut
     split(boxes, right, first + middle, children + 1, nodes);
 }
 
-/// The number of levels of a tree; the root alone has one.
 fn depth(bvh: &CwBvh) -> usize {
     let mut deepest = 0;
     let mut pending = vec![(0_usize, 1_usize)];
@@ -119,7 +117,7 @@ fn depth(bvh: &CwBvh) -> usize {
 pub struct SurfacePoint {
     /// The index of the triangle.
     pub triangle: usize,
-    /// The shares of its three corners in the point.
+    /// The barycentric weights of the triangle's three corners at the point.
     pub weights: [f32; 3],
     /// Whether the ray meets the front.
     pub is_front: bool,
@@ -127,7 +125,7 @@ pub struct SurfacePoint {
     pub distance: f32,
 }
 
-/// The first surface on each ray from `origin`; the directions have unit length. Points that are a hole of their surface are passed.
+/// The first surface on each ray from `origin`. The directions have unit length. Rays pass through holes of a surface.
 pub fn first_hits(
     scene: &Scene,
     origin: Vec3,
@@ -171,7 +169,7 @@ mod tests {
     use crate::error::Result;
     use crate::image::Resolution;
 
-    /// Builds a tree over triangles and asserts that it is soon there and holds each box once.
+    /// Builds a tree over triangles and asserts that this is fast and that each box occurs once.
     fn check(what: &str, triangles: impl Iterator<Item = [Vec3; 3]>) {
         let extent = |corners: [Vec3; 3]| {
             corners.iter().fold([corners[0]; 2], |[low, high], c| [low.min(*c), high.max(*c)])
@@ -179,7 +177,7 @@ mod tests {
         let boxes: Vec<_> = triangles.map(extent).collect();
         let start = Instant::now();
         let mut order = Bvh::build(boxes.iter().copied()).order;
-        // A fraction of a second; debug builds and busy machines take longer.
+        // This takes a fraction of a second; debug builds and busy machines take longer.
         assert!(start.elapsed() < Duration::from_secs(20), "{what}: {:?}", start.elapsed());
         order.sort_unstable();
         assert!(order.into_iter().eq(0..boxes.len() as u32), "{what}");
@@ -238,7 +236,7 @@ mod tests {
         assert_eq!(distances, rays.iter().map(all).collect::<Vec<_>>());
         assert!(found.iter().flatten().count() > 100, "the ball and its room are in view");
 
-        // Nothing is hit where everything is a hole; the next surface is hit where the first one is a hole.
+        // If everything is a hole, nothing is hit. If the first surface is a hole, the next one is hit.
         assert!(first_hits(&scene, origin, &rays, |_| true).iter().all(Option::is_none));
         let first = found.iter().flatten().next().map(|hit| hit.triangle);
         let behind = first_hits(&scene, origin, &rays, |point| Some(point.triangle) == first);

@@ -5,11 +5,11 @@ use glam::{DVec3, Vec3};
 use super::{Material, Triangle};
 use crate::image::Resolution;
 
-/// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of
-/// view. The horizontal one follows from the resolution, since pixels are square.
+/// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of view. The horizontal field
+/// follows from the resolution, since pixels are square.
 ///
-/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top,
-/// looks along `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
+/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top, looks along
+/// `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Camera {
     /// The name of the camera's node in the file.
@@ -43,12 +43,10 @@ impl Lens {
     /// A pinhole: everything is in focus.
     pub const PINHOLE: Self = Self { radius: 0.0, focus: 1.0 };
 
-    /// Advice for an invalid lens.
     pub(super) const HELP: &str =
         "an open aperture needs its radius and the distance of the plane in focus, in metres";
 
-    /// The lens with the aperture radius and focus distance that a file states. Without a radius it is a
-    /// pinhole. `Err` is the predicate of a sentence whose subject is the camera.
+    /// The lens that a file states. Without a radius it is a pinhole. `Err` is a predicate for a sentence about the camera.
     pub(super) fn checked(radius: Option<f64>, focus: Option<f64>) -> Result<Self, String> {
         let radius = radius.unwrap_or(0.0);
         if !(radius.is_finite() && radius >= 0.0) {
@@ -56,8 +54,7 @@ impl Lens {
         }
         match focus {
             _ if radius as f32 == 0.0 => Ok(Self::PINHOLE),
-            // The check is in single precision: a tiny or huge distance would round to zero or infinity
-            // there.
+            // The check uses single precision, where a tiny or huge distance rounds to zero or infinity.
             Some(focus) if (focus as f32).is_finite() && focus as f32 > 0.0 => {
                 Ok(Self { radius: radius as f32, focus: focus as f32 })
             }
@@ -73,17 +70,16 @@ impl Default for Lens {
     }
 }
 
-/// The tangent of half a field of view (in radians). `None` if the field is too narrow or too wide for single
-/// precision.
+/// The tangent of half a field of view (in radians). `None` if the field is too narrow or too wide for single precision.
 pub(super) fn tan_half(field: f64) -> Option<f32> {
     let tangent = (field / 2.0).tan();
     (field > 0.0 && field < std::f64::consts::PI && (1e-6..1e6).contains(&tangent)).then_some(tangent as f32)
 }
 
-/// A camera whose position is that of its file, in double precision.
+/// A camera with its position in the file's coordinates, in double precision.
 #[derive(Clone)]
 pub(super) struct Posed {
-    /// The camera, at any position.
+    /// The camera. Its position has no meaning here.
     pub camera: Camera,
     /// The position in the file's coordinates.
     pub position: DVec3,
@@ -97,11 +93,11 @@ impl Posed {
 }
 
 impl Camera {
-    /// The name of a camera that was placed because the scene has none.
+    /// The name of a camera that krylux placed because the scene has none.
     pub const PLACED: &str = "auto";
 
-    /// A pinhole with a field of view of 40° that sees all of these triangles, from the front (+Z, as in glTF), somewhat from the right and from
-    /// above. Rooms are seen from outside. Where nearly all surfaces turn their black backs to it, it stands behind, beside or below the scene instead.
+    /// A pinhole with a field of view of 40° that sees all of these triangles from the front (+Z, as in glTF), somewhat from the right and
+    /// above. If nearly all surfaces turn their black backs to it, it stands behind, beside or below the scene instead.
     pub fn in_front_of(triangles: &[Triangle], materials: &[Material]) -> Self {
         let corners = || triangles.iter().flat_map(|triangle| triangle.positions);
         let low = corners().fold(Vec3::INFINITY, Vec3::min);
@@ -109,7 +105,7 @@ impl Camera {
         let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(f32::MIN_POSITIVE));
         let half_field = 20.0_f32.to_radians();
         let forward = -side_to_see(triangles, materials);
-        // The sphere around the scene touches the picture's edges.
+        // The sphere around the scene touches the edges of the picture.
         let position = centre - radius / half_field.sin() * forward;
         let right = forward.cross(Vec3::Y).normalize();
         let (up, tan_half_fov) = (right.cross(forward), half_field.tan());
@@ -117,7 +113,7 @@ impl Camera {
         Self { name, position, right, up, forward, tan_half_fov, aspect: None, lens }
     }
 
-    /// The `[camera]` table of a camera file that places this camera of a scene whose coordinates have their origin at `origin`
+    /// The `[camera]` table of a camera file that places this camera. `origin` is the origin of the scene's coordinates
     /// ([`Scene::origin`](super::Scene::origin)).
     pub fn to_toml(&self, origin: DVec3) -> String {
         let vector = |v: Vec3| format!("[{}, {}, {}]", v.x, v.y, v.z);
@@ -139,8 +135,7 @@ impl Camera {
         text
     }
 
-    /// Whether `other` has the same pose, field of view and lens, up to the rounding of transforms. The surfaces that they see are about
-    /// `distance` metres away.
+    /// Whether `other` has the same pose, field of view and lens, up to rounding. The visible surfaces are about `distance` metres away.
     pub fn coincides(&self, other: &Self, distance: f32) -> bool {
         let close = |a: Vec3, b: Vec3, unit: f32| a.distance(b) <= 1e-6 * (unit + a.length());
         close(self.position, other.position, distance)
@@ -151,8 +146,7 @@ impl Camera {
             && self.lens == other.lens
     }
 
-    /// The direction of the ray through the raster point `(u, v)`. It is not normalized: its component along
-    /// `forward` is 1.
+    /// The direction of the ray through the raster point `(u, v)`. It is not normalized: its component along `forward` is 1.
     pub fn ray_direction(&self, u: f32, v: f32, resolution: Resolution) -> Vec3 {
         let [horizontal, vertical] = self.half_extents(resolution);
         let x = (2.0 * u / resolution.width as f32 - 1.0) * horizontal;
@@ -160,9 +154,8 @@ impl Camera {
         self.forward + x * self.right + y * self.up
     }
 
-    /// The raster point `(u, v)` at which the camera sees `point`: the inverse of [`Camera::ray_direction`].
-    /// `None` when the point does not lie in front of the camera. A result outside `[0, w]` × `[0, h]` lies
-    /// in front of the camera but out of view.
+    /// The raster point `(u, v)` at which the camera sees `point`: the inverse of [`Camera::ray_direction`]. `None` when the point does not
+    /// lie in front of the camera. A result outside `[0, w]` × `[0, h]` lies in front of the camera but out of view.
     pub fn project(&self, point: Vec3, resolution: Resolution) -> Option<(f32, f32)> {
         let offset = point - self.position;
         let depth = offset.dot(self.forward);
@@ -175,8 +168,8 @@ impl Camera {
         Some(((1.0 + x) / 2.0 * resolution.width as f32, (1.0 - y) / 2.0 * resolution.height as f32))
     }
 
-    /// The share of the picture, as the file states its shape, that photos of this resolution cut off at the left and right. `None` where they show
-    /// all of it, or more, up to half a pixel on each side.
+    /// The share of the picture, in its file's shape, that photos of this resolution cut off at the left and right. `None` if they show all
+    /// of it, up to half a pixel on each side.
     pub fn cropped(&self, resolution: Resolution) -> Option<f64> {
         let whole = f64::from(self.aspect?) * resolution.height as f64;
         let width = resolution.width as f64;
@@ -190,7 +183,7 @@ impl Camera {
     }
 }
 
-/// Directions from a scene to a camera, the one that is preferred first.
+/// Directions from a scene to a camera, in the order of preference.
 const SIDES: [Vec3; 5] = [
     Vec3::new(0.5, 0.35, 1.0),
     Vec3::new(-0.5, 0.35, -1.0),
@@ -199,7 +192,7 @@ const SIDES: [Vec3; 5] = [
     Vec3::new(0.5, -1.0, 1.0),
 ];
 
-/// The least share of the surface seen from the best side that makes the preferred side good enough.
+/// The least share of the best side's visible surface that makes a preferred side good enough.
 const ENOUGH: f32 = 0.1;
 
 /// The unit vector from a scene to a camera that sees fronts of its surfaces.
@@ -228,7 +221,6 @@ mod tests {
 
     use super::*;
 
-    /// A camera at (1, 2, 3) that looks along +X with +Z up.
     fn camera() -> Camera {
         Camera {
             name: "test".into(),
@@ -258,7 +250,7 @@ mod tests {
             let point = camera.position + 3.0 * camera.ray_direction(u, v, resolution);
             let (back_u, back_v) =
                 camera.project(point, resolution).expect("the point lies in front of the camera");
-            // The bound allows a few roundings of numbers below 10.
+            // The tolerance allows a few roundings of numbers below 10.
             assert!((back_u - u).abs() < 1e-5 && (back_v - v).abs() < 1e-5, "{u} {v} → {back_u} {back_v}");
         }
     }
@@ -268,7 +260,7 @@ mod tests {
         for (aspect, size, share) in [
             (16.0 / 9.0, [128, 128], Some(7.0 / 16.0)),
             (16.0 / 9.0, [128, 72], None),
-            // Half a pixel at each side is nothing.
+            // Half a pixel on each side is tolerated.
             (2.0, [143, 72], None),
             (2.0, [142, 72], Some(1.0 / 72.0)),
             (16.0 / 9.0, [160, 72], None),
@@ -285,7 +277,7 @@ mod tests {
                 (found.unwrap_or(0.0) - share.unwrap_or(0.0)).abs() < 1e-6,
                 "{aspect} {size:?}: {found:?}"
             );
-            // The last column looks so far to the right, and the picture goes on to where a wider raster would look.
+            // The photo ends at its last column; the picture extends to where a raster of its shape would end.
             let [edge, _] = camera.half_extents(resolution);
             let left_out = 1.0 - f64::from(edge / (camera.tan_half_fov * aspect));
             assert!((found.unwrap_or(left_out) - left_out).abs() < 1e-6, "{aspect} {size:?}");

@@ -16,9 +16,9 @@
 //! resolution = [128, 96]          # the camera's by default
 //! ```
 //!
-//! If `NAME.rig.toml` is next to the scene `NAME.EXT`, its poses replace those of the scene.
+//! If `NAME.rig.toml` is next to the scene `NAME.EXT`, its poses replace the scene's poses.
 //!
-//! A camera file holds no devices. Those are described by a rig file, which [`crate::measure`] reads.
+//! A camera file describes no devices. A rig file does; [`crate::measure`] reads it.
 
 use std::path::Path;
 
@@ -34,17 +34,15 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::Resolution;
 
-/// The camera and the projector of a scene.
 pub(super) struct CameraPair {
     pub camera: Posed,
-    /// `None` in a coaxial rig, where the projector's geometry is the camera's.
+    /// `None` in a coaxial rig, where the projector has the camera's geometry.
     pub projector: Option<Posed>,
     pub projector_resolution: Option<Resolution>,
 }
 
 impl CameraPair {
-    /// Camera and projector in the coordinates of a scene at `place`. A projector that coincides with the camera is dropped: the rig is
-    /// coaxial.
+    /// Camera and projector in the coordinates of a scene at `place`. A projector that coincides with the camera is dropped (coaxial rig).
     pub(super) fn at(self, place: &Place) -> (Camera, Option<Camera>) {
         let camera = self.camera.around(place.origin);
         let projector = self.projector.map(|projector| projector.around(place.origin));
@@ -53,7 +51,6 @@ impl CameraPair {
     }
 }
 
-/// The content of a camera file.
 #[derive(Default)]
 pub(super) struct CameraFile {
     /// The file's bytes, which enter the scene's hash.
@@ -63,7 +60,6 @@ pub(super) struct CameraFile {
     pub projector_resolution: Option<Resolution>,
 }
 
-/// The tables of a camera file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tables {
@@ -71,7 +67,6 @@ struct Tables {
     projector: Option<View>,
 }
 
-/// One table of a camera file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct View {
@@ -85,7 +80,7 @@ struct View {
     resolution: Option<[usize; 2]>,
 }
 
-/// The camera file of a scene: the one that the options name, or the one next to the scene.
+/// The camera file of a scene: the file that the options name, or the file next to the scene.
 pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<CameraFile>> {
     if let Some(path) = options.camera_file {
         let file = read(path)?;
@@ -106,7 +101,6 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cam
     read(&neighbour).map(Some)
 }
 
-/// Reads a camera file.
 fn read(path: &Path) -> Result<CameraFile> {
     let bytes = file::read(path)?;
     let text = std::str::from_utf8(&bytes)
@@ -128,7 +122,7 @@ fn read(path: &Path) -> Result<CameraFile> {
     Ok(CameraFile { bytes, camera, projector, projector_resolution })
 }
 
-/// Converts tables to cameras; its errors name the file and the table.
+/// Converts tables to cameras. Its errors name the file and the table.
 struct Reader<'a> {
     path: &'a Path,
 }
@@ -184,7 +178,7 @@ impl Reader<'_> {
         let up = view.up.map_or(DVec3::Y, DVec3::from_array);
         let axes = forward.try_normalize().and_then(|forward| {
             let right = forward.cross(up.try_normalize()?);
-            // If the two are closer to parallel than this, rounding decides the result.
+            // If the two axes are closer to parallel than this, rounding decides the result.
             (right.length() > 1e-6).then(|| (right.normalize(), forward))
         });
         let Some((right, forward)) = axes else {

@@ -1,5 +1,5 @@
-//! Surface materials: glTF metallic–roughness with `KHR_materials_specular`, `ior`, `transmission`, `volume`
-//! and `diffuse_transmission`; and their textures.
+//! Surface materials and their textures: glTF metallic–roughness with `KHR_materials_specular`, `ior`,
+//! `transmission`, `volume` and `diffuse_transmission`.
 
 use glam::{Affine2, Vec3};
 
@@ -25,10 +25,9 @@ pub struct Material {
     pub metallic_roughness_texture: Option<TextureRef>,
     /// RGB encodes the shading normal in the frame of the texture coordinates.
     pub normal_texture: Option<TextureRef>,
-    /// Factor of the first two components of that normal.
+    /// Factor of the first two components of the normal from the texture.
     pub normal_scale: f32,
-    /// `specularFactor`: strength of the dielectric's specular lobe. With 0 the dielectric is a pure
-    /// Lambertian.
+    /// `specularFactor`: strength of the dielectric's specular lobe. With 0 the dielectric is Lambertian.
     pub specular: f32,
     /// Alpha for [`Material::specular`].
     pub specular_texture: Option<TextureRef>,
@@ -46,8 +45,7 @@ pub struct Material {
     pub transmission: f32,
     /// Red for [`Material::transmission`].
     pub transmission_texture: Option<TextureRef>,
-    /// Share of the diffuse light that leaves on the other side of the surface, as with paper that is lit
-    /// from behind.
+    /// Share of the diffuse light that leaves on the other side, as with paper that is lit from behind.
     pub diffuse_transmission: f32,
     /// Alpha for [`Material::diffuse_transmission`].
     pub diffuse_transmission_texture: Option<TextureRef>,
@@ -55,12 +53,11 @@ pub struct Material {
     pub diffuse_transmission_color: Vec3,
     /// RGB (sRGB) for [`Material::diffuse_transmission_color`].
     pub diffuse_transmission_color_texture: Option<TextureRef>,
-    /// The medium behind the front of a closed surface. `None` means that the surface is a thin wall with air
-    /// on both sides.
+    /// The medium behind the front of a closed surface. `None` means a thin wall with air on both sides.
     pub volume: Option<Volume>,
-    /// Whether the back reflects (and emits) like the front. The back of a one-sided surface is black: a
-    /// surface that transmits light from one side only would not be reciprocal. A surface that transmits
-    /// light is always treated as two-sided.
+    /// Whether the back reflects (and emits) like the front. The back of a one-sided surface is black. A
+    /// surface that transmits light is always treated as two-sided, because transmission from one side only
+    /// would not be reciprocal.
     pub double_sided: bool,
 }
 
@@ -74,7 +71,7 @@ pub enum AlphaMode {
         /// The least opacity of a covered point.
         cutoff: f32,
     },
-    /// The opacity is the share of light that meets the surface; the rest passes straight on.
+    /// The opacity is the share of incident light that meets the surface. The rest passes straight on.
     Blend,
 }
 
@@ -88,7 +85,7 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// The absorption coefficient per metre: the transmittance over `d` metres is `exp(−absorption · d)`.
+    /// The absorption coefficient per metre. The transmittance over `d` metres is `exp(−absorption · d)`.
     pub fn absorption(&self) -> Vec3 {
         // The logarithm of zero is infinite, and its product with a path length of zero would be NaN.
         self.attenuation_color.max(Vec3::splat(f32::MIN_POSITIVE)).map(|color| -color.ln())
@@ -104,19 +101,17 @@ impl Material {
             || matches!(self.alpha_mode, AlphaMode::Blend)
     }
 
-    /// Whether light may pass without changing direction: through the holes of a partly covering surface, or
-    /// through a smooth thin wall.
+    /// Whether light may pass straight on, through the holes of the surface or through a smooth thin wall.
     pub fn lets_light_straight_through(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque || (self.transmission > 0.0 && self.volume.is_none())
     }
 
-    /// Whether the microfacet width `roughness²` may be below `alpha` somewhere. With a roughness texture
-    /// this is always assumed.
+    /// Whether the microfacet width `roughness²` may be below `alpha`; always so with a roughness texture.
     pub fn may_be_smoother_than(&self, alpha: f32) -> bool {
         self.metallic_roughness_texture.is_some() || self.roughness * self.roughness < alpha
     }
 
-    /// Leaves out the textures that `is_kept` does not want. A light whose texture is left out does not shine.
+    /// Drops the textures for which `is_kept` is false. An emission whose texture is dropped becomes dark.
     pub(super) fn retain_textures(&mut self, is_kept: impl Fn(&TextureRef) -> bool) {
         let is_lit = self.emission_texture.as_ref().is_none_or(&is_kept);
         if !is_lit {
@@ -127,7 +122,7 @@ impl Material {
         }
     }
 
-    /// The places of all textures, each with its role in glTF's words.
+    /// The slots of all textures, each with its role in glTF's words.
     pub(super) fn texture_slots(&mut self) -> [(&'static str, &mut Option<TextureRef>); 9] {
         [
             ("base colour", &mut self.base_color_texture),
@@ -161,8 +156,7 @@ impl Material {
 }
 
 impl Default for Material {
-    /// A white, two-sided Lambertian: a start for scenes made in code. It differs from glTF's default
-    /// material, which has `metallic` 1.
+    /// A white, two-sided Lambertian. It differs from glTF's default material, which has `metallic` 1.
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -214,12 +208,11 @@ pub struct Texture {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// RGBA texels, 8 bits per channel. The material's field decides whether RGB is sRGB-encoded (colours) or
-    /// linear (everything else).
+    /// RGBA texels, 8 bits per channel. RGB is sRGB-encoded for the material's colours, otherwise linear.
     pub texels: Vec<[u8; 4]>,
     /// Wrapping of `u` and `v`.
     pub wrap: [Wrap; 2],
-    /// Whether the texture is interpolated bilinearly. If not, the nearest texel is read.
+    /// Whether the texture is interpolated bilinearly. Otherwise the nearest texel is read.
     pub linear: bool,
 }
 
@@ -228,7 +221,7 @@ pub struct Texture {
 pub struct TextureRef {
     /// Index into [`crate::scene::Scene::textures`].
     pub texture: u32,
-    /// Which set of [`crate::scene::Triangle::texcoords`] the texture is read with: 0 or 1.
+    /// The set of [`crate::scene::Triangle::texcoords`] with which the texture is read: 0 or 1.
     pub set: u32,
     /// The map from those coordinates to the picture's coordinates (`KHR_texture_transform`).
     pub transform: Affine2,
@@ -250,7 +243,7 @@ mod tests {
         let color = Vec3::new(0.25, 0.5, 1.0);
         let volume = Volume { attenuation_color: color, attenuation_distance: 0.1 };
         let left = (-volume.absorption() * 0.1).exp();
-        // The bound allows for the rounding of a logarithm and an exponential in single precision.
+        // The tolerance allows for the rounding of a logarithm and an exponential in single precision.
         assert!(left.abs_diff_eq(color, 1e-6), "{left}");
         let clear = Volume { attenuation_distance: f32::INFINITY, ..volume };
         assert_eq!(clear.absorption(), Vec3::ZERO);

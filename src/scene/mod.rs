@@ -1,5 +1,4 @@
-//! Scenes: triangles in world space, their materials and textures, and the rig's camera and projector.
-//! Lengths are in metres.
+//! Scenes: triangles in world space, their materials and textures, and the rig's camera and projector. Lengths are in metres.
 
 pub mod builtin;
 pub mod bvh;
@@ -32,16 +31,14 @@ pub use view::predicted_direct;
 /// Options for loading a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions<'a> {
-    /// The name of the camera node at which the rig stands. It may be left out when the scene has only one
-    /// camera.
+    /// The name of the camera node at which the rig stands. It may be left out when the scene has only one camera.
     pub camera: Option<&'a str>,
-    /// The path of a camera file, whose poses replace those of the scene (see [`load_with`]).
+    /// The path of a camera file. Its poses replace the scene's poses (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
-    /// Places a camera in front of a scene that has none, from where all of it is seen ([`Camera::in_front_of`]). Of several perspective cameras the first is
-    /// taken, and a warning says so.
+    /// If the scene has no camera, places one ([`Camera::in_front_of`]). If it has several perspective cameras, takes the first and warns.
     pub auto_camera: bool,
-    /// Makes material libraries, pictures and texture coordinates that are missing or cannot be read errors. Otherwise their surfaces are matte or
-    /// have the material's own colour, and a warning says so.
+    /// Whether material libraries, pictures and texture coordinates that are missing or unreadable are errors. Otherwise a warning names
+    /// them, and their surfaces are matte or have the material's colour.
     pub strict: bool,
     /// Receives the progress of loading, and may end it.
     pub watcher: Watcher<'a>,
@@ -54,21 +51,20 @@ pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
 
 /// Loads a scene. The file's extension selects the format: `.glb`, `.gltf` or `.obj`.
 ///
-/// A camera file may replace the scene's own camera and projector. It is the one that the options name. If
-/// they name neither a camera file nor a camera, it is `NAME.rig.toml` next to the scene `NAME.EXT`, if that
-/// file exists. A camera file has a `[camera]` table, a `[projector]` table or both, each with `position`,
-/// `look_at` or `forward`, `up`, `vertical_fov_degrees`, `aperture_radius` and `focus_distance`. Lengths are
-/// in metres. The projector may also have `resolution = [width, height]`.
+/// A camera file may replace the scene's own camera and projector. The options may name it. If they name neither a camera file nor a
+/// camera, it is `NAME.rig.toml` next to the scene `NAME.EXT`, if that file exists. A camera file has a `[camera]` table, a `[projector]`
+/// table or both, each with `position`, `look_at` or `forward`, `up`, `vertical_fov_degrees`, `aperture_radius` and `focus_distance`.
+/// Lengths are in metres. The projector may also have `resolution = [width, height]`.
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name
-/// the file; the second also says what to do.
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name the file. The second also names
+/// the remedy.
 pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let mut scene = match extension.to_ascii_lowercase().as_str() {
         "glb" | "gltf" => gltf::load(path, options)?,
         "obj" => obj::load(path, options)?,
-        // A folder of a run, most likely, whose name is misspelled.
+        // The path is probably a misspelled folder of a run.
         "" if !path.exists() => return Err(Error::reading(path)(std::io::ErrorKind::NotFound.into())),
         other => return Err(unknown(path, other)),
     };
@@ -84,8 +80,8 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 pub struct Scene {
     /// The file that the scene was loaded from, or a name if the scene was made in memory.
     pub path: PathBuf,
-    /// The origin of all coordinates here in those of the file, in metres. It is the file's origin, except for scenes that lie far
-    /// from it: single precision would be too coarse there.
+    /// The origin of the scene's coordinates, in the file's coordinates, in metres. It is the file's origin, except for scenes that lie so
+    /// far from it that single precision would be too coarse.
     pub origin: DVec3,
     /// All surfaces, in world space. A loaded scene has at least one triangle.
     pub triangles: Vec<Triangle>,
@@ -93,21 +89,19 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Textures, indexed by [`TextureRef::texture`].
     pub textures: Vec<Texture>,
-    /// The rig's camera. In a coaxial rig it is the geometry of the projector, too.
+    /// The rig's camera. In a coaxial rig the projector has its geometry, too.
     pub camera: Camera,
-    /// A projector with another pose or lens than the camera's. `None` means a coaxial rig, whose transport
-    /// matrix is symmetric.
+    /// A projector with another pose or lens than the camera's. `None` means a coaxial rig, which has a symmetric transport matrix.
     pub projector: Option<Camera>,
     /// The projector's resolution, if the scene or its camera file states one.
     pub projector_resolution: Option<Resolution>,
     /// Names of the regions, indexed by [`Triangle::region`].
     pub regions: Vec<String>,
-    /// Whether the regions are ground-truth labels by the scene's author (`extras.region` in the file). If
-    /// not, there is one region for each mesh node.
+    /// Whether the regions are ground-truth labels (`extras.region` in the file). Otherwise there is one region for each mesh node.
     pub regions_are_labels: bool,
     /// BLAKE3 hash of the scene file, of all files that it refers to, and of the camera file.
     pub hash: [u8; 32],
-    /// One sentence for each thing in the files that was ignored.
+    /// One sentence for each ignored thing in the files.
     pub warnings: Vec<String>,
 }
 
@@ -119,20 +113,19 @@ impl Scene {
     }
 }
 
-/// After how many triangles or lines the watcher is told again: a fraction of a second.
+/// The number of triangles or lines between two calls of the watcher: a fraction of a second.
 const RHYTHM: usize = 1 << 16;
 
-/// Receives the progress of loading a scene, and decides whether it goes on. The default does nothing.
+/// Receives the progress of loading a scene, and decides whether loading continues. The default does nothing.
 #[derive(Clone, Copy, Default)]
 pub struct Watcher<'a>(Option<&'a dyn Fn(f32) -> ControlFlow<()>>);
 
 impl<'a> Watcher<'a> {
-    /// Calls `told` now and then with the share of the work that is done. [`ControlFlow::Break`] ends loading with [`Error::Interrupted`].
+    /// Calls `told` from time to time with the finished share of the work. [`ControlFlow::Break`] ends loading with [`Error::Interrupted`].
     pub fn new(told: &'a dyn Fn(f32) -> ControlFlow<()>) -> Self {
         Self(Some(told))
     }
 
-    /// Tells that this share is done.
     pub(super) fn tell(self, share: f32) -> Result<()> {
         match self.0.map(|told| told(share.clamp(0.0, 1.0))) {
             Some(ControlFlow::Break(())) => Err(Error::Interrupted),
@@ -140,7 +133,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Tells the share `share()` at every 65,536th of the things that are counted by `count`.
+    /// Reports `share()` once every 65,536 counts.
     pub(super) fn count(self, count: usize, share: impl FnOnce() -> f32) -> Result<()> {
         if count.is_multiple_of(RHYTHM) { self.tell(share()) } else { Ok(()) }
     }
@@ -152,7 +145,7 @@ impl fmt::Debug for Watcher<'_> {
     }
 }
 
-/// The error about a file whose name says another format; `extension` is in lower case.
+/// The error about a file of another format, judged by its name. `extension` is in lower case.
 pub(super) fn unknown(path: &Path, extension: &str) -> Error {
     let (what, help) = match extension {
         "xml" => (

@@ -1,8 +1,8 @@
 //! The place of a scene in the coordinates of its file, and the distance of its surfaces from the camera.
 //!
-//! Single precision knows a coordinate to one part in 2²⁴. A scene of one metre that lies 500 km from the origin of its file, as survey
-//! coordinates do, would be known to 3 cm. Therefore a loader notes all corners in double precision first, and moves a scene that lies far away
-//! to its camera before its coordinates become single.
+//! Single precision resolves a coordinate to one part in 2²⁴. With survey coordinates, a scene of one metre may lie 500 km from the file's
+//! origin. Its corners would then be known only to 3 cm. A loader therefore notes all corners in double precision first, and moves a
+//! distant scene to its camera before it rounds the coordinates to single precision.
 
 use std::path::Path;
 
@@ -11,36 +11,35 @@ use glam::DVec3;
 use super::source::fault;
 use crate::error::Result;
 
-/// How many times the distance between camera and surfaces a coordinate of the camera may be before the scene is moved. At this ratio single
-/// precision knows coordinates to a millionth of that distance, which is less than the tracer's own offsets. Nearer scenes keep their coordinates
-/// to the bit.
+/// The scene is moved if a coordinate of the camera exceeds this multiple of the distance between camera and surfaces. At this ratio,
+/// single precision resolves coordinates to a millionth of that distance, which is less than the tracer's offsets. Nearer scenes keep their
+/// coordinates to the bit.
 const FAR: f64 = 8.0;
 
-/// The steps of a file's numbers that matter, relative to the distance from the camera: several times the tracer's own offsets.
+/// The step of a file's numbers, relative to the distance from the camera, above which it is coarse: several times the tracer's offsets.
 const COARSE: f64 = 1.0 / 16384.0;
 
-/// The least distance between camera and surfaces. Nearer by a few powers of two, radiance overflows single precision.
+/// The least distance between camera and surfaces. At distances a few powers of two smaller, radiance overflows single precision.
 const NEAREST: f64 = 1e-12;
 
-/// Weights of distances by their powers of two.
+/// The weights of distances, summed for each power of two.
 pub(crate) struct Distances(Vec<f64>);
 
 impl Distances {
-    /// No distances.
     pub(crate) fn new() -> Self {
         Self(vec![0.0; 2048])
     }
 
-    /// Adds a distance of this weight; zero and NaN do not count.
+    /// Adds a distance with a weight. Zero and NaN are ignored.
     pub(crate) fn add(&mut self, distance: f64, weight: f64) {
         if distance > 0.0 && weight > 0.0 {
-            // The bits of the exponent.
+            // The index is the exponent of the distance.
             self.0[(distance.to_bits() >> 52) as usize] += weight;
         }
     }
 
-    /// The largest power of two that the distance is not below which this share of the weight is nearer than; 0 without distances. Distances that
-    /// are `2^k` times as large have one that is larger by `k`.
+    /// The exponent of the power of two at which the summed weight, from near to far, reaches this share; 0 without distances.
+    /// If all distances are multiplied by `2^k`, the result grows by `k`.
     pub(crate) fn power(&self, share: f64) -> i32 {
         let wanted = share * self.0.iter().sum::<f64>();
         let mut below = 0.0;
@@ -53,22 +52,23 @@ impl Distances {
     }
 }
 
-/// The corners of a scene as its file has them.
+/// Notes about the corners of a scene in the file's coordinates.
 pub(super) struct Place {
-    /// The place of the camera, or the first corner.
+    /// The position of the camera, or the first corner.
     anchor: Option<DVec3>,
-    /// The origin of the scene's coordinates in those of the file. It is the file's until [`Place::settle`] moves it.
+    /// The origin of the scene's coordinates, in the file's coordinates. It is the file's origin until [`Place::settle`] moves it.
     pub(super) origin: DVec3,
     distances: Distances,
     is_settled: bool,
-    /// Coordinates; those whose steps in single precision are coarse; how many of these are single, and of them odd multiples of the step.
+    /// Four counts: all coordinates, the coordinates with a coarse step in single precision, the single-precision numbers among these, and
+    /// the odd multiples of the step among those.
     numbers: [u64; 4],
-    /// The largest of these steps in metres.
+    /// The largest coarse step in metres.
     step: f64,
 }
 
 impl Place {
-    /// For a camera at this place; `None` for one that is placed in front of the scene.
+    /// The place for a camera at this position; `None` for a camera that will be placed in front of the scene.
     pub(super) fn of(camera: Option<DVec3>) -> Self {
         let (origin, distances) = (DVec3::ZERO, Distances::new());
         Self { anchor: camera, origin, distances, is_settled: false, numbers: [0; 4], step: 0.0 }
@@ -95,12 +95,12 @@ impl Place {
         }
     }
 
-    /// A power of two about the distance between camera and surfaces, in metres.
+    /// A power of two near the distance between camera and surfaces, in metres.
     pub(super) fn distance(&self) -> f64 {
         2_f64.powi(self.distances.power(0.5))
     }
 
-    /// Chooses the origin when all corners of the file at `path` are noted. Returns whether the scene moves.
+    /// Chooses the origin after all corners of the file at `path` are noted. Returns whether the scene moves.
     pub(super) fn settle(&mut self, path: &Path) -> Result<bool> {
         self.is_settled = true;
         if self.distance() < NEAREST {
@@ -113,8 +113,9 @@ impl Place {
         Ok(moves)
     }
 
-    /// A warning where the file's own numbers are too coarse: where many of them are that large, all of these are single precision, and at least an
-    /// eighth are odd multiples of its step, as numbers are that were rounded to it.
+    /// A warning if the file's numbers are too coarse. Three conditions must hold: more than an eighth of the numbers have a coarse step,
+    /// all of these are single precision, and more than an eighth of these are odd multiples of their step, which is typical of rounded
+    /// numbers.
     pub(super) fn warning(&self) -> Option<String> {
         let [all, coarse, single, odd] = self.numbers;
         (8 * coarse > all && single == coarse && 8 * odd > coarse).then(|| {

@@ -1,5 +1,4 @@
-//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, the content
-//! hash, and the decoding of pictures.
+//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, the content hash, and the decoding of pictures.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -9,18 +8,15 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::codec::Format;
 
-/// An error about the file at `path`.
 pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<String>) -> Error {
     Error::Scene { path: path.to_path_buf(), fault: fault.into(), help: help.into() }
 }
 
-/// Reads the scene's own file.
 pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {
     file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
 }
 
-/// Reads a file that the scene file `scene` refers to. `path` is already resolved; `what` names the object
-/// that refers to it (`buffer 0`).
+/// Reads a file that the scene file `scene` refers to. `path` is already resolved. `what` names the object that refers to it (`buffer 0`).
 pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
     if is_missing(path) {
         return Err(fault(
@@ -39,7 +35,7 @@ pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
     file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
 }
 
-/// Refuses the few lines by which Git LFS stands for a large file that was not fetched.
+/// Refuses a pointer file of Git LFS, which stands for a large file that was not fetched.
 fn not_a_pointer(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>> {
     if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
         return Err(fault(
@@ -51,7 +47,7 @@ fn not_a_pointer(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a file, in UTF-8 or, where it begins with a byte order mark, in UTF-16; what is neither is replaced.
+/// The text of a file: UTF-16 if it begins with that byte order mark, otherwise UTF-8. Invalid parts are replaced.
 pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
     let wide = |read: fn([u8; 2]) -> u16| {
         let units = bytes[2..].as_chunks::<2>().0.iter().map(|&unit| read(unit));
@@ -67,13 +63,12 @@ pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// The file that a path names that is no relative one, such as that of another computer: the one of the same name next to the scene.
+/// The file next to the scene with the same name as the path `elsewhere`, which may come from another computer.
 pub(super) fn same_name(scene: &Path, elsewhere: &str) -> Option<PathBuf> {
     let name = elsewhere.rsplit(['/', '\\']).next().filter(|name| !name.is_empty() && !name.contains(':'))?;
     next_to(scene, name).ok()
 }
 
-/// Whether there is nothing at a path.
 pub(super) fn is_missing(path: &Path) -> bool {
     std::fs::metadata(path).is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
 }
@@ -90,7 +85,7 @@ pub(super) fn next_to(scene: &Path, relative: &str) -> std::result::Result<PathB
     Ok(scene.parent().map(|folder| folder.join(relative)).unwrap_or_else(|| relative.into()))
 }
 
-/// The warnings of a loader, each at most once, in the order in which they came up.
+/// The warnings of a loader, each at most once, in the order of their appearance.
 #[derive(Default)]
 pub(super) struct Warnings {
     pub list: Vec<String>,
@@ -98,14 +93,14 @@ pub(super) struct Warnings {
 }
 
 impl Warnings {
-    /// Adds `warning` unless there is one about `subject` already.
+    /// Adds `warning` unless there is already one about `subject`.
     pub(super) fn add_once(&mut self, subject: &str, warning: impl Into<String>) {
         if self.seen.insert(subject.into()) {
             self.list.push(warning.into());
         }
     }
 
-    /// Adds `warning` unless the same text is there already.
+    /// Adds `warning` unless the same text is already there.
     pub(super) fn add(&mut self, warning: impl Into<String>) {
         let warning = warning.into();
         if self.seen.insert(warning.clone()) {
@@ -114,8 +109,7 @@ impl Warnings {
     }
 }
 
-/// A BLAKE3 hash of a sequence of byte strings. Each string is preceded by its length, so that sequences with
-/// the same concatenation but other boundaries have different hashes.
+/// A BLAKE3 hash of a sequence of byte strings. Each is preceded by its length, so that other boundaries give another hash.
 #[derive(Default)]
 pub(super) struct ContentHash(blake3::Hasher);
 
@@ -133,14 +127,12 @@ impl ContentHash {
 /// The largest width and height of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
 
-/// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG
-/// can encode any number of pixels.
+/// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
 
 /// The largest size of one decoded picture in bytes. PNG's widest pixel, 16-bit RGBA, has 8 bytes.
 const MAX_BYTES: usize = 8 << 27;
 
-/// A decoded picture.
 pub(super) struct Texels {
     pub width: u32,
     pub height: u32,
@@ -148,21 +140,19 @@ pub(super) struct Texels {
     pub texels: Vec<[u8; 4]>,
 }
 
-/// Why a picture cannot be used.
 pub(super) struct Fault {
-    /// The predicate of a sentence whose subject is the picture's name.
+    /// A predicate for a sentence about the picture.
     pub fault: String,
     /// The remedy.
     pub help: String,
-    /// Whether the picture has a format that is not read. Others are damaged or too large.
+    /// Whether the picture has a format that krylux does not read. Other pictures are damaged or too large.
     pub is_unknown: bool,
 }
 
-/// Advice for pictures of other formats, which ImageMagick reads.
 const CONVERT: &str =
     "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures";
 
-/// Formats of pictures that scenes are found with, but that are not read: how a file begins, from which byte on, and what to do.
+/// Formats of pictures that occur in scenes but are not read: the offset of a file's mark, the mark, the format's name, and advice.
 const UNREAD: [(usize, &[u8], &str, &str); 5] = [
     (
         0,
@@ -176,13 +166,12 @@ const UNREAD: [(usize, &[u8], &str, &str); 5] = [
     (0, b"\x76\x2F\x31\x01", "EXR", CONVERT),
 ];
 
-/// Why the picture of a file is not read, judged by its beginning and its name; `None` where its format is read.
+/// The reason why krylux does not read a picture, judged by the file's beginning and name; `None` if it reads the format.
 pub(super) fn unread(beginning: &[u8], name: &Path) -> Option<Fault> {
     let format = Format::of(beginning).or_else(|| Format::of_name(name));
     format.is_none().then(|| other_format(beginning))
 }
 
-/// The fault of a picture whose format is not read.
 fn other_format(bytes: &[u8]) -> Fault {
     let of = |(at, beginning, ..): &&(usize, &[u8], &str, &str)| {
         bytes.get(*at..).is_some_and(|rest| rest.starts_with(beginning))
@@ -194,15 +183,14 @@ fn other_format(bytes: &[u8]) -> Fault {
     Fault { fault, help: help.into(), is_unknown: true }
 }
 
-/// The decoder of one scene's pictures, which counts their texels together.
+/// The decoder of one scene's pictures. It counts the texels of all of them.
 #[derive(Default)]
 pub(super) struct Pictures {
     texels: u64,
 }
 
 impl Pictures {
-    /// Decodes the bytes of a PNG, JPEG, WebP, BMP, GIF or TGA file; of an animation, its first picture. TGA is recognized by its
-    /// file's `name` only.
+    /// Decodes a PNG, JPEG, WebP, BMP, GIF or TGA file, or the first picture of an animation. TGA is recognized only by its `name`.
     pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> std::result::Result<Texels, Fault> {
         let Some(format) = Format::of(bytes).or_else(|| Format::of_name(name?)) else {
             return Err(other_format(bytes));

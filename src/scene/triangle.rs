@@ -11,12 +11,11 @@ use rayon::prelude::*;
 pub struct Triangle {
     /// Corners in metres.
     pub positions: [Vec3; 3],
-    /// Unit shading normals at the corners; zero if the file gives none. They only affect the BSDF: every
-    /// cosine is that of the flat triangle.
+    /// Unit shading normals at the corners; zero if the file gives none. They only affect the BSDF: every cosine uses the flat triangle.
     pub normals: [Vec3; 3],
     /// Two sets of texture coordinates at each corner, as in the file; zero if the file gives none.
     pub texcoords: [[Vec2; 2]; 3],
-    /// Linear colour and opacity at the corners. They multiply those of the material; 65535 stands for 1.
+    /// Linear colour and opacity at the corners. They multiply the material's colour and opacity; 65535 stands for 1.
     pub colors: [[u16; 4]; 3],
     /// Index into [`crate::scene::Scene::materials`].
     pub material: u32,
@@ -24,16 +23,13 @@ pub struct Triangle {
     pub region: u32,
 }
 
-/// The largest number of triangles in a scene. A limit is needed because a small file can ask for any number
-/// of triangles by placing one mesh many times.
+/// The largest number of triangles in a scene. A limit is needed because a small file can place one mesh any number of times.
 pub(super) const MAX_TRIANGLES: usize = 1 << 24;
 
-/// The largest absolute value of a coordinate, in metres. Beyond it the square of an area overflows single
-/// precision.
+/// The largest absolute value of a coordinate, in metres. Beyond it the square of an area overflows single precision.
 pub(super) const MAX_COORDINATE: f32 = 1e9;
 
-/// The least ratio of a triangle's height to its longest edge. Below it the triangle's area is lost in the
-/// rounding of single precision.
+/// The least ratio of a triangle's height to its longest edge. Below it the triangle's area is lost in the rounding of single precision.
 const MIN_HEIGHT_TO_EDGE: f64 = 1e-7;
 
 impl Triangle {
@@ -52,13 +48,11 @@ impl Triangle {
         }
     }
 
-    /// Quantizes a linear colour with its opacity to 16 bits a channel. Values outside `[0, 1]` are clamped,
-    /// and NaN becomes 0.
+    /// Quantizes a linear colour with its opacity to 16 bits a channel. Values outside `[0, 1]` are clamped, and NaN becomes 0.
     pub fn quantized(color: [f32; 4]) -> [u16; 4] {
         color.map(|channel| (channel.clamp(0.0, 1.0) * 65535.0).round() as u16)
     }
 
-    /// The triangle with its front and back exchanged.
     pub(super) fn flipped(mut self) -> Self {
         self.positions.swap(1, 2);
         self.normals.swap(1, 2);
@@ -67,8 +61,7 @@ impl Triangle {
         self
     }
 
-    /// The triangle with its shading normals on the side of its front. Some exporters flip the one without
-    /// the other.
+    /// The triangle with its shading normals on the side of its front. Some exporters flip one without the other.
     pub(super) fn with_normals_in_front(mut self) -> Self {
         let [a, b, c] = self.positions;
         let sum: Vec3 = self.normals.iter().sum();
@@ -87,12 +80,12 @@ impl Triangle {
     }
 }
 
-/// Drops every triangle that has the corners, the region and all else of an earlier one, as exporters write where an object was duplicated
-/// in place. A ray would have to test each of them, and software Vulkan ends an invocation after 65,535 tests without a word. Returns how
-/// many were dropped.
+/// Drops every triangle that equals an earlier one in its corners, its region and all else. Exporters write such triangles for an object
+/// that was duplicated in place. A ray would have to test each of them, and software Vulkan silently ends an invocation after 65,535 tests.
+/// Returns the number of dropped triangles.
 pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
-    // One hash of 64 bits stands for the corners; triangles with the same one are compared. The list takes a tenth of the memory of the triangles,
-    // which a table of them would double.
+    // Triangles with the same 64-bit hash of the corners are compared. The list of hashes takes a tenth of the memory of the triangles; a
+    // table of triangles would double it.
     let mut order: Vec<(u64, u32)> = triangles
         .par_iter()
         .enumerate()
@@ -114,7 +107,7 @@ pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
     before - triangles.len()
 }
 
-/// The triangle with its least corner first, so that triangles whose corners are listed from different ones on are equal.
+/// The triangle with its least corner first, so that triangles with the same cyclic order of corners are equal.
 fn turned(triangle: &Triangle) -> Triangle {
     let key = |corner: usize| triangle.positions[corner].to_array().map(order);
     let least = (0..3).min_by_key(|&corner| key(corner)).unwrap_or_default();
@@ -131,7 +124,7 @@ fn from<T: Copy>(first: usize, values: [T; 3]) -> [T; 3] {
     [0, 1, 2].map(|at| values[(first + at) % 3])
 }
 
-/// A number that orders coordinates; which order it is does not matter, but 0 and −0 are equal.
+/// A number that orders coordinates. Any order will do, but 0 and −0 must be equal.
 fn order(coordinate: f32) -> u32 {
     (coordinate + 0.0).to_bits()
 }
@@ -172,7 +165,7 @@ mod tests {
             flat(CORNERS, 0, 0),
             flat([b, c, a], 0, 0),
             flat([c, a, b], 0, 0),
-            // The back, another material, a region, a normal, and another place.
+            // The variants differ by: the back, the material, the region, a normal, and the place.
             flat([a, c, b], 0, 0),
             flat(CORNERS, 1, 0),
             flat(CORNERS, 0, 7),

@@ -1,4 +1,4 @@
-//! The view of the camera: reasons for a black photo, by a few rays, and the direct light that a scene's shape predicts.
+//! The view of the camera: the reasons for a black photo, found with a few rays, and the direct light that a scene's shape predicts.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -7,9 +7,9 @@ use super::{AlphaMode, Camera, Scene, TextureRef, Triangle};
 use crate::finding::decimal;
 use crate::image::Resolution;
 
-/// The most intersections of a ray with a triangle that are computed: a fraction of a second.
+/// The largest number of intersections of a ray with a triangle that are computed: a fraction of a second.
 const MAX_INTERSECTIONS: usize = 1 << 24;
-/// The most rays on a side of the picture.
+/// The largest number of rays on a side of the picture.
 const MAX_SIDE: usize = 32;
 /// Surfaces further away than this, in metres, send back less than a ten-thousandth of a pattern.
 const FAR: f32 = 50.0;
@@ -17,7 +17,6 @@ const FAR: f32 = 50.0;
 /// The roughness below which a surface counts as a mirror here.
 const SMOOTH: f32 = 0.05;
 
-/// The first surface on a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Hit {
     distance: f32,
@@ -25,21 +24,19 @@ struct Hit {
     is_front: bool,
 }
 
-/// Why a surface that is seen sends little or no light back.
+/// The reason why a visible surface sends back little or no light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Darkness {
     /// A one-sided surface shows its back.
     Back,
-    /// Its colour is black.
     Black,
-    /// It is not there: its opacity is 0.
+    /// It is invisible: its opacity is 0.
     Absent,
-    /// It is a smooth mirror, or clear glass.
     Mirror,
 }
 
 impl Darkness {
-    /// The predicate of a sentence whose subject is a surface.
+    /// A predicate for a sentence about a surface.
     fn predicate(self) -> &'static str {
         match self {
             Self::Back => "is seen from its back, which is black",
@@ -61,7 +58,7 @@ impl Darkness {
     }
 }
 
-/// Why photos of this scene are black or nearly so, as one sentence; `None` if some surface is in view, near enough and from its front.
+/// Why photos of this scene are black or nearly black, as one sentence; `None` if some surface is in view, near and from its front.
 pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<String> {
     let side = (MAX_INTERSECTIONS / scene.triangles.len().max(1)).isqrt().clamp(4, MAX_SIDE);
     let camera = &scene.camera;
@@ -92,7 +89,7 @@ pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<Stri
     far_away(hits.iter().map(|hit| hit.distance).collect())
 }
 
-/// The reason where surfaces at these distances are far away.
+/// The reason, if surfaces at these distances are far away.
 fn far_away(mut distances: Vec<f32>) -> Option<String> {
     distances.sort_by(f32::total_cmp);
     let middle = *distances.get(distances.len() / 2)?;
@@ -104,7 +101,7 @@ fn far_away(mut distances: Vec<f32>) -> Option<String> {
     })
 }
 
-/// The reason where no ray of `rays` meets a surface. Where a corner of a triangle is in view, a small surface was missed between the rays.
+/// The reason, if none of `rays` rays meets a surface. If a corner of a triangle is in view, the rays only missed a small surface.
 fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option<String> {
     let camera = &scene.camera;
     let corners = || scene.triangles.iter().flat_map(|triangle| triangle.positions);
@@ -129,7 +126,7 @@ fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option
     ))
 }
 
-/// Why a surface of this material is dark from its front or its back. Of textures only colours that are black everywhere are taken into account.
+/// Why a surface of this material is dark from this side. A texture matters only if its colours are black everywhere.
 fn darkness(scene: &Scene, material: u32, is_front: bool) -> Option<Darkness> {
     let material = &scene.materials[material as usize];
     if matches!(material.alpha_mode, AlphaMode::Blend) && material.opacity == 0.0 {
@@ -169,8 +166,8 @@ fn first_hit(scene: &Scene, camera: &Camera, ray: Vec3) -> Option<Hit> {
     scene.triangles.iter().fold(None, nearest)
 }
 
-/// The distance at which a ray of unit length meets a triangle, whether it meets its front, and the shares of the second and the
-/// third corner in the point.
+/// The distance at which a ray of unit length meets a triangle, whether it meets the front, and the barycentric weights of the second and
+/// the third corner at the point.
 pub(super) fn intersection(triangle: &Triangle, origin: Vec3, ray: Vec3) -> Option<(f32, bool, [f32; 2])> {
     let [a, b, c] = triangle.positions;
     let (ab, ac) = (b - a, c - a);
@@ -186,16 +183,14 @@ pub(super) fn intersection(triangle: &Triangle, origin: Vec3, ray: Vec3) -> Opti
     (is_inside && distance > 0.0).then_some((distance, determinant > 0.0, [u, v]))
 }
 
-/// The direct image of the scene under an all-ones pattern, if all its surfaces were white Lambertian and the
-/// projector were at the camera's pinhole: one radiance for each pixel, row by row.
+/// The direct image of the scene under an all-ones pattern, if all its surfaces were white Lambertian and the projector were at the
+/// camera's pinhole: one radiance for each pixel, row by row.
 ///
-/// The value at a pixel's centre is `|n·d| / (π t²)`, where `t` is the depth of the nearest surface along the
-/// camera's axis, `n` the unit normal of that surface, and `d` the ray direction with component 1 along the
-/// axis. The scale of `d` accounts for the projector's falloff towards the image's edges. The value is 0
-/// where the camera sees no surface.
+/// The value at a pixel's centre is `|n·d| / (π t²)`, where `t` is the depth of the nearest surface along the camera's axis, `n` the unit
+/// normal of that surface, and `d` the ray direction with component 1 along the axis. The scale of `d` accounts for the projector's falloff
+/// towards the image's edges. The value is 0 where the camera sees no surface.
 ///
-/// Triangles are rasterized into a depth buffer, so that no tracer is needed. Mirrors, glass and masked
-/// surfaces count as opaque.
+/// Triangles are rasterized into a depth buffer, so no tracer is needed. Mirrors, glass and masked surfaces count as opaque.
 pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     let mut depth = vec![f64::INFINITY; resolution.pixels()];
     let mut direct = vec![0.0; resolution.pixels()];
@@ -221,8 +216,7 @@ pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     direct
 }
 
-/// The ranges of columns and rows that a triangle may cover. They are the whole raster if a corner lies
-/// behind the camera.
+/// The ranges of columns and rows that a triangle may cover. They are the whole raster if a corner lies behind the camera.
 fn bounds(
     camera: &Camera,
     corners: [Vec3; 3],
@@ -239,8 +233,8 @@ fn bounds(
     (span([a.0, b.0, c.0], resolution.width), span([a.1, b.1, c.1], resolution.height))
 }
 
-/// The parameter `t > 0` at which the ray `t · ray` from the origin meets the triangle `corner`,
-/// `corner + a`, `corner + b` (Möller and Trumbore, doi:10.1080/10867651.1997.10487468).
+/// The parameter `t > 0` at which the ray `t · ray` from the origin meets the triangle `corner`, `corner + a`, `corner + b` (Möller and
+/// Trumbore, doi:10.1080/10867651.1997.10487468).
 fn hit(ray: DVec3, corner: DVec3, a: DVec3, b: DVec3) -> Option<f64> {
     let p = ray.cross(b);
     let determinant = a.dot(p);
@@ -352,7 +346,7 @@ mod tests {
         let scene = builtin::plane(1.5, 0.8);
         let direct = predicted_direct(&scene, Resolution::new(9, 6));
         for value in direct {
-            // The wall's corners are rounded to single precision.
+            // The tolerance is for the wall's corners, which are rounded to single precision.
             assert!((value * std::f64::consts::PI * 2.25 - 1.0).abs() < 1e-5, "{value}");
         }
     }
@@ -363,7 +357,7 @@ mod tests {
         let [eggs, empty] = [scene, builtin::carton().to_scene()]
             .map(|scene| predicted_direct(&scene, Resolution::new(30, 30)));
         assert!(eggs.iter().all(|value| *value > 0.0) && empty.iter().all(|value| *value > 0.0));
-        // Cup 0 has an egg, whose top is nearer than the cup's floor; cup 1 has none.
+        // Cup 0 has an egg, and the egg's top is nearer than the cup's floor; cup 1 has none.
         assert!(eggs[3 * 30 + 5] > 1.05 * empty[3 * 30 + 5]);
         assert_eq!(eggs[3 * 30 + 15], empty[3 * 30 + 15]);
     }

@@ -1,4 +1,4 @@
-//! Scenes for tests and benchmarks: light transport that is known in closed form, a leaning sheet, and a box of many triangles.
+//! Scenes for tests and benchmarks: scenes with light transport in closed form, a leaning sheet, and a box of many triangles.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -9,9 +9,8 @@ use super::model::{Model, Part, matte, white_paper};
 use super::{TAN_20_DEGREES, TAN_25_DEGREES};
 use crate::scene::Scene;
 
-/// A fronto-parallel matte plane with albedo `albedo` at `distance` metres. It is much larger than the view;
-/// half the field of view has tangent 0.5. Under an all-ones pattern each pixel of the photo is
-/// `albedo/(π·distance²)`.
+/// A fronto-parallel matte plane with albedo `albedo` at `distance` metres. It is much larger than the view; half the field of view has
+/// tangent 0.5. Under an all-ones pattern each pixel of the photo is `albedo/(π·distance²)`.
 pub fn plane(distance: f32, albedo: f32) -> Scene {
     let mut part = Part::new("plane", None);
     let side = 10.0 * distance;
@@ -21,9 +20,9 @@ pub fn plane(distance: f32, albedo: f32) -> Scene {
     matte_scene("plane", vec![part], albedo, 0.5)
 }
 
-/// Two square matte plates that face each other, left and right of the optical axis. Their sides are `side`
-/// metres long, and they are `separation` metres apart. The camera sees the inner faces of both. Their near
-/// edges are `separation` metres in front of the camera along the axis.
+/// Two square matte plates that face each other, left and right of the optical axis. Their sides are `side` metres long, and they are
+/// `separation` metres apart. The camera sees the inner faces of both. Along the axis, their near edges are `separation` metres in front of
+/// it.
 ///
 /// With `x = side/separation`, the form factor from one plate to the other is
 /// `2/(π x²)·(ln√((1+x²)²/(1+2x²)) + 2x√(1+x²)·atan(x/√(1+x²)) − 2x·atan x)`.
@@ -34,17 +33,15 @@ pub fn parallel_plates(side: f32, separation: f32, albedo: f32) -> Scene {
     left.quad([vec3(-x, -y, near), vec3(-x, -y, far), vec3(-x, y, far), vec3(-x, y, near)]);
     let mut right = Part::new("right", None);
     right.quad([vec3(x, -y, far), vec3(x, -y, near), vec3(x, y, near), vec3(x, y, far)]);
-    // The field of view contains the near edges, which are the outermost points of the view.
+    // The field of view contains the near edges, which are the outermost points in the view.
     let tan_half_fov = 1.05 * x.max(y) / separation;
     matte_scene("parallel-plates", vec![left, right], albedo, tan_half_fov)
 }
 
-/// A matte sphere of `radius` metres around the camera, whose fronts face inwards. It is an icosahedron whose
-/// triangles are split into four `subdivisions` times (at most 8 times), which gives `20·4^subdivisions`
-/// triangles. The camera's field of view is 90°.
+/// A matte sphere of `radius` metres around the camera. Its fronts face inwards. It is an icosahedron with each triangle split into four
+/// `subdivisions` times (at most 8 times), which gives `20·4^subdivisions` triangles. The camera's field of view is 90°.
 ///
-/// In the limit of a true sphere, the form factor between any two points is the same. Light of two bounces
-/// and more is uniform.
+/// In the limit of a true sphere, the form factor between any two points is the same, so the light of two or more bounces is uniform.
 pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
     let (vertices, triangles) = icosphere(subdivisions);
     let mut part = Part::new("sphere", None);
@@ -53,7 +50,7 @@ pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
     matte_scene("inside-sphere", vec![part], albedo, 1.0)
 }
 
-/// A scene of one matte material whose camera is at the origin.
+/// A scene of one matte material with the camera at the origin.
 fn matte_scene(name: &'static str, parts: Vec<Part>, albedo: f32, tan_half_fov: f32) -> Scene {
     let materials = vec![matte("matte", Vec3::splat(albedo))];
     Model::along_z(name, parts, materials, (0.0, tan_half_fov)).to_scene()
@@ -64,12 +61,12 @@ const BUMP: f64 = 0.01;
 /// Number of bumps along a wall.
 const BUMPS: f64 = 6.0;
 
-/// A white box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Its five
-/// walls are slightly bumpy, and each is tessellated by the same grid of `n × n` cells. The box has `10·n²`
-/// triangles, where `n` is `√(target_triangles / 10)` rounded, but at least 1. Each wall is a region.
+/// A white box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Its five walls are slightly bumpy, and
+/// each is tessellated by the same grid of `n × n` cells. The box has `10·n²` triangles, where `n` is `√(target_triangles / 10)` rounded,
+/// but at least 1. Each wall is a region.
 pub fn tessellated_box(target_triangles: usize) -> Scene {
     let cells = ((target_triangles as f64 / 10.0).sqrt().round() as usize).max(1);
-    // Each wall has an origin and the directions of its columns and rows, whose cross product points inwards.
+    // Each wall has an origin and the directions of its columns and rows. The cross product of the directions points inwards.
     let walls = [
         ("floor", dvec3(-0.5, -0.5, 0.0), DVec3::X, DVec3::NEG_Z),
         ("ceiling", dvec3(-0.5, 0.5, -1.0), DVec3::X, DVec3::Z),
@@ -95,18 +92,18 @@ pub fn tessellated_box(target_triangles: usize) -> Scene {
 
 /// Half of the sheet's height, in metres.
 const HALF_HEIGHT: f64 = 0.35;
-/// The folds' positions across the sheet and their depths behind its ridges, in metres: those of `zigzag`.
+/// The folds' positions across the sheet and their depths behind its ridges, in metres, as in `zigzag`.
 const FOLDS: [[f64; 2]; 5] = [[-0.4, 0.0], [-0.2, -0.3], [0.0, 0.0], [0.2, -0.3], [0.4, 0.0]];
 /// Distance of the middle of the sheet's middle ridge from the camera, in metres.
 const DISTANCE: f64 = 0.85;
-/// The sheet leans back by this angle from its lower edge upwards, …
+/// The angle in degrees by which the sheet leans back from its lower edge upwards.
 const LEAN: f64 = 35.0;
-/// … and is turned by this one about the vertical, so that the faces beside its middle ridge are not equally bright.
+/// The angle in degrees by which the sheet is turned about the vertical, so that the faces beside its middle ridge are not equally bright.
 const TURN: f64 = 20.0;
 
-/// One white sheet, folded like the two of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. Direct light is
-/// brightest in one spot, at the lower end of the middle ridge, 0.65 m from the camera. On an upright sheet it is equally bright along a
-/// whole ridge. The sheet is region 0.
+/// One white sheet, folded like the two sheets of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. Direct
+/// light is brightest in one spot, at the lower end of the middle ridge, 0.65 m from the camera. On an upright sheet, a whole ridge would
+/// be equally bright. The sheet is region 0.
 pub fn folded_sheet() -> Model {
     let turn = DQuat::from_rotation_y(TURN.to_radians());
     let lean = DQuat::from_rotation_x(-LEAN.to_radians());
@@ -121,9 +118,9 @@ pub fn folded_sheet() -> Model {
     Model::along_z("folded-sheet", vec![sheet], white_paper(), (0.0, TAN_25_DEGREES))
 }
 
-/// An icosahedron whose triangles are split into four `subdivisions` times, at most 8 times. Returns the
-/// vertices, on the unit sphere, and the triangles, counter-clockwise as seen from inside. The result is the
-/// same on every machine, because square roots are the only functions used.
+/// An icosahedron with each triangle split into four `subdivisions` times, at most 8 times. Returns the vertices, on the unit sphere, and
+/// the triangles, counter-clockwise as seen from inside. The result is the same on every machine, because square roots are the only
+/// functions used.
 pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut vertices, mut triangles) = icosahedron();
     for _ in 0..subdivisions.min(8) {
@@ -132,15 +129,14 @@ pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices, triangles)
 }
 
-/// The vertices of an icosahedron, on the unit sphere, and its triangles, counter-clockwise as seen from
-/// inside.
+/// The vertices of an icosahedron, on the unit sphere, and its triangles, counter-clockwise as seen from inside.
 fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut vertices = Vec::new();
     for (one, long) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
         vertices.extend([dvec3(0.0, one, long), dvec3(one, long, 0.0), dvec3(long, 0.0, one)]);
     }
-    // Three vertices form a face if each two of them are at the distance of the edge length, 2.
+    // Three vertices form a face if all their distances equal the edge length, 2.
     let adjacent = |a: usize, b: usize| (vertices[a].distance(vertices[b]) - 2.0).abs() < 1e-9;
     let mut triangles = Vec::new();
     for a in 0..12 {

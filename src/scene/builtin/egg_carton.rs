@@ -14,7 +14,7 @@ const CUP_DEPTH: f64 = 0.09;
 /// Length of all rows together, in metres.
 const LENGTH: f64 = 0.60;
 
-/// The share of the half-width of a cup over which its floor is flat.
+/// The share of a cup's half-width over which its floor is flat.
 const FLOOR: f64 = 0.4;
 
 /// Number of grid cells along each side of a cup.
@@ -27,7 +27,7 @@ const STANDING: DVec3 = dvec3(0.070, 0.080, 0.070);
 const EGG_SEGMENTS: usize = 16;
 const EGG_RINGS: usize = 12;
 
-/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, whose rims are at height 0. The camera looks down on it from a
+/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, with its rims at height 0. The camera looks down on it from a
 /// height of 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m wide and 0.09 m deep. All rims are
 /// equally high and no cup rises above them, so light bounces within a cup but never from one cup to another.
 /// Each cup is a region, numbered in rows of three from the top left of the photo.
@@ -35,15 +35,15 @@ pub fn carton() -> Model {
     model("carton", 4, LYING, |_| false)
 }
 
-/// The same carton with an egg in every second cup, in a chessboard pattern. An egg belongs to the region of
-/// its cup and stays below the rims.
+/// The same carton with an egg in every second cup, in a chessboard pattern. An egg belongs to its cup's
+/// region and stays below the rims.
 pub fn carton_eggs() -> Model {
     model("carton-eggs", 4, LYING, |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
 }
 
 /// A carton as in figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`].
 /// With `eggs`, an egg stands in every cup. It hides most of the cup from the camera and rises above the
-/// rims, so that light passes from egg to egg.
+/// rims, so light passes from egg to egg.
 pub fn nine_cells(eggs: bool) -> Model {
     let name = if eggs { "nine-cells-eggs" } else { "nine-cells" };
     model(name, 3, STANDING, |_| eggs)
@@ -72,7 +72,6 @@ fn model(name: &'static str, rows: usize, egg: DVec3, has_egg: impl Fn(usize) ->
     Model { name, parts, materials: white_paper(), camera }
 }
 
-/// A cup of a carton.
 struct Cup {
     index: usize,
     /// The centre of the cup at the height of its rim, in metres.
@@ -90,12 +89,11 @@ impl Cup {
         Self { index, center: dvec3(x, 0.0, z), length }
     }
 
-    /// The wall and the floor of the cup.
     fn shell(&self) -> Part {
         let mut part = Part::new(format!("cup {}", self.index), Some(self.index as u32));
         part.grid(CUP_GRID, CUP_GRID, |column, row| {
             let across = 2.0 * column as f64 / CUP_GRID as f64 - 1.0;
-            // Rows of the grid run from the lower edge of the photo upwards, so that the front is above.
+            // Rows of the grid run from the lower edge of the photo upwards, so the front is above.
             let along = 1.0 - 2.0 * row as f64 / CUP_GRID as f64;
             let local = dvec3(across * CUP_WIDTH / 2.0, -depth(across, along), along * self.length / 2.0);
             (self.center + local).as_vec3()
@@ -114,7 +112,7 @@ impl Cup {
         };
         let turn = std::f64::consts::TAU / EGG_SEGMENTS as f64;
         let step = std::f64::consts::PI / EGG_RINGS as f64;
-        // The vertices are the rings between the poles, then the two poles.
+        // The vertices are first the rings between the poles, then the two poles.
         for ring in 1..EGG_RINGS {
             let latitude = step * ring as f64 - std::f64::consts::FRAC_PI_2;
             part.positions.extend((0..EGG_SEGMENTS).map(|segment| point(turn * segment as f64, latitude)));
@@ -149,7 +147,7 @@ fn depth(across: f64, along: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The least height of an egg's surface above the cup, and the greatest above the plane of the rims.
+    /// The least height of an egg's surface above the cup, and its greatest height above the rims.
     fn clearance(rows: usize, half_axes: DVec3) -> (f64, f64) {
         let cup = Cup::new(0, rows);
         let heights = cup.egg(half_axes).positions.into_iter().map(|position| {

@@ -29,7 +29,7 @@ pub use analytic::{folded_sheet, inside_sphere, parallel_plates, plane, tessella
 pub use egg_carton::{carton, carton_eggs, nine_cells};
 pub use model::{Model, Part};
 
-/// All shipped scenes. The file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
+/// All shipped scenes. Each is in the file `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
 pub fn shipped() -> Vec<Model> {
     vec![
         zigzag(),
@@ -73,9 +73,9 @@ pub fn corner() -> Model {
     Model::along_z("corner", planes(["left", "right"]), white_paper(), (0.0, TAN_20_DEGREES))
 }
 
-/// The [`corner`] with a perfect mirror as its right half. Light returns from the wall along
-/// four kinds of path: directly, or by the mirror before the wall, after the wall, or both. The wall (left)
-/// is region 0, the mirror (right) region 1.
+/// The [`corner`] with a perfect mirror as its right half. Light returns from the wall along four kinds of
+/// path: directly, or by the mirror before the wall, after the wall, or both. The wall (left) is region 0,
+/// the mirror (right) region 1.
 pub fn mirror() -> Model {
     let mut parts = planes(["wall", "mirror"]);
     parts[1].material = 1;
@@ -83,7 +83,6 @@ pub fn mirror() -> Model {
     Model::along_z("mirror", parts, materials, (0.0, TAN_20_DEGREES))
 }
 
-/// The two planes of the scene `corner`.
 fn planes([left, right]: [&str; 2]) -> Vec<Part> {
     let [mut left, mut right] = [Part::new(left, Some(0)), Part::new(right, Some(1))];
     left.quad([vec3(-0.6, -0.7, -0.6), vec3(0.0, -0.7, -1.2), vec3(0.0, 0.7, -1.2), vec3(-0.6, 0.7, -0.6)]);
@@ -96,7 +95,7 @@ fn perfect_mirror() -> Material {
     Material { name, metallic: 1.0, roughness: 0.0, specular: 1.0, ..Material::default() }
 }
 
-/// The walls of a box of 1 m whose open side is at z = 0: floor, ceiling, back, left and right.
+/// The walls of a box of 1 m with its open side at z = 0: floor, ceiling, back, left and right.
 const WALLS: [[Vec3; 4]; 5] = {
     let (low, high) = (-0.5, 0.5);
     [
@@ -150,8 +149,7 @@ pub fn cornell() -> Model {
     Model::along_z("cornell", vec![white, red, green, short, tall], materials, (1.3, TAN_20_DEGREES))
 }
 
-/// A block with a base of 0.3 m × 0.3 m around the floor point `foot`, rotated by `turn` radians about the
-/// vertical.
+/// A block with a base of 0.3 m × 0.3 m around `foot`, rotated by `turn` radians about the vertical.
 fn block(name: &str, foot: DVec3, height: f64, turn: f64) -> Part {
     let (sine, cosine) = turn.sin_cos();
     // Corners before the rotation: left or right, bottom or top, back or front.
@@ -186,9 +184,9 @@ const STRIPS: usize = 24;
 /// Two white sheets of paper side by side. Each is bent about a vertical axis into a trough that opens
 /// towards the camera: a part of a cylinder, of 120° on the left and 100° on the right. They are 0.43 m and
 /// 0.41 m wide from rim to rim and 0.9 m high, with a gap of 2 mm between them. Both rims of both sheets are
-/// 0.85 m from the camera, and everything else lies behind them. Every line from one sheet to the other is
-/// blocked by the rims, so the sheets exchange no light. The left sheet is region 0, the right one region 1.
-/// Unlike the sheets of `zigzag`, they are not mirror images of each other.
+/// 0.85 m from the camera, and everything else lies behind them. The rims block every line from one sheet to
+/// the other, so the sheets exchange no light. The left sheet is region 0, the right one region 1. Unlike the
+/// sheets of `zigzag`, they are not mirror images of each other.
 pub fn two_sheets() -> Model {
     let sheets = vec![
         trough("left sheet", 0, [-0.441, -0.011], 60.0),
@@ -216,7 +214,7 @@ fn trough(name: &str, label: u32, [left, right]: [f64; 2], angle: f64) -> Part {
     let radius = (right - left) / (2.0 * angle.sin());
     let axis = dvec2((left + right) / 2.0, -RIM + radius * angle.cos());
     let profile = |strip: usize| -> DVec2 {
-        // The ends are not computed: rounding must not move one rim in front of the other.
+        // The ends are given exactly: rounding must not move one rim in front of the other.
         match strip {
             0 => dvec2(left, -RIM),
             STRIPS => dvec2(right, -RIM),

@@ -1,4 +1,4 @@
-//! Models: indexed meshes with materials and a camera, from which the built-in scenes are made.
+//! Models: indexed meshes with materials and a camera. The built-in scenes are made from them.
 
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -8,7 +8,7 @@ use crate::scene::{Camera, Lens, Material, Scene, Triangle};
 /// A scene in the form of indexed meshes, which can be written to a file.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The scene's name. It is the name of its folder, and the path of its [`Scene`].
+    /// The scene's name. It names the scene's folder and is the path of its [`Scene`].
     pub name: &'static str,
     /// The objects.
     pub parts: Vec<Part>,
@@ -23,8 +23,7 @@ pub struct Model {
 pub struct Part {
     /// The part's name. It is also the name of its region, unless the parts have labels.
     pub name: String,
-    /// The label of its region. Labels are numbered from 0 without gaps. Either all parts of a model have a
-    /// label or none has.
+    /// The label of its region. Labels are numbered from 0 without gaps. Either all parts of a model have a label or none has.
     pub label: Option<u32>,
     /// Vertices in metres.
     pub positions: Vec<Vec3>,
@@ -47,9 +46,8 @@ impl Part {
         self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     }
 
-    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is
-    /// the vertex in column `i ≤ columns` and row `j ≤ rows`. The front is the side from which columns run to
-    /// the right and rows upwards.
+    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is the vertex in column
+    /// `i ≤ columns` and row `j ≤ rows`. The front is the side from which columns run to the right and rows upwards.
     pub fn grid(&mut self, columns: usize, rows: usize, at: impl Fn(usize, usize) -> Vec3) {
         let first = self.positions.len();
         for row in 0..=rows {
@@ -67,8 +65,7 @@ impl Part {
 }
 
 impl Model {
-    /// A model whose square camera stands at `(0, 0, z)` and looks along −Z with +Y up. `tan_half_fov` is the
-    /// tangent of half its field of view.
+    /// A model with a square camera at `(0, 0, z)` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half its field of view.
     pub(super) fn along_z(
         name: &'static str,
         parts: Vec<Part>,
@@ -88,8 +85,7 @@ impl Model {
         Self { name, parts, materials, camera }
     }
 
-    /// The model as a scene in memory. For a shipped model it equals the scene loaded from the file, except
-    /// for path and hash.
+    /// The model as a scene in memory. For a shipped model it equals the scene loaded from the file, except for path and hash.
     pub fn to_scene(&self) -> Scene {
         let labelled = self.parts.iter().any(|part| part.label.is_some());
         let regions = if labelled {
@@ -125,11 +121,9 @@ impl Model {
     }
 }
 
-/// The hash of a scene without a file, computed from its content.
 fn content_hash(scene: &Scene) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    // Rust prints floats with the shortest digits that read back as the same number, so different values have
-    // different texts.
+    // Rust prints floats with the shortest digits that read back as the same number, so different values have different texts.
     hasher.update(
         format!(
             "{:?} {:?} {:?} {:?} {:?}",
@@ -148,7 +142,6 @@ fn content_hash(scene: &Scene) -> [u8; 32] {
     *hasher.finalize().as_bytes()
 }
 
-/// A two-sided Lambertian material of albedo `color`.
 pub(super) fn matte(name: &str, color: Vec3) -> Material {
     Material { name: name.into(), base_color: color, ..Material::default() }
 }
@@ -169,7 +162,7 @@ impl Model {
     }
 }
 
-/// The bytes of the file, which are the same on every machine: positions are `f32`, indices `u16` if they fit and `u32` otherwise.
+/// The bytes of the file, which are the same on every machine. Positions are `f32`; indices are `u16` if they fit and `u32` otherwise.
 fn write(model: &Model) -> Vec<u8> {
     let mut binary = Binary::default();
     let mut nodes = Vec::new();
@@ -204,7 +197,7 @@ fn write(model: &Model) -> Vec<u8> {
     assemble(document.to_string().into_bytes(), binary.bytes)
 }
 
-/// The binary chunk that is being written, with its buffer views and accessors.
+/// The binary chunk under construction, with its buffer views and accessors.
 #[derive(Default)]
 struct Binary {
     bytes: Vec<u8>,
@@ -213,7 +206,6 @@ struct Binary {
 }
 
 impl Binary {
-    /// Appends the vertices of a part. Returns the index of their accessor.
     fn positions(&mut self, part: &Part) -> usize {
         let mut minimum = Vec3::INFINITY;
         let mut maximum = Vec3::NEG_INFINITY;
@@ -235,7 +227,6 @@ impl Binary {
         )
     }
 
-    /// Appends the triangles of a part. Returns the index of their accessor.
     fn indices(&mut self, part: &Part) -> usize {
         let start = self.bytes.len();
         // The largest index of each width is reserved for primitive restart.
@@ -257,8 +248,7 @@ impl Binary {
         )
     }
 
-    /// Adds a buffer view for the bytes from `start` on, and `accessor` for that view. Returns the accessor's
-    /// index.
+    /// Adds a buffer view for the bytes from `start` on, and `accessor` for that view. Returns the accessor's index.
     fn accessor(&mut self, start: usize, mut accessor: Value) -> usize {
         let length = self.bytes.len() - start;
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
@@ -284,8 +274,7 @@ fn material(material: &Material) -> Value {
 }
 
 fn camera(camera: &Camera) -> Value {
-    // A pinhole has no clipping planes, but the format requires a near one. The field of view is rounded to
-    // single precision, so that the last digit does not depend on the machine.
+    // The format requires a near plane. The field of view is rounded, so that its last digit does not depend on the machine.
     let field = (2.0 * f64::from(camera.tan_half_fov).atan()) as f32;
     let mut perspective = json!({ "yfov": field, "znear": 0.001 });
     if let Some(aspect) = camera.aspect {
@@ -294,8 +283,7 @@ fn camera(camera: &Camera) -> Value {
     json!({ "name": "rig", "type": "perspective", "perspective": perspective })
 }
 
-/// The camera's node. Its pose is a matrix and not a quaternion, so that axes such as −Y are read back
-/// exactly.
+/// The camera's node. Its pose is a matrix and not a quaternion, so that axes such as −Y are read back exactly.
 fn camera_node(camera: &Camera) -> Value {
     let columns = [
         camera.right.extend(0.0),
@@ -308,8 +296,7 @@ fn camera_node(camera: &Camera) -> Value {
     json!({ "name": camera.name, "camera": 0, "matrix": matrix })
 }
 
-/// The GLB container: a header and two chunks, each padded to a multiple of four bytes as the format
-/// requires.
+/// The GLB container: a header and two chunks, each padded to a multiple of four bytes as the format requires.
 fn assemble(mut text: Vec<u8>, mut binary: Vec<u8>) -> Vec<u8> {
     text.resize(text.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);

@@ -1,4 +1,4 @@
-//! Buffers, their views and URIs, and accessors: typed, strided arrays in views, which are checked when they are opened.
+//! Buffers, their views and URIs, and accessors. An accessor is a typed, strided array in a view; it is checked when it is opened.
 
 use std::path::PathBuf;
 
@@ -13,14 +13,13 @@ use super::{Document, object_name};
 use crate::error::{Error, Result};
 use crate::scene::source;
 
-/// Reads every buffer of the file.
 pub(super) fn load(document: &mut Document) -> Result<()> {
     let unread = unread(&document.root);
     for (index, is_unread) in unread.into_iter().enumerate() {
         let buffer = &document.root.buffers[index];
         let what = object_name("buffer", index, buffer.name.as_ref());
         let expected = buffer.byte_length.0;
-        // Its views are decompressed from another buffer.
+        // The views of a fallback buffer are decompressed from another buffer.
         if cfg!(feature = "compressed") && is_fallback(buffer) {
             document.buffers.push(Vec::new());
             continue;
@@ -45,7 +44,6 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// The error about a buffer without data.
 fn missing(document: &Document, what: &str) -> Error {
     document.fault(
         format!("{what} has neither a URI nor a binary chunk in the file"),
@@ -53,8 +51,7 @@ fn missing(document: &Document, what: &str) -> Error {
     )
 }
 
-/// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses
-/// it.
+/// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses it.
 pub(super) fn view<'a>(
     document: &'a Document,
     what: &str,
@@ -80,7 +77,7 @@ pub(super) fn view<'a>(
     Ok((bytes, view.byte_stride.map(|stride| stride.0)))
 }
 
-/// Whether a buffer is marked as one that only stands in for views that are decompressed from another one, and may lack data.
+/// Whether a buffer is marked as a fallback, which may lack data. Its views are decompressed from another buffer.
 fn is_fallback(buffer: &json::Buffer) -> bool {
     let extensions = buffer.extensions.as_ref().map(|extensions| &extensions.others);
     let is_fallback = |name: &&str| {
@@ -90,8 +87,7 @@ fn is_fallback(buffer: &json::Buffer) -> bool {
     MESHOPT.iter().any(is_fallback)
 }
 
-/// For each buffer, whether there are views of it and all of them are compressed, so that the buffer itself is not read. Some exporters do
-/// not mark it.
+/// For each buffer, whether it has views and all of them are compressed. Such a buffer is not read, even if it is not marked.
 fn unread(root: &json::Root) -> Vec<bool> {
     let mut views = vec![[0_usize; 2]; root.buffers.len()];
     for view in &root.buffer_views {
@@ -102,7 +98,6 @@ fn unread(root: &json::Root) -> Vec<bool> {
     views.into_iter().map(|[compressed, plain]| compressed > 0 && plain == 0).collect()
 }
 
-/// The extension of a buffer view.
 pub(super) fn compression(view: &json::buffer::View) -> Option<&json::Value> {
     let others = &view.extensions.as_ref()?.others;
     MESHOPT.iter().find_map(|name| others.get(*name))
@@ -114,9 +109,8 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Reads the bytes that a URI refers to. `what` names the object that uses it (`buffer 0`). The bytes of a
-/// file are added to the document's hash. Those of a data URI are part of the scene file, which is hashed
-/// already.
+/// Reads the bytes that a URI refers to. `what` names the object that uses it (`buffer 0`). The bytes of a file are added to the document's
+/// hash. The bytes of a data URI are part of the scene file, which is already hashed.
 pub(super) fn read_uri(document: &mut Document, what: &str, uri: &str) -> Result<Vec<u8>> {
     // The scheme is case-insensitive.
     if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
@@ -145,7 +139,7 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     })
 }
 
-/// Why there is no file that a URI names, as a predicate: it is missing, or not next to the scene. A URI that cannot be read at all is another error.
+/// A predicate for a file that is missing or not next to the scene. A URI that cannot be decoded is another error.
 pub(super) fn absence(document: &Document, uri: &str) -> Option<&'static str> {
     let is_data = uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"));
     let decoded = percent_decode(uri).filter(|_| !is_data && !uri.is_empty())?;
@@ -172,8 +166,7 @@ fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     )
 }
 
-/// Decodes percent-encoding. `None` if a `%` is not followed by two hexadecimal digits, or if the result is
-/// not UTF-8 or contains NUL.
+/// Decodes percent-encoding. `None` if a `%` is not followed by two hexadecimal digits, or if the result is not UTF-8 or contains NUL.
 fn percent_decode(text: &str) -> Option<String> {
     let mut decoded = Vec::with_capacity(text.len());
     let mut bytes = text.bytes();
@@ -194,15 +187,13 @@ fn percent_decode(text: &str) -> Option<String> {
 pub(super) struct OpenAccessor<'a> {
     /// The elements; `None` if all of them are zero.
     base: Option<Elements<'a>>,
-    /// Elements that replace some of the base.
+    /// Elements that replace some of the base elements.
     sparse: Option<Sparse<'a>>,
     component: ComponentType,
     normalized: bool,
-    /// Number of elements.
     pub count: usize,
 }
 
-/// Elements at a fixed stride, in bytes.
 #[derive(Clone, Copy)]
 struct Elements<'a> {
     bytes: &'a [u8],
@@ -210,7 +201,6 @@ struct Elements<'a> {
 }
 
 impl<'a> Elements<'a> {
-    /// The bytes from element `index` on.
     fn at(&self, index: usize) -> Option<&'a [u8]> {
         self.bytes.get(index.checked_mul(self.stride)?..)
     }
@@ -231,8 +221,7 @@ impl Sparse<'_> {
         integer(self.indices.at(position)?, self.component)
     }
 
-    /// The position of the replacement of element `index`, if there is one. A binary search needs neither a
-    /// dense copy of the array, whose size a hostile file could choose, nor a scan for each element.
+    /// The position of the replacement of element `index`. A binary search needs no dense copy, whose size a hostile file could choose.
     fn find(&self, index: usize) -> Option<usize> {
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -249,8 +238,7 @@ impl Sparse<'_> {
 
 const HELP: &str = "the file is damaged or not glTF 2.0: export it again";
 
-/// Opens an accessor whose elements have shape `shape` and one of the component types `components`. `what`
-/// names the object that uses it, such as `mesh 0, primitive 1: POSITION`.
+/// Opens an accessor of this shape and one of these component types. `what` names its user, such as `mesh 0, primitive 1: POSITION`.
 pub(super) fn open_accessor<'a>(
     document: &'a Document,
     what: &str,
@@ -318,7 +306,7 @@ fn open_sparse<'a>(
     let values = elements(document, &what, values.buffer_view, values.byte_offset.0, element, count)?;
     // The cast is exact, because the length of the buffer view bounds the count.
     let sparse = Sparse { indices, component, values, count: count as usize };
-    // The indices are checked only once: a mesh that is placed a million times is opened as often.
+    // The indices are checked only once, because a mesh that is placed a million times is opened a million times.
     if !document.checked_sparse.borrow_mut().insert(accessor) {
         return Ok(sparse);
     }
@@ -336,8 +324,7 @@ fn open_sparse<'a>(
     Ok(sparse)
 }
 
-/// Finds `count` elements of `element` bytes in a buffer view and checks that all of them lie inside. `what`
-/// names them in errors.
+/// Finds `count` elements of `element` bytes in a buffer view and checks that all of them lie inside. `what` names them in errors.
 fn elements<'a>(
     document: &'a Document,
     what: &str,
@@ -379,7 +366,6 @@ fn elements<'a>(
     }
 }
 
-/// The unsigned integer of type `component` at the start of `bytes`.
 fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
     match component {
         ComponentType::U8 => bytes.first().map(|&byte| u32::from(byte)),
@@ -406,8 +392,7 @@ impl OpenAccessor<'_> {
         }
     }
 
-    /// Element `index` of an array of vectors. Integers are converted to floats as `KHR_mesh_quantization`
-    /// defines. `None` past the end.
+    /// Element `index` of an array of vectors. Integers are converted to floats as `KHR_mesh_quantization` defines. `None` past the end.
     pub(super) fn vector<const N: usize>(&self, index: usize) -> Option<[f32; N]> {
         let mut vector = [0.0; N];
         let Some(bytes) = self.bytes(index)? else { return Some(vector) };
@@ -418,7 +403,6 @@ impl OpenAccessor<'_> {
         Some(vector)
     }
 
-    /// Element `index` of an array of unsigned integers. `None` past the end.
     pub(super) fn integer(&self, index: usize) -> Option<u32> {
         self.integers::<1>(index).map(|[integer]| integer)
     }
@@ -434,7 +418,6 @@ impl OpenAccessor<'_> {
         Some(integers)
     }
 
-    /// The component at the start of `bytes`.
     fn value(&self, bytes: &[u8]) -> Option<f32> {
         // The lower bound of −1 only affects signed types.
         let (value, maximum) = match self.component {

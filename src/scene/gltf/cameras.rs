@@ -13,11 +13,9 @@ use crate::scene::camera_file::{CameraFile, CameraPair};
 use crate::scene::triangle::MAX_COORDINATE;
 use crate::scene::{Camera, LoadOptions};
 
-/// The largest cosine of axes that count as perpendicular: well above the rounding of exporters, well below a
-/// visible shear.
+/// The largest cosine of axes that count as perpendicular. It is well above the rounding of exporters, and well below a visible shear.
 const MAX_SHEAR: f64 = 1e-4;
 
-/// A camera node.
 struct Candidate<'a> {
     name: String,
     camera: &'a json::Camera,
@@ -25,20 +23,18 @@ struct Candidate<'a> {
     extras: Extras,
 }
 
-/// Which camera the rig stands at, unless a camera file says it.
+/// The camera at which the rig stands, unless a camera file states one.
 pub(super) enum Wanted {
-    /// The node of this name.
     Named(String),
-    /// The only camera node.
     Only,
-    /// The first perspective one.
+    /// The first perspective camera.
     First,
-    /// None of the scene: one is placed.
+    /// A camera that krylux places, since the scene has none.
     Placed,
 }
 
-/// Which camera the options want. Where they let one be placed, the first that the scene has is taken, and none is placed unless there is none; a
-/// warning names those that are not taken.
+/// The camera that the options want. If they allow a placed camera, the first perspective camera of the scene is taken, with a warning that
+/// names the others. A camera is placed only if the scene has no perspective camera.
 pub(super) fn wanted(
     document: &mut Document,
     placed: &[Placed],
@@ -71,14 +67,12 @@ pub(super) fn wanted(
     Ok(if is_empty { Wanted::Placed } else { Wanted::First })
 }
 
-/// The names of candidates, for messages.
 fn names(candidates: &[&Candidate<'_>]) -> String {
     candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ")
 }
 
-/// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from
-/// the scene's camera nodes. The camera is then the one that is `wanted`. The projector is
-/// the node that has `"krylux": "projector"` in its extras.
+/// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from the scene's camera nodes. The
+/// camera is then the node that is `wanted`. The projector is the node that has `"krylux": "projector"` in its extras.
 pub(super) fn pair(
     document: &Document,
     placed: &[Placed],
@@ -142,7 +136,6 @@ fn candidates<'a>(
     Ok((cameras, projectors))
 }
 
-/// The candidate that is `wanted`.
 fn choose<'a>(
     document: &Document,
     candidates: &'a [Candidate<'a>],
@@ -179,7 +172,6 @@ fn choose<'a>(
     }
 }
 
-/// Converts a camera node.
 fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Posed> {
     let Candidate { name, camera, placed, extras } = candidate;
     let Some(perspective) = &camera.perspective else {

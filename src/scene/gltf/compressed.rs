@@ -1,5 +1,4 @@
-//! Buffer views by `EXT_meshopt_compression` and `KHR_meshopt_compression`, and primitives by `KHR_draco_mesh_compression`, which are
-//! decompressed before anything reads them.
+//! Decompression of buffer views (`EXT_meshopt_compression`, `KHR_meshopt_compression`) and primitives (`KHR_draco_mesh_compression`).
 
 use std::collections::BTreeMap;
 
@@ -17,11 +16,9 @@ use super::{Document, buffers, object_name};
 use crate::error::Result;
 use crate::scene::triangle::MAX_TRIANGLES;
 
-/// The largest number of bytes that the views of one file have together when they are decompressed. A limit is needed because a few
-/// kilobytes can stand for any number of equal vertices.
+/// The largest total size of a file's decompressed views, in bytes. A few kilobytes can stand for any number of equal vertices.
 const MAX_BYTES: usize = 1 << 30;
 
-/// The extension of a buffer view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct CompressedView {
@@ -40,7 +37,7 @@ fn none() -> String {
     "NONE".into()
 }
 
-/// Decompresses every compressed buffer view into a new buffer, to which the view then refers.
+/// Decompresses every compressed buffer view into a new buffer. The view then refers to that buffer.
 pub(super) fn decompress_views(document: &mut Document) -> Result<()> {
     let mut workspace = Workspace::new(Limits { max_bytes: MAX_BYTES, ..Limits::default() });
     let mut total = 0_usize;
@@ -72,7 +69,6 @@ fn parse(value: json::Value) -> std::result::Result<CompressedView, String> {
     serde_json::from_value(value).map_err(|error| error.to_string())
 }
 
-/// The bytes that a view stands for.
 fn decoded_view(
     document: &Document,
     of: &CompressedView,
@@ -103,16 +99,14 @@ fn decoded_view(
     Ok(bytes)
 }
 
-/// Adds a buffer of these bytes, which are made while loading.
 fn add_buffer(document: &mut Document, bytes: Vec<u8>) -> json::Index<json::Buffer> {
     document.buffers.push(bytes);
-    // There is memory for fewer buffers than 2³².
+    // The memory cannot hold 2³² buffers.
     json::Index::new(document.buffers.len() as u32 - 1)
 }
 
 const HELP: &str = "the file is damaged or too large: export it again, or without mesh compression";
 
-/// The extension of a primitive.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct CompressedPrimitive {
@@ -140,7 +134,6 @@ pub(super) fn decompress_primitives(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// The mesh that a primitive stands for.
 fn decode(document: &Document, what: &str, compressed: &CompressedPrimitive) -> Result<Mesh> {
     let view = json::Index::new(compressed.buffer_view);
     let (bytes, _) = buffers::view(document, what, view)?;
@@ -155,7 +148,7 @@ fn decode(document: &Document, what: &str, compressed: &CompressedPrimitive) -> 
     Ok(mesh)
 }
 
-/// Makes indices and attributes of a primitive refer to those of the decoded mesh.
+/// Makes the indices and attributes of a primitive refer to the decoded mesh.
 fn replace(
     document: &mut Document,
     what: &str,
@@ -191,7 +184,7 @@ fn replace(
     }
     let primitive = &mut document.root.meshes[mesh].primitives[primitive];
     primitive.attributes = replaced;
-    // A compressed mesh has triangles, also where the file says that it has a strip.
+    // A compressed mesh has triangles, even if the file says that it has a strip.
     (primitive.indices, primitive.mode) = (Some(indices), Checked::Valid(Mode::Triangles));
     Ok(())
 }
@@ -233,7 +226,7 @@ fn add(document: &mut Document, like: Accessor, bytes: Vec<u8>, count: usize) ->
     document.root.push(Accessor { buffer_view: Some(view), byte_offset: None, sparse: None, count, ..like })
 }
 
-/// A value in the component type of its accessor. Integers came from integers, so that the casts are exact.
+/// A value in the component type of its accessor. The casts are exact, because integer types hold integers.
 fn encoded(value: f32, component: ComponentType) -> Vec<u8> {
     match component {
         ComponentType::F32 => value.to_le_bytes().to_vec(),

@@ -51,10 +51,9 @@ const SUPPORTED: [&str; 12] = [
 
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// Two names of one extension.
+/// The two names of the extension.
 pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Whether an extension compresses meshes.
 fn compresses(name: &str) -> bool {
     name == DRACO || MESHOPT.contains(&name)
 }
@@ -63,7 +62,6 @@ fn is_supported(name: &str) -> bool {
     SUPPORTED.contains(&name) || cfg!(feature = "compressed") && compresses(name)
 }
 
-/// Places one mesh many times.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 const LIGHTS: &str = "KHR_lights_punctual";
@@ -86,11 +84,10 @@ const WITHOUT_EFFECT: [&str; 14] = [
     "VRMC_vrm",
 ];
 
-/// Extensions for image formats. Only textures that have no picture in another format lose something.
+/// Extensions for image formats. They matter only for textures that have no picture in another format.
 const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"];
 
-/// Refuses required extensions that are not supported, and adds a warning for each of the other unsupported
-/// ones in use.
+/// Refuses unsupported extensions that are required, and warns about each other unsupported one.
 pub(super) fn check(document: &mut Document) -> Result<()> {
     for name in &document.root.extensions_required {
         let name = name.as_str();
@@ -109,8 +106,7 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         } else if !is_supported(name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
-            // The warning about a material extension names a material that uses it, so it is made where
-            // materials are read.
+            // These warnings name a material, so they are made where materials are read.
             && !name.starts_with("KHR_materials_")
         {
             document.warnings.add(format!("the extension {name} is not supported and ignored"));
@@ -119,7 +115,6 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// Advice for a file that requires an unsupported extension.
 pub(super) fn advice(name: &str) -> &'static str {
     match name {
         "KHR_texture_basisu" => {
@@ -143,7 +138,7 @@ pub(super) fn advice(name: &str) -> &'static str {
 pub(super) struct Extras(serde_json::Map<String, json::Value>);
 
 impl Extras {
-    /// Parses extras. Extras that are no JSON object count as empty.
+    /// Parses extras. Extras that are not a JSON object count as empty.
     pub(super) fn of(extras: &json::Extras) -> Self {
         let parsed = extras.as_ref().and_then(|extras| serde_json::from_str(extras.get()).ok());
         Self(match parsed {
@@ -152,7 +147,7 @@ impl Extras {
         })
     }
 
-    /// The members of both. Where both have a member, the one of `self` is taken.
+    /// The members of both. For a member that both have, the value of `self` is taken.
     pub(super) fn or(self, other: Self) -> Self {
         let mut members = other.0;
         members.extend(self.0);
@@ -171,7 +166,6 @@ impl Extras {
         }
     }
 
-    /// The lens of the camera `name`.
     pub(super) fn lens(&self, document: &Document, name: &str) -> Result<Lens> {
         let number = |key: &str| match self.0.get(key) {
             None => Ok(None),
@@ -197,17 +191,14 @@ impl Extras {
     }
 }
 
-/// The largest length of a label in bytes. A limit is needed because every node below a labelled one holds a
-/// copy of its label.
+/// The largest length of a label in bytes. Every node below a labelled node has a copy of its label.
 const MAX_NAME_BYTES: usize = 200;
 
-/// A region label. The order of labels is the order of the regions, so that a region's index does not depend
-/// on the order of the nodes: numbers by value, then names, then the region of surfaces without a label.
+/// A region label. The order of labels is the order of the regions: numbers by value, then names, then the
+/// region of surfaces without a label. A region's index therefore does not depend on the order of the nodes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Label {
-    /// A non-negative integer.
     Number(u64),
-    /// Any other name.
     Name(String),
     /// Surfaces without a label in a file that has labels.
     Absent,
@@ -245,7 +236,6 @@ pub(super) fn label(document: &Document, what: &str, extras: &json::Extras) -> R
     })
 }
 
-/// The first 60 characters of a value as JSON, for a message of one line.
 fn shortened(value: &json::Value) -> String {
     let text = value.to_string();
     match text.char_indices().nth(60) {

@@ -22,15 +22,14 @@ const NO_AREA: &str = "points or lines, which have no area";
 
 /// The triangles of one primitive at one node. Their region index is set later.
 pub(super) struct Surface {
-    /// Index into the placed nodes.
     pub placed: usize,
-    /// The label of the primitive, else of its mesh, else of its node.
+    /// The label of the primitive, or else of its mesh, or else of its node.
     pub label: Option<Label>,
     /// Never empty.
     pub triangles: Vec<Triangle>,
 }
 
-/// Assembles all surfaces of the scene, in the order of the nodes. A scene that moves is assembled again, around its new origin.
+/// Assembles all surfaces of the scene, in the order of the nodes. If the scene moves, they are assembled again around the new origin.
 pub(super) fn assemble(
     document: &mut Document,
     placed: &[Placed],
@@ -58,7 +57,7 @@ pub(super) fn assemble(
     Ok(assembly.surfaces)
 }
 
-/// All surfaces of a scene at `place`, which notes their corners.
+/// All surfaces of a scene in the coordinates of `place`, which takes note of their corners.
 fn assembly(
     document: &mut Document,
     placed: &[Placed],
@@ -105,18 +104,14 @@ fn assembly(
     Ok(assembly)
 }
 
-/// One primitive of one mesh at one node.
 struct Placement {
-    /// The primitive's name in messages.
     what: String,
     node: usize,
     mesh: usize,
     primitive: usize,
 }
 
-/// The poses of a mesh at a node.
 enum Poses {
-    /// One transform for each instance.
     Rigid(Vec<Transform>),
     /// One matrix for each joint of the skin.
     Skinned(Rc<[DAffine3]>),
@@ -127,9 +122,9 @@ struct Assembly {
     surfaces: Vec<Surface>,
     skins: Skins,
     counts: Counts,
-    /// Number of triangles dropped because they have no area.
+    /// The number of triangles that were dropped because they have no area.
     degenerate: usize,
-    /// Labels of meshes and of their primitives. They are parsed once, however often the mesh is placed.
+    /// Labels of meshes and of their primitives. Each is parsed once, even if the mesh is placed many times.
     labels: HashMap<(usize, Option<usize>), Option<Label>>,
 }
 
@@ -152,7 +147,6 @@ impl Assembly {
         Ok(label)
     }
 
-    /// The poses of the mesh of a node.
     fn poses(&mut self, document: &Document, node_name: &str, node: &Placed) -> Result<Poses> {
         let source = &document.root.nodes[node.node];
         if let Some(skin) = source.skin {
@@ -168,7 +162,6 @@ impl Assembly {
         }))
     }
 
-    /// The triangles of a primitive at all its poses.
     fn place(
         &mut self,
         document: &mut Document,
@@ -245,10 +238,8 @@ fn cut_short(document: &Document, what: &str) -> Error {
     document.damaged_mesh(format!("{what}: its data ends too early"))
 }
 
-/// Makes world-space triangles of a primitive at one pose.
 struct Placer<'a> {
     pub document: &'a Document,
-    /// The primitive's name in messages.
     pub what: &'a str,
     pub vertices: &'a Vertices<'a>,
     pub pose: &'a Pose<'a>,
@@ -256,20 +247,18 @@ struct Placer<'a> {
 }
 
 impl Placer<'_> {
-    /// The triangle whose corners are the vertices `indices`, in the coordinates of a scene at `place`, which notes them.
+    /// The triangle with the vertices `indices` as corners, in the coordinates of `place`, which takes note of them.
     pub(super) fn triangle(&self, indices: [u32; 3], place: &mut Place) -> Result<Triangle> {
         let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
         let mut mirrors = false;
         for (corner, index) in indices.into_iter().enumerate() {
             mirrors = self.place(index, corner, &mut triangle, place)?;
         }
-        // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front
-        // where it was.
+        // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front where it was.
         Ok(if mirrors { triangle.flipped() } else { triangle })
     }
 
-    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's
-    /// transform mirrors.
+    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's transform mirrors.
     fn place(&self, index: u32, corner: usize, triangle: &mut Triangle, place: &mut Place) -> Result<bool> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
@@ -302,7 +291,7 @@ impl Placer<'_> {
     }
 }
 
-/// The error about a vertex whose world position is not usable. `local` is its position in the mesh's frame.
+/// The error about a vertex with an unusable world position. `local` is its position in the mesh's frame.
 fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Error {
     if local.is_finite() {
         document.fault(
@@ -317,28 +306,25 @@ fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Er
     }
 }
 
-/// The largest number of primitives, counted each time a node places them. A limit is needed because a small
-/// file can place any number of primitives without triangles.
+/// The largest number of placed primitives. A limit is needed because a small file can place any number without triangles.
 const MAX_PLACEMENTS: usize = 1 << 20;
 
-/// The largest number of triangles times morph targets.
+/// The largest sum of triangles times morph targets.
 const MAX_MORPHS: usize = 1 << 28;
 
-/// The sizes so far. A small file can place one mesh any number of times.
+/// The counts so far. They are limited because a small file can place one mesh any number of times.
 #[derive(Default)]
 struct Counts {
-    /// Number of primitives placed.
     placements: usize,
-    /// Number of instances of all nodes.
     instances: usize,
-    /// Number of triangles, dropped ones included.
+    /// The number of triangles, including dropped ones.
     total: usize,
-    /// Number of triangles, counted once for each morph target.
+    /// The number of triangles, counted once for each morph target.
     morphs: usize,
 }
 
 impl Counts {
-    /// Adds `more` to a number, which must not exceed `most` of the things called `what`.
+    /// Adds `more` to `number`. The error says that there are more than `most` of `what`.
     fn add(
         document: &Document,
         number: &mut usize,
@@ -352,14 +338,12 @@ impl Counts {
         }
     }
 
-    /// Counts the primitives of a placed mesh.
     fn placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
         let help = "join the meshes, or place fewer of them";
         let limit = (MAX_PLACEMENTS, "primitives, all instances counted", help);
         Self::add(document, &mut self.placements, primitives, limit)
     }
 
-    /// Counts the instances of a node.
     fn instances(&mut self, document: &Document, count: usize) -> Result<()> {
         let limit = (MAX_TRIANGLES, "instances", "place fewer of them, or join their meshes");
         Self::add(document, &mut self.instances, count, limit)
@@ -378,7 +362,6 @@ impl Counts {
     }
 }
 
-/// The error about triangles for which there is no memory.
 pub(super) fn too_many(document: &Document, count: usize) -> Error {
     document.fault(
         format!("there is no memory for {count} triangles, all instances counted"),
@@ -386,27 +369,25 @@ pub(super) fn too_many(document: &Document, count: usize) -> Error {
     )
 }
 
-/// How far the assembly of triangles is.
 #[derive(Clone, Copy)]
 struct Progress<'a> {
     pub watcher: Watcher<'a>,
-    /// The node that is assembled, and the number of all.
+    /// The index of the node in work, and the number of nodes.
     pub position: usize,
     pub nodes: usize,
 }
 
 impl Progress<'_> {
-    /// Tells the watcher that the node is begun.
     fn begin(self) -> Result<()> {
         self.watcher.tell(self.share(0.0))
     }
 
-    /// Tells the watcher now and then that so many triangles of the node are done.
+    /// Tells the watcher from time to time that `done` of `of` triangles of the node are finished.
     fn at(self, done: usize, of: usize) -> Result<()> {
         self.watcher.count(done, || self.share(done as f32 / of as f32))
     }
 
-    /// The share of the work that is done when this share of the node is.
+    /// The finished share of the whole work, given the finished share of the node.
     fn share(self, of_node: f32) -> f32 {
         (self.position as f32 + of_node) / self.nodes as f32
     }

@@ -17,17 +17,15 @@ use crate::scene::{AlphaMode, Material, TextureRef, Volume};
 pub(super) struct Materials {
     /// The materials that [`crate::scene::Triangle::material`] indexes.
     pub list: Vec<Material>,
-    /// The textures that they refer to.
     pub textures: Textures,
-    /// The index in the list for each of the file's; `None` is glTF's default material.
+    /// The index in the list for each material of the file; `None` is glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
-    /// Materials without the textures for which a primitive has no coordinates, by the material and the sets that it has.
+    /// Materials without the textures for which a primitive lacks coordinates. The key is the material and the sets that the primitive has.
     bare: HashMap<(u32, [bool; 2]), u32>,
 }
 
 impl Materials {
-    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what`
-    /// names the primitive that uses it.
+    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what` names the primitive that uses it.
     pub(super) fn index_of(
         &mut self,
         document: &mut Document,
@@ -59,8 +57,8 @@ impl Materials {
         Ok(position as u32)
     }
 
-    /// The material number `position` for a primitive that has these sets of texture coordinates: without the textures that read other
-    /// sets, of which a warning says that they are left out. `what` names the primitive.
+    /// The material for a primitive that has these sets of texture coordinates. If textures of the material `position` read other sets, it
+    /// is a copy without them, and a warning says so. `what` names the primitive.
     pub(super) fn with_coordinates(
         &mut self,
         document: &mut Document,
@@ -189,12 +187,10 @@ fn factors(
     Ok(material)
 }
 
-/// `KHR_materials_specular` of a material, or its defaults.
 fn specular(source: &json::Material) -> json::extensions::material::Specular {
     source.extensions.as_ref().and_then(|extensions| extensions.specular.clone()).unwrap_or_default()
 }
 
-/// The alpha mode of a material.
 fn alpha_mode(checked: &Checks<'_>, source: &json::Material) -> Result<AlphaMode> {
     Ok(match source.alpha_mode {
         Checked::Valid(json::material::AlphaMode::Opaque) => AlphaMode::Opaque,
@@ -211,10 +207,10 @@ fn alpha_mode(checked: &Checks<'_>, source: &json::Material) -> Result<AlphaMode
     })
 }
 
-/// Surfaces that show a colour whatever the light is.
+/// The extension of surfaces that show the same colour under any light.
 const UNLIT: &str = "KHR_materials_unlit";
 
-/// Warns about an unlit material and about the extensions of a material that are not supported. Whether it is unlit.
+/// Warns about an unlit material and about unsupported extensions. Returns whether the material is unlit.
 fn check_extensions(document: &mut Document, what: &str, source: &json::Material) -> bool {
     let Some(others) = source.extensions.as_ref().map(|extensions| &extensions.others) else {
         return false;
@@ -233,19 +229,16 @@ fn check_extensions(document: &mut Document, what: &str, source: &json::Material
     is_unlit
 }
 
-/// The amount by which a fraction may lie outside `[0, 1]`: exporters that compute in single precision
-/// overshoot by rounding.
+/// The tolerance by which a fraction may lie outside `[0, 1]`: exporters that compute in single precision overshoot by rounding.
 const ROUNDING: f32 = 1e-5;
 
-/// Range checks whose errors name the material and the factor.
+/// Range checks. Their errors name the material and the factor.
 pub(super) struct Checks<'a> {
     pub document: &'a Document,
-    /// The material's name in messages.
     pub what: &'a str,
 }
 
 impl Checks<'_> {
-    /// A value in `[0, 1]`, up to rounding.
     pub(super) fn fraction(&self, factor: &str, value: f32) -> Result<f32> {
         // NaN fails the comparison, too.
         if (-ROUNDING..=1.0 + ROUNDING).contains(&value) {
@@ -254,7 +247,6 @@ impl Checks<'_> {
         Err(self.out_of_range(factor, value, "between 0 and 1"))
     }
 
-    /// A colour in `[0, 1]`, up to rounding.
     pub(super) fn fractions(&self, factor: &str, values: [f32; 3]) -> Result<Vec3> {
         let [red, green, blue] = values;
         Ok(Vec3::new(
@@ -264,7 +256,6 @@ impl Checks<'_> {
         ))
     }
 
-    /// A colour of finite, non-negative values.
     pub(super) fn not_negative(&self, factor: &str, values: [f32; 3]) -> Result<Vec3> {
         match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
             Some(&value) => Err(self.out_of_range(factor, value, "finite and not negative")),
@@ -272,7 +263,6 @@ impl Checks<'_> {
         }
     }
 
-    /// A finite value.
     pub(super) fn finite(&self, factor: &str, value: f32) -> Result<f32> {
         if value.is_finite() { Ok(value) } else { Err(self.out_of_range(factor, value, "finite")) }
     }
@@ -301,13 +291,14 @@ impl Checks<'_> {
 
 pub(super) const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 
-/// The reflectance at normal incidence of a dielectric whose index of refraction is 1.5.
+/// The reflectance at normal incidence of a dielectric with an index of refraction of 1.5.
 const REFLECTANCE: f32 = 0.04;
 
 /// `KHR_materials_pbrSpecularGlossiness`, an older description of materials.
 ///
-/// The diffuse colour becomes the base colour of a dielectric. Its reflectance at normal incidence becomes the specular colour, which
-/// multiplies the 0.04 of an index of refraction of 1.5; a metal is such a surface without diffuse colour. Roughness is 1 minus glossiness.
+/// The diffuse colour becomes the base colour of a dielectric with an index of refraction of 1.5, which reflects 0.04 at normal incidence.
+/// The file's specular reflectance, divided by 0.04, becomes the specular colour. A metal is such a surface without diffuse colour.
+/// Roughness is 1 minus glossiness.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Glossiness {
@@ -359,7 +350,7 @@ impl Glossiness {
         material.base_color_texture = refer("diffuse", &self.diffuse_texture)?;
         material.specular_color_texture = refer("specular-glossiness", &self.specular_glossiness_texture)?;
         if let Some(specular) = material.specular_color_texture {
-            // The picture's alpha is glossiness. Green is the channel of roughness.
+            // The picture's alpha is the glossiness; roughness goes to the green channel.
             let rough = |[.., alpha]: [u8; 4]| {
                 let roughness = 1.0 - glossiness * f32::from(alpha) / 255.0;
                 [255, (255.0 * roughness).round() as u8, 255, 255]
@@ -376,10 +367,8 @@ const TRANSMISSION: &str = "KHR_materials_transmission";
 const DIFFUSE_TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 const VOLUME: &str = "KHR_materials_volume";
 
-/// The extensions that this module reads.
 const READ_HERE: [&str; 3] = [TRANSMISSION, DIFFUSE_TRANSMISSION, VOLUME];
 
-/// `KHR_materials_transmission`.
 #[derive(Default, Deserialize)]
 pub(super) struct Transmission {
     #[serde(default, rename = "transmissionFactor")]
@@ -388,7 +377,6 @@ pub(super) struct Transmission {
     pub texture: Option<json::texture::Info>,
 }
 
-/// `KHR_materials_diffuse_transmission`.
 #[derive(Default, Deserialize)]
 pub(super) struct DiffuseTransmission {
     #[serde(default, rename = "diffuseTransmissionFactor")]
@@ -401,7 +389,7 @@ pub(super) struct DiffuseTransmission {
     pub color_texture: Option<json::texture::Info>,
 }
 
-/// `KHR_materials_volume`. A thickness above 0 makes a solid; how thick it is follows from the geometry.
+/// `KHR_materials_volume`. A thickness above 0 makes a solid. The geometry determines how thick it is.
 #[derive(Default, Deserialize)]
 struct Medium {
     #[serde(default, rename = "thicknessFactor")]
@@ -412,7 +400,7 @@ struct Medium {
     attenuation_color: Option<[f32; 3]>,
 }
 
-/// The three extensions of a material; defaults for those that it does not have.
+/// The three extensions of a material, with defaults for missing ones.
 #[derive(Default)]
 struct TransmissionExtensions {
     pub regular: Transmission,
@@ -421,7 +409,6 @@ struct TransmissionExtensions {
 }
 
 impl TransmissionExtensions {
-    /// Checks the factors and stores them in `material`.
     fn check_into(&self, checked: &Checks<'_>, material: &mut Material) -> Result<()> {
         material.transmission = checked.fraction("transmissionFactor", self.regular.factor)?;
         material.diffuse_transmission = checked.fraction("diffuseTransmissionFactor", self.diffuse.factor)?;

@@ -1,10 +1,10 @@
 //! The loader of glTF 2.0 scenes, `.glb` and `.gltf`.
 //!
-//! The crate `gltf` parses the JSON. Every reference and every range in it is checked here, where it is used:
-//! the crate's own validation refuses files with extensions that krylux supports, and its readers panic on
-//! files that validation would have refused. For any input, loading ends with a scene or an [`enum@Error`].
+//! The crate `gltf` parses the JSON. This module checks every reference and every range where it is used. The crate's own validation
+//! refuses files with extensions that krylux supports, and its readers panic on files that its validation would have refused. For any
+//! input, loading ends with a scene or an [`enum@Error`].
 //!
-//! The module [`extensions`] lists what is supported, what is ignored and what is refused.
+//! The module [`extensions`] lists the supported, ignored and refused features.
 
 mod buffers;
 mod cameras;
@@ -51,7 +51,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     }
 
     let placed = nodes::walk(&mut document)?;
-    // Errors about the camera come before the work on the meshes.
+    // Errors about the camera are found before the work on the meshes.
     let wanted = cameras::wanted(&mut document, &placed, options, &camera_file)?;
     let mut pair = match wanted {
         Wanted::Placed => None,
@@ -95,17 +95,15 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 struct Document {
     path: PathBuf,
     root: json::Root,
-    /// The translation of each node, as [`nodes::translations`] reads it.
     translations: Vec<Option<DVec3>>,
     /// The binary chunk of a `.glb`, until [`buffers::load`] moves it to the first buffer.
     chunk: Option<Vec<u8>>,
-    /// The bytes of each buffer of `root.buffers`.
     buffers: Vec<Vec<u8>>,
-    /// Sparse accessors whose indices are known to be increasing.
+    /// Sparse accessors with indices that are known to increase.
     checked_sparse: RefCell<HashSet<usize>>,
     hash: ContentHash,
     warnings: Warnings,
-    /// Whether pictures and texture coordinates that are missing are errors.
+    /// Whether missing pictures and texture coordinates are errors.
     strict: bool,
 }
 
@@ -132,7 +130,7 @@ impl Document {
         })
     }
 
-    /// A warning that says what is wrong, what is left out because of it, and what to do; an error where the scene is read strictly.
+    /// Adds a warning with the fault, the part `what` that is left out, and the remedy. In a strictly read scene, the fault is an error.
     fn leave_out(&mut self, fault: String, help: impl Into<String>, what: &str) -> Result<()> {
         let help = help.into();
         if self.strict {
@@ -148,7 +146,7 @@ impl Document {
             .ok_or_else(|| self.damaged(format!("{user} refers to {kind} {index}, which does not exist")))
     }
 
-    /// The extension `name` of the object that `what` names; `None` if `extensions` do not have it.
+    /// The extension `name` of the object `what`; `None` if `extensions` do not have it.
     fn extension<T: DeserializeOwned>(
         &self,
         what: &str,
@@ -169,13 +167,11 @@ impl Document {
         self.fault(fault, "the mesh is damaged: export it again")
     }
 
-    /// An error about this file.
     fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         source::fault(&self.path, fault, help)
     }
 }
 
-/// Parses the JSON of a glTF 2.0 file.
 fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     let error = match json::Root::from_slice(text) {
         Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
@@ -184,17 +180,17 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     };
     let broken =
         fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0");
-    // A file of another glTF version does not fit the structure.
+    // The document may have another glTF version, which does not fit the structure.
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     match value.pointer("/asset/version").and_then(json::Value::as_str) {
         Some(other) if !other.starts_with("2.") => return Err(other_version(path, other)),
-        // Some files of glTF 1.0, which names its objects instead of numbering them, state no version as a text.
+        // glTF 1.0 names its objects instead of numbering them. Some of its files do not state the version as a text.
         _ if value.get("scenes").is_some_and(json::Value::is_object) => {
             return Err(other_version(path, "1.0"));
         }
         _ => {}
     }
-    // The rest is parsed from text again. This case is rare, and a parser of values would be more code to compile.
+    // The value is parsed from text again. This case is rare, and a parser of values would be more code to compile.
     if complete(&mut value) {
         json::Root::from_str(&value.to_string()).map_err(|_| broken)
     } else {
@@ -202,12 +198,12 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     }
 }
 
-/// Makes a valid document fit the crate's structure, which wants more than the specification. Returns whether there was anything to do.
+/// Makes a valid document fit the crate's structure, which demands more than the specification. Returns whether it changed the document.
 fn complete(value: &mut json::Value) -> bool {
     let Some(members) = value.as_object_mut() else { return false };
-    // Animations are not used; some use an extension that has another structure.
+    // Animations are not used, and some use an extension with another structure.
     let mut is_changed = members.remove("animations").is_some();
-    // A scene may be empty.
+    // A scene may lack the list of nodes.
     for scene in members.get_mut("scenes").and_then(json::Value::as_array_mut).into_iter().flatten() {
         if let Some(scene) = scene.as_object_mut().filter(|scene| !scene.contains_key("nodes")) {
             scene.insert("nodes".into(), json::Value::Array(Vec::new()));
@@ -231,8 +227,7 @@ const CHUNK_HEADER_BYTES: usize = 8;
 const JSON_CHUNK: &[u8; 4] = b"JSON";
 const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
 
-/// Splits a file into its JSON text and its binary chunk, if it has one. A file that does not begin with the
-/// GLB magic is JSON text as a whole.
+/// Splits a file into its JSON text and its binary chunk. A file that does not begin with the GLB magic is JSON text as a whole.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
     let extension_is_glb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
     if !bytes.starts_with(MAGIC) {
@@ -256,7 +251,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Optio
     if kind != JSON_CHUNK {
         return Err(damaged(path, "the first GLB chunk is not JSON"));
     }
-    // Chunks of other kinds belong to extensions; the specification says to skip them.
+    // Chunks of other kinds belong to extensions. The specification says to skip them.
     let mut rest = rest;
     while !rest.is_empty() {
         let (kind, content, after) = chunk(path, rest)?;
@@ -281,13 +276,11 @@ fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u
     Ok((kind, content.0, content.1))
 }
 
-/// The little-endian integer at byte `at`.
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let four = bytes.get(at..at + 4)?;
     Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
 }
 
-/// The error about a file of another version of glTF than 2.
 fn other_version(path: &Path, version: &str) -> Error {
     let help = if version.starts_with("1.") {
         "convert it: npx gltf-pipeline -i OLD.gltf -o NEW.glb (or export the scene again as glTF 2.0)"

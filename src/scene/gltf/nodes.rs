@@ -12,8 +12,7 @@ use super::{Document, extensions, geometry, object_name};
 use crate::error::Result;
 use crate::scene::Triangle;
 
-/// The translation of each node relative to its parent in double precision; the crate `gltf` reads single precision. Empty
-/// for a text that cannot be read.
+/// The translation of each node relative to its parent in double precision; the crate `gltf` reads single. Empty for unreadable text.
 pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
     #[derive(Deserialize)]
     struct File {
@@ -33,12 +32,9 @@ pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
         .map_or_else(|_| Vec::new(), |File { nodes }| nodes.into_iter().map(of).collect())
 }
 
-/// A node of the scene and its world transform.
 pub(super) struct Placed {
-    /// Index into the file's nodes.
     pub node: usize,
-    /// The transform from the node's frame to the world. It is in double precision because chains of
-    /// transforms accumulate rounding errors.
+    /// The transform from the node's frame to the world, in double precision because chains of transforms accumulate rounding errors.
     pub transform: DAffine3,
     /// The label of the node, or of its nearest ancestor that has one.
     pub label: Option<Label>,
@@ -72,8 +68,7 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     Ok(placed)
 }
 
-/// The root nodes of the file's default scene, or of its first scene if the file names no default. A file without scenes is a library
-/// of objects, of which all are shown.
+/// The root nodes of the file's default scene, or else of its first scene. Without scenes, the file is a library, and all of it is shown.
 fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize>> {
     let index = document.root.scene.map_or(0, |scene| scene.value());
     let count = document.root.scenes.len();
@@ -99,10 +94,9 @@ fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize
     Ok(roots)
 }
 
-/// Advice for nodes that do not form trees.
 const FOREST: &str = "the file is damaged: nodes must form a tree; export it again";
 
-/// The parent of each node. Checks that each has at most one.
+/// The parent of each node. A node with several parents is an error.
 fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     let nodes = &document.root.nodes;
     let name = |index: usize| object_name("node", index, nodes[index].name.as_ref());
@@ -125,8 +119,8 @@ fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     Ok(parents)
 }
 
-/// The nodes from which the walk starts, so that it visits each node at most once: those that the scene lists, without those that lie
-/// below another one. Some exporters list the child of a node that the scene does not have; it is shown without its parent, as viewers do.
+/// The nodes at which the walk starts, so that it visits each node at most once: the listed nodes that are not below another listed node.
+/// Some exporters list a child of a node that is not in the scene. The child is then shown without its parent, as in other viewers.
 fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>) -> Result<Vec<usize>> {
     let names = &document.root.nodes;
     let name = |index: usize| object_name("node", index, names[index].name.as_ref());
@@ -165,23 +159,23 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
     Ok(trees)
 }
 
-/// The nodes above a node.
+/// The kind of the nodes above a node.
 #[derive(Clone, Copy, PartialEq)]
 enum Above {
-    /// A node that the scene lists.
+    /// At least one of them is listed by the scene.
     Listed,
-    /// No node that the scene lists, or no node at all.
+    /// None of them is listed by the scene, or there are none.
     Unlisted,
 }
 
-/// The nodes above each node; `None` for nodes of a cycle and below one.
+/// The kind of the nodes above each node; `None` for nodes in a cycle or below one.
 fn above(parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<Above>> {
     let mut known: Vec<Option<Above>> = vec![None; parents.len()];
     let mut is_visited = vec![false; parents.len()];
     let mut path = Vec::new();
     for start in 0..parents.len() {
         let mut at = Some(start);
-        // Up to the root, or to a node that was visited before. Thus each node is visited once.
+        // The path goes up to the root, or to a node that was visited before. Thus each node is visited once.
         while let Some(node) = at.filter(|&node| !std::mem::replace(&mut is_visited[node], true)) {
             path.push(node);
             at = parents[node];
@@ -189,7 +183,7 @@ fn above(parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<Above>> {
         while let Some(node) = path.pop() {
             known[node] = match parents[node] {
                 None => Some(Above::Unlisted),
-                // A parent of which nothing is known was visited on this very path: it belongs to a cycle.
+                // If nothing is known of the parent, it was visited on this same path and belongs to a cycle.
                 Some(parent) if known[parent].is_some() && is_listed[parent] => Some(Above::Listed),
                 Some(parent) => known[parent],
             };
@@ -198,10 +192,9 @@ fn above(parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<Above>> {
     known
 }
 
-/// Whether node `start` is its own ancestor.
 fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
     let mut at = start;
-    // If `start` is on a cycle, it is met again within as many steps as there are nodes.
+    // If `start` is on a cycle, the walk returns to it after at most as many steps as there are nodes.
     for _ in 0..parents.len() {
         match parents[at] {
             Some(parent) if parent == start => return true,
@@ -212,7 +205,7 @@ fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
     false
 }
 
-/// The transform from the frame of a node to that of its parent.
+/// The transform from the frame of a node to its parent's frame.
 fn local_transform(document: &Document, index: usize, node: &json::Node) -> Result<DAffine3> {
     let stated = document.translations.get(index).copied().flatten();
     if let Some(matrix) = node.matrix {
@@ -248,8 +241,7 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
 /// The largest number of labels. They are stored as bytes, and 255 stands for a masked pixel.
 const MAX_LABELS: usize = 255;
 
-/// Sets the region of every triangle. Returns the triangles, the names of the regions, and whether the
-/// regions are labels.
+/// Sets the region of every triangle. Returns the triangles, the names of the regions, and whether the regions are labels.
 pub(super) fn name_regions(
     document: &mut Document,
     placed: &[Placed],
@@ -268,7 +260,6 @@ pub(super) fn name_regions(
     Ok((triangles, names, labelled))
 }
 
-/// The names of the regions, and the region of each surface.
 type Naming = (Vec<String>, Vec<u32>);
 
 /// One region for each label, in the order of labels.

@@ -1,4 +1,4 @@
-//! Transforms of a mesh's vertices to world space: by its node, by the instances of `EXT_mesh_gpu_instancing`, or by a skin in its rest pose.
+//! Transforms of a mesh's vertices to world space: by its node, by instances (`EXT_mesh_gpu_instancing`), or by a skin in its rest pose.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -27,22 +27,19 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// The transform whose map of points is `points`.
     pub(super) fn new(points: &DAffine3) -> Self {
         let DMat3 { x_axis, y_axis, z_axis } = points.matrix3;
-        // Cofactors are the inverse transpose times the determinant. They exist for singular matrices, too,
-        // and normals are normalized anyway.
+        // Cofactors are the inverse transpose times the determinant. They also exist for singular matrices. Normals are normalized anyway.
         let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
         let mirrors = points.matrix3.determinant() < 0.0;
         Self { points: *points, normals: if mirrors { -cofactors } else { cofactors }, mirrors }
     }
 
-    /// Transforms a point.
     pub(super) fn point(&self, point: Vec3) -> DVec3 {
         self.points.transform_point3(point.as_dvec3())
     }
 
-    /// How much longer a vector can become.
+    /// The largest factor by which the transform lengthens a vector.
     pub(super) fn stretch(&self) -> f64 {
         let DMat3 { x_axis, y_axis, z_axis } = self.points.matrix3;
         [x_axis, y_axis, z_axis].map(|axis| axis.length_squared()).into_iter().fold(0.0, f64::max).sqrt()
@@ -54,22 +51,18 @@ impl Transform {
     }
 }
 
-/// The pose of a mesh: one transform for all vertices, or one for each.
+/// The pose of a mesh: one transform for all vertices, or one for each vertex.
 pub(super) enum Pose<'a> {
     /// The transform of the mesh's node, or of one of its instances.
     Rigid(Transform),
-    /// Transforms by the joints of a skin.
     Skinned {
-        /// The matrix of each joint.
         joints: Rc<[DAffine3]>,
-        /// The joints and weights of each vertex.
         influences: Influences<'a>,
     },
 }
 
 impl Pose<'_> {
-    /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to one that the skin
-    /// does not have.
+    /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to a joint that the skin does not have.
     pub(super) fn of(&self, index: usize) -> Option<Transform> {
         match self {
             Self::Rigid(transform) => Some(*transform),
@@ -80,7 +73,7 @@ impl Pose<'_> {
     }
 }
 
-/// The largest number of instances at one node; it bounds the loading time.
+/// The largest number of instances at one node, which bounds the loading time.
 const MAX_INSTANCES: usize = 1 << 20;
 
 #[derive(Deserialize)]
@@ -98,8 +91,7 @@ struct Attributes {
     scale: Option<json::Index<json::Accessor>>,
 }
 
-/// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the
-/// extension. `what` names the node.
+/// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the extension. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
     let extensions = node.extensions.as_ref().map(|extensions| &extensions.others);
     let Some(Instancing { attributes }) = document.extension(what, extensions, INSTANCING)? else {
@@ -180,9 +172,8 @@ impl Skins {
         Self { placed: transforms, matrices: HashMap::new() }
     }
 
-    /// The matrices of skin `index`, which map the mesh's frame to the world: one for each joint. The
-    /// transform of the mesh's node is not part of them, since only the joints place a skinned mesh. `user`
-    /// names the node.
+    /// The matrices of skin `index`, which map the mesh's frame to the world: one for each joint. They do not include the transform of the
+    /// mesh's node, since only the joints place a skinned mesh. `user` names the node.
     pub(super) fn matrices(
         &mut self,
         document: &Document,
@@ -237,7 +228,6 @@ fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     })
 }
 
-/// The joints and weights of a primitive's vertices.
 pub(super) struct Influences<'a> {
     sets: Vec<(OpenAccessor<'a>, OpenAccessor<'a>)>,
 }
@@ -281,8 +271,8 @@ impl<'a> Influences<'a> {
         Ok(Self { sets })
     }
 
-    /// The transform of vertex `index` from the mesh's frame to the world: the weighted mean of the matrices
-    /// of its joints. `None` if the vertex is bound to no joint, or to one that the skin does not have.
+    /// The transform of vertex `index` from the mesh's frame to the world: the weighted mean of its joints' matrices. `None` if the vertex
+    /// is bound to no joint, or to a joint that the skin does not have.
     pub(super) fn matrix(&self, index: usize, joints: &[DAffine3]) -> Option<DAffine3> {
         let mut sum = DAffine3::ZERO;
         let mut total = 0.0;

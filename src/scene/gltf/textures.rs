@@ -15,7 +15,6 @@ use crate::error::Result;
 use crate::scene::source::{Fault, Pictures, Texels};
 use crate::scene::{Texture, TextureRef, Wrap};
 
-/// Textures whose picture is a WebP file.
 pub(super) const WEBP: &str = "EXT_texture_webp";
 
 /// The textures that materials use, in the order of their first use.
@@ -23,12 +22,11 @@ pub(super) const WEBP: &str = "EXT_texture_webp";
 pub(super) struct Textures {
     /// The textures that [`TextureRef::texture`] indexes.
     pub list: Vec<Texture>,
-    /// The index in the list by the file's image index, its wrapping, and whether it is interpolated.
+    /// The index in the list for each combination of the file's image index, the wrapping, and whether the texture is interpolated.
     index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
     pictures: Pictures,
 }
 
-/// A reference to a texture in a material of the file.
 pub(super) struct TextureUse {
     index: usize,
     set: u32,
@@ -55,8 +53,8 @@ impl TextureUse {
 }
 
 impl Textures {
-    /// The scene's reference for the file's reference `info`. `material` and `role` (`base colour`) name its
-    /// place in messages. `None` where it reads coordinates that are not supported, of which a warning says that it is left out.
+    /// The scene's reference for the file's reference `info`. `material` and `role` (`base colour`) name its place in messages. `None` if
+    /// the texture reads unsupported coordinates. It is then left out with a warning.
     pub(super) fn refer(
         &mut self,
         document: &mut Document,
@@ -113,7 +111,7 @@ impl Textures {
         Ok(position)
     }
 
-    /// A texture made from texture `of` by a change of its texels; they are not interpolated before it.
+    /// A texture made from texture `of` by a change of its texels. The change happens before any interpolation.
     pub(super) fn derive(&mut self, of: u32, change: impl Fn([u8; 4]) -> [u8; 4]) -> Option<u32> {
         let mut texture = self.list.get(of as usize)?.clone();
         texture.texels.iter_mut().for_each(|texel| *texel = change(*texel));
@@ -121,8 +119,8 @@ impl Textures {
         Some(self.list.len() as u32 - 1)
     }
 
-    /// Decodes image `index` of the file. Returns its name in messages and its texels, or why there is no picture and what to do, where
-    /// it is missing or has a format that is not read.
+    /// Decodes image `index` of the file. Returns its name and texels, or the reason and remedy if it is missing or in an unsupported
+    /// format.
     fn picture(
         &mut self,
         document: &mut Document,
@@ -154,10 +152,9 @@ impl Textures {
     }
 }
 
-/// Why there is no picture, and what to do.
 type Absence = (String, String);
 
-/// Why a texture has no image; an error where it refers to one that does not exist.
+/// The reason why a texture has no image. A reference to an image that does not exist is an error.
 fn no_image(document: &Document, what: &str, texture: &json::Texture, source: usize) -> Result<Absence> {
     let alternative =
         texture.extensions.as_ref().and_then(|extensions| extensions.others.keys().next().cloned());
@@ -166,7 +163,7 @@ fn no_image(document: &Document, what: &str, texture: &json::Texture, source: us
             format!("{what} has its picture only as {name}, which is not supported"),
             advice(&name).into(),
         )),
-        // The specification lets a texture lack an image.
+        // The specification allows a texture without an image.
         None if source == u32::MAX as usize => {
             Ok((format!("{what} has no picture"), "export the scene with its pictures".into()))
         }
@@ -174,7 +171,7 @@ fn no_image(document: &Document, what: &str, texture: &json::Texture, source: us
     }
 }
 
-/// The index of a texture's image: its own, which every reader can use, or where it has none that in WebP.
+/// The index of a texture's image: its plain image, which every reader can use, or else its WebP image.
 fn image_of(document: &Document, texture: &json::Texture) -> usize {
     let own = texture.source.value();
     let webp = texture.extensions.as_ref().and_then(|extensions| extensions.others.get(WEBP));
@@ -183,7 +180,7 @@ fn image_of(document: &Document, texture: &json::Texture) -> usize {
     webp.filter(|_| !is_there).and_then(|index| usize::try_from(index).ok()).unwrap_or(own)
 }
 
-/// A texel that leaves a material as it is without the texture; a missing light does not shine.
+/// A texel that leaves a material as it is without the texture. An emissive texture becomes black.
 fn neutral(role: &str) -> [u8; 4] {
     match role {
         "normal" => [128, 128, 255, 255],
@@ -192,8 +189,7 @@ fn neutral(role: &str) -> [u8; 4] {
     }
 }
 
-/// The wrapping of `u` and `v` of a texture, and whether it is interpolated. Without a sampler these are
-/// glTF's defaults.
+/// The wrapping of `u` and `v` of a texture, and whether it is interpolated. Without a sampler these are glTF's defaults.
 fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<([Wrap; 2], bool)> {
     let Some(index) = texture.sampler.map(|sampler| sampler.value()) else {
         return Ok(([Wrap::Repeat; 2], true));
@@ -215,8 +211,8 @@ fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<(
     Ok(([wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?], linear))
 }
 
-/// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation
-/// is counter-clockwise as seen on the picture, where `v` runs downwards.
+/// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation is counter-clockwise as seen
+/// on the picture, where `v` runs downwards.
 fn transform(scale: Vec2, rotation: f32, offset: Vec2) -> Affine2 {
     let (sine, cosine) = rotation.sin_cos();
     Affine2::from_mat2_translation(

@@ -1,5 +1,4 @@
-//! A primitive's triangles and vertices: positions, normals, texture coordinates and colours, with morph
-//! targets at their rest weights.
+//! A primitive's triangles and vertices, with morph targets at their rest weights.
 
 use glam::{Vec2, Vec3};
 use gltf_json as json;
@@ -18,7 +17,6 @@ const COORDINATES: [ComponentType; 5] =
 
 const COLORS: [ComponentType; 3] = [ComponentType::F32, ComponentType::U8, ComponentType::U16];
 
-/// A vertex in the mesh's frame.
 #[derive(Clone, Copy)]
 pub(super) struct Vertex {
     pub position: Vec3,
@@ -35,7 +33,6 @@ pub(super) struct Vertices<'a> {
     texcoords: [Option<OpenAccessor<'a>>; 2],
     colors: Option<(OpenAccessor<'a>, Type)>,
     targets: Vec<Target<'a>>,
-    /// The number of vertices.
     pub count: usize,
 }
 
@@ -47,8 +44,8 @@ struct Target<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    /// Opens the primitive's attributes and its morph targets, whose rest weights are `weights`. Of the
-    /// texture coordinates it opens the sets that `material` uses.
+    /// Opens the attributes and the morph targets with the rest weights `weights`, and the texture
+    /// coordinates that `material` uses.
     pub(super) fn open(
         document: &'a Document,
         what: &str,
@@ -99,7 +96,6 @@ impl<'a> Vertices<'a> {
         self.targets.len()
     }
 
-    /// Vertex `index`; `None` if it does not exist.
     pub(super) fn vertex(&self, index: usize) -> Option<Vertex> {
         let mut position = Vec3::from_array(self.positions.vector(index)?);
         let mut normal = match &self.normals {
@@ -132,7 +128,6 @@ impl<'a> Vertices<'a> {
     }
 }
 
-/// Opens the morph targets whose weight is not zero.
 fn open_targets<'a>(
     document: &'a Document,
     what: &str,
@@ -190,16 +185,14 @@ pub(super) fn open_for<'a>(
 
 const INDICES: [ComponentType; 3] = [ComponentType::U8, ComponentType::U16, ComponentType::U32];
 
-/// A primitive's index list and mode.
 pub(super) struct Corners<'a> {
     mode: Mode,
     indices: Option<OpenAccessor<'a>>,
-    /// The number of triangles, degenerate ones included.
+    /// The number of triangles, including degenerate ones.
     pub triangles: usize,
 }
 
 impl<'a> Corners<'a> {
-    /// Opens the index list of a primitive with `vertices` vertices.
     pub(super) fn open(
         document: &'a Document,
         what: &str,

@@ -12,19 +12,15 @@ use crate::file;
 use crate::scene::source::{self, ContentHash, Fault, Pictures, Texels, fault};
 use crate::scene::{Texture, TextureRef, Wrap};
 
-/// The textures of the materials read so far.
 pub(super) struct Maps<'a> {
     scene: &'a Path,
     pub textures: Vec<Texture>,
     index_of: HashMap<(Option<PathBuf>, Option<PathBuf>, bool), u32>,
     pictures: Pictures,
-    /// Whether a missing picture is an error.
     strict: bool,
-    /// Warnings about missing pictures.
     pub missing: Vec<String>,
 }
 
-/// The arguments of a map statement.
 #[derive(Clone, PartialEq)]
 struct Map {
     file: PathBuf,
@@ -88,8 +84,8 @@ impl<'a> Maps<'a> {
         Ok(Some(TextureRef { transform, ..TextureRef::new(texture) }))
     }
 
-    /// Whether the picture of a map is there; where it is missing, a warning says that the material is shown without it. Reading it is an error
-    /// where missing pictures are to be errors.
+    /// Whether the picture of a map exists and has a supported format. If not, a warning says that the material is shown without it. In a
+    /// strictly read scene, the result is `true`, and reading the picture is an error.
     fn is_there(&mut self, material: &str, map: &Map) -> bool {
         let is_missing = !self.strict && source::is_missing(&map.file);
         if is_missing {
@@ -125,7 +121,7 @@ impl<'a> Maps<'a> {
         let color = color.map(|file| self.read(material, file, hash)).transpose()?;
         let opacity = opacity.map(|file| self.read(material, file, hash)).transpose()?;
         Ok(match (color, opacity) {
-            // A picture that is its own opacity map holds the opacity in its alpha.
+            // If a picture is its own opacity map, its alpha is the opacity.
             (Some(color), None) if same => color,
             (Some(mut color), None) => {
                 // Without a `map_d`, the picture's alpha is ignored.
@@ -165,8 +161,7 @@ impl<'a> Maps<'a> {
         while let Some(option) = rest.strip_prefix('-') {
             let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
             rest = arguments.trim_start();
-            // Turbulence distorts the picture at random, -mm changes its contrast, and -imfchan chooses a channel: a warning says that they are
-            // ignored.
+            // The options -t (random distortion), -mm (contrast) and -imfchan (choice of a channel) only give a warning.
             let most = match name {
                 "o" | "s" | "t" => 3,
                 "mm" => 2,
@@ -212,7 +207,7 @@ impl<'a> Maps<'a> {
         let name = rest.replace('\\', "/");
         map.file = match (source::next_to(self.scene, &name), source::same_name(self.scene, &name)) {
             (Ok(file), _) => file,
-            // A path of another computer.
+            // The path belongs to another computer.
             (Err(_), Some(file)) if !self.strict => file,
             (Err(what), _) => return Err(bad(&format!("is {what}; only files next to the scene are read"))),
         };
@@ -233,7 +228,7 @@ fn with_opacity(mut color: Texels, opacity: &Texels) -> Texels {
     color
 }
 
-/// The channel that holds a picture's opacity: its alpha unless that is constantly opaque, otherwise its brightness.
+/// The function that gives a texel's opacity: its alpha, or its brightness if the picture's alpha is opaque everywhere.
 fn opacity_channel(picture: &Texels) -> fn([u8; 4]) -> u8 {
     if picture.texels.iter().any(|texel| texel[3] != 255) {
         |texel| texel[3]

@@ -31,7 +31,6 @@ use crate::error::Result;
 use crate::scene::source::{self, ContentHash, Warnings, fault};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
 
-/// The materials that faces refer to.
 pub(super) struct ObjMaterials {
     pub list: Vec<Material>,
     pub textures: Vec<Texture>,
@@ -39,17 +38,16 @@ pub(super) struct ObjMaterials {
     index_of: Vec<u32>,
     /// Index of the default material, for faces without a material or with an undefined one.
     matte: u32,
-    /// Materials without their textures, for faces without texture coordinates.
+    /// Copies of materials without their textures, for faces without texture coordinates.
     bare: HashMap<u32, u32>,
 }
 
 impl ObjMaterials {
-    /// Index of a face's material.
     pub(super) fn of(&self, face: Option<u32>) -> u32 {
         face.and_then(|face| self.index_of.get(face as usize).copied()).unwrap_or(self.matte)
     }
 
-    /// The material `material` without its textures; a warning says so, or an error where the scene is read strictly.
+    /// The material `material` without its textures, with a warning. In a strictly read scene, this is an error.
     pub(super) fn without_textures(
         &mut self,
         path: &Path,
@@ -76,7 +74,6 @@ impl ObjMaterials {
     }
 }
 
-/// A name without the comment behind it.
 fn without_comment(name: &str) -> &str {
     name.find(" #").or_else(|| name.find("\t#")).map_or(name, |end| name[..end].trim_end())
 }
@@ -98,7 +95,7 @@ pub(super) fn load(
         let bytes = source::read(path, "mtllib", &file)?;
         hash.add(&bytes);
         for entry in entries(&file, &source::text(&bytes), warnings)? {
-            // A number sign in a name may begin a comment, or belong to it.
+            // A number sign in a name may begin a comment, or belong to the name.
             let plain = without_comment(&entry.name);
             if plain != entry.name {
                 found.entry(plain.to_owned()).or_insert_with(|| entry.clone());
@@ -125,7 +122,7 @@ pub(super) fn load(
     Ok(ObjMaterials { list, textures: maps.textures, index_of, matte, bare })
 }
 
-/// The library files. A name may contain spaces, a line may hold several names, and a comment may follow.
+/// The library files. A name may contain spaces, a line may have several names, and a comment may follow.
 fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<IndexSet<PathBuf>> {
     let mut files = IndexSet::new();
     let mut count = 0;
@@ -134,7 +131,7 @@ fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Inde
             let name = name.replace('\\', "/");
             match (source::next_to(path, &name), source::same_name(path, &name)) {
                 (Ok(file), _) => Ok(file),
-                // A path of another computer.
+                // The path belongs to another computer.
                 (Err(_), Some(file)) if !strict => Ok(file),
                 (Err(what), _) => Err(fault(
                     path,
@@ -148,7 +145,7 @@ fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Inde
             files.insert(whole);
             count += 1;
         } else {
-            // Some writers mark the spaces of a name.
+            // Some writers put a backslash before the spaces of a name.
             let line = without_comment(line).replace("\\ ", " ");
             for name in names(&line, |name| resolve(name).is_ok_and(|file| file.is_file())) {
                 files.insert(resolve(name)?);
@@ -163,15 +160,15 @@ fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Inde
     Ok(files)
 }
 
-/// The most names of libraries in a file. Each may be a large file, and is sought for in many ways.
+/// The largest number of library names in a file. Each may be a large file, and the search for it tries many names.
 const MAX_LIBRARIES: usize = 256;
 
-/// The most words of a line that may form names with spaces.
+/// The largest number of words of a line that may form one name with spaces.
 const MAX_WORDS: usize = 64;
 
-/// Splits a line into names, of which those beyond [`MAX_LIBRARIES`] and one are left out: each is the longest one of which there is a file, or where there is none it ends with `.mtl`.
+/// Splits a line into names. A name is the longest sequence of words that names a file. If there is none, it ends at the first `.mtl`. The
+/// list stops at one name more than [`MAX_LIBRARIES`].
 fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
-    // The place of each word in the line.
     let words: Vec<[usize; 2]> = line
         .split_whitespace()
         .map(|word| {
@@ -193,7 +190,6 @@ fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
     names
 }
 
-/// A material as its library states it.
 #[derive(Clone, Default)]
 struct Entry {
     name: String,
@@ -208,7 +204,6 @@ struct Entry {
     opacity: Option<f32>,
     roughness: Option<f32>,
     metallic: Option<f32>,
-    /// `illum`
     model: Option<u8>,
     diffuse_map: Option<String>,
     opacity_map: Option<String>,
@@ -216,7 +211,6 @@ struct Entry {
     normal_map: Option<String>,
 }
 
-/// The entries of a library in order.
 fn entries(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<Entry>> {
     let mut entries: Vec<Entry> = Vec::new();
     statements(path, text, |line| {
@@ -254,11 +248,11 @@ impl Entry {
             "Tf" => self.filter = Some(color(line)?),
             "Ns" => self.shininess = Some(not_negative(line)?),
             "Ni" => self.ior = Some(not_negative(line)?),
-            // With `-halo`, the number is the coverage of what is seen face on.
+            // With `-halo`, the number is the coverage of a surface seen face on.
             "d" => self.opacity = Some(fraction(&line.after("-halo").unwrap_or(*line))?),
             "Pr" => self.roughness = Some(fraction(line)?),
             "Pm" => self.metallic = Some(fraction(line)?),
-            // A material without any coverage would not be there: writers such as MeshLab mean full coverage by it.
+            // A material without any coverage would be invisible. Writers such as MeshLab mean full coverage by a `Tr` of 1.
             "Tr" => {
                 let transparency = fraction(line)?;
                 self.opacity = Some(if transparency == 1.0 { 1.0 } else { 1.0 - transparency });
@@ -284,16 +278,15 @@ impl Entry {
     }
 }
 
-/// Whether a colour is a file of its spectrum.
 fn is_spectral(line: &Line<'_>) -> bool {
     line.words().next() == Some("spectral")
 }
 
-/// From CIE XYZ to linear sRGB (IEC 61966-2-1), whose white is D65.
+/// The matrix from CIE XYZ to linear sRGB (IEC 61966-2-1), with white D65.
 const XYZ_TO_RGB: Mat3 =
     Mat3::from_cols_array(&[3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570]);
 
-/// A colour `r g b` or `xyz x y z`, or one number for all three channels. Colours `xyz` that sRGB cannot show are cut off.
+/// A colour `r g b` or `xyz x y z`, or one number for all three channels. Negative sRGB components of a colour `xyz` become 0.
 fn color(line: &Line<'_>) -> Result<Vec3> {
     let xyz = line.after("xyz");
     let line = xyz.as_ref().unwrap_or(line);
@@ -326,7 +319,7 @@ fn convert(entry: &Entry, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result
     let clamped = |color: Option<Vec3>| color.map(|color| color.min(Vec3::ONE));
     let Entry { roughness, metallic, filter, model, .. } = *entry;
     let diffuse = clamped(entry.diffuse).unwrap_or(Vec3::splat(0.8));
-    // Nothing would be seen of a picture in black; writers mean the picture as it is.
+    // Nothing would be visible of a picture in black. Writers mean the picture as it is.
     let diffuse = if entry.diffuse_map.is_some() && diffuse == Vec3::ZERO { Vec3::ONE } else { diffuse };
     let shiny = model.is_none_or(|model| model >= 2);
     let specular = clamped(entry.specular).filter(|_| shiny).unwrap_or(Vec3::ZERO);

@@ -30,7 +30,7 @@ use crate::error::Result;
 use polygon::Triangulator;
 use statements::Checked;
 
-/// The share of reading the file in the work of loading it.
+/// The share of reading the file in the whole work of loading it.
 const READING: f32 = 0.5;
 
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
@@ -43,7 +43,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let (watcher, mut lines, mut read) = (options.watcher, 0_usize, 0_usize);
     statements::statements(path, &source::text(&bytes), |line| {
         lines += 1;
-        // With a blank and the line's end.
+        // The sum includes one blank and the end of the line.
         read += line.keyword.len() + line.rest.len() + 2;
         watcher.count(lines, || READING * (read as f32 / bytes.len() as f32).min(1.0))?;
         checked.statement(line, &mut warnings)
@@ -73,7 +73,6 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     })
 }
 
-/// The place of the scene's corners.
 fn place(path: &Path, checked: &Checked, camera: Option<&Posed>) -> Result<Place> {
     let mut place = Place::of(camera.map(|camera| camera.position));
     for [vertex, ..] in &checked.corners {
@@ -186,12 +185,9 @@ fn triangle(corners: &[Corner; 3], material: u32, group: u32) -> Triangle {
     triangle
 }
 
-// Faces of an `.obj` file.
-
-/// A corner of a face.
 #[derive(Clone, Copy)]
 struct Corner {
-    /// In the scene's coordinates.
+    /// The position in the scene's coordinates.
     pub position: Vec3,
     pub color: [u16; 4],
     /// Texture coordinate with `v` pointing downwards, as pictures are stored.
@@ -200,9 +196,7 @@ struct Corner {
     pub normal: Option<Vec3>,
 }
 
-/// A polygon of the file.
 struct Face {
-    /// Three or more corners.
     pub corners: Vec<Corner>,
     /// Index into [`Checked::groups`].
     pub group: u32,
@@ -210,7 +204,7 @@ struct Face {
     pub material: Option<u32>,
 }
 
-/// Iterates over the faces in the order of the file, in coordinates whose origin lies at `origin`.
+/// Iterates over the faces in the order of the file, in coordinates with their origin at `origin`.
 fn faces(checked: &Checked, origin: DVec3) -> impl Iterator<Item = Face> + '_ {
     let runs = checked.runs.iter().flat_map(|run| std::iter::repeat_n(run, run.faces));
     let mut first = 0;

@@ -4,16 +4,16 @@ use earcut::Earcut;
 use earcut::utils3d::project3d_to_2d;
 use glam::Vec3;
 
-/// The largest share of a polygon's area that rounding may take or add. A polygon that crosses itself differs by more.
+/// The largest share of a polygon's area that rounding may remove or add. For a polygon that crosses itself, the difference is larger.
 const ROUNDING: f64 = 1e-6;
 
-/// The most corners that are left to earcut, whose work on a polygon that crosses itself grows faster than the square of their number.
+/// The largest number of corners that are left to earcut, which takes more than quadratic time on polygons that cross themselves.
 const MAX_EARCUT: usize = 128;
 
-/// The most corners that are looked at for each corner of a polygon while its ears are cut off. It bounds the work on a file by its length.
+/// The largest average number of corners examined per corner while ears are cut off. It keeps the work proportional to the file.
 const MAX_LOOKS: usize = 1 << 11;
 
-/// Splits polygons; its buffers are used again.
+/// Splits polygons and reuses its buffers.
 #[derive(Default)]
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
@@ -21,7 +21,7 @@ pub(super) struct Triangulator {
     /// The corners in the plane that fits the polygon best, counter-clockwise.
     flat: Vec<[f64; 2]>,
     indices: Vec<u32>,
-    /// Number of polygons that cross themselves or have no area, so that triangles may not cover them.
+    /// The number of polygons that cross themselves or have no area. Their triangles may not cover them.
     pub(super) unclear: usize,
 }
 
@@ -38,7 +38,7 @@ impl Triangulator {
             self.unclear += 1;
             return fan;
         }
-        // Quads keep the diagonal at their first corner unless they are concave. A fan of many corners is all slivers.
+        // A convex quad keeps the diagonal at its first corner. A fan of more corners would consist of slivers.
         if fan.len() == 2 && fan.iter().all(|&triangle| self.area(triangle) > 0.0) {
             return fan;
         }
@@ -67,7 +67,7 @@ impl Triangulator {
         triangles.collect()
     }
 
-    /// Cuts ears off a large polygon until few corners are left, or no ear is found. Returns the corners that are left.
+    /// Cuts ears off a large polygon until few corners are left, or no ear is found. Returns the remaining corners.
     fn cut_ears(&mut self) -> Vec<usize> {
         let count = self.flat.len();
         if count <= MAX_EARCUT {
@@ -77,7 +77,7 @@ impl Triangulator {
         let ear = |around: &[[usize; 2]], at: usize| [around[at][0], at, around[at][1]];
         let mut is_left = vec![true; count];
         let x = |corner: usize| self.flat[corner][0];
-        // Only reflex corners can lie in an ear. They are in the order of their x, so that few are looked at.
+        // Only reflex corners can lie in an ear. They are sorted by x, so that few are examined.
         let mut reflex: Vec<_> = (0..count).filter(|&at| self.area(ear(&around, at)) <= 0.0).collect();
         reflex.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
         let (mut at, mut left, mut since, mut looks) = (0, count, 0, MAX_LOOKS.saturating_mul(count));
@@ -95,7 +95,7 @@ impl Triangulator {
                     let blocks = is_left[other] && self.contains([before, at, after], other);
                     blocks && self.area(ear(&around, other)) <= 0.0
                 });
-            // Corners on a line are no ears. They go where nothing else does.
+            // A corner on a straight line is not an ear. It is removed when nothing else can be removed.
             let is_cut = area > 0.0 && !is_blocked;
             if is_cut || (area == 0.0 && since >= left) {
                 (around[before][1], around[after][0], is_left[at]) = (after, before, false);
@@ -107,7 +107,7 @@ impl Triangulator {
                 if left.is_power_of_two() {
                     reflex.retain(|&other| is_left[other]);
                 }
-                // Not the next one, so that a convex part is no fan of slivers; but where ears are rare the next one is beside this one.
+                // The next corner is skipped, so that a convex part does not become slivers. Where ears are rare, the search goes back.
                 at = if is_narrow { before } else { around[after][1] };
             } else {
                 (since, at) = (since + 1, after);
@@ -117,7 +117,7 @@ impl Triangulator {
         std::iter::successors(Some(at), |&at| Some(around[at][1])).take(left).collect()
     }
 
-    /// Whether a corner lies in a triangle of others, and not at its first corner.
+    /// Whether the corner `other` lies in the triangle of other corners, and not at the triangle's first corner.
     fn contains(&self, triangle: [usize; 3], other: usize) -> bool {
         let [a, b, c] = triangle;
         !triangle.contains(&other)
@@ -125,7 +125,7 @@ impl Triangulator {
             && [[a, b], [b, c], [c, a]].iter().all(|&[from, to]| self.area([from, to, other]) >= 0.0)
     }
 
-    /// Projects the polygon onto its plane, near the origin and about as large as 1. Returns `false` if it has no plane.
+    /// Projects the polygon onto its plane, near the origin and with a size of about 1. Returns `false` if it has no plane.
     fn flatten(&mut self) -> bool {
         let first = self.points[0];
         for point in &mut self.points {
@@ -136,7 +136,6 @@ impl Triangulator {
         size > 0.0 && project3d_to_2d(&self.points, self.points.len(), &mut self.flat)
     }
 
-    /// Twice the signed area of a triangle in the polygon's plane.
     fn area(&self, triangle: [usize; 3]) -> f64 {
         let [a, b, c] = triangle.map(|corner| self.flat[corner]);
         (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

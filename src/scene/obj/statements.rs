@@ -1,5 +1,4 @@
-//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file. Errors name the line, and positions are double precision, for
-//! scenes far from the origin.
+//! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file in double precision. Errors name the line.
 
 use std::path::Path;
 
@@ -10,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::scene::source::{Warnings, fault};
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
-/// The name of a material whose name is left out.
 pub(super) const UNNAMED: &str = "unnamed";
 
 /// One statement, with continued lines joined.
@@ -19,14 +17,12 @@ pub(super) struct Line<'a> {
     pub path: &'a Path,
     number: usize,
     pub keyword: &'a str,
-    /// The rest of the line, trimmed.
     pub rest: &'a str,
 }
 
-/// One number more than any statement takes.
+/// One more than the largest number of numbers in a statement.
 const MAX_NUMBERS: usize = 8;
 
-/// The numbers of a statement, at most [`MAX_NUMBERS`] of them.
 pub(super) struct Arguments {
     first: [f32; MAX_NUMBERS],
     count: usize,
@@ -40,7 +36,6 @@ impl std::ops::Deref for Arguments {
     }
 }
 
-/// Calls `each` for every statement of a file.
 pub(super) fn statements(
     path: &Path,
     text: &str,
@@ -77,7 +72,6 @@ impl<'a> Line<'a> {
         )
     }
 
-    /// The line's place, as in `line 7 of paint.mtl`.
     pub(super) fn place(&self) -> String {
         let file = self.path.file_name().unwrap_or_default();
         format!("line {} of {}", self.number, file.display())
@@ -94,7 +88,6 @@ impl<'a> Line<'a> {
         self.rest.split_whitespace().take_while(|word| !word.starts_with('#'))
     }
 
-    /// The arguments as finite numbers.
     pub(super) fn numbers(&self) -> Result<Arguments> {
         let mut numbers = Arguments { first: [0.0; MAX_NUMBERS], count: 0 };
         for word in self.words() {
@@ -109,7 +102,6 @@ impl<'a> Line<'a> {
         Ok(numbers)
     }
 
-    /// The only argument, a finite number.
     pub(super) fn number(&self) -> Result<f32> {
         match *self.numbers()? {
             [number] => Ok(number),
@@ -126,15 +118,11 @@ pub(super) fn shortened(word: &str) -> String {
     }
 }
 
-// The geometry of an `.obj` file, statement by statement. Errors name the line.
-//
-// `tobj` is not used for it: it reads positions in single precision, which is too coarse for scenes far from the origin, accepts indices that do
-// not exist, and reports errors without line numbers.
+// The geometry of an `.obj` file. The crate `tobj` is not used: it reads positions in single precision, which is too coarse far from the
+// origin, accepts indices that do not exist, and reports errors without line numbers.
 
-/// Maximum number of unknown statement kinds that warnings name.
 const MAX_UNKNOWN: usize = 16;
 
-/// The elements that the indices of a corner refer to, in order.
 const ELEMENTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// Consecutive faces of the same group and material.
@@ -147,7 +135,6 @@ pub(super) struct FaceRun {
     pub material: Option<u32>,
 }
 
-/// The content of the statements read so far.
 #[derive(Default)]
 pub(super) struct Checked {
     /// Positions in the file's coordinates, and their colours.
@@ -156,7 +143,7 @@ pub(super) struct Checked {
     pub texcoords: Vec<Vec2>,
     /// Unit vectors; zero where the file's normal has no direction.
     pub normals: Vec<Vec3>,
-    /// The vertex, texture coordinate and normal of each corner of the faces, counted from 1; 0 for none.
+    /// The vertex, texture coordinate and normal of each corner of the faces, counted from 1. A missing element is 0.
     pub corners: Vec<[u32; 3]>,
     /// The number of corners of each face.
     pub sizes: Vec<u32>,
@@ -171,7 +158,6 @@ pub(super) struct Checked {
     material: Option<u32>,
     triangles: usize,
     unknown: usize,
-    /// Whether there are points or lines.
     pub has_points: bool,
 }
 
@@ -230,7 +216,7 @@ impl Checked {
         };
         let mut position = DVec3::ZERO;
         for (axis, word) in line.words().take(3).enumerate() {
-            // They are numbers, as was found above.
+            // These words are numbers, as was checked above.
             position[axis] = word.parse().unwrap_or_default();
         }
         self.vertices.push((position, color));
@@ -265,8 +251,8 @@ impl Checked {
         Ok(())
     }
 
-    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. Texture coordinates and normals that the file does not have
-    /// are left out: exporters that leave them out may still count them.
+    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. References to texture coordinates and normals that the
+    /// file does not have are dropped with a warning, because some exporters omit these but still count them.
     fn corner(&self, line: &Line<'_>, word: &str, warnings: &mut Warnings) -> Result<[u32; 3]> {
         let counts = [self.vertices.len(), self.texcoords.len(), self.normals.len()];
         let mut found = [0; 3];
@@ -295,14 +281,13 @@ impl Checked {
     }
 }
 
-/// The element of `count` that an index refers to, which counts from 1 or backwards from −1; the result counts from 1.
+/// The number of the element that an index refers to. The index counts from 1, or backwards from −1; the result counts from 1.
 fn existing(index: i64, count: usize) -> Option<u32> {
     let count = i64::try_from(count).ok()?;
     let index = if index < 0 { count + 1 + index } else { index };
     (1..=count).contains(&index).then(|| u32::try_from(index).ok())?
 }
 
-/// The index of a name in `names`; a new name is added.
 fn index_of(names: &mut IndexSet<String>, name: &str) -> u32 {
     names.get_index_of(name).unwrap_or_else(|| names.insert_full(name.into()).0) as u32
 }
