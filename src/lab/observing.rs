@@ -23,7 +23,7 @@ impl<O: Observer + Send + Sync + 'static> From<Arc<O>> for SharedObserver {
     }
 }
 
-/// Messages with formatted arguments.
+/// Logs messages with formatted arguments.
 pub(crate) trait Log {
     fn log(&self, level: Level, message: &str);
 
@@ -35,7 +35,7 @@ pub(crate) trait Log {
         self.log(Level::Info, &message.to_string());
     }
 
-    /// The lines about what a rig has cost.
+    /// Logs the costs of a rig.
     fn costs(&self, rig: &RigRecord) {
         let effort = &rig.effort;
         self.info(format_args!(
