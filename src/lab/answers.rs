@@ -1,4 +1,4 @@
-//! The answers of the Krylov methods and of the analyses, as [`crate::lab::Lab::save`] writes them.
+//! The answers of the Krylov methods and of the analyses, as files in a run's folder.
 
 use super::{Answer, Lab, RunFolder};
 use crate::bench::audit::Audit;

@@ -1,4 +1,4 @@
-//! One scene seen by several devices: exactly, and through virtual rigs.
+//! One scene seen exactly, and through the devices of virtual rigs.
 
 use std::path::Path;
 
@@ -40,14 +40,14 @@ impl Lab {
         Ok(Self::new(Source::Rig(Box::new(rig)), settings, self.observer.clone()))
     }
 
-    /// Takes the rig's photos by this calibration from now on. Call it before the first photo of a run.
+    /// Uses this calibration for the rig's photos from now on. Call it before the first photo of a run.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] where the source is no rig; [`crate::Error::Rig`] when the calibration is that of other devices.
+    /// [`crate::Error::Option`] if the source is not a rig; [`crate::Error::Rig`] when the calibration belongs to other devices.
     pub fn set_calibration(&mut self, calibration: Calibration) -> Result<()> {
         let Source::Rig(rig) = &mut self.source else { return Err(self.is_no_rig()) };
         rig.calibrated_by(calibration)?;
-        // It was opened by what was known before.
+        // The light transport was opened with the previous calibration.
         self.transport = None;
         Ok(())
     }
@@ -95,7 +95,7 @@ mod tests {
         assert!(exact.assembled()?.is_some_and(|traced| Arc::ptr_eq(&traced, &twin)));
         let light = exact.white()?.plane(0);
         let unit = seen.iter().sum::<f64>() / light.iter().sum::<f64>();
-        // One count of 65535, where white fills half of them within 0.1 s.
+        // The unit is one count of 65535. White fills half of them within 0.1 s.
         let off = seen.iter().zip(&light).map(|(seen, light)| (seen - unit * light).abs());
         assert!(off.fold(0.0, f64::max) <= 10.0);
         Ok(())

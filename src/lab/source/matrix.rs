@@ -1,4 +1,4 @@
-//! A matrix as a source: from a file, or handed over by a program.
+//! A matrix as a source, from a file or from a program.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::operator::Operator;
 use crate::sparse::{Csr, SparseOperator};
 use crate::transport::{ExplicitMatrix, Part};
 
-/// A matrix of any shape. Of a square one the diagonal is the direct light, as for a coaxial rig.
+/// A matrix of any shape. The diagonal of a square matrix is the direct light, as for a coaxial rig.
 pub(in crate::lab) struct MatrixSource {
     pub(in crate::lab) matrix: Csr,
     pub(in crate::lab) name: String,
@@ -34,7 +34,7 @@ impl MatrixSource {
         Self { matrix, name, file: None }
     }
 
-    /// Notes what a run depends on.
+    /// Records the facts that a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         manifest.scene = self
             .file
@@ -43,7 +43,7 @@ impl MatrixSource {
     }
 }
 
-/// An explicit matrix with its parts, each made when it is first asked for.
+/// An explicit matrix with its parts, each made when it is first requested.
 pub(in crate::lab) struct ExplicitParts {
     pub(in crate::lab) full: SparseOperator,
     parts: [Option<SparseOperator>; 2],
