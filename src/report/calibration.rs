@@ -1,5 +1,4 @@
-//! Calibration report: `report.json` with all figures, pictures of the curves and of the registration, and a page with all of
-//! them.
+//! The calibration report: `report.json` with all figures, pictures of the curves and of the registration, and a page that shows them.
 
 use std::path::Path;
 
@@ -14,8 +13,8 @@ use crate::io::atomic;
 use crate::measure::Calibration;
 use crate::measure::RunManifest;
 
-/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` (number of camera pixels per
-/// projector pixel; brighter is more) into `folder`.
+/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` into `folder`. The last one shows the
+/// number of camera pixels per projector pixel; brighter is more.
 ///
 /// # Errors
 /// [`Error::Write`] naming the file.
@@ -79,7 +78,6 @@ pub fn write_page(
     page.write(&folder.join("report.html"))
 }
 
-/// The plots with their file names and captions.
 fn plots(
     calibration: &Calibration,
     report: &CalibrationReport,
