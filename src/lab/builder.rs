@@ -192,10 +192,7 @@ impl LabBuilder {
         Ok(lab)
     }
 
-    /// Opens a rig file without its calibration. The devices are taken as ideal, so that they can be calibrated.
-    ///
-    /// # Errors
-    /// As [`Lab::open`].
+    /// Opens a rig file without its calibration. The devices are taken as ideal, so that they can be calibrated. Fails as [`Lab::open`].
     pub fn open_uncalibrated_rig(&self) -> Result<RigSource> {
         match &self.origin {
             Origin::File(path) => {

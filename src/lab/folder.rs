@@ -44,9 +44,7 @@ pub struct RunFolder {
     _lock: Option<File>,
 }
 
-/// The content of the folder when the run started.
 enum Start {
-    /// Nothing, or the photos of the run that is continued.
     Fresh,
     /// Another run. It is put back if this run fails without photos.
     Replaces(Replaced),
@@ -145,10 +143,8 @@ impl RunFolder {
     }
 
     /// Writes the files of the answer. `write` returns their names. The files appear in the run's folder once all of them are complete and
-    /// the record lists them. A later run that replaces this one therefore knows them even if this program is killed.
-    ///
-    /// # Errors
-    /// The errors of `write`; [`Error::Write`].
+    /// the record lists them. A later run that replaces this one therefore knows them even if this program is killed. Errors: those
+    /// of `write`; [`Error::Write`].
     pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
         file::remove(&self.answer)?;
         file::make_folder(&self.answer)?;

@@ -97,7 +97,6 @@ fn search(folder: &Path, depth: usize, found: &mut Vec<KeptRun>) {
     }
 }
 
-/// The total bytes of the files in and below a folder.
 fn size(folder: &Path) -> u64 {
     let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
     let sizes = entries.flatten().map(|entry| match entry.file_type() {

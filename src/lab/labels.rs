@@ -12,18 +12,12 @@ impl Lab {
         self.scene_source()?.labels(self.resolution())
     }
 
-    /// The true labels by the scene's author, if there are any.
-    ///
-    /// # Errors
-    /// As [`Lab::labels`].
+    /// The true labels by the scene's author, if there are any. Fails as [`Lab::labels`].
     pub fn truth(&self) -> Result<Option<Truth>> {
         self.source.truth()
     }
 
-    /// The true labels that a segmentation supplied, or else [`Lab::truth`].
-    ///
-    /// # Errors
-    /// As [`Lab::labels`].
+    /// The true labels that a segmentation supplied, or else [`Lab::truth`]. Fails as [`Lab::labels`].
     pub fn known_truth(&self) -> Result<Option<Truth>> {
         match &self.kept_truth {
             Some(truth) => Ok(Some(truth.clone())),

@@ -6,7 +6,6 @@ use crate::journal::Journal;
 
 /// The record of a run.
 pub(super) const RECORD: &str = "run.json";
-/// The page of a run.
 pub(super) const REPORT: &str = "report.html";
 
 /// The folder of the journal, inside the run's folder.
@@ -20,7 +19,6 @@ pub(super) fn journal_folder(run: &Path) -> PathBuf {
     run.join(JOURNAL)
 }
 
-/// The folder in which a run keeps the calibration of its rig.
 pub(super) fn calibration_folder(run: &Path) -> PathBuf {
     journal_folder(run).join(CALIBRATION)
 }

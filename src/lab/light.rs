@@ -23,10 +23,7 @@ impl Lab {
         self.channel_operator(part, 0)
     }
 
-    /// One part of the light transport, as a linear operator for each channel.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// One part of the light transport, as a linear operator for each channel. Fails as [`Lab::operator`].
     pub fn operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
         let channels = lock(self.transport()?).shape().channels;
         (0..channels).map(|channel| self.channel_operator(part, channel)).collect()
@@ -38,9 +35,7 @@ impl Lab {
     }
 
     /// As [`Lab::operators`], for comparisons with a truth. Their products are not photos of the run: they are neither shown nor recorded.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Fails as [`Lab::operator`].
     pub fn reference_operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
         let transport = Arc::clone(self.transport()?);
         let channels = lock(&transport).shape().channels;
@@ -53,7 +48,6 @@ impl Lab {
         self.transport().map(drop)
     }
 
-    /// The light transport. It is opened now if necessary.
     pub(super) fn transport(&mut self) -> Result<&Arc<Mutex<LightTransport>>> {
         let transport = match self.transport.take() {
             Some(transport) => transport,
@@ -105,7 +99,6 @@ impl Lab {
         self.audits = true;
     }
 
-    /// Keeps photos out of the run's journal from now on.
     pub(crate) fn without_journal(&mut self) {
         if self.keeps_photos && self.run.is_some() {
             self.transport = None;
@@ -124,9 +117,7 @@ impl Lab {
     }
 
     /// The traced scene, if photos are products with its matrix: the matrix, the ambient light and the noise. It is shared, not copied.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Fails as [`Lab::operator`].
     pub fn assembled(&mut self) -> Result<Option<Arc<Assembled>>> {
         Ok(lock(self.transport()?).assembled().cloned())
     }
@@ -154,52 +145,35 @@ impl Lab {
         }
     }
 
-    /// The direct light of each channel, if a traced matrix has it as a diagonal.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The direct light of each channel, if a traced matrix has it as a diagonal. Fails as [`Lab::operator`].
     pub fn direct_diagonal(&mut self) -> Result<Option<Vec<Vec<f64>>>> {
         Ok(self.assembled()?.and_then(|traced| transport::direct_diagonal(&traced)))
     }
 
-    /// The noise of the traced matrix, if it is known.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The noise of the traced matrix, if it is known. Fails as [`Lab::operator`].
     pub fn noise(&mut self) -> Result<Option<Noise>> {
         Ok(lock(self.transport()?).assembled().and_then(|traced| traced.noise.clone()))
     }
 
     /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of norm 1, in the first
     /// channel: `‖E‖_F / √n`. It is also known for a run of a scene. The result is `None` if no matrix was traced: the operators of a rig
-    /// state the errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// state the errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors. Fails as
+    /// [`Lab::operator`].
     pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         lock(self.transport()?).product_noise(part)
     }
 
-    /// The cost of tracing the matrix, if it was traced.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The cost of tracing the matrix, if it was traced. Fails as [`Lab::operator`].
     pub fn trace_summary(&mut self) -> Result<Option<TraceSummary>> {
         Ok(lock(self.transport()?).assembled().map(|traced| traced.summary))
     }
 
-    /// Whether the light transport matrix is symmetric, as it is for a coaxial rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Whether the light transport matrix is symmetric, as it is for a coaxial rig. Fails as [`Lab::operator`].
     pub fn is_symmetric(&mut self) -> Result<bool> {
         Ok(lock(self.transport()?).shape().symmetry == Symmetry::Symmetric)
     }
 
-    /// Whether photos cost only computing. This holds for every source but a rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Whether photos cost only computing. This holds for every source but a rig. Fails as [`Lab::operator`].
     pub fn is_simulated(&mut self) -> Result<bool> {
         Ok(lock(self.transport()?).is_simulated())
     }

@@ -65,7 +65,6 @@ fn lit(scene: &Scene, point: &SurfacePoint, ray: Vec3) -> Vec3 {
     base(scene, point).0 * (AMBIENT + (1.0 - AMBIENT) * cosine)
 }
 
-/// The base colour and opacity of the surface at a point.
 fn base(scene: &Scene, point: &SurfacePoint) -> (Vec3, f32) {
     let triangle = &scene.triangles[point.triangle];
     let material = &scene.materials[triangle.material as usize];

@@ -9,10 +9,8 @@ use crate::operator::Symmetry;
 use crate::transport::Channels;
 use symmetry::Products;
 
-/// A rig as a linear operator.
 pub(super) struct MeasuredRig {
     pub(super) measurement: Measurement,
-    /// The calibration's folder, if there is one.
     calibration: Option<String>,
     /// Whether the pixel map fits, if that was examined.
     pub(super) map: Option<Finding>,

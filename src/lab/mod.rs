@@ -91,10 +91,8 @@ use crate::transport::Channels;
 use source::{MatrixSource, SceneSource, Source};
 use transport::LightTransport;
 
-/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of an earlier run, or a matrix (`.npz`, `.mtx`, `.npy`).
-///
-/// # Errors
-/// As [`Lab::open`].
+/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of an earlier run, or a matrix (`.npz`, `.mtx`, `.npy`). Fails
+/// as [`Lab::open`].
 pub fn open(path: impl AsRef<Path>) -> Result<Lab> {
     Lab::open(path)
 }
@@ -108,12 +106,9 @@ pub struct Lab {
     settings: Settings,
     channels: Channels,
     observer: SharedObserver,
-    /// It is opened when it is first needed.
     transport: Option<Arc<Mutex<LightTransport>>>,
     sheet: Arc<Mutex<ContactSheet>>,
-    /// Labels that the run's journal must keep.
     kept_truth: Option<Truth>,
-    /// Whether the journal keeps the photos of the run.
     keeps_photos: bool,
     /// Whether the question is about the faults of a rig. Then a rig is allowed even if its light is not seen or not proportional.
     audits: bool,
@@ -285,7 +280,6 @@ impl Lab {
         Ok(lock::lock(self.transport()?).is_model())
     }
 
-    /// Adds findings about the rig from the photos of an answer.
     pub(crate) fn add_findings(&mut self, more: impl IntoIterator<Item = Finding>) {
         crate::finding::merge(&mut self.findings, more);
     }

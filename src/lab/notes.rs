@@ -16,7 +16,6 @@ pub(super) const TRUTH: &str = "truth";
 pub(super) const DIRECT: &str = "direct light";
 pub(super) const NOISE: &str = "noise of products";
 
-/// The name of the products of one part and channel in a journal.
 pub(super) fn product_name(part: Part, channel: usize) -> String {
     format!("{part:?}, channel {channel}")
 }
@@ -29,7 +28,6 @@ pub(super) struct SourceNote {
     #[serde(with = "name")]
     pub(super) path: PathBuf,
     pub(super) hash: String,
-    /// Pixels of photos and of patterns.
     pub(super) photos: Resolution,
     pub(super) patterns: Resolution,
     pub(super) symmetric: bool,
@@ -51,7 +49,6 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// The unit of photos' values.
     pub(super) fn unit(self) -> &'static str {
         match self {
             Self::Scene => "W/(m² sr)",

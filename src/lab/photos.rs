@@ -22,10 +22,7 @@ impl Lab {
     }
 
     /// As [`Lab::photo`], with the standard error of each sample if the source knows it. A scene is traced for this photo, since its matrix
-    /// does not contain the errors of single photos.
-    ///
-    /// # Errors
-    /// As [`Lab::photo`].
+    /// does not contain the errors of single photos. Fails as [`Lab::photo`].
     pub fn photo_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         if let Source::Scene(scene) = &self.source {
             let mut traced =
@@ -35,18 +32,12 @@ impl Lab {
         lock(self.transport()?).photograph_with_error(pattern)
     }
 
-    /// The photo under an all-ones pattern.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The photo under an all-ones pattern. Fails as [`Lab::operator`].
     pub fn white(&mut self) -> Result<Image> {
         lock(self.transport()?).white()
     }
 
-    /// The photo without projector light.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The photo without projector light. Fails as [`Lab::operator`].
     pub fn ambient(&mut self) -> Result<Image> {
         lock(self.transport()?).ambient()
     }
@@ -102,10 +93,7 @@ impl Lab {
         found
     }
 
-    /// The costs of a rig so far, with the noise and drift that its photos show; `None` for other sources.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The costs of a rig so far, with the noise and drift that its photos show; `None` for other sources. Fails as [`Lab::operator`].
     pub fn costs(&mut self) -> Result<Option<RigRecord>> {
         lock(self.transport()?).record(true)
     }
@@ -116,10 +104,7 @@ impl Lab {
         &self.findings
     }
 
-    /// Lets `work` use the rig's measurement, if photos are of a rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`], and those of `work`.
+    /// Lets `work` use the rig's measurement, if photos are of a rig. Fails as [`Lab::operator`] and `work`.
     pub fn with_measurement<T>(
         &mut self,
         work: impl FnOnce(&mut Measurement) -> Result<T>,

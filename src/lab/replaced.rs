@@ -22,17 +22,14 @@ pub(super) const MOVING: &str = ".moving";
 /// Runs that were moved into `earlier-N` of their folder.
 pub(super) struct Replaced {
     run: PathBuf,
-    /// The run that the new one replaces.
     aside: PathBuf,
     /// The runs that the replaced run had itself replaced before it was complete.
     before: Vec<String>,
 }
 
 impl Replaced {
-    /// Moves the run aside: its photos, its model, its report, its record, and the files that the record lists.
-    ///
-    /// # Errors
-    /// [`Error::Write`]; then everything is back in its place.
+    /// Moves the run aside: its photos, its model, its report, its record, and the files that the record lists. Errors: [`Error::Write`];
+    /// then everything is back in its place.
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
@@ -56,10 +53,7 @@ impl Replaced {
     }
 
     /// The replaced runs that the record of an unfinished run names. Runs that a complete run replaced are deleted. A move that a killed
-    /// program left is finished, or undone if no record names it.
-    ///
-    /// # Errors
-    /// [`Error::Read`], [`Error::Write`].
+    /// program left is finished, or undone if no record names it. Errors: [`Error::Read`], [`Error::Write`].
     pub(super) fn recover(run: &Path) -> Result<Option<Self>> {
         let named = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| names_in(&record));
         let entries = fs::read_dir(run).map_err(Error::reading(run))?.flatten();
@@ -96,7 +90,6 @@ impl Replaced {
         photos_in(&self.aside)
     }
 
-    /// The present folder of the run.
     pub(super) fn path(&self) -> &Path {
         &self.aside
     }
@@ -153,7 +146,6 @@ fn parts(run: &Path) -> Vec<PathBuf> {
     parts.into_iter().chain([PathBuf::from(RECORD)]).filter(|part| is_there(&run.join(part))).collect()
 }
 
-/// The replaced runs that a record names.
 fn names_in(record: &RunManifest) -> Vec<String> {
     record.replaces.iter().filter(|name| is_name(name)).cloned().collect()
 }

@@ -77,10 +77,7 @@ impl Lab {
         self.finish_with(answer, Vec::new())
     }
 
-    /// As [`Lab::finish`], with further findings, for example whether the answer meets the request.
-    ///
-    /// # Errors
-    /// As [`Lab::finish`].
+    /// As [`Lab::finish`], with further findings, for example whether the answer meets the request. Fails as [`Lab::finish`].
     pub fn finish_with(&mut self, answer: &(impl Answer + ?Sized), more: Vec<Finding>) -> Result<Saved> {
         let Some(mut run) = self.run.take() else {
             return Err(Error::Option {

@@ -21,7 +21,6 @@ pub(super) fn store(cache: &Cache, key: &Key, traced: &Assembled, observer: &Sha
     }
 }
 
-/// Reports a finished trace.
 pub(super) fn report_trace(summary: &TraceSummary, observer: &SharedObserver) {
     let seconds = summary.tracing.as_secs_f64();
     observer.detail(format_args!(
@@ -48,7 +47,6 @@ pub(super) fn report_matrix(traced: &Assembled, start: Instant, observer: &Share
     report_noise(traced.noise.as_ref(), observer);
 }
 
-/// Reports a matrix's noise.
 fn report_noise(noise: Option<&Noise>, observer: &SharedObserver) {
     let Some(noise) = noise else { return };
     observer.info(format_args!(

@@ -33,7 +33,6 @@ pub(super) struct LightTransport {
     observer: SharedObserver,
 }
 
-/// Sizes, symmetry and channels of the matrix.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     pub(super) photos: Resolution,
@@ -61,7 +60,6 @@ impl LightTransport {
         Shape { block_size, ..self.shape }
     }
 
-    /// The traced matrix, where there is one.
     pub(super) fn assembled(&self) -> Option<&Arc<Assembled>> {
         match &self.engine {
             Engine::Replayed(traced) => Some(traced),
@@ -87,7 +85,6 @@ impl LightTransport {
         }))
     }
 
-    /// Whether a model of a run's photos answers.
     pub(super) fn is_model(&self) -> bool {
         matches!(self.engine, Engine::Model(_))
     }
@@ -102,7 +99,6 @@ impl LightTransport {
         matches!(self.engine, Engine::Replayed(_) | Engine::Explicit(_) | Engine::JournalOnly)
     }
 
-    /// The rig, if photos are of one.
     pub(super) fn rig(&mut self) -> Option<&mut MeasuredRig> {
         match &mut self.engine {
             Engine::Measured(rig) => Some(rig),
@@ -194,7 +190,6 @@ impl LightTransport {
         taken
     }
 
-    /// [`Operator::common_error`] of one part and channel.
     pub(super) fn common_error(&mut self, (part, channel): (Part, usize), x: &[f64]) -> Result<f64> {
         if let Engine::Measured(_) = self.engine {
             self.engine.with_operator(part, channel, |operator| operator.common_error(x))
@@ -214,7 +209,6 @@ impl LightTransport {
         })
     }
 
-    /// The photo under an all-ones pattern.
     pub(super) fn white(&mut self) -> Result<Image> {
         let white = Image::filled(self.shape.patterns, 1, 1.0);
         self.journaled_image("white", |engine| engine.photograph(&white))

@@ -35,10 +35,7 @@ pub trait Verb: Serialize {
         Ok(())
     }
 
-    /// Checks that the request fits the source, before a photo is taken.
-    ///
-    /// # Errors
-    /// As [`Verb::check`].
+    /// Checks that the request fits the source, before a photo is taken. Fails as [`Verb::check`].
     fn check_on(&self, _lab: &Lab) -> Result<()> {
         Ok(())
     }
@@ -136,10 +133,7 @@ pub struct Saved {
 }
 
 impl Lab {
-    /// Asks a question. The record of the open run keeps it.
-    ///
-    /// # Errors
-    /// As [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
+    /// Asks a question. The record of the open run keeps it. Fails as [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
     pub fn ask<V: Verb>(&mut self, request: &V) -> Result<V::Answer> {
         request.check()?;
         request.check_on(self)?;
@@ -149,7 +143,6 @@ impl Lab {
         request.answer(self)
     }
 
-    /// The open run, as its page shows it.
     pub(crate) fn page<'a>(&'a self, what: &str, run: &'a RunFolder, seconds: f64) -> Run<'a> {
         Run {
             title: format!("{} · {what}", self.name()),

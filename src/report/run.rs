@@ -114,10 +114,7 @@ impl<'a> Files<'a> {
         Self { folder, names: Vec::new(), about: Vec::new() }
     }
 
-    /// The files of an answer, with its arrays written.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
+    /// The files of an answer, with its arrays written. Errors: [`crate::Error::Write`] naming the file.
     pub(crate) fn of(folder: &'a Path, content: &Content<'_>) -> Result<Self> {
         let mut files = Self::new(folder);
         for array in content.arrays.iter().filter(|array| array.is_saved) {
@@ -153,7 +150,6 @@ impl<'a> Files<'a> {
         npy::write_npy(&self.path(&name), shape, values)
     }
 
-    /// An image as `.npy` and `.exr`.
     pub(crate) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
         let Resolution { width, height } = image.resolution();
         let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
@@ -163,7 +159,6 @@ impl<'a> Files<'a> {
             .try_for_each(|extension| picture::write(&self.path(&format!("{name}.{extension}")), image))
     }
 
-    /// A figure as `.png`.
     pub(crate) fn picture(&mut self, name: &str, figure: &Figure) -> Result<()> {
         atomic::write_bytes(&self.path(&format!("{name}.png")), &figure.png)
     }
@@ -186,7 +181,6 @@ impl<'a> Files<'a> {
         names.into_iter().map(|name| FileLink::new(name, about(name))).chain([record]).collect()
     }
 
-    /// Writes the page, and returns the names of all files.
     pub(crate) fn finish(mut self, page: Report) -> Result<Vec<String>> {
         let mut page = Report { files: self.links(), ..page };
         if !page.paint.is_empty() {

@@ -52,7 +52,6 @@ pub(crate) fn count<T: TryFrom<u64>>(text: &str) -> std::result::Result<T, Strin
     count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
 }
 
-/// A method that solves `A x = b`.
 pub(crate) fn method(name: &str) -> std::result::Result<Method, String> {
     Method::from_name(name).map_err(|_| {
         let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
@@ -92,10 +91,7 @@ impl From<LightPart> for Part {
     }
 }
 
-/// Checks that `vectors` vectors fit into memory.
-///
-/// # Errors
-/// [`Error::Option`] naming the option that requests them.
+/// Checks that `vectors` vectors fit into memory. Errors: [`Error::Option`] naming the option that requests them.
 pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Result<()> {
     let fits = vectors.checked_mul(length).is_some_and(|n| Vec::<f64>::new().try_reserve_exact(n).is_ok());
     if fits {

@@ -117,10 +117,7 @@ impl Pattern {
     }
 }
 
-/// An image file that must have the projector's `resolution`.
-///
-/// # Errors
-/// If it cannot be read or has another size.
+/// An image file that must have the projector's `resolution`. Fails if it cannot be read or has another size.
 pub(crate) fn read_sized(path: &Path, resolution: Resolution) -> Result<Image> {
     picture::read_sized(path, resolution, "the projector")
 }

@@ -17,7 +17,6 @@ const NUMBERS: usize = 8 << 20;
 pub(in crate::lab) struct Products {
     /// Patterns of norm 1, their products, and the standard error of each value of a product.
     taken: Vec<(Vec<f64>, Vec<f64>, f64)>,
-    /// Part and channel of the first product.
     of: Option<(Part, usize)>,
     most: usize,
 }

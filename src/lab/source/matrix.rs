@@ -29,12 +29,10 @@ impl MatrixSource {
         Ok(Self { matrix, name, file: Some((path.to_path_buf(), hash)) })
     }
 
-    /// A matrix that a program made.
     pub(in crate::lab) fn new(matrix: Csr, name: String) -> Self {
         Self { matrix, name, file: None }
     }
 
-    /// Records the facts that a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         manifest.scene = self
             .file

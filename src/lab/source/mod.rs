@@ -31,7 +31,6 @@ pub(in crate::lab) use scene::SceneSource;
 pub(in crate::lab) enum Source {
     /// A scene file, with the camera and projector that stand in it.
     Scene(SceneSource),
-    /// A rig file.
     Rig(Box<RigSource>),
     /// The folder of a run with a journal.
     Run(Box<RunSource>),
@@ -108,7 +107,6 @@ impl Source {
         }
     }
 
-    /// A short name, for folders and titles.
     pub(in crate::lab) fn name(&self) -> String {
         match self {
             Self::Scene(scene) => short_name(&scene.scene.path),
@@ -128,7 +126,6 @@ impl Source {
         }
     }
 
-    /// Pixels of photos.
     pub(in crate::lab) fn resolution(&self) -> Resolution {
         match self {
             Self::Scene(scene) => scene.settings.resolution,
@@ -139,7 +136,6 @@ impl Source {
         }
     }
 
-    /// Pixels of patterns.
     pub(in crate::lab) fn projector_resolution(&self) -> Resolution {
         match self {
             Self::Scene(scene) => scene.settings.projector.unwrap_or(scene.settings.resolution),
@@ -150,7 +146,6 @@ impl Source {
         }
     }
 
-    /// The channels of photos.
     pub(in crate::lab) fn channels(&self, choice: ChannelChoice) -> Channels {
         match (choice, self) {
             (_, Self::Matrix(_)) | (ChannelChoice::Luma, _) => Channels::Luma,
@@ -184,7 +179,6 @@ impl Source {
         }
     }
 
-    /// The unit of photos' values.
     pub(in crate::lab) fn unit(&self) -> &str {
         match self {
             Self::Scene(_) => "W/(m² sr)",
@@ -224,7 +218,6 @@ impl Source {
         }
     }
 
-    /// Records the facts that a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest, channels: Channels) {
         match self {
             Self::Scene(scene) => scene.describe(manifest),
@@ -241,10 +234,7 @@ impl Source {
     }
 }
 
-/// Refuses settings that do not apply to a source of this kind.
-///
-/// # Errors
-/// [`Error::Option`] naming the setting.
+/// Refuses settings that do not apply to a source of this kind. Errors: [`Error::Option`] naming the setting.
 pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &Settings) -> Result<()> {
     if let (SourceKind::Run | SourceKind::Matrix, Some(option)) = (kind, settings.first_of_trace()) {
         let what = if kind == SourceKind::Run {

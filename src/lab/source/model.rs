@@ -29,7 +29,6 @@ impl ModelSource {
         Ok(Self { model: SavedModel::read(folder)?, folder: folder.to_path_buf(), findings })
     }
 
-    /// Records the facts that a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let path = model::record_path(&self.folder);
         // The record was readable when the source was opened.
@@ -39,7 +38,6 @@ impl ModelSource {
     }
 }
 
-/// The parts of a model, as operators.
 pub(in crate::lab) struct ModelParts {
     pub(in crate::lab) model: SavedModel,
     global: Vec<LowRank>,

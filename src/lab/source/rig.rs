@@ -42,23 +42,18 @@ pub struct RigSource {
     observer: SharedObserver,
 }
 
-/// The parts of a rig that a program supplies.
 #[derive(Clone, Debug, Default)]
 pub(in crate::lab) struct Handed {
     /// The text of the rig file, if it is not in a file.
     pub(in crate::lab) text: Option<String>,
-    /// Opens the devices of a rig file of `kind = "program"`.
     pub(in crate::lab) opener: Option<DeviceOpener>,
-    /// Whether the programs that the file names may run.
     pub(in crate::lab) allows_programs: bool,
 }
 
 impl RigSource {
     /// Reads the file, the files that it names, and the calibration. Settings of the tracer replace those that the file of a virtual rig
-    /// gives for its scene. They are refused if nothing is traced.
-    ///
-    /// # Errors
-    /// As [`RigFile::load`], [`Calibration::load`], and those of loading a scene.
+    /// gives for its scene. They are refused if nothing is traced. Fails as [`RigFile::load`], [`Calibration::load`], and those of loading
+    /// a scene.
     pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,
@@ -82,10 +77,8 @@ impl RigSource {
         Ok(source)
     }
 
-    /// As [`Self::open`], but with ideal devices even if the file names a calibration, which may not exist yet.
-    ///
-    /// # Errors
-    /// As [`RigFile::load`], and those of loading a scene.
+    /// As [`Self::open`], but with ideal devices even if the file names a calibration, which may not exist yet. Fails as [`RigFile::load`],
+    /// and those of loading a scene.
     pub(in crate::lab) fn uncalibrated(
         path: &Path,
         program: &Handed,
@@ -105,9 +98,7 @@ impl RigSource {
         Ok(Self { program: program.clone(), ..source })
     }
 
-    /// The virtual devices of `file` in front of an open scene. The scene replaces the one that the file names.
-    ///
-    /// # Errors
+    /// The virtual devices of `file` in front of an open scene. The scene replaces the one that the file names. Errors:
     /// [`crate::Error::Data`] if the devices are real; [`crate::Error::Option`] if the scene's projector and camera have different numbers
     /// of pixels; those of loading the calibration.
     pub(in crate::lab) fn in_front_of(
@@ -143,10 +134,7 @@ impl RigSource {
         self.calibrated_by(calibration).map(|()| true)
     }
 
-    /// Replaces the calibration.
-    ///
-    /// # Errors
-    /// [`crate::Error::Rig`] when the calibration belongs to other devices.
+    /// Replaces the calibration. Errors: [`crate::Error::Rig`] when the calibration belongs to other devices.
     pub(in crate::lab) fn calibrated_by(&mut self, calibration: Calibration) -> Result<()> {
         calibration.check(&self.devices.projector_info(), &self.devices.camera_info())?;
         self.calibration = calibration;
@@ -188,7 +176,6 @@ impl RigSource {
         self.scene.is_some()
     }
 
-    /// The labels by a virtual scene's author.
     pub(in crate::lab) fn truth(&self) -> Result<Option<Truth>> {
         Ok(self.scene.as_ref().map(|scene| scene.truth(self.resolution())).transpose()?.flatten())
     }
@@ -239,10 +226,7 @@ impl RigSource {
     }
 
     /// Checks that the programs that the rig file names may run, and reports them. A program that supplies the text of a rig file has
-    /// chosen them itself.
-    ///
-    /// # Errors
-    /// As [`RigFile::require_programs_allowed`].
+    /// chosen them itself. Fails as [`RigFile::require_programs_allowed`].
     pub fn require_programs_allowed(&self) -> Result<()> {
         let is_ours = self.program.text.is_some();
         self.file.require_programs_allowed(is_ours || self.program.allows_programs)?;

@@ -64,7 +64,6 @@ impl RunSource {
         Ok(Self { folder: run.to_path_buf(), note, truth, photos, findings })
     }
 
-    /// The journal, opened for reading.
     pub(in crate::lab) fn journal(&self, observer: &SharedObserver) -> Result<Journal> {
         let journal = Journal::read_only(&journal_folder(&self.folder))?;
         journal::report_damages(&journal, observer);
@@ -76,10 +75,7 @@ impl RunSource {
         Ok(Calibration::load(&calibration_folder(&self.folder))?.registration.blur())
     }
 
-    /// The rig of the run, with photos from the journal.
-    ///
-    /// # Errors
-    /// [`Error::Journal`] if the run stopped before it noted its rig.
+    /// The rig of the run, with photos from the journal. Errors: [`Error::Journal`] if the run stopped before it noted its rig.
     pub(in crate::lab) fn measured(
         &self,
         channels: Option<Channels>,
@@ -95,7 +91,6 @@ impl RunSource {
         measured(frames, &calibration, &file, (channels, self.note.symmetry()))
     }
 
-    /// All the photos that the run took.
     pub(in crate::lab) fn taken(&self, observer: &SharedObserver) -> Result<RunPhotos> {
         match self.note.kind {
             Kind::Scene => self.taken_of_scene(&mut self.journal(observer)?),
@@ -155,7 +150,6 @@ impl RunSource {
         })
     }
 
-    /// Records the facts that the run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let SourceNote { path, hash, .. } = &self.note;
         manifest.scene = Some(manifest::SourceFile { path: path.into(), hash: hash.clone() });

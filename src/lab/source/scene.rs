@@ -31,7 +31,6 @@ pub(in crate::lab) struct SceneSource {
     adapter: AdapterSummary,
     pub(in crate::lab) settings: TraceSettings,
     cache: Option<Arc<Cache>>,
-    /// The place where products are computed.
     backend: Backend,
     /// The matrix that was last requested. Clones of the source share it.
     kept: Arc<Mutex<Option<Kept>>>,
@@ -45,7 +44,6 @@ struct Device {
 }
 
 impl Device {
-    /// Creates the device with its kernels from the cache.
     fn new(mut tracer: Tracer, cache: Option<Arc<Cache>>) -> Self {
         if let Some(cache) = &cache {
             let kept = cache.kernels(tracer.adapter());
@@ -159,7 +157,6 @@ impl SceneSource {
         self.device.tracer()
     }
 
-    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
     pub(in crate::lab) fn is_symmetric(&self) -> bool {
         self.tracer().symmetric(&self.settings)
     }
@@ -189,7 +186,6 @@ impl SceneSource {
         ]
     }
 
-    /// Records the facts that a trace depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let (scene, settings, adapter) = (&self.scene, &self.settings, &self.adapter);
         manifest.seed = Some(u64::from(settings.seed));
@@ -312,7 +308,6 @@ impl SceneSource {
         Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())
     }
 
-    /// The true labels by the scene's author, if there are any.
     pub(in crate::lab) fn truth(&self, resolution: Resolution) -> Result<Option<Truth>> {
         if !self.scene.regions_are_labels {
             return Ok(None);

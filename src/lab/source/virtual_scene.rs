@@ -58,7 +58,6 @@ fn projector_of_its_own(rig: &Path) -> Error {
     }
 }
 
-/// Refuses settings of the tracer where nothing is traced.
 pub(in crate::lab) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
     let Some(option) = settings.first_of_trace() else { return Ok(()) };
     Err(Error::Option {

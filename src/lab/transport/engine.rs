@@ -12,7 +12,6 @@ use crate::lab::source::SceneSource;
 use crate::operator::Adjoint;
 use crate::transport::{Assembled, Channels, EstimatedOperator, Part, Retraced, RetracedOperator, Transport};
 
-/// An engine that computes or takes photos.
 pub(super) enum Engine {
     /// Products with a traced matrix.
     Replayed(Arc<Assembled>),

@@ -145,10 +145,7 @@ impl LightTransport {
         Self::new(Engine::Replayed(traced), shape, observer)
     }
 
-    /// A scene that is traced for each photo.
-    ///
-    /// # Errors
-    /// [`Error::Option`] if a photo takes more memory than `settings` allow.
+    /// A scene that is traced for each photo. Errors: [`Error::Option`] if a photo takes more memory than `settings` allow.
     pub(in crate::lab) fn of_retraced(
         scene: &SceneSource,
         settings: &Settings,
@@ -167,10 +164,7 @@ impl LightTransport {
         Ok(Self::new(engine, shape, observer))
     }
 
-    /// A scene that is traced for each product. The errors of the products are known.
-    ///
-    /// # Errors
-    /// As [`Self::of_retraced`].
+    /// A scene that is traced for each product. The errors of the products are known. Fails as [`Self::of_retraced`].
     pub(in crate::lab) fn of_estimated(
         scene: &SceneSource,
         settings: &Settings,

@@ -109,10 +109,8 @@ impl RigSource {
         })
     }
 
-    /// Writes this folder's name into the rig file as its calibration, so that every verb uses it.
-    ///
-    /// # Errors
-    /// As [`RigFile::name_calibration`](crate::measure::RigFile::name_calibration).
+    /// Writes this folder's name into the rig file as its calibration, so that every verb uses it. Fails as
+    /// [`RigFile::name_calibration`](crate::measure::RigFile::name_calibration).
     pub fn name_calibration(&self, folder: &Path) -> Result<()> {
         self.file.name_calibration(folder).map(drop)
     }

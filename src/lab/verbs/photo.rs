@@ -73,7 +73,6 @@ impl Lab {
     }
 }
 
-/// The Euclidean norm of all samples.
 fn norm(image: &Image) -> f64 {
     image.samples().iter().map(|&sample| f64::from(sample).powi(2)).sum::<f64>().sqrt()
 }

@@ -6,10 +6,8 @@ use crate::lab::Lab;
 use crate::transport::Part;
 
 impl Lab {
-    /// Solves `A x = b` with the matrix of the first channel; `b` has an entry for each of its rows.
-    ///
-    /// # Errors
-    /// As [`solve_adjoint`] and [`Lab::operator`].
+    /// Solves `A x = b` with the matrix of the first channel; `b` has an entry for each of its rows. Fails as [`solve_adjoint`] and
+    /// [`Lab::operator`].
     pub fn solve(&mut self, method: Method, rhs: &[f64], options: &SolveOptions) -> Result<Solution> {
         Error::check_size("entries of the right-hand side", self.resolution().pixels(), rhs.len())?;
         let mut operator = self.operator(Part::Full)?;

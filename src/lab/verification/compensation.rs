@@ -14,10 +14,7 @@ use crate::transport::{EstimatedProduct, Part, pooled};
 
 impl Lab {
     /// Verifies a compensation with a photo of its pattern by independent light. The photo includes the ambient light. The residual is that
-    /// of the photo without noise. A rig whose colours mix is not supported.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// of the photo without noise. A rig whose colours mix is not supported. Fails as [`Lab::operator`].
     pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<Verified>> {
         let ambient = self.ambient()?;
         let mut predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);

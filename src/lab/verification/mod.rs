@@ -84,9 +84,7 @@ impl VerifiedEigenpairs {
 impl Lab {
     /// Verifies eigenpairs of one part of the light transport matrix. It uses the products of all eigenvectors by light paths with another
     /// seed, or one photo of their sum with random signs. The result is `None` if there is no independent light, or if pairs are complex.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Fails as [`Lab::operator`].
     pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
@@ -104,10 +102,7 @@ impl Lab {
     }
 
     /// Verifies a segmentation of the light of `part` by the normalized cut, `G u = λ D u`, as [`Lab::verify_eigenpairs`]. The estimates
-    /// cover all eigenvalues but the first, which is known.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// cover all eigenvalues but the first, which is known. Fails as [`Lab::operator`].
     pub fn verify_segmentation(
         &mut self,
         part: Part,
@@ -196,10 +191,7 @@ impl Lab {
         Ok(verification.map(|verification| (verified(verification), photos, products)))
     }
 
-    /// Verifies a captured model with the relit photos. On a rig it uses only the first one, to take one photo.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Verifies a captured model with the relit photos. On a rig it uses only the first one, to take one photo. Fails as [`Lab::operator`].
     pub fn verify_relighting(&mut self, model: &SavedModel, relit: &[Relit]) -> Result<Option<Verification>> {
         let of = "relit photos";
         if matches!(self.source, Source::Rig(_)) {
@@ -221,10 +213,7 @@ impl Lab {
     }
 
     /// Verifies a separation with the photo of a checkerboard of three pixels, which shows its direct light and half of the global light.
-    /// `error` is the relative error of the direct light.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// `error` is the relative error of the direct light. Fails as [`Lab::operator`].
     pub fn verify_separation(
         &mut self,
         direct: &Planes,
@@ -354,7 +343,6 @@ fn of_product(by: Independent, product: &EstimatedProduct, photo: &[f64], stated
     Compared { signs, ..compared }
 }
 
-/// Compares predicted photos with the independent ones.
 fn photos_compared(by: Independent, predicted: &[Predicted], products: &[EstimatedProduct]) -> Vec<Compared> {
     let each = predicted.iter().zip(products);
     each.map(|(one, product)| of_product(by, product, &one.photo, one.stated)).collect()
@@ -390,7 +378,6 @@ fn norm(values: &[f64]) -> f64 {
 }
 
 impl Eigenpairs<'_> {
-    /// Each vector as a pattern.
     fn questions(&self) -> Vec<Question<'_>> {
         let each = self.vectors.iter().zip(self.shifts);
         each.map(|(pattern, &shift)| Question { pattern, shift }).collect()

@@ -67,10 +67,8 @@ impl ContactSheet {
         sheet::sheet(&self.shots)
     }
 
-    /// The page section with the sheet; `None` without photos. `unit` is the photos' unit, `order` explains their order.
-    ///
-    /// # Errors
-    /// As [`ContactSheet::sheet`].
+    /// The page section with the sheet; `None` without photos. `unit` is the photos' unit, `order` explains their order. Fails as
+    /// [`ContactSheet::sheet`].
     pub fn section(&self, unit: &str, order: &str) -> Result<Option<Section>> {
         if self.is_empty() {
             return Ok(None);

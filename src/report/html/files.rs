@@ -32,7 +32,6 @@ pub(super) fn address(path: &str) -> String {
         .collect()
 }
 
-/// Lines that load every array of the run.
 pub(super) fn numpy(files: &[FileLink]) -> String {
     let arrays: Vec<&FileLink> = files.iter().filter(|file| file.name.ends_with(".npy")).collect();
     if arrays.is_empty() {

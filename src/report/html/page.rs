@@ -29,7 +29,6 @@ const MODULES: [Module; 12] = [
 /// The placeholder for the size of the page, which is known after rendering.
 const SIZE: &str = "\u{1}size\u{1}";
 
-/// The HTML of a report.
 pub(super) fn render(report: &Report) -> Result<String> {
     let page = Page { report, embedded: Embedded::new(report) };
     let html = page.render().map_err(|error| Error::Numerical(format!("the report's template: {error}")))?;
@@ -117,12 +116,10 @@ impl Page<'_> {
         (0..headers.len()).map(|index| 7 * column(index) + 12).sum::<usize>() > 350
     }
 
-    /// The meanings of the facts at the top of the page.
     fn meanings_of_facts(&self) -> Vec<(&'static str, &'static str)> {
         definitions::definitions(self.report.facts.iter().map(|(name, _)| name.as_str()))
     }
 
-    /// The meanings of the columns of a table.
     fn meanings(&self, headers: &[String]) -> Vec<(&'static str, &'static str)> {
         definitions::definitions(headers.iter().map(String::as_str))
     }

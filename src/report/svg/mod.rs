@@ -43,7 +43,6 @@ pub(super) struct Layout {
     frame: f64,
     left: f64,
     bottom: f64,
-    /// Whether the axes have labels.
     has_labels: bool,
 }
 
@@ -182,7 +181,6 @@ impl Chart {
         self.bottom() - along * self.layout.frame
     }
 
-    /// Vertical position of the frame's lower edge.
     fn bottom(&self) -> f64 {
         self.top + self.layout.frame
     }

@@ -51,7 +51,6 @@ struct Queue {
     waiting: VecDeque<Plane>,
     /// Whether no more planes will be added.
     closed: bool,
-    /// Whether the sending thread has ended.
     ended: bool,
 }
 

@@ -32,7 +32,6 @@ pub struct Compensated {
 }
 
 impl Compensated {
-    /// A compensation from photos of the laboratory's source.
     pub(super) fn new(
         asked: &Compensate,
         found: Compensation,
@@ -178,7 +177,6 @@ impl Compensated {
 
 const NEEDLESS: &str = "the target itself, projected, is seen as well: there is nothing to compensate";
 
-/// The residual after each photo.
 fn residuals(rows: &[CompensationRow]) -> Vec<f64> {
     rows.iter().map(|row| row.residual).collect()
 }

@@ -222,7 +222,6 @@ fn at_the_end(methods: &[MethodRun]) -> Block {
     }
 }
 
-/// A table of the similarity of the observed photos to the target.
 fn similarity(run: &Compensated) -> Block {
     let found = &run.found;
     let row = |name: &str, residual: f64, similarity: &Similarity| {

@@ -166,9 +166,7 @@ impl Eigs {
     }
 
     /// Eigenpairs of one part of the light transport matrix. If a model of a run's photos answers, their standard errors are the bounds.
-    ///
-    /// # Errors
-    /// As [`eigs()`] and [`Lab::operator`].
+    /// Fails as [`eigs()`] and [`Lab::operator`].
     pub fn pairs(&self, lab: &mut Lab) -> Result<Eigenpairs> {
         let mut options = self.options(lab.seed(), lab.photos_of_run());
         options.noise = self.noise(lab)?;

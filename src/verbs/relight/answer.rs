@@ -47,7 +47,6 @@ pub(super) enum ModelPlace {
 }
 
 impl Relighting {
-    /// A model without answers.
     pub(super) fn new(asked: &Relight, model: SavedModel) -> Self {
         Self {
             model,

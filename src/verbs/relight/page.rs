@@ -225,7 +225,6 @@ impl Relighting {
 
 const ORDER: &str = "White and smooth random patterns come first, then photos that are projected back. Direct light, which is kept apart, is not in them.";
 
-/// The file name without its folders.
 fn short(name: &str) -> &str {
     name.rsplit('/').next().unwrap_or(name)
 }

@@ -89,7 +89,6 @@ impl Segmented {
         self.segmentation.share_of_sure(groups).map(|sure| sure * supported)
     }
 
-    /// The number of masked pixels.
     pub(super) fn masked(&self) -> usize {
         self.segmentation.mask.iter().filter(|&&masked| masked).count()
     }
@@ -274,7 +273,6 @@ impl Answer for Segmented {
         Segment::NAME
     }
 
-    /// The number of photos of direct light, of the graph and of the evidence.
     fn photos(&self) -> usize {
         let direct = self.direct.as_ref().map_or(0, |direct| direct.photos);
         let evidence: usize = self.evidence.iter().map(|evidence| evidence.photos.len()).sum();

@@ -198,10 +198,8 @@ impl Segment {
         not_planned(Self::NAME, &given)
     }
 
-    /// Takes all photos with `operator` (`n × n`), which contains the light of [`Segment::part`].
-    ///
-    /// # Errors
-    /// As [`Verb::check`], [`measure_direct`], [`Capture::run`] and [`evidence()`].
+    /// Takes all photos with `operator` (`n × n`), which contains the light of [`Segment::part`]. Fails as [`Verb::check`],
+    /// [`measure_direct`], [`Capture::run`] and [`evidence()`].
     pub fn run(&self, operator: &mut dyn Operator, resolution: Resolution, seed: u64) -> Result<Segmented> {
         self.check()?;
         self.check_pixels(resolution)?;

@@ -191,7 +191,6 @@ fn swatches(truth: &Truth) -> Vec<Swatch> {
 
 const ORDER: &str = "Those of direct light come first, where it was measured; then white, which is what each pixel gets from all others; then those of the Krylov process, and of groups lit alone.";
 
-/// All pictures of the run with their file names.
 struct Pictures {
     white: Figure,
     truth: Option<Figure>,

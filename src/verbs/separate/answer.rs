@@ -44,11 +44,8 @@ pub struct Separated {
     pub(super) max_error: Option<f64>,
 }
 
-/// An image of the answer.
 pub(super) struct Layer<'a> {
-    /// The name of its files.
     pub(super) file: &'static str,
-    /// The name of its attribute in Python.
     pub(super) attribute: &'static str,
     pub(super) planes: &'a Planes,
     pub(super) caption: String,
@@ -84,7 +81,6 @@ impl Separated {
         Some([self.error()?, self.max_error?]).filter(|[error, most]| error > most)
     }
 
-    /// All images of light.
     pub(super) fn layers(&self) -> Vec<Layer<'_>> {
         let layer = |[file, attribute]: [&'static str; 2], planes, caption: &str| Layer {
             file,
@@ -111,7 +107,6 @@ impl Separated {
         layers
     }
 
-    /// The standard errors, as far as they are known.
     pub(super) fn standard_errors(&self) -> impl Iterator<Item = Layer<'_>> {
         let known = [
             ("standard-error", "standard_error", &self.standard_error, "direct"),

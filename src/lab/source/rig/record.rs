@@ -51,7 +51,6 @@ impl RigSource {
         }
     }
 
-    /// Records the facts that a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
         if let Some(scene) = &self.scene {
