@@ -20,8 +20,7 @@ use crate::measure::RunManifest;
 pub struct RunOptions {
     /// The folder. If it is `None`, the first unused name of `out/NAME`, `out/NAME-2`, … is taken.
     pub folder: Option<PathBuf>,
-    /// Allows a folder that holds an earlier run. The photos of that run are deleted when the new run is complete, unless that run is the
-    /// source: then they are kept.
+    /// Allows a folder that holds an earlier run. Its photos are deleted when the new run is complete, unless that run is the source.
     pub overwrite: bool,
     /// Continues the run in the folder: a photo in its journal is not taken again.
     pub resume: bool,
@@ -48,8 +47,7 @@ enum Start {
     Fresh,
     /// Another run. It is put back if this run fails without photos.
     Replaces(Replaced),
-    /// The run that is the source of this one. It stays unchanged until there is an answer. Further questions may take `photos_allowed`
-    /// photos.
+    /// The run that is the source of this one, unchanged until there is an answer. Further questions may take `photos_allowed` photos.
     Beside { photos_allowed: Option<usize> },
 }
 
@@ -142,9 +140,9 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes the files of the answer. `write` returns their names. The files appear in the run's folder once all of them are complete and
-    /// the record lists them. A later run that replaces this one therefore knows them even if this program is killed. Errors: those
-    /// of `write`; [`Error::Write`].
+    /// Writes the files of the answer, whose names `write` returns. They appear in the run's folder once all are complete and the record
+    /// lists them, so that a later run that replaces this one knows them even if this program is killed. Errors: those of `write`;
+    /// [`Error::Write`].
     pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
         file::remove(&self.answer)?;
         file::make_folder(&self.answer)?;
@@ -177,11 +175,8 @@ impl RunFolder {
         self.started.elapsed().as_secs_f64()
     }
 
-    /// Records how the run ended: with a sentence about its success, or with an error. A run that fails before its first photo, or because
-    /// of a wrong option, restores the run that it was about to replace.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
+    /// Records how the run ended, with a sentence or an error. A run that fails before its first photo, or because of a wrong option,
+    /// restores the run that it was about to replace. Fails with [`Error::Write`].
     pub fn close(&mut self, outcome: std::result::Result<&str, &Error>) -> Result<()> {
         let start = std::mem::replace(&mut self.start, Start::Fresh);
         let (status, message) = match outcome {

@@ -8,8 +8,7 @@ use crate::error::Result;
 use crate::journal::{Damage, Identity, Journal};
 use crate::observer::Level;
 
-/// Opens the journal of a run, and reports what became of the journal of an earlier session. Fails as [`Journal::create`] and
-/// [`Journal::resume`].
+/// Opens the journal of a run, and reports the state of an earlier one. Fails as [`Journal::create`] and [`Journal::resume`].
 pub(super) fn open(
     run: &Path,
     identity: &Identity,

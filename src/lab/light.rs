@@ -15,10 +15,8 @@ use crate::sparse::Csr;
 use crate::transport::{Assembled, ExplicitMatrix, Noise, Part};
 
 impl Lab {
-    /// One part of the light transport, as a linear operator on the first channel.
-    ///
-    /// # Errors
-    /// The errors of tracing the scene, opening the rig, or reading the run.
+    /// One part of the light transport, as a linear operator on the first channel. Fails if the scene cannot be traced, the rig cannot be
+    /// opened, or the run cannot be read.
     pub fn operator(&mut self, part: Part) -> Result<LabOperator> {
         self.channel_operator(part, 0)
     }
@@ -34,8 +32,7 @@ impl Lab {
         Ok(LabOperator::new(&transport, part, channel, &self.observer, Some(&self.sheet)))
     }
 
-    /// As [`Lab::operators`], for comparisons with a truth. Their products are not photos of the run: they are neither shown nor recorded.
-    /// Fails as [`Lab::operator`].
+    /// As [`Lab::operators`], for comparisons with a truth. The products are neither shown nor recorded as photos of the run.
     pub fn reference_operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
         let transport = Arc::clone(self.transport()?);
         let channels = lock(&transport).shape().channels;
@@ -71,8 +68,7 @@ impl Lab {
         measured.measurement.sight()?.require()?;
         let is_tested = matches!(&self.source, Source::Rig(rig) if !rig.is_calibrated);
         match measured.measurement.check_pattern(!is_tested) {
-            // A replayed run examines its own photo, so that white is photographed again after the same patterns as before. Runs of earlier
-            // versions of the program lack this photo.
+            // A replayed run examines its own photo, so that white is photographed again after the same patterns. Old runs lack this photo.
             Err(Error::NotTaken { .. }) => {}
             map => {
                 let map = map?;
@@ -116,8 +112,7 @@ impl Lab {
         self.reference_operators(part)?.into_iter().map(white).collect()
     }
 
-    /// The traced scene, if photos are products with its matrix: the matrix, the ambient light and the noise. It is shared, not copied.
-    /// Fails as [`Lab::operator`].
+    /// The traced scene, if photos are products with its matrix. It is shared, not copied. Fails as [`Lab::operator`].
     pub fn assembled(&mut self) -> Result<Option<Arc<Assembled>>> {
         Ok(lock(self.transport()?).assembled().cloned())
     }
@@ -156,9 +151,8 @@ impl Lab {
     }
 
     /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of norm 1, in the first
-    /// channel: `‖E‖_F / √n`. It is also known for a run of a scene. The result is `None` if no matrix was traced: the operators of a rig
-    /// state the errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors. Fails as
-    /// [`Lab::operator`].
+    /// channel: `‖E‖_F / √n`. It is also known for a run of a scene. `None` if no matrix was traced: the operators of a rig state the
+    /// errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors. Fails as [`Lab::operator`].
     pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         lock(self.transport()?).product_noise(part)
     }

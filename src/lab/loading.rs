@@ -60,8 +60,7 @@ pub(super) fn at(observer: &SharedObserver, share: f32) -> Result<()> {
     if told(observer, share).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// Tells the observer the loaded share of a scene. The shares are zero, the files, and the files with the search tree. Returns whether to
-/// continue.
+/// Tells the observer the loaded share of a scene: zero, the files, or all with the search tree. Returns whether to continue.
 fn told(observer: &SharedObserver, share: f32) -> ControlFlow<()> {
     let done = (100.0 * share) as u64;
     observer.0.step(&Step { stage: "loading", done, total: 100, estimate: Estimate::None })

@@ -91,16 +91,15 @@ use crate::transport::Channels;
 use source::{MatrixSource, SceneSource, Source};
 use transport::LightTransport;
 
-/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of an earlier run, or a matrix (`.npz`, `.mtx`, `.npy`). Fails
-/// as [`Lab::open`].
+/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of a run, or a matrix (`.npz`, `.mtx`, `.npy`). See
+/// [`Lab::open`].
 pub fn open(path: impl AsRef<Path>) -> Result<Lab> {
     Lab::open(path)
 }
 
 /// An open laboratory.
 ///
-/// It traces nothing and takes no photo until one is asked for. A laboratory and everything that it hands out can be sent to another
-/// thread.
+/// It traces nothing and takes no photo until one is asked for. A laboratory and all that it hands out can be sent to another thread.
 pub struct Lab {
     source: Source,
     settings: Settings,
@@ -142,8 +141,8 @@ impl Lab {
         LabBuilder::of_matrix(matrix, name.into())
     }
 
-    /// A laboratory around a rig whose file a program wrote. `text` is the file's content, and `name` stands for its path. A run keeps the
-    /// text.
+    /// A laboratory around a rig whose file a program wrote. `text` is the file's content, which a run keeps, and `name` stands for its
+    /// path.
     pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
         LabBuilder::of_rig(name.as_ref(), text.into())
     }
@@ -223,8 +222,7 @@ impl Lab {
         &self.observer
     }
 
-    /// The number of photos that the source's run was allowed to take, if that run was completed. It is the default budget of further
-    /// questions.
+    /// The photos that the source's run was allowed to take, if it was completed: the default budget of further questions.
     pub fn photos_of_run(&self) -> Option<usize> {
         match &self.source {
             Source::Run(run) => run.photos,
@@ -269,8 +267,7 @@ impl Lab {
         }
     }
 
-    /// The standard deviation, in pixels, of the blur that the patterns and photos of a rig need if its camera has too few pixels; 0 for
-    /// none.
+    /// The standard deviation, in pixels, of the blur that patterns and photos need if a rig's camera has too few pixels; 0 for none.
     pub(crate) fn blur(&self) -> f64 {
         self.source.blur()
     }

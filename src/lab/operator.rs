@@ -11,12 +11,10 @@ use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::Part;
 
-/// `y = P x` for one part `P` and one channel of the light transport matrix of a source. Each product is one photo: computed, traced, or
-/// taken.
+/// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo: computed, traced, or taken.
 ///
 /// The operator shares ownership of the light transport, so it can outlive the laboratory and move to another thread. The operators of one
-/// laboratory take turns. If the laboratory has a folder, each product is in the folder's journal before it is handed out, and no product
-/// is taken twice.
+/// laboratory take turns. With a folder, each product is in the journal before it is handed out, and none is taken twice.
 pub struct LabOperator {
     transport: Arc<Mutex<LightTransport>>,
     shape: Shape,

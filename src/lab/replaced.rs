@@ -1,8 +1,7 @@
 //! Storage of a run that a new run replaces, until the new run is complete.
 //!
-//! The old run is moved into `earlier-N.moving`. When the record of the new run names `earlier-N`, the folder is renamed to `earlier-N`. A
-//! program that is killed in between leaves `earlier-N.moving`. The next run in the folder then finishes the move if the record names it,
-//! and undoes it otherwise.
+//! The old run is moved into `earlier-N.moving`, which is renamed to `earlier-N` when the record of the new run names it. If the program is
+//! killed in between, the next run in the folder finishes the move if the record names it, and undoes it otherwise.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -28,8 +27,8 @@ pub(super) struct Replaced {
 }
 
 impl Replaced {
-    /// Moves the run aside: its photos, its model, its report, its record, and the files that the record lists. Errors: [`Error::Write`];
-    /// then everything is back in its place.
+    /// Moves the run aside: its photos, model, report, record, and the listed files. After [`Error::Write`], everything is back in its
+    /// place.
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
@@ -99,8 +98,8 @@ impl Replaced {
         self.names().iter().try_for_each(|name| file::remove(&self.run.join(name)))
     }
 
-    /// Puts the run back in place of one without photos. The record of the failed run is removed first: if this program is then killed, the
-    /// next program finishes the work.
+    /// Puts the run back in place of one without photos. The record of the failed run is removed first, so that the next program can finish
+    /// the work if this one is killed.
     pub(super) fn restore(&self) -> Result<()> {
         let moving = self.moving();
         if is_there(&self.aside) {
@@ -117,8 +116,7 @@ impl Replaced {
     }
 }
 
-/// Moves all entries of a folder into another one, where they replace those of the same name, and removes the folder. The record is moved
-/// last.
+/// Moves all entries of a folder into another one, where they replace those of the same name, and removes the folder. The record is last.
 pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
     let entries = fs::read_dir(from).map_err(Error::reading(from))?.flatten();
     let mut names: Vec<_> = entries.map(|entry| entry.file_name()).collect();

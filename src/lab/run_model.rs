@@ -24,8 +24,7 @@ pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel
     from_photos(&run_with_photos(folder)?, observer)
 }
 
-/// The channels of the model that [`open_model`] returns, and the pixels of its photos and patterns. Errors: [`Error::Data`] if there is
-/// neither a model nor photos.
+/// The channels of the model that [`open_model`] returns, and the pixels of its photos and patterns; [`Error::Data`] if there is no model.
 pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> {
     if model::is_in(folder) {
         let model = SavedModel::read(folder)?;

@@ -122,10 +122,7 @@ impl Lab {
         })
     }
 
-    /// Ends the open run, if there is one, of a verb that leaves no report. `photos` is the number of photos that it took.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
+    /// Ends the open run, if any, of a verb that leaves no report. `photos` is the number of its photos. Fails with [`Error::Write`].
     pub fn end_run(&mut self, photos: usize, message: &str) -> Result<()> {
         let Some(mut run) = self.run.take() else { return Ok(()) };
         run.manifest.photos = photos as u64;

@@ -31,8 +31,7 @@ pub struct Settings {
     pub operator: OperatorChoice,
     /// The place where products with a scene's matrix are computed.
     pub backend: Backend,
-    /// The bytes of memory that a matrix may take while it is assembled, or a single photo while it is traced. If it is `None`, half of the
-    /// machine's memory is allowed.
+    /// The bytes of memory for a matrix during assembly, or for a traced photo. If it is `None`, half of the machine's memory is allowed.
     pub memory: Option<u64>,
     /// Gray or coloured photos.
     pub channels: ChannelChoice,
@@ -133,8 +132,7 @@ impl CacheChoice {
     }
 }
 
-/// Settings of the tracer. A value of `None` means 64 paths of at most six surfaces from each of 128×128 pixels, or the value in the file
-/// of a virtual rig.
+/// Settings of the tracer. `None` means 64 paths of at most six surfaces for each of 128×128 pixels, or the value in a virtual rig's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TraceOverrides {
     /// Pixels of the camera, and of the projector if `projector` is `None`.
@@ -182,8 +180,8 @@ impl TraceOverrides {
         TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
     }
 
-    /// The settings for the scene of a virtual rig whose file contains `settings`. The seed is that of the file, so that equal devices see
-    /// equal scenes.
+    /// The settings for the scene of a virtual rig whose file contains `settings`. The seed is the file's, so that equal devices see equal
+    /// scenes.
     pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
         self.over(settings)
     }

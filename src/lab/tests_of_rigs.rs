@@ -22,8 +22,7 @@ fn traced(scene: Scene, side: usize) -> Result<Lab> {
     Lab::builder_of_scene(scene).size(side, side).samples(64).seed(9).open()
 }
 
-/// The uncalibrated realistic rig before a scene. Its camera has `finer` times the scene's pixels per side, and lines of its file are
-/// replaced.
+/// The uncalibrated realistic rig before a scene. Its camera has `finer` times the scene's pixels per side. Lines of its file are replaced.
 fn before(exact: &Lab, finer: f64, replaced: &[[&str; 2]]) -> Result<Lab> {
     let side = (finer * exact.resolution().width as f64).round();
     let mut text = REALISTIC.replace("size = [160, 160]", &format!("size = [{side}, {side}]"));
@@ -74,8 +73,7 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     Ok(())
 }
 
-/// The corners of the projector have 0.9 of the light of its centre, and those of the camera 0.85. An answer that ignores one of them is a
-/// tenth off.
+/// The corners of the projector have 0.9 of the centre's light, and those of the camera 0.85. Ignoring one of them gives a tenth of error.
 #[test]
 fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;
@@ -136,8 +134,7 @@ fn a_camera_as_coarse_as_the_projector_is_registered_to_a_part_of_a_pixel() -> R
     let [x, y] = lens.to_projector([24.0, 24.0]);
     assert!((x - 24.3).abs() < 0.03 && (y - 24.4).abs() < 0.03, "{x} {y}");
     let white = error(&mut rig, &mut exact, Part::Full)?;
-    // With Gray codes the error was 0.1, because their map does not include the camera pixels that look past the lit area. The rest is
-    // noise, which grows as the camera's pixels are distinguished.
+    // With Gray codes the error was 0.1, because their map omits the camera pixels that look past the lit area. The rest is noise.
     assert!(white < 0.06, "{white}");
     Ok(())
 }
@@ -169,9 +166,8 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     Ok(())
 }
 
-/// A camera aligned with the projector, with 2 or 2.5 of its pixels for one of the projector's. At the border of the lit area, its pixels
-/// see a trace of projector pixels that are never lit (calibrated), or half of a neighbour (taken as ideal). These pixels once reduced the
-/// index to between 0.0 and 0.23.
+/// A camera aligned with the projector, with 2 or 2.5 of its pixels for one of the projector's. Its pixels at the border of the lit area
+/// see a trace of unlit projector pixels (calibrated) or half of a neighbour (ideal), which once gave an index of 0.0 to 0.23.
 #[test]
 fn an_aligned_camera_finds_the_groups_at_silhouettes_too() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;

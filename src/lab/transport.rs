@@ -22,8 +22,7 @@ use crate::transport::{Assembled, Bounces, JournaledOperator, Part, Retraced, po
 use engine::Engine;
 pub(super) use opening::require_photo_memory;
 
-/// The light transport of a source: the engine that takes photos, and the journal that keeps the photos of a scene. The journal of a rig is
-/// behind its frames.
+/// The light transport of a source: the engine that takes photos, and the journal of a scene. The journal of a rig is behind its frames.
 pub(super) struct LightTransport {
     engine: Engine,
     journal: Option<Journal>,
@@ -67,8 +66,7 @@ impl LightTransport {
         }
     }
 
-    /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of norm 1. It is also
-    /// known for a run whose journal keeps it.
+    /// As [`crate::lab::Lab::product_noise`]. It is also known for a run whose journal keeps it.
     pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         let noise = match (&self.engine, &mut self.journal) {
             (Engine::Replayed(traced), _) => opening::product_noise(traced),
@@ -140,8 +138,8 @@ impl LightTransport {
         self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
     }
 
-    /// As [`Self::products`], for products that only confirm an answer. The journal keeps them apart from the photos of the run, since a
-    /// model is made of those photos.
+    /// As [`Self::products`], for products that only confirm an answer. The journal keeps them apart from the photos that models are made
+    /// of.
     pub(super) fn confirming_products(
         &mut self,
         of: (Part, usize),

@@ -13,8 +13,7 @@ use crate::io::manifest::Verification;
 use crate::report::content::Content;
 use crate::report::run::{PAINT, Run};
 
-/// A question to a laboratory. It is a struct whose documented fields are the options of the command line, the keyword arguments in Python,
-/// and the record in `run.json`.
+/// A question to a laboratory: a struct whose documented fields are command line options, Python keywords, and the record in `run.json`.
 pub trait Verb: Serialize {
     /// The name, which is part of the folder's default name.
     const NAME: &'static str;
@@ -40,18 +39,12 @@ pub trait Verb: Serialize {
         Ok(())
     }
 
-    /// The channels of a source that is opened for the request.
-    ///
-    /// # Errors
-    /// The errors of reading a model, if the model decides.
+    /// The channels of a source that is opened for the request. Fails if they depend on a model that cannot be read.
     fn channels(&self, _source: &Path) -> Result<ChannelChoice> {
         Ok(ChannelChoice::Luma)
     }
 
-    /// Takes the photos and answers. The request must have been checked.
-    ///
-    /// # Errors
-    /// The errors of the photos and of the method.
+    /// Takes the photos and answers. The request must have been checked. Fails if a photo or the method fails.
     fn answer(&self, lab: &mut Lab) -> Result<Self::Answer>;
 }
 
@@ -77,10 +70,7 @@ pub trait Answer {
     }
 
     /// Compares the photos that the answer predicts with light that it was not computed from, and keeps the results. Returns `None` if
-    /// there is no such light, or if the answer predicts no photos.
-    ///
-    /// # Errors
-    /// The errors of the photos.
+    /// there is no such light, or if the answer predicts no photos. Fails if a photo fails.
     fn verify(&mut self, _lab: &mut Lab) -> Result<Option<Verified>> {
         Ok(None)
     }

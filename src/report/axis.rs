@@ -21,7 +21,7 @@ pub(super) struct Tick {
 }
 
 impl Axis {
-    /// The axis that encloses all plottable `values`, widened to round numbers, with about `wanted` labelled ticks. `None` if no value is
+    /// The axis around all plottable `values`, widened to round numbers, with about `wanted` labelled ticks. `None` if no value is
     /// plottable.
     pub fn around(scale: Scale, values: impl Iterator<Item = f64>, wanted: usize) -> Option<Self> {
         // Numbers near the ends of the range of `f64` would overflow when they are rounded to a tick.

@@ -14,10 +14,7 @@ use crate::measure::Calibration;
 use crate::measure::RunManifest;
 
 /// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` into `folder`. The last one shows the
-/// number of camera pixels per projector pixel; brighter is more.
-///
-/// # Errors
-/// [`Error::Write`] naming the file.
+/// number of camera pixels per projector pixel; brighter is more. Fails with [`Error::Write`].
 pub fn write(folder: &Path, calibration: &Calibration, report: &CalibrationReport) -> Result<()> {
     let path = folder.join("report.json");
     let mut text =
@@ -34,9 +31,6 @@ pub fn write(folder: &Path, calibration: &Calibration, report: &CalibrationRepor
 }
 
 /// Writes `report.html`. `figures` are names and values of the measured quantities; `seconds` is the run's duration so far.
-///
-/// # Errors
-/// [`Error::Write`] naming the file.
 pub fn write_page(
     folder: &Path,
     (title, figures): (String, &[[String; 2]]),

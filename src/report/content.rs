@@ -1,5 +1,4 @@
-//! An answer as named arrays and named facts. They are the source of files, machine-readable summary, attributes in Python and lines on the
-//! terminal.
+//! An answer as named arrays and facts, the source of files, summary, attributes in Python and lines on the terminal.
 
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -26,8 +25,8 @@ pub struct Content<'a> {
 pub struct Array<'a> {
     /// The name of the file and of the attribute in Python.
     pub name: &'static str,
-    /// The number that distinguishes arrays with the same name, such as a number of groups. The file is `NAME-KEY.npy`, and the attribute
-    /// is a dictionary.
+    /// The number that distinguishes arrays of one name, such as a number of groups. The file is `NAME-KEY.npy`, the attribute a
+    /// dictionary.
     pub key: Option<usize>,
     /// The shape.
     pub shape: Vec<usize>,

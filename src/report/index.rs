@@ -26,10 +26,8 @@ pub struct FoundRun {
     pub has_page: bool,
 }
 
-/// The runs below a folder, with the last started first. Folders inside a run and links are not searched.
-///
-/// # Errors
-/// [`Error::Read`] when the folder cannot be read.
+/// The runs below a folder, with the last started first. Folders inside a run and links are not searched. Fails if the folder is
+/// unreadable.
 pub fn find(folder: &Path) -> Result<Vec<FoundRun>> {
     let mut runs = Vec::new();
     look_through(folder, Path::new(""), DEEPEST, &mut runs)?;
@@ -62,10 +60,7 @@ fn look_through(root: &Path, below: &Path, depth: usize, runs: &mut Vec<FoundRun
     Ok(())
 }
 
-/// Writes the page into the searched folder. A link in place of the page is refused.
-///
-/// # Errors
-/// [`Error::Write`] naming the file.
+/// Writes the page into the searched folder, with [`Error::Write`] on failure. A link in place of the page is refused.
 pub fn write(folder: &Path, runs: &[FoundRun]) -> Result<PathBuf> {
     file::follow_no_links_below(folder);
     let path = folder.join(NAME);

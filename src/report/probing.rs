@@ -43,9 +43,6 @@ impl ProbedLight {
     }
 
     /// Writes `probed`, `standard-error`, `exact` (if known) and `report.html` into the run's folder and returns their names.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
     pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
         let mut files = Files::new(run.folder);
         let mut images = vec![("probed", &self.values, format!("Let through: {}", self.probing.in_words()))];
@@ -97,8 +94,7 @@ impl ProbedLight {
         text
     }
 
-    /// The root mean square of the standard errors relative to that of the values (the exact ones if known). Without any light it has no
-    /// value.
+    /// The root mean square of the standard errors relative to that of the values (the exact ones if known). It has no value without light.
     pub fn noise(&self) -> Ratio {
         let errors = norm(&self.standard_errors);
         match &self.truth {

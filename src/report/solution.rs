@@ -37,9 +37,6 @@ impl Solved<'_> {
     }
 
     /// Writes `solution.npy`, `residuals.csv` and `report.html` into the run's folder and returns their names.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
     pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
         let mut files = Files::new(run.folder);
         let (found, method) = (self.found, self.method.facts().name);

@@ -154,8 +154,7 @@ pub struct Parameter {
     pub help: String,
 }
 
-/// The fields of a request in the order of the options, and the purpose of the request. Options about opening the source are excluded,
-/// since the record does not contain them.
+/// The fields of a request in the order of the options, and its purpose, without the options about opening the source.
 pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     let command = V::augment_args(clap::Command::new("request"));
     let defaults = serde_json::to_value(V::default()).unwrap_or_default();

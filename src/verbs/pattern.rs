@@ -88,10 +88,7 @@ impl std::fmt::Display for Pattern {
 }
 
 impl Pattern {
-    /// The pattern at this resolution.
-    ///
-    /// # Errors
-    /// If a file cannot be read or has another size, or if the pixel lies outside.
+    /// The pattern at this resolution. Fails if a file cannot be read or has another size, or if the pixel lies outside.
     pub fn image(&self, resolution: Resolution) -> Result<Image> {
         let Resolution { width, height } = resolution;
         let lit: Box<dyn Fn(usize, usize) -> bool> = match *self {

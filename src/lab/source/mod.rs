@@ -53,8 +53,8 @@ pub enum SourceKind {
 }
 
 impl SourceKind {
-    /// The kind, by the path's extension. A folder is a run. An unknown extension counts as a scene, since the scene loader's error lists
-    /// the formats that it accepts.
+    /// The kind, by the path's extension. A folder is a run. An unknown extension counts as a scene, whose loader lists the formats it
+    /// accepts.
     pub fn of(path: &Path) -> Self {
         if path.is_dir() {
             return Self::Run;
@@ -156,8 +156,8 @@ impl Source {
         }
     }
 
-    /// The blur, in pixels, that patterns and photos need ([`Registration::blur`](crate::measure::Registration::blur)); 0 if no rig was
-    /// calibrated.
+    /// The blur, in pixels, of patterns and photos ([`Registration::blur`](crate::measure::Registration::blur)); 0 without a calibrated
+    /// rig.
     pub(in crate::lab) fn blur(&self) -> f64 {
         match self {
             Self::Rig(rig) if rig.is_calibrated => rig.calibration.registration.blur(),

@@ -79,8 +79,7 @@ impl ModelParts {
     }
 }
 
-/// One part and channel of a model. It states the error that the limited rank causes as the errors of its products. Direct light is known
-/// exactly.
+/// One part and channel of a model. The errors of its products are those that the limited rank causes. Direct light is known exactly.
 pub(in crate::lab) struct ModelOperator<'a> {
     operator: &'a mut dyn Adjoint,
     captured: Option<&'a LowRank>,

@@ -52,8 +52,8 @@ pub(in crate::lab) struct Handed {
 
 impl RigSource {
     /// Reads the file, the files that it names, and the calibration. Settings of the tracer replace those that the file of a virtual rig
-    /// gives for its scene. They are refused if nothing is traced. Fails as [`RigFile::load`], [`Calibration::load`], and those of loading
-    /// a scene.
+    /// gives for its scene. They are refused if nothing is traced. Fails as [`RigFile::load`], [`Calibration::load`], and the loading of a
+    /// scene.
     pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,
@@ -77,8 +77,7 @@ impl RigSource {
         Ok(source)
     }
 
-    /// As [`Self::open`], but with ideal devices even if the file names a calibration, which may not exist yet. Fails as [`RigFile::load`],
-    /// and those of loading a scene.
+    /// As [`Self::open`], but with ideal devices even if the file names a calibration, which may not exist yet.
     pub(in crate::lab) fn uncalibrated(
         path: &Path,
         program: &Handed,
@@ -98,9 +97,9 @@ impl RigSource {
         Ok(Self { program: program.clone(), ..source })
     }
 
-    /// The virtual devices of `file` in front of an open scene. The scene replaces the one that the file names. Errors:
-    /// [`crate::Error::Data`] if the devices are real; [`crate::Error::Option`] if the scene's projector and camera have different numbers
-    /// of pixels; those of loading the calibration.
+    /// The virtual devices of `file` in front of an open scene, which replaces the one that the file names. Errors: [`crate::Error::Data`]
+    /// if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; those of loading the
+    /// calibration.
     pub(in crate::lab) fn in_front_of(
         scene: &SceneSource,
         file: RigFile,

@@ -106,8 +106,7 @@ impl SceneSource {
         Self::new(scene, tracer, trace, settings, observer)
     }
 
-    /// A scene that a program made. Its matrix is neither read from the cache nor stored there, since the scene may differ from the file
-    /// with its hash.
+    /// A scene that a program made. The cache is not used for its matrix, since the scene may differ from the file with its hash.
     pub(in crate::lab) fn in_memory(
         scene: Scene,
         settings: &Settings,

@@ -24,8 +24,7 @@ use crate::operator::{Operator, Symmetry};
 use crate::transport::{Assembled, Backend, Channels, Part, photo_bytes, predict};
 
 impl LightTransport {
-    /// Traces the scene, opens the rig or reads the journal. With a run's folder, each photo is in the journal before it is used, and no
-    /// photo is taken twice.
+    /// Traces the scene, opens the rig or reads the journal. With a run's folder, the journal keeps each photo before it is used.
     pub(in crate::lab) fn open(
         source: &Source,
         settings: &Settings,

@@ -8,10 +8,7 @@ use crate::lab::source::{Source, not_for_runs};
 use crate::transport::Part;
 
 impl Lab {
-    /// Refuses a source that cannot be audited.
-    ///
-    /// # Errors
-    /// [`crate::Error::Data`] for the folder of a run.
+    /// Refuses a source that cannot be audited: [`crate::Error::Data`] for the folder of a run.
     pub fn check_for_audit(&self) -> Result<()> {
         match self.folder_of_run() {
             Some(folder) => Err(not_for_runs(folder)),

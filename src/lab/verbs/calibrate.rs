@@ -32,9 +32,9 @@ impl RigSource {
     }
 
     /// The folder of a calibration for which no folder is named. It is the first unused one of [`Self::calibration_folder`] and the same
-    /// name with `-2`, `-3`, …, so that an earlier calibration stays unchanged. If the last used one is unfinished, it is returned instead,
-    /// to be resumed or replaced. If `again` is true and the last one is complete, the folder that the rig file names is returned, to be
-    /// resumed or replaced.
+    /// name with `-2`, `-3`, …, so that an earlier calibration stays unchanged. An unfinished last one is returned instead, to be resumed
+    /// or replaced. If `again` is true and the last one is complete, the folder that the rig file names is returned, also to be resumed or
+    /// replaced.
     pub fn next_calibration_folder(&self, again: bool) -> PathBuf {
         let named = self.calibration_folder();
         let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -57,8 +57,7 @@ impl RigSource {
         }
     }
 
-    /// Calibrates the devices from captures alone, and writes the calibration and a report into a folder. The folder's journal keeps every
-    /// photo before it is used.
+    /// Calibrates the devices from captures alone, and writes the calibration and a report into a folder, with a journal of all photos.
     ///
     /// # Errors
     /// As [`calibrate`]; [`crate::Error::Write`]; [`crate::Error::Option`] for a folder that holds a run.

@@ -1,5 +1,4 @@
-//! A scene's matrix on several machines: shards that independent machines trace, the matrix joined from all shards, and a prediction for
-//! several processes.
+//! A scene's matrix on several machines: independently traced shards, the joined matrix, and a prediction for several processes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

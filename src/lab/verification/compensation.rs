@@ -53,8 +53,8 @@ impl Lab {
         }))
     }
 
-    /// The photo of a pattern within `[0, 1]` by independent light, for each channel, without ambient light. On a rig each pixel has a
-    /// separate standard error.
+    /// The photo of a pattern within `[0, 1]` by independent light, for each channel, without ambient light. A rig gives errors for each
+    /// pixel.
     fn photo_of(
         &mut self,
         pattern: &Image,

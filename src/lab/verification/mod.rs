@@ -64,8 +64,7 @@ type PairsWithPhotos = (VerifiedEigenpairs, Vec<Vec<f64>>, Vec<EstimatedProduct>
 pub struct VerifiedEigenpairs {
     /// The accuracy of the predicted photos of the eigenvectors.
     pub verification: Verification,
-    /// Estimates of the scene's eigenpairs, one for each that was found. They are empty for a rig, since its one photo shows all pairs
-    /// together.
+    /// Estimates of the scene's eigenpairs, one for each that was found; empty for a rig, since its one photo shows all pairs together.
     pub estimates: Vec<EigenpairEstimate>,
     /// The remaining confidence of labels, for each number of groups: the share of the pixels that independent light puts into the same
     /// group. It is 0 if the verification fails. The list is empty for eigenpairs alone.
@@ -82,9 +81,9 @@ impl VerifiedEigenpairs {
 }
 
 impl Lab {
-    /// Verifies eigenpairs of one part of the light transport matrix. It uses the products of all eigenvectors by light paths with another
-    /// seed, or one photo of their sum with random signs. The result is `None` if there is no independent light, or if pairs are complex.
-    /// Fails as [`Lab::operator`].
+    /// Verifies eigenpairs of one part of the light transport matrix, by the products of all eigenvectors with another seed's light paths,
+    /// or by one photo of their sum with random signs. `None` without independent light, or if pairs are complex. Fails as
+    /// [`Lab::operator`].
     pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
@@ -144,8 +143,7 @@ impl Lab {
         Ok(Some(verified))
     }
 
-    /// Verifies eigenpairs. Light paths with another seed verify each of them and give `estimates`. Otherwise one photo verifies their sum
-    /// with random signs.
+    /// Verifies eigenpairs: each by light paths with another seed, which give `estimates`, or their sum with random signs by one photo.
     fn verify_pairs(
         &mut self,
         part: Part,
@@ -289,8 +287,8 @@ impl Lab {
         Ok(by.map(|by| (by, products)))
     }
 
-    /// Judges a comparison, and notes it in the record of the open run. `cause` explains the photo with the largest deviation. The result
-    /// is `None` if there is no light.
+    /// Judges a comparison, and notes it in the record of the open run. `cause` explains the largest deviation. `None` if there is no
+    /// light.
     fn checked(
         &mut self,
         by: Independent,

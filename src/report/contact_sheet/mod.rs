@@ -27,10 +27,7 @@ impl ContactSheet {
     }
 
     /// Adds a channel's pattern and photo, each of which may be signed. The `k`-th photos of all channels form the `k`-th colour photo.
-    /// `dual` says that the pattern is on the camera's side (a product with the transpose).
-    ///
-    /// # Errors
-    /// [`crate::Error::Dimension`] when the number of values differs from the number of pixels.
+    /// `dual` says that the pattern is on the camera's side (a product with the transpose). Fails if there is not one value per pixel.
     pub fn push(&mut self, channel: usize, pattern: &[f64], photo: &[f64], dual: bool) -> Result<()> {
         let channel = channel.min(self.channels - 1);
         let index = self.counts[channel];
@@ -67,8 +64,7 @@ impl ContactSheet {
         sheet::sheet(&self.shots)
     }
 
-    /// The page section with the sheet; `None` without photos. `unit` is the photos' unit, `order` explains their order. Fails as
-    /// [`ContactSheet::sheet`].
+    /// The page section with the sheet; `None` without photos. `unit` is the photos' unit, `order` explains their order.
     pub fn section(&self, unit: &str, order: &str) -> Result<Option<Section>> {
         if self.is_empty() {
             return Ok(None);

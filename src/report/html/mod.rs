@@ -1,5 +1,5 @@
-//! `report.html`: one self-contained page with the results of a run. The page loads nothing from elsewhere. Its scripts show values, zoom,
-//! flip and compare. The results are also visible without scripts.
+//! `report.html`: one self-contained page with the results of a run. Scripts show values, zoom, flip and compare. All results are visible
+//! without them.
 
 mod definitions;
 mod files;
@@ -198,10 +198,7 @@ pub struct RunCard {
 }
 
 impl Report {
-    /// The page's HTML. Equal reports give equal bytes.
-    ///
-    /// # Errors
-    /// [`Error::Numerical`](crate::Error::Numerical) if the template cannot be rendered.
+    /// The page's HTML. Equal reports give equal bytes. Fails if the template cannot be rendered.
     pub fn render(&self) -> Result<String> {
         page::render(self)
     }

@@ -103,8 +103,7 @@ impl Values {
     }
 }
 
-/// Floats as text: the first bytes of all floats, then the second bytes, and so on. In this order they deflate better. The bytes are
-/// deflated and encoded in base64.
+/// Floats as text, deflated, in base64. The first bytes of all floats come first, then the second bytes, and so on: they deflate better.
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
     let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
     let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();

@@ -1,5 +1,4 @@
-//! TCP packets of the image viewer tev: a little-endian `u32` length that includes itself, a type, and fields. Strings end with a zero
-//! byte.
+//! TCP packets of the image viewer tev: a little-endian `u32` length of the whole packet, a type, and fields. A zero byte ends a string.
 
 use crate::image::Resolution;
 

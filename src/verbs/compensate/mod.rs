@@ -219,8 +219,7 @@ impl Verb for Compensate {
 }
 
 impl Compensate {
-    /// The options of the method for a rig whose light transport is symmetric or not. `photos_of_run` is the default budget of a replayed
-    /// run.
+    /// The options of the method for symmetric or other light transport. `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, is_symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
         let base = match self.paper {
             true => CompensateOptions::paper(is_symmetric, 0.1),
@@ -243,10 +242,7 @@ impl Compensate {
         }
     }
 
-    /// Refuses options that the prediction of a rig's answer does not support.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option.
+    /// Refuses options that the prediction of a rig's answer does not support, with [`Error::Option`].
     pub fn check_plan(&self) -> Result<()> {
         let given = [
             (self.peak.is_some(), "--peak"),

@@ -237,8 +237,8 @@ fn similarity(run: &Compensated) -> Block {
     }
 }
 
-/// The content of `methods.csv`: the residual of each method's displayed photo after each photo, and the frames that it took. Frames are
-/// empty if photos are computed.
+/// The content of `methods.csv`: the residual of each method's displayed photo after each photo, and its frames; empty if photos are
+/// computed.
 fn csv(methods: &[MethodRun]) -> String {
     let mut text = String::from("method,photo,frames,relative_residual_displayed\n");
     for method in methods {

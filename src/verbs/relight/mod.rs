@@ -119,9 +119,8 @@ impl Verb for Relight {
         self.questions_to(lab).map(drop)
     }
 
-    /// Captures the light transport and asks the model. If the source is a run, its model is asked without a photo. A captured model is
-    /// written into the folder of the open run as soon as it exists. The photos of a scene are not kept in a journal, since a simulator
-    /// also computes the truth.
+    /// Captures the light transport and asks the model, or asks the model of the source without a photo. A captured model is written into
+    /// the folder of the open run at once. The journal omits the photos of a scene, since a simulator also computes the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Relighting> {
         let questions = self.questions_to(lab)?;
         if lab.has_model() {

@@ -82,8 +82,7 @@ impl Segmented {
         Ok(self)
     }
 
-    /// The share of the pixels whose label is certain, limited to the share that independent light supports. `None` for a number of groups
-    /// that was not requested.
+    /// The share of certain labels, limited by independent light; `None` for a number of groups that was not requested.
     pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
         let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
         self.segmentation.share_of_sure(groups).map(|sure| sure * supported)

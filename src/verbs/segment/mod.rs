@@ -183,10 +183,7 @@ impl Segment {
         if self.direct == Direct::Source && !self.keep_direct { Part::Global } else { Part::Full }
     }
 
-    /// Refuses options that the prediction of a rig's answer does not support.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option.
+    /// Refuses options that the prediction of a rig's answer does not support, with [`Error::Option`].
     pub fn check_plan(&self) -> Result<()> {
         let given = [
             (self.blur.is_some(), "--blur"),

@@ -124,8 +124,7 @@ impl Verb for Separate {
         by.map_or(Ok(()), SeparateBy::check)
     }
 
-    /// Separates direct and global light under white. The photos of a scene are not kept in a journal, since a simulator also computes the
-    /// truth by hundreds of products.
+    /// Separates direct and global light under white. The journal omits the photos of a scene, since a simulator also computes the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Separated> {
         lab.allow_photos(self.budget(lab));
         let (is_scene, seed) = (lab.kind() == SourceKind::Scene, lab.seed());
