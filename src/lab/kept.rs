@@ -61,7 +61,7 @@ impl KeptRun {
         Some(Self { path: path.to_path_buf(), status: record.status, bytes, journal_bytes, photos })
     }
 
-    /// Deletes the journal of a run whose photos can be computed again, and returns the number of bytes freed. All other files stay.
+    /// Deletes the journal of a run, if its photos can be computed again, and returns the number of bytes freed. All other files stay.
     ///
     /// # Errors
     /// [`Error::Option`] if the photos cannot be computed again or a run is in progress in the folder; [`Error::Write`].

@@ -121,7 +121,7 @@ impl Lab {
     /// matrix of a rig is photographed column by column instead: [`crate::analysis::brute_force`].
     ///
     /// # Errors
-    /// [`Error::Option`] if the source has no matrix; those of [`Lab::operator`].
+    /// [`Error::Option`] if the source has no matrix; the errors of [`Lab::operator`].
     pub fn matrix(&mut self, part: Part, channel: usize) -> Result<Csr> {
         if let Source::Matrix(source) = &self.source {
             return match part {

@@ -1,4 +1,4 @@
-//! Mutexes whose every change is one assignment.
+//! Mutexes in which every change is one assignment.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

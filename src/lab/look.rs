@@ -1,5 +1,5 @@
-//! The camera's view of a scene as a picture for people: the surfaces' own colours, lit from the camera. The processor draws it. It is not
-//! a photo.
+//! The camera's view of a scene as a picture for people, not a photo: the surfaces' own colours, lit from the camera. It needs no graphics
+//! device.
 
 use glam::{Vec2, Vec3};
 

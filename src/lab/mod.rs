@@ -91,8 +91,7 @@ use crate::transport::Channels;
 use source::{MatrixSource, SceneSource, Source};
 use transport::LightTransport;
 
-/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of a run, or a matrix (`.npz`, `.mtx`, `.npy`). See
-/// [`Lab::open`].
+/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of a run, or a matrix (`.npz`, `.mtx`, `.npy`): [`Lab::open`].
 pub fn open(path: impl AsRef<Path>) -> Result<Lab> {
     Lab::open(path)
 }

@@ -16,7 +16,7 @@ impl Lab {
     /// otherwise. A pattern of one channel lights all channels.
     ///
     /// # Errors
-    /// [`crate::Error::Dimension`] when the pattern does not have the pixels or channels of the projector; those of [`Lab::operator`].
+    /// [`crate::Error::Dimension`] when the pattern does not have the pixels or channels of the projector; the errors of [`Lab::operator`].
     pub fn photo(&mut self, pattern: &Image) -> Result<Image> {
         lock(self.transport()?).photograph(pattern)
     }
@@ -45,7 +45,7 @@ impl Lab {
     /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light: `[primary][channel][pixel]`.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] if projector or camera is gray; those of [`Lab::operator`].
+    /// [`crate::Error::Option`] if projector or camera is gray; the errors of [`Lab::operator`].
     pub fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
         lock(self.transport()?).primaries()
     }

@@ -50,7 +50,7 @@ impl Lab {
     /// folder must not hold a run.
     ///
     /// # Errors
-    /// [`Error::Option`] if the folder holds another run; [`Error::Write`]; those of the photos that the report shows.
+    /// [`Error::Option`] if the folder holds another run; [`Error::Write`]; the errors of the photos that the report shows.
     pub fn save(&mut self, folder: impl AsRef<Path>, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
         let folder = folder.as_ref();
         if self.run.as_ref().is_none_or(|run| run.path != folder) {

@@ -73,7 +73,7 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     Ok(())
 }
 
-/// The corners of the projector have 0.9 of the centre's light, and those of the camera 0.85. Ignoring one of them gives a tenth of error.
+/// The corners of the projector have 0.9 of the centre's light, and those of the camera 0.85. Ignoring one gives an error of a tenth.
 #[test]
 fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;

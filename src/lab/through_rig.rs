@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 use crate::measure::{Calibration, RigFile};
 
 impl Lab {
-    /// The same scene through the virtual devices of a rig file, in place of the scene that the file names. The scene is not traced again where
-    /// the devices have the channels of this laboratory. The devices are taken as ideal where the file names no calibration, until
+    /// The same scene through the virtual devices of a rig file, in place of the scene that the file names. The scene is traced again only
+    /// if the devices have other channels than this laboratory. Without a calibration in the file, the devices are taken as ideal until
     /// [`Lab::calibrate`] or [`Lab::set_calibration`].
     ///
     /// ```
@@ -32,8 +32,8 @@ impl Lab {
     /// ```
     ///
     /// # Errors
-    /// [`crate::Error::Data`] where there is no scene or the devices are real; [`crate::Error::Option`] where the scene's projector has other
-    /// pixels than its camera; those of loading the calibration that the file names.
+    /// [`crate::Error::Data`] if there is no scene or the devices are real; [`crate::Error::Option`] if the scene's projector has other
+    /// pixels than its camera; the errors of loading the calibration that the file names.
     pub fn through_rig(&self, file: RigFile) -> Result<Self> {
         let rig = RigSource::in_front_of(self.scene_source()?, file, &self.observer)?;
         let settings = Settings { operator: OperatorChoice::Auto, ..self.settings.clone() };

@@ -84,7 +84,7 @@ pub trait Answer {
     /// folder.
     ///
     /// # Errors
-    /// [`crate::Error::Write`] naming the file; those of the photos that the page shows.
+    /// [`crate::Error::Write`] naming the file; the errors of the photos that the page shows.
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>>;
 }
 

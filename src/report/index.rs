@@ -26,8 +26,7 @@ pub struct FoundRun {
     pub has_page: bool,
 }
 
-/// The runs below a folder, with the last started first. Folders inside a run and links are not searched. Fails if the folder is
-/// unreadable.
+/// The runs below a folder, with the last started first. Folders inside a run and links are not searched. Fails with [`Error::Read`].
 pub fn find(folder: &Path) -> Result<Vec<FoundRun>> {
     let mut runs = Vec::new();
     look_through(folder, Path::new(""), DEEPEST, &mut runs)?;

@@ -14,8 +14,7 @@ use crate::krylov::HistoryRow;
 /// Maximum number of lines in the plot of residuals.
 const LINES: usize = 5;
 
-/// A signed picture of each eigenvector, with its file name. `mask` is `true` at pixels to leave out. `embedding` maps entries to the
-/// coordinates that groups are made of.
+/// A signed picture of each eigenvector, with its file name. `mask` marks pixels to leave out. `embedding` maps entries to coordinates.
 pub(crate) fn pictures(
     resolution: Resolution,
     vectors: &[Vec<f64>],

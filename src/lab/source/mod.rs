@@ -53,8 +53,7 @@ pub enum SourceKind {
 }
 
 impl SourceKind {
-    /// The kind, by the path's extension. A folder is a run. An unknown extension counts as a scene, whose loader lists the formats it
-    /// accepts.
+    /// The kind, by the path's extension. A folder is a run. An unknown extension counts as a scene, whose loader lists its formats.
     pub fn of(path: &Path) -> Self {
         if path.is_dir() {
             return Self::Run;

@@ -98,7 +98,7 @@ impl RigSource {
     }
 
     /// The virtual devices of `file` in front of an open scene, which replaces the one that the file names. Errors: [`crate::Error::Data`]
-    /// if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; those of loading the
+    /// if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; the errors of loading the
     /// calibration.
     pub(in crate::lab) fn in_front_of(
         scene: &SceneSource,
@@ -197,7 +197,7 @@ impl RigSource {
     /// The scene or matrix that the virtual devices look at. A scene is traced now if necessary.
     ///
     /// # Errors
-    /// [`crate::Error::Data`] if the devices are real, and those of tracing.
+    /// [`crate::Error::Data`] if the devices are real; the errors of tracing.
     pub fn twin(&self) -> Result<Twin> {
         twin(self.scene.as_ref(), self.devices()?, &self.file.path)
     }

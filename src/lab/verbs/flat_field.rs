@@ -14,7 +14,7 @@ impl RigSource {
     ///
     /// # Errors
     /// [`Error::Rig`] if the calibration does not contain the factor between the devices, or if the photo does not show an even sheet;
-    /// those of taking the photo.
+    /// the errors of taking the photo.
     pub fn flat_field(&self) -> Result<FlatField> {
         let Some(known) = self.calibration.flat_field.clone() else {
             return Err(Error::Rig {

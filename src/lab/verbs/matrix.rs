@@ -23,7 +23,7 @@ impl Lab {
     /// of a rig is photographed column by column.
     ///
     /// # Errors
-    /// [`Error::Option`] for a request that the source does not support; those of [`Lab::operator`].
+    /// [`Error::Option`] for a request that the source does not support; the errors of [`Lab::operator`].
     pub fn matrices(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
         if self.run.is_none() {
             self.warn_of_darkness();

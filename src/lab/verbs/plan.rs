@@ -56,7 +56,7 @@ impl Lab {
     ///
     /// # Errors
     /// [`Error::Option`] if the source is not a rig, or if there are no trials; [`Error::Data`] if the devices are real;
-    /// [`Error::Interrupted`]; those of tracing, and of the verb.
+    /// [`Error::Interrupted`]; the errors of tracing and of the verb.
     pub fn plan(&self, request: &PlanRequest, trials: u64) -> Result<Plan> {
         let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
         if trials == 0 {

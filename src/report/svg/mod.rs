@@ -1,7 +1,7 @@
 //! The frame of a plot as SVG: grid, labels and legend, and the marks drawn within it.
 //!
-//! Text and lines use the page's text colour (`currentColor`), so that one drawing suits light mode, dark mode and print. The usual crate,
-//! `plotters`, supports fixed colours only.
+//! Text and lines use the page's text colour (`currentColor`), so that one drawing suits light mode, dark mode and print. The crate
+//! `plotters` supports fixed colours only.
 
 use std::fmt::Write;
 

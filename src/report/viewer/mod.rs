@@ -1,7 +1,7 @@
 //! Live images in the image viewer tev.
 //!
-//! A background thread sends only the newest version of each image and channel, so that the capture never waits. A viewer that is missing
-//! or disconnects causes one warning.
+//! A background thread sends only the newest version of each image and channel, so that the capture never waits. A missing or lost viewer
+//! causes one warning.
 
 pub mod packet;
 

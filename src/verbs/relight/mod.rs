@@ -250,7 +250,7 @@ mod tests {
         let mut lab = Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24).samples(64).open()?;
         let mut model = lab.ask(&Relight { photos: Some(20), block: Some(4), ..Relight::default() })?;
         let worst = model.worst().unwrap_or(f64::NAN);
-        // White is among the photos of the model, so the model contains the white photo's noise, which is that of the matrix.
+        // White is among the photos of the model, so the model contains the noise of the white photo, and thus of the matrix.
         let noise = lab.noise()?.map_or(f64::NAN, |noise| noise.white_relative);
         assert!((worst / noise - 1.0).abs() < 0.5, "{worst} {noise}");
         let Some(checked) = model.verify(&mut lab)? else { unreachable!("a scene") };
