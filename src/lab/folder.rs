@@ -56,7 +56,7 @@ impl RunFolder {
     /// again; if it is the same folder, the answers are put beside its photos.
     ///
     /// # Errors
-    /// [`Error::Option`] when the folder holds an earlier run that must not be overwritten, files of another program, or a run in progress;
+    /// [`Error::Option`] if the folder holds an active run, a run that must not be overwritten, or another program's files;
     /// [`Error::Write`].
     pub fn create(
         options: &RunOptions,
@@ -141,8 +141,7 @@ impl RunFolder {
     }
 
     /// Writes the files of the answer, whose names `write` returns. They appear in the run's folder once all are complete and the record
-    /// lists them, so that a later run that replaces this one knows them even if this program is killed. Errors: those of `write`;
-    /// [`Error::Write`].
+    /// lists them, so that a later run that replaces this one knows them even if this program is killed.
     pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
         file::remove(&self.answer)?;
         file::make_folder(&self.answer)?;

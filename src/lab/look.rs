@@ -1,5 +1,4 @@
-//! The camera's view of a scene as a picture for people, not a photo: the surfaces' own colours, lit from the camera. It needs no graphics
-//! device.
+//! The camera's view of a scene as a picture for people, not a photo: the surfaces' own colours, lit from the camera, without a device.
 
 use glam::{Vec2, Vec3};
 

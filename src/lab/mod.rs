@@ -91,7 +91,7 @@ use crate::transport::Channels;
 use source::{MatrixSource, SceneSource, Source};
 use transport::LightTransport;
 
-/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of a run, or a matrix (`.npz`, `.mtx`, `.npy`): [`Lab::open`].
+/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), a run's folder, or a matrix (`.npz`, `.mtx`, `.npy`). See [`Lab::open`].
 pub fn open(path: impl AsRef<Path>) -> Result<Lab> {
     Lab::open(path)
 }
@@ -119,8 +119,7 @@ impl Lab {
     /// Opens a source with default settings.
     ///
     /// # Errors
-    /// [`Error::Read`], [`Error::Data`] or [`Error::Scene`] naming the unusable file; [`Error::Device`] if a scene must be traced and there
-    /// is no graphics device.
+    /// [`Error::Read`], [`Error::Data`] or [`Error::Scene`] naming the file; [`Error::Device`] without a graphics device for tracing.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::builder(path).open()
     }
@@ -140,8 +139,7 @@ impl Lab {
         LabBuilder::of_matrix(matrix, name.into())
     }
 
-    /// A laboratory around a rig whose file a program wrote. `text` is the file's content, which a run keeps, and `name` stands for its
-    /// path.
+    /// A laboratory around a rig whose file a program wrote. A run keeps `text`, the file's content. `name` stands for its path.
     pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
         LabBuilder::of_rig(name.as_ref(), text.into())
     }

@@ -27,8 +27,7 @@ pub(super) struct Replaced {
 }
 
 impl Replaced {
-    /// Moves the run aside: its photos, model, report, record, and the listed files. After [`Error::Write`], everything is back in its
-    /// place.
+    /// Moves the run aside: its photos, model, report, record, and the listed files. On [`Error::Write`], everything is moved back.
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
@@ -98,8 +97,7 @@ impl Replaced {
         self.names().iter().try_for_each(|name| file::remove(&self.run.join(name)))
     }
 
-    /// Puts the run back in place of one without photos. The record of the failed run is removed first, so that the next program can finish
-    /// the work if this one is killed.
+    /// Puts the run back in place of one without photos. That one's record is removed first, so that the next program can finish the work.
     pub(super) fn restore(&self) -> Result<()> {
         let moving = self.moving();
         if is_there(&self.aside) {

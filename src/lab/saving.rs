@@ -46,8 +46,7 @@ impl Lab {
         result
     }
 
-    /// Writes an answer into a folder: arrays, pictures, `run.json` and `report.html`. The folder may be that of the open run. Any other
-    /// folder must not hold a run.
+    /// Writes an answer into a folder: arrays, pictures, `run.json` and `report.html`. A folder with a run must be that of the open run.
     ///
     /// # Errors
     /// [`Error::Option`] if the folder holds another run; [`Error::Write`]; the errors of the photos that the report shows.

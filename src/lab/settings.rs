@@ -107,8 +107,7 @@ impl From<Channels> for ChannelChoice {
 /// The place where matrices are kept for later runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CacheChoice {
-    /// The folder that the environment variable `KRYLUX_CACHE` names, or `krylux` in the user's cache folder if it is not set. An empty
-    /// variable means that nothing is kept.
+    /// The folder that the environment variable `KRYLUX_CACHE` names (none if it is empty), or else `krylux` in the user's cache folder.
     #[default]
     Default,
     /// Matrices are not kept.
@@ -180,8 +179,7 @@ impl TraceOverrides {
         TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
     }
 
-    /// The settings for the scene of a virtual rig whose file contains `settings`. The seed is the file's, so that equal devices see equal
-    /// scenes.
+    /// The settings for the scene of a virtual rig whose file contains `settings`. The seed is the file's: equal devices see equal scenes.
     pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
         self.over(settings)
     }

@@ -134,7 +134,7 @@ fn a_camera_as_coarse_as_the_projector_is_registered_to_a_part_of_a_pixel() -> R
     let [x, y] = lens.to_projector([24.0, 24.0]);
     assert!((x - 24.3).abs() < 0.03 && (y - 24.4).abs() < 0.03, "{x} {y}");
     let white = error(&mut rig, &mut exact, Part::Full)?;
-    // With Gray codes the error was 0.1, because their map omits the camera pixels that look past the lit area. The rest is noise.
+    // With Gray codes the error was 0.1, because they gave the map of a camera that does not look past the lit area. The rest is noise.
     assert!(white < 0.06, "{white}");
     Ok(())
 }

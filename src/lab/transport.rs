@@ -138,8 +138,7 @@ impl LightTransport {
         self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
     }
 
-    /// As [`Self::products`], for products that only confirm an answer. The journal keeps them apart from the photos that models are made
-    /// of.
+    /// As [`Self::products`], for products that only confirm an answer. The journal keeps them apart from the photos used for models.
     pub(super) fn confirming_products(
         &mut self,
         of: (Part, usize),

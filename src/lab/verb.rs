@@ -80,8 +80,7 @@ pub trait Answer {
         true
     }
 
-    /// Writes arrays, pictures and the page. `seconds` is the time that the run took so far. Returns the files' names, relative to the
-    /// folder.
+    /// Writes arrays, pictures and the page. `seconds` is the run's duration so far. Returns the files' names, relative to the folder.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file; the errors of the photos that the page shows.

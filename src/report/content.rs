@@ -25,8 +25,7 @@ pub struct Content<'a> {
 pub struct Array<'a> {
     /// The name of the file and of the attribute in Python.
     pub name: &'static str,
-    /// The number that distinguishes arrays of one name, such as a number of groups. The file is `NAME-KEY.npy`, the attribute a
-    /// dictionary.
+    /// The number that distinguishes arrays of one name. The file is `NAME-KEY.npy`, and the attribute is a dictionary.
     pub key: Option<usize>,
     /// The shape.
     pub shape: Vec<usize>,

@@ -67,8 +67,7 @@ impl Default for Palette {
 
 impl Palette {
     /// Colours for `labels` that match a picture of `reference` with this palette. The group that shares the most pixels with a region of
-    /// the reference takes its colour, and the next group takes the colour of another region. Groups without a region take colours that the
-    /// reference lacks.
+    /// the reference takes its colour, and the next group takes that of another region. Other groups take colours that it lacks.
     #[must_use]
     pub fn matched(&self, reference: &[u8], labels: &[u8]) -> Self {
         let mut shared = vec![0_usize; 256 * 256];

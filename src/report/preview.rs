@@ -43,7 +43,7 @@ mod tests {
         assert_eq!((picture.pixel(0, 0), picture.pixel(3, 0)), (CRUSHED, SATURATED));
         assert_eq!(picture.pixel(1, 0), [0; 3]);
         let [red, green, blue] = picture.pixel(2, 0);
-        // The expected level is 0.4756 in sRGB.
+        // The sRGB code of the linear value 0.4756 is expected.
         assert!(red == green && green == blue && (180..185).contains(&red), "{red}");
     }
 }

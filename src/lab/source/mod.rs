@@ -155,8 +155,7 @@ impl Source {
         }
     }
 
-    /// The blur, in pixels, of patterns and photos ([`Registration::blur`](crate::measure::Registration::blur)); 0 without a calibrated
-    /// rig.
+    /// The blur, in pixels, of patterns and photos ([`Registration::blur`](crate::measure::Registration::blur)); 0 if uncalibrated.
     pub(in crate::lab) fn blur(&self) -> f64 {
         match self {
             Self::Rig(rig) if rig.is_calibrated => rig.calibration.registration.blur(),

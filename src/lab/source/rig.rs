@@ -52,8 +52,7 @@ pub(in crate::lab) struct Handed {
 
 impl RigSource {
     /// Reads the file, the files that it names, and the calibration. Settings of the tracer replace those that the file of a virtual rig
-    /// gives for its scene. They are refused if nothing is traced. Fails as [`RigFile::load`], [`Calibration::load`], and the loading of a
-    /// scene.
+    /// gives for its scene. They are refused if nothing is traced. Fails if the file, the calibration or the scene cannot be loaded.
     pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,
@@ -98,8 +97,8 @@ impl RigSource {
     }
 
     /// The virtual devices of `file` in front of an open scene, which replaces the one that the file names. Errors: [`crate::Error::Data`]
-    /// if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; the errors of loading the
-    /// calibration.
+    /// if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; those of
+    /// [`Calibration::load`].
     pub(in crate::lab) fn in_front_of(
         scene: &SceneSource,
         file: RigFile,

@@ -16,8 +16,8 @@ impl Lab {
         }
     }
 
-    /// The faults of a rig's devices that show without a request. The devices are opened for this check alone, before they are opened as an
-    /// operator. Devices that a program handed over can be opened only once, so they are not examined.
+    /// Findings about unrequested behaviour of a rig's devices, such as an automatic iris. The devices are opened for this check alone,
+    /// before they are opened as an operator. Devices that a program handed over can be opened only once, so they are not examined.
     fn faults_of_devices(&mut self) -> Result<Vec<Finding>> {
         self.transport = None;
         let Source::Rig(rig) = &self.source else { return Ok(Vec::new()) };

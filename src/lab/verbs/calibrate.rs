@@ -33,8 +33,7 @@ impl RigSource {
 
     /// The folder of a calibration for which no folder is named. It is the first unused one of [`Self::calibration_folder`] and the same
     /// name with `-2`, `-3`, …, so that an earlier calibration stays unchanged. An unfinished last one is returned instead, to be resumed
-    /// or replaced. If `again` is true and the last one is complete, the folder that the rig file names is returned, also to be resumed or
-    /// replaced.
+    /// or replaced. So is the folder that the rig file names, if `again` is true and the last one is complete.
     pub fn next_calibration_folder(&self, again: bool) -> PathBuf {
         let named = self.calibration_folder();
         let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();

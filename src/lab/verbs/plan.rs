@@ -51,8 +51,7 @@ impl PlanRequest {
 }
 
 impl Lab {
-    /// Predicts photos, time and error of a verb on a virtual rig. It runs the verb `trials` times on the rig's twin, each time with
-    /// different noise.
+    /// Predicts photos, time and error of a verb on a virtual rig, from `trials` runs on the rig's twin, each with different noise.
     ///
     /// # Errors
     /// [`Error::Option`] if the source is not a rig, or if there are no trials; [`Error::Data`] if the devices are real;

@@ -53,8 +53,7 @@ impl Lab {
         }))
     }
 
-    /// The photo of a pattern within `[0, 1]` by independent light, for each channel, without ambient light. A rig gives errors for each
-    /// pixel.
+    /// The photo of a pattern within `[0, 1]` by independent light, for each channel, without ambient light. A rig states errors per pixel.
     fn photo_of(
         &mut self,
         pattern: &Image,

@@ -82,8 +82,7 @@ impl VerifiedEigenpairs {
 
 impl Lab {
     /// Verifies eigenpairs of one part of the light transport matrix, by the products of all eigenvectors with another seed's light paths,
-    /// or by one photo of their sum with random signs. `None` without independent light, or if pairs are complex. Fails as
-    /// [`Lab::operator`].
+    /// or by one photo of their sum with random signs. `None` without independent light or for complex pairs.
     pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
@@ -287,8 +286,7 @@ impl Lab {
         Ok(by.map(|by| (by, products)))
     }
 
-    /// Judges a comparison, and notes it in the record of the open run. `cause` explains the largest deviation. `None` if there is no
-    /// light.
+    /// Judges a comparison, and notes it in the record of the open run. `cause` explains the largest deviation. `None` without light.
     fn checked(
         &mut self,
         by: Independent,

@@ -202,7 +202,7 @@ impl Report {
         page::render(self)
     }
 
-    /// Writes the page. Fails as [`Report::render`], and [`Error::Write`](crate::Error::Write).
+    /// Writes the page. Fails as [`Report::render`], or with [`Error::Write`](crate::Error::Write).
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic::write_bytes(path, self.render()?.as_bytes())
     }

@@ -1,7 +1,6 @@
 //! The frame of a plot as SVG: grid, labels and legend, and the marks drawn within it.
 //!
-//! Text and lines use the page's text colour (`currentColor`), so that one drawing suits light mode, dark mode and print. The crate
-//! `plotters` supports fixed colours only.
+//! Text and lines use the page's text colour (`currentColor`) for light mode, dark mode and print. `plotters` supports only fixed colours.
 
 use std::fmt::Write;
 

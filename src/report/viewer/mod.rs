@@ -1,7 +1,6 @@
 //! Live images in the image viewer tev.
 //!
-//! A background thread sends only the newest version of each image and channel, so that the capture never waits. A missing or lost viewer
-//! causes one warning.
+//! A background thread sends only the newest version of each image and channel. The capture never waits. A lost viewer causes one warning.
 
 pub mod packet;
 

@@ -237,7 +237,7 @@ fn similarity(run: &Compensated) -> Block {
     }
 }
 
-/// The content of `methods.csv`: the residual of each method's displayed photo after each photo, and its frames (empty if computed).
+/// The content of `methods.csv`: the displayed residual of each method after each photo, and its frames (empty if photos are computed).
 fn csv(methods: &[MethodRun]) -> String {
     let mut text = String::from("method,photo,frames,relative_residual_displayed\n");
     for method in methods {

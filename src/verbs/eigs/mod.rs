@@ -185,8 +185,7 @@ impl Eigs {
         Ok(Eigenpairs::new(found, self, picture(lab, lab.projector_resolution())))
     }
 
-    /// Singular values of one part of the light transport matrix, with the patterns and their photos. Every second photo uses the
-    /// transpose.
+    /// Singular values of one part of the light transport matrix, with patterns and photos. Every second photo uses the transpose.
     ///
     /// # Errors
     /// As [`singular()`] and [`Lab::operator`]; a rig that is not coaxial cannot take photos of its transpose

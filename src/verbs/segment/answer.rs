@@ -260,7 +260,7 @@ impl Segmented {
                 format!("add --groups {regions}"),
             );
         };
-        // A score that is NaN does not pass.
+        // A bound that is NaN is not met.
         let grade = if score >= least { Grade::Ok } else { Grade::Fails };
         let found = format!("the adjusted Rand index against the true labels is {score:.4}");
         Some(Finding::graded("agreement", grade, found, expected, "give more --photos or --spp"))
