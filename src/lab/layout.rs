@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use crate::journal::Journal;
 
-/// The record of a run.
 pub(super) const RECORD: &str = "run.json";
 pub(super) const REPORT: &str = "report.html";
 

@@ -10,7 +10,6 @@ use crate::machine;
 use crate::observer::{Estimate, Level, Step};
 use crate::scene::{self, LoadOptions, Scene, Watcher};
 
-/// Loads the scene and reports what was ignored in it.
 pub(super) fn load(path: &Path, options: LoadOptions<'_>, observer: &SharedObserver) -> Result<Scene> {
     let told = |share: f32| told(observer, READING * share);
     let options = LoadOptions { watcher: Watcher::new(&told), ..options };

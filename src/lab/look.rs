@@ -52,7 +52,6 @@ fn is_hole(scene: &Scene, point: &SurfacePoint) -> bool {
     }
 }
 
-/// The drawn colour of a point that a ray meets.
 fn lit(scene: &Scene, point: &SurfacePoint, ray: Vec3) -> Vec3 {
     let triangle = &scene.triangles[point.triangle];
     let material = &scene.materials[triangle.material as usize];

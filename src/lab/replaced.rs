@@ -92,7 +92,6 @@ impl Replaced {
         &self.aside
     }
 
-    /// Deletes the replaced runs, since the new run is complete.
     pub(super) fn discard(&self) -> Result<()> {
         self.names().iter().try_for_each(|name| file::remove(&self.run.join(name)))
     }

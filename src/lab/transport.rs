@@ -195,7 +195,6 @@ impl LightTransport {
         }
     }
 
-    /// The photo without projector light.
     pub(super) fn ambient(&mut self) -> Result<Image> {
         let patterns = self.shape.patterns;
         self.journaled_image("ambient", |engine| match engine {

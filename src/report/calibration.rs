@@ -108,7 +108,6 @@ fn plots(
     ]
 }
 
-/// Number of camera pixels for each projector pixel.
 fn footprints(calibration: &Calibration) -> Vec<f64> {
     calibration.registration.starts.windows(2).map(|ends| (ends[1] - ends[0]) as f64).collect()
 }

@@ -67,7 +67,7 @@ impl Default for Palette {
 
 impl Palette {
     /// Colours for `labels` that match a picture of `reference` with this palette. The group that shares the most pixels with a region of
-    /// the reference takes its colour, and the next group takes that of another region. Other groups take colours that it lacks.
+    /// the reference takes its colour, and the next group takes that of another region. The rest take colours unused in the reference.
     #[must_use]
     pub fn matched(&self, reference: &[u8], labels: &[u8]) -> Self {
         let mut shared = vec![0_usize; 256 * 256];

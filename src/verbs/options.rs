@@ -169,7 +169,6 @@ pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     (about, command.get_arguments().filter_map(of).collect())
 }
 
-/// The type of an option's value in Python.
 fn kind(arg: &clap::Arg, default: &Value) -> String {
     use std::any::TypeId;
     let parser = arg.get_value_parser();

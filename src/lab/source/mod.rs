@@ -252,7 +252,6 @@ pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &S
     Ok(())
 }
 
-/// The error for an option that applies only to scenes.
 pub(in crate::lab) fn scenes_only(option: &str) -> Error {
     Error::Option {
         option: option.into(),
@@ -262,7 +261,6 @@ pub(in crate::lab) fn scenes_only(option: &str) -> Error {
     }
 }
 
-/// The error for a question that only a rig can answer.
 pub(in crate::lab) fn not_a_rig(path: &Path) -> Error {
     Error::Option {
         option: "SOURCE".into(),

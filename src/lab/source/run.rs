@@ -173,7 +173,6 @@ fn incomplete(journal: &Journal, what: &str) -> Error {
     }
 }
 
-/// The error for a question that the photos of a run cannot answer.
 pub(in crate::lab) fn not_for_runs(run: &Path) -> Error {
     Error::Data {
         path: run.to_path_buf(),

@@ -88,7 +88,6 @@ fn note_crop(scene: &Scene, resolution: Resolution, observer: &SharedObserver) {
 type Kept = ((Channels, bool), Arc<Assembled>);
 
 impl SceneSource {
-    /// Loads the scene, reports ignored parts of it, and opens the adapter.
     pub(in crate::lab) fn open(
         path: &Path,
         camera: Option<&str>,

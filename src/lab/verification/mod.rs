@@ -402,7 +402,6 @@ impl Eigenpairs<'_> {
         }
     }
 
-    /// The sum of the vectors with random signs, and its photo.
     fn sum_with_signs(&self, seed: u64) -> Predicted {
         let signs = Start::Rademacher { seed }.vector(self.vectors.len());
         let sum = |vectors: &mut dyn Iterator<Item = Vec<f64>>| {

@@ -60,7 +60,6 @@ impl Page<'_> {
         include_str!("../report.css")
     }
 
-    /// The script of the page. The page also works without it.
     fn script(&self) -> String {
         bundle(&MODULES)
     }

@@ -30,7 +30,6 @@ pub(super) struct Chart {
     drawn: Vec<(f64, f64)>,
     marks: Vec<(f64, String)>,
     layout: Layout,
-    /// The axes' labels, for the page's scripts.
     labels: [String; 2],
 }
 

@@ -1,6 +1,7 @@
 //! Live images in the image viewer tev.
 //!
-//! A background thread sends only the newest version of each image and channel. The capture never waits. A lost viewer causes one warning.
+//! A background thread sends the images, so that the capture never waits. It keeps only the newest unsent version of each image and
+//! channel. A missing or lost viewer causes one warning.
 
 pub mod packet;
 

@@ -249,7 +249,6 @@ fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Con
     (confirm, photos)
 }
 
-/// A statement about missed values.
 fn missing(completeness: Completeness, (found, wanted): (usize, usize), products: usize) -> String {
     if found < wanted && completeness == Completeness::Exact {
         format!("missing   there are only {found}, and {wanted} were asked for")

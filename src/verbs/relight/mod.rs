@@ -164,7 +164,6 @@ impl Relight {
         self.block.unwrap_or(12)
     }
 
-    /// The questions to the model of `lab`.
     fn questions_to(&self, lab: &Lab) -> Result<Questions> {
         if let Some(questions) = &self.questions {
             return Ok(questions.clone());

@@ -182,7 +182,6 @@ impl Segmented {
     }
 }
 
-/// The colour and the name of each visible region.
 fn swatches(truth: &Truth) -> Vec<Swatch> {
     let seen = |region: &u8| truth.labels.contains(region);
     let name = |region: u8| truth.regions.get(usize::from(region)).cloned().unwrap_or_default();

@@ -159,7 +159,6 @@ impl Verb for Separate {
 }
 
 impl Separate {
-    /// The number of photos of random patterns or of the capture.
     fn budget(&self, lab: &Lab) -> usize {
         self.photos.or(lab.photos_of_run()).unwrap_or(40)
     }

@@ -55,7 +55,6 @@ impl Separated {
     fn csv(&self) -> String {
         let mut text = "method,setting,photos,direct_error,global_error\n".to_owned();
         for row in &self.comparison {
-            // A field is empty if there is nothing to measure.
             let field = |error: Ratio| error.value().map_or(String::new(), |error| format!("{error:e}"));
             let [direct, global] = [row.error, row.global_error].map(field);
             // Writing to a string cannot fail.

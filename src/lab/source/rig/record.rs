@@ -37,7 +37,6 @@ impl RigSource {
         Ok(())
     }
 
-    /// The note that allows a run to be replayed.
     pub(in crate::lab) fn note(&self, channels: Channels) -> SourceNote {
         SourceNote {
             kind: Kind::Rig,
