@@ -44,6 +44,7 @@ pub struct RunFolder {
 }
 
 enum Start {
+    /// Nothing, or the photos of the run that is continued.
     Fresh,
     /// Another run. It is put back if this run fails without photos.
     Replaces(Replaced),
