@@ -1,4 +1,4 @@
-//! What can be saved: the answers of the Krylov methods and of the analyses, as a run's folder holds them.
+//! The answers of the Krylov methods and of the analyses, as files in a run's folder.
 
 use super::{Answer, Lab, RunFolder};
 use crate::bench::audit::Audit;
@@ -21,7 +21,7 @@ impl Answer for Audit {
         Self::sentence(self)
     }
 
-    /// An audit that failed by saturation has no white photo whose noise could be known.
+    /// An audit that failed by saturation has no white photo, and so no known noise.
     fn has_white(&self) -> bool {
         !self.white.is_empty()
     }

@@ -16,7 +16,7 @@ use crate::scene::Scene;
 use crate::sparse::Csr;
 use crate::transport::{Backend, Channels};
 
-/// Settings of a laboratory that is about to be opened: see [`Lab::builder`].
+/// Settings of a laboratory to be opened: see [`Lab::builder`].
 #[derive(Clone)]
 pub struct LabBuilder {
     origin: Origin,
@@ -26,7 +26,6 @@ pub struct LabBuilder {
     program: Handed,
 }
 
-/// Where a source comes from.
 #[derive(Clone)]
 enum Origin {
     File(PathBuf),
@@ -65,7 +64,7 @@ impl LabBuilder {
         self
     }
 
-    /// Pixels of camera and projector of a scene or of the scene of a virtual rig; 128×128 by default.
+    /// Pixels of camera and projector, in a scene or in the scene of a virtual rig; 128×128 by default.
     #[must_use]
     pub fn size(mut self, width: usize, height: usize) -> Self {
         self.settings.trace.resolution = Some(Resolution::new(width, height));
@@ -79,7 +78,7 @@ impl LabBuilder {
         self
     }
 
-    /// Surfaces that a light path meets at most; 6 by default, 1 is direct light only.
+    /// The largest number of surfaces that a light path meets; 6 by default. 1 gives direct light only.
     #[must_use]
     pub fn max_bounces(mut self, bounces: u32) -> Self {
         self.settings.trace.max_bounces = Some(bounces);
@@ -107,7 +106,7 @@ impl LabBuilder {
         self
     }
 
-    /// Where matrices are kept for later runs.
+    /// The place where matrices are kept for later runs.
     #[must_use]
     pub fn cache(mut self, cache: CacheChoice) -> Self {
         self.settings.cache = cache;
@@ -121,28 +120,28 @@ impl LabBuilder {
         self
     }
 
-    /// Where products with a scene's matrix are computed.
+    /// The place where products with a scene's matrix are computed.
     #[must_use]
     pub fn backend(mut self, backend: Backend) -> Self {
         self.settings.backend = backend;
         self
     }
 
-    /// A folder for the run: its journal keeps every photo before it is used, and [`Lab::save`] writes there.
+    /// A folder for the run. Its journal keeps every photo before it is used, and [`Lab::save`] writes there.
     #[must_use]
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
         self.run.get_or_insert_default().folder = Some(folder.into());
         self
     }
 
-    /// Uses a folder that holds an earlier run, which is replaced when the new run is whole.
+    /// Uses a folder that holds an earlier run. The earlier run is replaced when the new run is complete.
     #[must_use]
     pub fn overwrite(mut self) -> Self {
         self.run.get_or_insert_default().overwrite = true;
         self
     }
 
-    /// Goes on with the run in the folder: no photo that is in its journal is taken again.
+    /// Continues the run in the folder: a photo in its journal is not taken again.
     #[must_use]
     pub fn resume(mut self) -> Self {
         self.run.get_or_insert_default().resume = true;
@@ -156,15 +155,15 @@ impl LabBuilder {
         self
     }
 
-    /// Runs the programs that a rig file names, wherever the file is. Otherwise they are run only for files in the user's own folder
-    /// ([`own_folder`](crate::measure::own_folder)): the author of the file chooses what is run.
+    /// Allows the programs that a rig file names to run, wherever the file is. By default they run only for files in the user's own folder
+    /// ([`own_folder`](crate::measure::own_folder)), because the author of the file chooses them.
     #[must_use]
     pub fn allow_programs(mut self, allowed: bool) -> Self {
         self.program.allows_programs = allowed;
         self
     }
 
-    /// Who is told of progress, messages and photos, and can stop everything.
+    /// The observer receives progress, messages and photos, and can stop all work.
     #[must_use]
     pub fn observer(mut self, observer: impl Into<SharedObserver>) -> Self {
         self.observer = observer.into();
@@ -174,7 +173,7 @@ impl LabBuilder {
     /// Opens the source.
     ///
     /// # Errors
-    /// As [`Lab::open`], and [`crate::Error::Option`] for a setting that the source has no use for.
+    /// As [`Lab::open`], and [`crate::Error::Option`] for a setting that does not apply to the source.
     pub fn open(self) -> Result<Lab> {
         let source = match self.origin {
             Origin::File(path) => Source::open(&path, &self.program, &self.settings, &self.observer)?,
@@ -193,10 +192,7 @@ impl LabBuilder {
         Ok(lab)
     }
 
-    /// Opens a rig file without its calibration, with devices taken as ideal: before the devices are calibrated.
-    ///
-    /// # Errors
-    /// As [`Lab::open`].
+    /// Opens a rig file without its calibration. The devices are taken as ideal, so that they can be calibrated. Fails as [`Lab::open`].
     pub fn open_uncalibrated_rig(&self) -> Result<RigSource> {
         match &self.origin {
             Origin::File(path) => {
@@ -209,7 +205,7 @@ impl LabBuilder {
 }
 
 impl LabBuilder {
-    /// One gray channel, or three.
+    /// One gray channel, or three colour channels.
     #[must_use]
     pub fn rgb(self) -> Self {
         self.channels(Channels::Rgb)

@@ -15,52 +15,50 @@ use crate::io::model;
 use crate::journal::Journal;
 use crate::measure::RunManifest;
 
-/// Which folder a run uses.
+/// The choice of a run's folder.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
-    /// The folder; where none is named, the first free one of `out/NAME`, `out/NAME-2`, …
+    /// The folder. If it is `None`, the first unused name of `out/NAME`, `out/NAME-2`, … is taken.
     pub folder: Option<PathBuf>,
-    /// Use a folder that holds an earlier run. Its photos are deleted when the new run is whole; the photos of a run that is the source
-    /// are always kept.
+    /// Allows a folder that holds an earlier run. Its photos are deleted when the new run is complete, unless that run is the source.
     pub overwrite: bool,
-    /// Go on with the run in the folder: no photo that is in its journal is taken again.
+    /// Continues the run in the folder: a photo in its journal is not taken again.
     pub resume: bool,
 }
 
-/// An open run: the folder is there, writable and locked before any work starts, and its record says `running` until the end.
+/// An open run. Its folder exists, is writable and is locked before any work starts. Its record says `running` until the end.
 pub struct RunFolder {
     /// The folder.
     pub path: PathBuf,
     /// The record.
     pub manifest: RunManifest,
-    /// Where the files of the answer are written ([`RunFolder::answer`]).
+    /// The folder in which the files of the answer are written ([`RunFolder::answer`]).
     pub(crate) answer: PathBuf,
-    /// Whether the run in the folder answered another question, whose files stay.
+    /// Whether the run in the folder answered another question, so that its files stay.
     keeps_answers: bool,
     pub(super) resumes: bool,
     started: Instant,
     start: Start,
-    /// Keeps other runs out of the folder.
+    /// The lock that keeps other runs out of the folder.
     _lock: Option<File>,
 }
 
-/// What was in the folder.
 enum Start {
-    /// Nothing, or the photos of the run that goes on.
+    /// Nothing, or the photos of the run that is continued.
     Fresh,
-    /// Another run, which is put back if this one fails without photos.
+    /// Another run. It is put back if this run fails without photos.
     Replaces(Replaced),
-    /// The run that is asked anew. It stays as it is until there is an answer, and further questions may take as many photos as before.
+    /// The run that is the source of this one, unchanged until there is an answer. Further questions may take `photos_allowed` photos.
     Beside { photos_allowed: Option<usize> },
 }
 
 impl RunFolder {
-    /// Makes the folder. A run that is to be resumed is in the folder named, or in `out/NAME`. `source` is the folder of the run that is
-    /// asked anew: in the same folder, the answers are put beside its photos.
+    /// Creates the folder. A run to be resumed is in the named folder, or in `out/NAME`. `source` is the folder of the run that is asked
+    /// again; if it is the same folder, the answers are put beside its photos.
     ///
     /// # Errors
-    /// [`Error::Option`] when it holds an earlier run that is not to be overwritten, another program's files, or a run that goes on right
-    /// now; [`Error::Write`].
+    /// [`Error::Option`] if the folder holds an active run, a run that must not be overwritten, or another program's files;
+    /// [`Error::Write`].
     pub fn create(
         options: &RunOptions,
         name: &str,
@@ -120,7 +118,7 @@ impl RunFolder {
         Ok(run)
     }
 
-    /// Writes the first record. The run that is replaced is put back where that fails.
+    /// Writes the first record. If that fails, the replaced run is put back.
     fn begin(&mut self, overwrite: bool, observer: &SharedObserver) -> Result<()> {
         let earlier = match &self.start {
             Start::Beside { .. } => return Ok(()),
@@ -143,11 +141,8 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes the files of the answer, whose names `write` returns. They appear in the run's folder when all of them are there and its record lists
-    /// them, so that a later run that replaces this one knows them even if this program is killed.
-    ///
-    /// # Errors
-    /// Those of `write`; [`Error::Write`].
+    /// Writes the files of the answer, whose names `write` returns. They appear in the run's folder once all are complete and the record
+    /// lists them, so that a later run that replaces this one knows them even if this program is killed.
     pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
         file::remove(&self.answer)?;
         file::make_folder(&self.answer)?;
@@ -163,12 +158,12 @@ impl RunFolder {
         if is_beside || self.keeps_answers {
             self.manifest.outputs = before.outputs;
         } else {
-            // The same run was asked something else before.
+            // The same run answered another question before.
             stale
                 .iter()
                 .filter(|name| is_own_file(name))
                 .try_for_each(|name| file::remove(&self.path.join(name)))?;
-            // This fails, as it should, while the folder holds a model.
+            // This fails, as intended, while the folder holds a model.
             let _ = std::fs::remove_dir(model::folder(&self.path));
             self.manifest.outputs = written;
         }
@@ -180,11 +175,8 @@ impl RunFolder {
         self.started.elapsed().as_secs_f64()
     }
 
-    /// Writes how the run ended: well, with a sentence that says so, or by an error. A run that fails before its first photo, or
-    /// because of a wrong option, gives its place back to the run that it was to replace.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
+    /// Records how the run ended, with a sentence or an error. A run that fails before its first photo, or because of a wrong option,
+    /// restores the run that it was about to replace. Fails with [`Error::Write`].
     pub fn close(&mut self, outcome: std::result::Result<&str, &Error>) -> Result<()> {
         let start = std::mem::replace(&mut self.start, Start::Fresh);
         let (status, message) = match outcome {
@@ -221,25 +213,25 @@ impl RunFolder {
     }
 }
 
-/// A run that ends without a word, by a panic, gives its place back if it has no photos.
+/// A run that ends by a panic restores the replaced run if it has no photos.
 impl Drop for RunFolder {
     fn drop(&mut self) {
         if let Start::Replaces(earlier) = &self.start
             && photos_in(&self.path) == 0
         {
-            // No caller can be told of an error. The next run in the folder finds the folders that the record names.
+            // An error cannot be returned from here. The next run in the folder finds the folders that the record names.
             let _ = earlier.restore();
         }
     }
 }
 
-/// Whether a file that a record lists is one of the run's own.
+/// Whether a path in a record is one of the run's own files.
 fn is_own_file(path: &str) -> bool {
     let in_model = path.strip_prefix(model::FOLDER).and_then(|rest| rest.strip_prefix('/'));
     is_file_name(in_model.unwrap_or(path))
 }
 
-/// Makes the first folder of `out/NAME`, `out/NAME-2`, … that is not there. Of several programs each gets its own.
+/// Creates the first unused folder of `out/NAME`, `out/NAME-2`, … Programs that do this at the same time get different folders.
 fn make_free(name: &str) -> Result<PathBuf> {
     let mut number = 1;
     loop {
@@ -247,7 +239,7 @@ fn make_free(name: &str) -> Result<PathBuf> {
         let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
         match made.and_then(|()| std::fs::create_dir(&path)) {
             Ok(()) => return Ok(path),
-            // Numbers do not run out before the disk does.
+            // The disk is full before the numbers run out.
             Err(error) if error.kind() == ErrorKind::AlreadyExists && path.exists() => number += 1,
             Err(error) => return Err(Error::writing(&path)(error)),
         }
@@ -261,13 +253,12 @@ fn numbered(name: &str, number: u32) -> PathBuf {
     }
 }
 
-/// Whether there is a run that a new one would replace.
+/// Whether the folder holds a run that a new run would replace.
 fn holds_run(path: &Path) -> bool {
     path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
 }
 
-/// Admits one run at a time to a folder, by a lock on the folder itself. Where the file system has no such locks, the journal's own lock
-/// keeps photos apart.
+/// Locks the folder itself, so that one run at a time uses it. On a file system without such locks, the journal's lock keeps photos apart.
 pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     let Ok(folder) = File::open(path) else { return Ok(None) };
     // The lock of a killed process may outlive it for a moment.
@@ -285,7 +276,7 @@ pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     })
 }
 
-/// Refuses links, pipes and devices among the files of a run, before any photo is taken. Other programs' folders may be links.
+/// Refuses links, pipes and devices among the files of a run, before any photo is taken. Folders of other programs may be links.
 fn require_plain_files(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(Error::reading(folder))?.flatten() {
         let path = entry.path();

@@ -1,4 +1,4 @@
-//! Light that an answer was not computed from: light paths of another seed, or one more photo of a rig.
+//! Light that an answer was not computed from: light paths with another seed, or one more photo of a rig.
 
 use std::sync::{Arc, Mutex};
 
@@ -11,8 +11,8 @@ use crate::operator::Operator;
 use crate::transport::{EstimatedProduct, Part, Question, Retraced, with_other_seed};
 
 impl Lab {
-    /// Operators of a scene by light paths of another seed, one for each channel, which state the errors of their products. Each product traces the
-    /// scene once more. `None` for other sources, and for one light path per pixel, whose noise is not known.
+    /// Operators of a scene, one for each channel, traced with another seed. They state the errors of their products. Each product traces
+    /// the scene once more. The result is `None` for other sources, and for one light path per pixel, since its noise is not known.
     pub(crate) fn independent_operators(&mut self, part: Part) -> Result<Option<Vec<LabOperator>>> {
         let Source::Scene(scene) = &self.source else { return Ok(None) };
         if scene.settings.samples < 2 {
@@ -25,7 +25,7 @@ impl Lab {
         Ok(Some((0..self.channels.count()).map(operator).collect()))
     }
 
-    /// Products with light that no answer was computed from, where there is any.
+    /// Products with light that no answer was computed from, if such light exists.
     pub(super) fn independent(
         &mut self,
         part: Part,
@@ -36,7 +36,7 @@ impl Lab {
             Source::Scene(scene) => {
                 let mut tracer = scene.tracer();
                 let settings = with_other_seed(&scene.settings);
-                // Noise is known from two halves of the samples.
+                // The noise is estimated from two halves of the samples.
                 if settings.samples < 2 {
                     return Ok(None);
                 }

@@ -1,4 +1,4 @@
-//! The journal of a run, as the laboratory opens it and reports its damages.
+//! Opens the journal of a run and reports its damage.
 
 use std::path::Path;
 
@@ -8,10 +8,7 @@ use crate::error::Result;
 use crate::journal::{Damage, Identity, Journal};
 use crate::observer::Level;
 
-/// Opens the journal of a run, and reports what became of an earlier session's.
-///
-/// # Errors
-/// As [`Journal::create`] and [`Journal::resume`].
+/// Opens the journal of a run, and reports the state of an earlier one. Fails as [`Journal::create`] and [`Journal::resume`].
 pub(super) fn open(
     run: &Path,
     identity: &Identity,
@@ -28,7 +25,7 @@ pub(super) fn open(
     Ok(journal)
 }
 
-/// Reports what cannot be used, by name.
+/// Reports each unusable record by name.
 pub(super) fn report_damages(journal: &Journal, observer: &SharedObserver) {
     let path = journal.path().display();
     if let Some(torn) = journal.torn() {
@@ -42,7 +39,7 @@ pub(super) fn report_damages(journal: &Journal, observer: &SharedObserver) {
     }
 }
 
-/// Reports each record that is found damaged when it is asked for.
+/// Reports each record that proves damaged when it is read.
 pub(super) fn warning(journal: &Journal, observer: &SharedObserver) -> impl FnMut(&Damage) + Send + use<> {
     let (path, observer) = (journal.path().to_path_buf(), observer.clone());
     move |damage| {

@@ -1,4 +1,4 @@
-//! The runs that lie below a folder: how much of the disk they take, and which of their photos can be computed again.
+//! The runs below a folder: their size on disk, and which of their photos can be computed again.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::journal::Journal;
 use crate::measure::RunManifest;
 use crate::scene::{self, LoadOptions};
 
-/// Folders are searched so deep; links are not followed.
+/// The depth to which folders are searched. Links are not followed.
 const DEPTH: usize = 8;
 
 /// A run on the disk.
@@ -25,26 +25,26 @@ pub struct KeptRun {
     pub bytes: u64,
     /// The bytes of its journal, which holds its photos.
     pub journal_bytes: u64,
-    /// What its journal is worth.
+    /// Whether its photos can be computed again.
     pub photos: KeptPhotos,
 }
 
-/// What the photos of a run are worth.
+/// Whether the photos of a run can be computed again.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum KeptPhotos {
-    /// There are none.
+    /// The run has no photos.
     Absent,
-    /// Their scene is there, unchanged: tracing it again gives them again.
+    /// The scene still exists unchanged, so tracing it reproduces the photos.
     Recomputable,
-    /// Nothing gives them again, for this reason.
+    /// The photos cannot be reproduced, for this reason.
     Unique(&'static str),
 }
 
 impl KeptRun {
-    /// The runs in and below a folder, in the order of their paths. Folders that cannot be read are left out.
+    /// The runs in and below a folder, ordered by path. Unreadable folders are left out.
     ///
     /// # Errors
-    /// [`Error::Read`] where `folder` itself cannot be read.
+    /// [`Error::Read`] if `folder` itself cannot be read.
     pub fn below(folder: &Path) -> Result<Vec<Self>> {
         std::fs::read_dir(folder).map_err(Error::reading(folder))?;
         let mut found = Vec::new();
@@ -61,13 +61,13 @@ impl KeptRun {
         Some(Self { path: path.to_path_buf(), status: record.status, bytes, journal_bytes, photos })
     }
 
-    /// Deletes the journal of a run whose photos can be computed again, and returns how many bytes that freed. All other files stay.
+    /// Deletes the journal of a run, if its photos can be computed again, and returns the number of bytes freed. All other files stay.
     ///
     /// # Errors
-    /// [`Error::Option`] where the photos cannot be computed again, or while a run is at work in the folder; [`Error::Write`].
+    /// [`Error::Option`] if the photos cannot be computed again or a run is in progress in the folder; [`Error::Write`].
     pub fn delete_photos(&self) -> Result<u64> {
         let _lock = lock(&self.path)?;
-        // The run, or its scene, may have changed since the folder was looked at.
+        // The run or its scene may have changed since the folder was searched.
         match Self::at(&self.path).map(|now| now.photos) {
             Some(KeptPhotos::Recomputable) => {}
             _ => {
@@ -97,7 +97,6 @@ fn search(folder: &Path, depth: usize, found: &mut Vec<KeptRun>) {
     }
 }
 
-/// The bytes of the files in and below a folder.
 fn size(folder: &Path) -> u64 {
     let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
     let sizes = entries.flatten().map(|entry| match entry.file_type() {

@@ -1,29 +1,23 @@
-//! The labels of what a scene's pixels see.
+//! The labels of the regions that a scene's pixels see.
 
 use super::{Lab, Truth};
 use crate::error::Result;
 
 impl Lab {
-    /// The region that the centre of each pixel of a scene sees, row by row; 255 is a pixel that sees none.
+    /// The region that the centre of each pixel of a scene sees, row by row; 255 marks a pixel that sees none.
     ///
     /// # Errors
-    /// [`crate::Error::Data`] where there is no scene; [`crate::Error::Scene`] for more than 255 regions.
+    /// [`crate::Error::Data`] if there is no scene; [`crate::Error::Scene`] for more than 255 regions.
     pub fn labels(&self) -> Result<Vec<u8>> {
         self.scene_source()?.labels(self.resolution())
     }
 
-    /// The true labels of the scene's author, where there are any.
-    ///
-    /// # Errors
-    /// As [`Lab::labels`].
+    /// The true labels by the scene's author, if there are any. Fails as [`Lab::labels`].
     pub fn truth(&self) -> Result<Option<Truth>> {
         self.source.truth()
     }
 
-    /// The true labels that a segmentation asked for, or else [`Lab::truth`].
-    ///
-    /// # Errors
-    /// As [`Lab::labels`].
+    /// The true labels that a segmentation supplied, or else [`Lab::truth`]. Fails as [`Lab::labels`].
     pub fn known_truth(&self) -> Result<Option<Truth>> {
         match &self.kept_truth {
             Some(truth) => Ok(Some(truth.clone())),
@@ -31,7 +25,7 @@ impl Lab {
         }
     }
 
-    /// Lets the journal of the run keep the true labels, so that a replay of the run knows them. Call it before the first photo.
+    /// Makes the journal of the run keep the true labels, so that a replay of the run knows them. Call it before the first photo.
     pub(crate) fn keep_truth(&mut self, truth: Option<&Truth>) {
         self.kept_truth = truth.cloned();
     }

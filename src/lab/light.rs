@@ -1,4 +1,4 @@
-//! The light transport of a laboratory: opened when it is first needed, handed out as operators, and what is known of its matrix.
+//! The light transport of a laboratory. It is opened when it is first needed, and is handed out as operators.
 
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -15,18 +15,13 @@ use crate::sparse::Csr;
 use crate::transport::{Assembled, ExplicitMatrix, Noise, Part};
 
 impl Lab {
-    /// One part of the light transport, as a linear operator: the first channel.
-    ///
-    /// # Errors
-    /// What keeps the scene from being traced, the rig from being opened or the run from being read.
+    /// One part of the light transport, as a linear operator on the first channel. Fails if the scene cannot be traced, the rig cannot be
+    /// opened, or the run cannot be read.
     pub fn operator(&mut self, part: Part) -> Result<LabOperator> {
         self.channel_operator(part, 0)
     }
 
-    /// One part of the light transport, as a linear operator for each channel.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// One part of the light transport, as a linear operator for each channel. Fails as [`Lab::operator`].
     pub fn operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
         let channels = lock(self.transport()?).shape().channels;
         (0..channels).map(|channel| self.channel_operator(part, channel)).collect()
@@ -37,10 +32,7 @@ impl Lab {
         Ok(LabOperator::new(&transport, part, channel, &self.observer, Some(&self.sheet)))
     }
 
-    /// As [`Lab::operators`], for products that are not photos of the run: comparisons with a truth. They are neither shown nor recorded.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// As [`Lab::operators`], for comparisons with a truth. The products are neither shown nor recorded as photos of the run.
     pub fn reference_operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
         let transport = Arc::clone(self.transport()?);
         let channels = lock(&transport).shape().channels;
@@ -48,12 +40,11 @@ impl Lab {
         Ok((0..channels).map(operator).collect())
     }
 
-    /// Traces the scene or opens the rig, where that was not done yet.
+    /// Traces the scene or opens the rig, if that was not done yet.
     pub(crate) fn prepare(&mut self) -> Result<()> {
         self.transport().map(drop)
     }
 
-    /// The light transport, opened now if it is not.
     pub(super) fn transport(&mut self) -> Result<&Arc<Mutex<LightTransport>>> {
         let transport = match self.transport.take() {
             Some(transport) => transport,
@@ -70,15 +61,14 @@ impl Lab {
         Ok(self.transport.insert(transport))
     }
 
-    /// Refuses a rig that does not see its projector, and one that was not calibrated and whose light is not in proportion to its levels and
-    /// counts: its answers would be wrong, and nothing would say so. An audit finds that itself.
+    /// Refuses a rig that does not see its projector, and an uncalibrated rig whose light is not proportional to its levels and counts. The
+    /// answers of such a rig would be wrong without a warning. An audit finds these faults itself, so it is not refused.
     fn trusted(&self, mut transport: LightTransport) -> Result<LightTransport> {
         let Some(measured) = transport.rig().filter(|_| !self.audits) else { return Ok(transport) };
         measured.measurement.sight()?.require()?;
         let is_tested = matches!(&self.source, Source::Rig(rig) if !rig.is_calibrated);
         match measured.measurement.check_pattern(!is_tested) {
-            // A run that is asked again looks at its own photo, so that white is photographed again after the same patterns as before. Those of
-            // earlier programs have none.
+            // A replayed run examines its own photo, so that white is photographed again after the same patterns. Old runs lack this photo.
             Err(Error::NotTaken { .. }) => {}
             map => {
                 let map = map?;
@@ -89,7 +79,7 @@ impl Lab {
         Ok(transport)
     }
 
-    /// Records how long the light transport took to open, and what is known of its matrix.
+    /// Records how long the light transport took to open, and the known facts about its matrix.
     fn prepared(&mut self, transport: &LightTransport, start: Instant) {
         let Some(run) = &mut self.run else { return };
         run.manifest.record(self.source.preparation(), start.elapsed());
@@ -100,12 +90,11 @@ impl Lab {
         }
     }
 
-    /// From now on a rig answers whatever its light looks like: the question is what it sees, and the answer is compared with the truth.
+    /// Disables the checks of a rig's light from now on. The caller asks what the rig sees, and compares the answer with the truth.
     pub(crate) fn unexamined(&mut self) {
         self.audits = true;
     }
 
-    /// From now on photos are not kept in the journal of the run.
     pub(crate) fn without_journal(&mut self) {
         if self.keeps_photos && self.run.is_some() {
             self.transport = None;
@@ -113,7 +102,7 @@ impl Lab {
         self.keeps_photos = false;
     }
 
-    /// Products of a part with white, one for each channel.
+    /// The product of a part with white, for each channel.
     pub(crate) fn white_of(&mut self, part: Part) -> Result<Vec<Vec<f64>>> {
         let white = |mut operator: LabOperator| -> Result<Vec<f64>> {
             let mut photo = vec![0.0; operator.rows()];
@@ -123,19 +112,16 @@ impl Lab {
         self.reference_operators(part)?.into_iter().map(white).collect()
     }
 
-    /// The traced scene, where photos are products with its matrix: the matrix, the ambient light, the noise. It is shared, not copied.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The traced scene, if photos are products with its matrix. It is shared, not copied. Fails as [`Lab::operator`].
     pub fn assembled(&mut self) -> Result<Option<Arc<Assembled>>> {
         Ok(lock(self.transport()?).assembled().cloned())
     }
 
-    /// One part and channel of the light transport matrix, `rows × cols`, without a photo: that of a scene or of a matrix file. A rig's is
-    /// photographed column by column: [`crate::analysis::brute_force`].
+    /// One part and channel of the light transport matrix, `rows × cols`, without a photo. The source is a scene or a matrix file. The
+    /// matrix of a rig is photographed column by column instead: [`crate::analysis::brute_force`].
     ///
     /// # Errors
-    /// [`Error::Option`] where the source has no matrix; those of [`Lab::operator`].
+    /// [`Error::Option`] if the source has no matrix; the errors of [`Lab::operator`].
     pub fn matrix(&mut self, part: Part, channel: usize) -> Result<Csr> {
         if let Source::Matrix(source) = &self.source {
             return match part {
@@ -154,52 +140,34 @@ impl Lab {
         }
     }
 
-    /// The direct light of each channel, where a traced matrix has it as a diagonal.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The direct light of each channel, if a traced matrix has it as a diagonal. Fails as [`Lab::operator`].
     pub fn direct_diagonal(&mut self) -> Result<Option<Vec<Vec<f64>>>> {
         Ok(self.assembled()?.and_then(|traced| transport::direct_diagonal(&traced)))
     }
 
-    /// The noise of the traced matrix, where it is known.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The noise of the traced matrix, if it is known. Fails as [`Lab::operator`].
     pub fn noise(&mut self) -> Result<Option<Noise>> {
         Ok(lock(self.transport()?).assembled().and_then(|traced| traced.noise.clone()))
     }
 
-    /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of
-    /// norm 1, in the first channel: `‖E‖_F / √n`. Also known of a run of a scene. `None` where no matrix was traced: a rig's operators state the errors
-    /// of their products ([`Operator::standard_errors`]), and explicit matrices have none.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of norm 1, in the first
+    /// channel: `‖E‖_F / √n`. It is also known for a run of a scene. `None` if no matrix was traced: the operators of a rig state the
+    /// errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors. Fails as [`Lab::operator`].
     pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         lock(self.transport()?).product_noise(part)
     }
 
-    /// What the tracing of the matrix took, where there is one.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The cost of tracing the matrix, if it was traced. Fails as [`Lab::operator`].
     pub fn trace_summary(&mut self) -> Result<Option<TraceSummary>> {
         Ok(lock(self.transport()?).assembled().map(|traced| traced.summary))
     }
 
-    /// Whether the light transport matrix is symmetric: that of a coaxial rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Whether the light transport matrix is symmetric, as it is for a coaxial rig. Fails as [`Lab::operator`].
     pub fn is_symmetric(&mut self) -> Result<bool> {
         Ok(lock(self.transport()?).shape().symmetry == Symmetry::Symmetric)
     }
 
-    /// Whether photos cost nothing but computing: those of everything but a rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Whether photos cost only computing. This holds for every source but a rig. Fails as [`Lab::operator`].
     pub fn is_simulated(&mut self) -> Result<bool> {
         Ok(lock(self.transport()?).is_simulated())
     }

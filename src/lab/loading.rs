@@ -1,4 +1,4 @@
-//! Loading of a scene: progress, warnings, and whether there is memory for it.
+//! Loading of a scene: progress, warnings, and a check of the memory.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -10,7 +10,6 @@ use crate::machine;
 use crate::observer::{Estimate, Level, Step};
 use crate::scene::{self, LoadOptions, Scene, Watcher};
 
-/// Loads the scene and reports what was ignored in it.
 pub(super) fn load(path: &Path, options: LoadOptions<'_>, observer: &SharedObserver) -> Result<Scene> {
     let told = |share: f32| told(observer, READING * share);
     let options = LoadOptions { watcher: Watcher::new(&told), ..options };
@@ -30,8 +29,8 @@ pub(super) fn load(path: &Path, options: LoadOptions<'_>, observer: &SharedObser
     Ok(scene)
 }
 
-/// The memory that a scene and its search tree take for each triangle while they are moved to the device, in bytes. Measured with 7.7 million triangles:
-/// 640, of which the scene itself is 152.
+/// The bytes of memory per triangle that a scene and its search tree take while they are moved to the device. A measurement with 7.7
+/// million triangles gave 640, of which the scene itself takes 152.
 const BYTES_PER_TRIANGLE: u64 = 640;
 
 /// Checks that the search tree of a scene takes no more than `most` bytes of memory.
@@ -52,15 +51,15 @@ fn require_memory(scene: &Scene, most: u64) -> Result<()> {
     })
 }
 
-/// The share of reading the files in the work of loading a scene; the rest is its search tree.
+/// The share of reading the files in the time to load a scene. The rest builds the search tree.
 const READING: f32 = 0.5;
 
-/// As [`told`], as an error.
+/// As [`told`], with a stop returned as an error.
 pub(super) fn at(observer: &SharedObserver, share: f32) -> Result<()> {
     if told(observer, share).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// Tells the observer which share of a scene is loaded: nothing, its files, or its search tree as well. Returns whether to go on.
+/// Tells the observer the loaded share of a scene: zero, the files, or all with the search tree. Returns whether to continue.
 fn told(observer: &SharedObserver, share: f32) -> ControlFlow<()> {
     let done = (100.0 * share) as u64;
     observer.0.step(&Step { stage: "loading", done, total: 100, estimate: Estimate::None })

@@ -1,5 +1,4 @@
-//! What the camera sees of a scene, as a picture for people: the surfaces' own colours, lit from the camera. It is drawn on the
-//! processor, without a graphics device, and is no photo.
+//! The camera's view of a scene as a picture for people, not a photo: the surfaces' own colours, lit from the camera, without a device.
 
 use glam::{Vec2, Vec3};
 
@@ -14,11 +13,10 @@ const RAYS: usize = 2;
 /// The opacity below which a blended surface is drawn as a hole.
 const FAINT: f32 = 0.5;
 
-/// Light that reaches a surface at whatever angle; the rest is proportional to the cosine.
+/// The share of light that reaches a surface at every angle. The rest is proportional to the cosine.
 const AMBIENT: f32 = 0.25;
 
-/// Draws the scene from its camera: linear RGB in \[0,1\]. The backs of one-sided surfaces are black, as in photos; so is where there
-/// is nothing.
+/// Draws the scene from its camera: linear RGB in \[0,1\]. The backs of one-sided surfaces are black, as in photos, and so is empty space.
 ///
 /// # Errors
 /// [`crate::Error::Dimension`] for a picture without pixels.
@@ -44,7 +42,7 @@ pub fn look(scene: &Scene, size: Resolution) -> Result<Image> {
     Image::new(size, 3, samples)
 }
 
-/// Whether a ray passes a surface there.
+/// Whether a ray passes through the surface at this point.
 fn is_hole(scene: &Scene, point: &SurfacePoint) -> bool {
     let opacity = || base(scene, point).1;
     match scene.materials[scene.triangles[point.triangle].material as usize].alpha_mode {
@@ -54,7 +52,6 @@ fn is_hole(scene: &Scene, point: &SurfacePoint) -> bool {
     }
 }
 
-/// The colour that is drawn at a point that a ray meets.
 fn lit(scene: &Scene, point: &SurfacePoint, ray: Vec3) -> Vec3 {
     let triangle = &scene.triangles[point.triangle];
     let material = &scene.materials[triangle.material as usize];
@@ -66,7 +63,6 @@ fn lit(scene: &Scene, point: &SurfacePoint, ray: Vec3) -> Vec3 {
     base(scene, point).0 * (AMBIENT + (1.0 - AMBIENT) * cosine)
 }
 
-/// Base colour and opacity of the surface at a point.
 fn base(scene: &Scene, point: &SurfacePoint) -> (Vec3, f32) {
     let triangle = &scene.triangles[point.triangle];
     let material = &scene.materials[triangle.material as usize];
@@ -84,7 +80,7 @@ fn base(scene: &Scene, point: &SurfacePoint) -> (Vec3, f32) {
     (color.truncate(), color.w)
 }
 
-/// The nearest texel, its colour linear.
+/// The nearest texel, with linear colour.
 fn texel(texture: &Texture, reference: &TextureRef, at: Vec2) -> glam::Vec4 {
     let at = reference.transform.transform_point2(at);
     let index = |coordinate: f32, wrap: Wrap, size: u32| {
@@ -115,7 +111,7 @@ mod tests {
         crate::scene::load(&path, None).expect("shipped scenes load")
     }
 
-    /// The scene with a triangle of these texture coordinates that fills the view, in a checkerboard of two texels each way.
+    /// A scene with one triangle that has these texture coordinates and fills the view. Its texture is a checkerboard of 2×2 texels.
     fn painted(at: Vec2) -> Scene {
         let mut scene = corner();
         let (camera, ahead) = (&scene.camera, scene.camera.position + scene.camera.forward);
@@ -146,7 +142,7 @@ mod tests {
             [([0.2, 0.2], [1.0, 0.0, 0.0]), ([1.2, 1.2], [0.0, 1.0, 0.0]), ([0.2, -0.3], [0.0, 0.0, 1.0])]
         {
             let found = seen(&painted(at.into()));
-            // The surface is seen straight on, but for half a pixel.
+            // The surface is seen straight on, up to half a pixel.
             assert!(found.iter().zip(color).all(|(a, b)| (a - b).abs() < 0.1), "{at:?}: {found:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! An open rig with the stages behind it, what it has cost so far, and what its photos say of it.
+//! An open rig with its processing stages, its costs so far, and the findings of its photos.
 
 mod symmetry;
 
@@ -9,20 +9,18 @@ use crate::operator::Symmetry;
 use crate::transport::Channels;
 use symmetry::Products;
 
-/// A rig as a linear operator.
 pub(super) struct MeasuredRig {
     pub(super) measurement: Measurement,
-    /// The calibration's folder, if there is one.
     calibration: Option<String>,
-    /// Whether the pixel map fits, where that was looked at.
+    /// Whether the pixel map fits, if that was examined.
     pub(super) map: Option<Finding>,
-    /// The products so far, by which its symmetry is judged.
+    /// The products so far. They show whether the matrix is symmetric.
     pub(super) products: Products,
 }
 
 impl MeasuredRig {
-    /// What the rig has cost so far, for a run's record; if `is_complete`, with the noise and drift that its photos show, and with findings. This
-    /// takes one photo of white where patterns were shown.
+    /// The costs of the rig so far, for a run's record. If `is_complete`, the record includes findings and the noise and drift that the
+    /// photos show. This takes one photo of white if patterns were shown.
     pub(super) fn record(&mut self, is_complete: bool) -> Result<RigRecord> {
         let mut record = RigRecord {
             calibration: self.calibration.clone(),
@@ -53,7 +51,7 @@ impl MeasuredRig {
     }
 }
 
-/// The stages behind raw frames; `channels` is `None` for what the devices see.
+/// The stages that process raw frames. If `channels` is `None`, the channels are those of the devices.
 pub(super) fn measured(
     frames: Box<dyn FrameSource>,
     calibration: &Calibration,

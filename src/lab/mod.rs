@@ -1,7 +1,7 @@
-//! The laboratory: one door to a scene, a rig, the folder of an earlier run, or a matrix.
+//! The laboratory: one entry to a scene, a rig, the folder of an earlier run, or a matrix.
 //!
-//! [`Lab::open`] takes a path and tells by its extension what it is. A laboratory takes photos ([`Lab::photo`]), hands out its light
-//! transport as a linear operator for the Krylov methods ([`Lab::operator`]), and writes what was found ([`Lab::save`]): arrays,
+//! [`Lab::open`] takes a path and recognizes the kind of source by the extension. A laboratory takes photos ([`Lab::photo`]), hands out its
+//! light transport as a linear operator for the Krylov methods ([`Lab::operator`]), and writes the answers ([`Lab::save`]): arrays,
 //! pictures, `run.json` and `report.html`.
 //!
 //! ```no_run
@@ -20,8 +20,8 @@
 //! # }
 //! ```
 //!
-//! [`Lab::builder`] sets what differs from the defaults: pixels, light paths, channels, a folder whose journal keeps every photo, an
-//! [`Observer`](crate::observer::Observer) that is told of progress and can stop everything.
+//! [`Lab::builder`] changes the defaults: pixels, light paths, channels, a folder whose journal keeps every photo, and an
+//! [`Observer`](crate::observer::Observer) that receives progress and can stop all work.
 
 mod answers;
 mod builder;
@@ -91,34 +91,27 @@ use crate::transport::Channels;
 use source::{MatrixSource, SceneSource, Source};
 use transport::LightTransport;
 
-/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), the folder of an earlier run, or a matrix (`.npz`, `.mtx`, `.npy`).
-///
-/// # Errors
-/// As [`Lab::open`].
+/// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), a run's folder, or a matrix (`.npz`, `.mtx`, `.npy`). See [`Lab::open`].
 pub fn open(path: impl AsRef<Path>) -> Result<Lab> {
     Lab::open(path)
 }
 
 /// An open laboratory.
 ///
-/// Nothing is traced and no photo is taken before one is asked for. A laboratory and everything that it hands out can be sent to another
-/// thread.
+/// It traces nothing and takes no photo until one is asked for. A laboratory and all that it hands out can be sent to another thread.
 pub struct Lab {
     source: Source,
     settings: Settings,
     channels: Channels,
     observer: SharedObserver,
-    /// Opened when it is first needed.
     transport: Option<Arc<Mutex<LightTransport>>>,
     sheet: Arc<Mutex<ContactSheet>>,
-    /// Labels that the run's journal shall keep.
     kept_truth: Option<Truth>,
-    /// Whether the photos of the run go to its journal.
     keeps_photos: bool,
-    /// Whether the question is what is wrong with a rig, so that one is answered whose light is not seen or not in proportion.
+    /// Whether the question is about the faults of a rig. Then a rig is allowed even if its light is not seen or not proportional.
     audits: bool,
     run: Option<RunFolder>,
-    /// What the photos of the last verb say of the rig.
+    /// Findings about the rig from the photos of the last verb.
     findings: Vec<Finding>,
 }
 
@@ -126,8 +119,7 @@ impl Lab {
     /// Opens a source with default settings.
     ///
     /// # Errors
-    /// [`Error::Read`], [`Error::Data`], [`Error::Scene`] naming the file that cannot be used; [`Error::Device`] where a scene has to be
-    /// traced and there is no graphics device.
+    /// [`Error::Read`], [`Error::Data`] or [`Error::Scene`] naming the file; [`Error::Device`] without a graphics device for tracing.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::builder(path).open()
     }
@@ -147,7 +139,7 @@ impl Lab {
         LabBuilder::of_matrix(matrix, name.into())
     }
 
-    /// A laboratory around a rig whose file a program wrote: `text` is its content, and `name` stands for its path. A run keeps the text.
+    /// A laboratory around a rig whose file a program wrote. A run keeps `text`, the file's content. `name` stands for its path.
     pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
         LabBuilder::of_rig(name.as_ref(), text.into())
     }
@@ -212,22 +204,22 @@ impl Lab {
         self.source.unit()
     }
 
-    /// Seeds starting vectors and every other choice by chance outside of the tracer.
+    /// The seed of starting vectors and of every other random choice outside of the tracer.
     pub fn seed(&self) -> u64 {
         self.settings.trace.vector_seed()
     }
 
-    /// The settings that it was opened with.
+    /// The settings that the laboratory was opened with.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Who watches.
+    /// The observer.
     pub fn observer(&self) -> &SharedObserver {
         &self.observer
     }
 
-    /// Photos that the run that is the source was allowed to take, if it came to its end: the default budget of further questions.
+    /// The photos that the source's run was allowed to take, if it was completed: the default budget of further questions.
     pub fn photos_of_run(&self) -> Option<usize> {
         match &self.source {
             Source::Run(run) => run.photos,
@@ -243,10 +235,10 @@ impl Lab {
         }
     }
 
-    /// The scene, also the one behind a virtual rig.
+    /// The scene, or the scene behind a virtual rig.
     ///
     /// # Errors
-    /// [`Error::Data`] where there is none.
+    /// [`Error::Data`] if there is none.
     pub fn scene(&self) -> Result<&Scene> {
         Ok(&self.scene_source()?.scene)
     }
@@ -254,17 +246,17 @@ impl Lab {
     /// Lets `work` use the tracer of the scene.
     ///
     /// # Errors
-    /// [`Error::Data`] where there is no scene.
+    /// [`Error::Data`] if there is no scene.
     pub fn with_tracer<T>(&self, work: impl FnOnce(&mut Tracer) -> T) -> Result<T> {
         Ok(work(&mut self.scene_source()?.tracer()))
     }
 
-    /// How the scene is traced, also the one behind a virtual rig.
+    /// The trace settings of the scene, or of the scene behind a virtual rig.
     pub fn trace_settings(&self) -> Option<TraceSettings> {
         self.scene_source().ok().map(|scene| scene.settings)
     }
 
-    /// The rig, where the source is a rig file.
+    /// The rig, if the source is a rig file.
     pub fn rig(&self) -> Option<&RigSource> {
         match &self.source {
             Source::Rig(rig) => Some(rig),
@@ -272,17 +264,16 @@ impl Lab {
         }
     }
 
-    /// The standard deviation in pixels of the blur that patterns and photos of a rig need, whose camera has too few pixels; 0 for none.
+    /// The standard deviation, in pixels, of the blur that patterns and photos need if a rig's camera has too few pixels; 0 for none.
     pub(crate) fn blur(&self) -> f64 {
         self.source.blur()
     }
 
-    /// Whether photos are answered by a model of an earlier run's photos.
+    /// Whether a model of an earlier run's photos computes the photos.
     pub(crate) fn is_model(&mut self) -> Result<bool> {
         Ok(lock::lock(self.transport()?).is_model())
     }
 
-    /// Adds what an answer's photos say of the rig.
     pub(crate) fn add_findings(&mut self, more: impl IntoIterator<Item = Finding>) {
         crate::finding::merge(&mut self.findings, more);
     }

@@ -1,4 +1,4 @@
-//! The names in a run's journal, and what it says of its photos, beside them.
+//! The names in a run's journal, and the notes that it keeps beside its photos.
 
 use std::path::PathBuf;
 
@@ -16,12 +16,11 @@ pub(super) const TRUTH: &str = "truth";
 pub(super) const DIRECT: &str = "direct light";
 pub(super) const NOISE: &str = "noise of products";
 
-/// The name of the products of a part and channel in a journal.
 pub(super) fn product_name(part: Part, channel: usize) -> String {
     format!("{part:?}, channel {channel}")
 }
 
-/// What a journal's photos are of.
+/// The source of a journal's photos.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct SourceNote {
     pub(super) kind: Kind,
@@ -29,7 +28,6 @@ pub(super) struct SourceNote {
     #[serde(with = "name")]
     pub(super) path: PathBuf,
     pub(super) hash: String,
-    /// Pixels of photos and of patterns.
     pub(super) photos: Resolution,
     pub(super) patterns: Resolution,
     pub(super) symmetric: bool,
@@ -37,13 +35,12 @@ pub(super) struct SourceNote {
 }
 
 impl SourceNote {
-    /// Whether the matrix is symmetric.
     pub(super) fn symmetry(&self) -> Symmetry {
         if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
     }
 }
 
-/// What took the photos.
+/// The kind of source that gave the photos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Kind {
@@ -52,7 +49,6 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// The unit of photos' values.
     pub(super) fn unit(self) -> &'static str {
         match self {
             Self::Scene => "W/(m² sr)",
@@ -61,7 +57,7 @@ impl Kind {
     }
 }
 
-/// The expected norm of the error of a product with a vector of norm 1, by the part of the light.
+/// The expected norm of the error of a product with a vector of norm 1, for each part of the light.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct ProductNoise {
     pub(super) full: f64,

@@ -23,7 +23,6 @@ impl<O: Observer + Send + Sync + 'static> From<Arc<O>> for SharedObserver {
     }
 }
 
-/// Messages with formatted arguments.
 pub(crate) trait Log {
     fn log(&self, level: Level, message: &str);
 
@@ -35,7 +34,6 @@ pub(crate) trait Log {
         self.log(Level::Info, &message.to_string());
     }
 
-    /// The lines about what a rig has cost.
     fn costs(&self, rig: &RigRecord) {
         let effort = &rig.effort;
         self.info(format_args!(

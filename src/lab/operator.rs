@@ -1,4 +1,4 @@
-//! One part and channel of a laboratory's light transport, as the Krylov methods see it.
+//! One part and channel of a laboratory's light transport, as a linear operator for the Krylov methods.
 
 use std::sync::{Arc, Mutex};
 
@@ -11,23 +11,22 @@ use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::Part;
 
-/// `y = P x` for one part `P` and one channel of the light transport matrix of a source. Each product is one photo: computed, traced,
-/// or taken.
+/// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo: computed, traced, or taken.
 ///
-/// The operator owns its share of the laboratory, so that it can outlive it and move to another thread; operators of one laboratory
-/// take turns. Where the laboratory has a folder, each product is in the folder's journal before it is handed out, and none is taken twice.
+/// The operator shares ownership of the light transport, so it can outlive the laboratory and move to another thread. The operators of one
+/// laboratory take turns. With a folder, each product is in the journal before it is handed out, and none is taken twice.
 pub struct LabOperator {
     transport: Arc<Mutex<LightTransport>>,
     shape: Shape,
     part: Part,
     channel: usize,
     observer: SharedObserver,
-    /// Where photos are recorded for the report; `None` for products that are no photos of the run.
+    /// The record of photos for the report; `None` for products that are not photos of the run.
     sheet: Option<Arc<Mutex<ContactSheet>>>,
     photos: usize,
-    /// Whether products only confirm an answer and cost nothing: they are no photos, and a model of other photos cannot give them.
+    /// Whether products only confirm an answer. They cost nothing and are not photos, and a model of other photos cannot compute them.
     is_confirming: bool,
-    /// The standard errors of the products of the last call, where the source knows them.
+    /// The standard errors of the products of the last call, if the source knows them.
     errors: Vec<f64>,
 }
 
@@ -64,12 +63,12 @@ impl LabOperator {
         self.channel
     }
 
-    /// Products with this operator so far, those with the transpose among them.
+    /// The number of products with this operator and its transpose so far.
     pub fn photos(&self) -> usize {
         self.photos
     }
 
-    /// Whether products cost nothing but a little computing.
+    /// Whether products cost only a little computing.
     pub(crate) fn is_free(&self) -> bool {
         lock(&self.transport).is_free()
     }

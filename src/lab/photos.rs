@@ -1,4 +1,4 @@
-//! The photos of a laboratory, and what they cost.
+//! The photos of a laboratory, and their costs.
 
 use super::lock::lock;
 use super::source::Source;
@@ -12,20 +12,17 @@ use crate::observer::{Estimate, Step};
 use crate::report::contact_sheet::ContactSheet;
 
 impl Lab {
-    /// The photo of a pattern, in [`Lab::unit`], with the ambient light. A rig's photo is without it unless the rig file says otherwise. A
-    /// pattern of one channel lights all channels.
+    /// The photo of a pattern, in [`Lab::unit`], with the ambient light. A rig's photo excludes the ambient light unless the rig file says
+    /// otherwise. A pattern of one channel lights all channels.
     ///
     /// # Errors
-    /// [`crate::Error::Dimension`] when the pattern does not have the pixels or channels of the projector; those of [`Lab::operator`].
+    /// [`crate::Error::Dimension`] when the pattern does not have the pixels or channels of the projector; the errors of [`Lab::operator`].
     pub fn photo(&mut self, pattern: &Image) -> Result<Image> {
         lock(self.transport()?).photograph(pattern)
     }
 
-    /// As [`Lab::photo`], with the standard error of each sample where the source knows it. A scene is traced for this photo, since its matrix
-    /// does not tell the errors of single photos.
-    ///
-    /// # Errors
-    /// As [`Lab::photo`].
+    /// As [`Lab::photo`], with the standard error of each sample if the source knows it. A scene is traced for this photo, since its matrix
+    /// does not contain the errors of single photos. Fails as [`Lab::photo`].
     pub fn photo_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         if let Source::Scene(scene) = &self.source {
             let mut traced =
@@ -35,18 +32,12 @@ impl Lab {
         lock(self.transport()?).photograph_with_error(pattern)
     }
 
-    /// The photo under an all-ones pattern.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The photo under an all-ones pattern. Fails as [`Lab::operator`].
     pub fn white(&mut self) -> Result<Image> {
         lock(self.transport()?).white()
     }
 
-    /// The photo without projector.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The photo without projector light. Fails as [`Lab::operator`].
     pub fn ambient(&mut self) -> Result<Image> {
         lock(self.transport()?).ambient()
     }
@@ -54,7 +45,7 @@ impl Lab {
     /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light: `[primary][channel][pixel]`.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] where projector or camera is gray; those of [`Lab::operator`].
+    /// [`crate::Error::Option`] if projector or camera is gray; the errors of [`Lab::operator`].
     pub fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
         lock(self.transport()?).primaries()
     }
@@ -64,21 +55,20 @@ impl Lab {
         lock(&self.sheet).clone()
     }
 
-    /// Announces how many photos of each channel are about to be taken.
+    /// Tells the observer how many photos of each channel will be taken.
     pub(crate) fn expect(&self, photos: usize) {
         let total = (photos * self.channels.count()) as u64;
         let step = Step { stage: "photos", done: 0, total, estimate: Estimate::None };
-        // Whether to go on is asked with the first photo.
+        // A request to stop is honoured at the first photo.
         let _ = self.observer.0.step(&step);
     }
 
-    /// Runs `work`, which takes photos; records how long it took and what they have cost on a rig. The costs are of interest above all when
-    /// it failed.
+    /// Runs `work`, which takes photos. Records its time and the costs on a rig, which matter most if `work` failed.
     pub(crate) fn photos<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.photos_with(|_| true, work)
     }
 
-    /// As [`Self::photos`]; `is_complete` says whether the photos are enough to know noise and drift.
+    /// As [`Self::photos`]. `is_complete` says whether the photos are enough to know noise and drift.
     pub(crate) fn photos_with<T>(
         &mut self,
         is_complete: impl FnOnce(&T) -> bool,
@@ -90,7 +80,7 @@ impl Lab {
             Some(transport) => lock(transport).record(is_complete)?,
             None => None,
         };
-        // A run that is asked again has the findings of its own photos, which include some that this question does not need.
+        // A replayed run keeps the findings of its own photos, which include some photos that this question does not need.
         self.findings = self.source.findings();
         if let Some(mut rig) = record {
             merge(&mut self.findings, std::mem::take(&mut rig.findings));
@@ -103,24 +93,18 @@ impl Lab {
         found
     }
 
-    /// What a rig has cost so far, with the noise and drift that its photos show; `None` for other sources.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// The costs of a rig so far, with the noise and drift that its photos show; `None` for other sources. Fails as [`Lab::operator`].
     pub fn costs(&mut self) -> Result<Option<RigRecord>> {
         lock(self.transport()?).record(true)
     }
 
-    /// What the photos of the last verb say of the rig: whether it sees the projector, whether its light is steady, and whether light takes every
-    /// way in both directions alike. Empty for other sources.
+    /// Findings about the rig from the photos of the last verb: whether it sees the projector, whether its light is steady, and whether
+    /// each light path has the same strength in both directions. Empty for other sources.
     pub fn findings(&self) -> &[Finding] {
         &self.findings
     }
 
-    /// Lets `work` use the rig's measurement, where photos are of a rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`], and those of `work`.
+    /// Lets `work` use the rig's measurement, if photos are of a rig. Fails as [`Lab::operator`] and `work`.
     pub fn with_measurement<T>(
         &mut self,
         work: impl FnOnce(&mut Measurement) -> Result<T>,

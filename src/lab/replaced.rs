@@ -1,7 +1,7 @@
-//! The run that a new one replaces waits in a separate folder until the new one is whole.
+//! Storage of a run that a new run replaces, until the new run is complete.
 //!
-//! It is moved into `earlier-N.moving`. When the record of the new run names `earlier-N`, the folder gets that name. A program that is killed in between
-//! leaves `earlier-N.moving`: the next run in the folder finishes the move if the record names it, and undoes it otherwise.
+//! The old run is moved into `earlier-N.moving`, which is renamed to `earlier-N` when the record of the new run names it. If the program is
+//! killed in between, the next run in the folder finishes the move if the record names it, and undoes it otherwise.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -18,24 +18,20 @@ use crate::report::run::PAINT;
 const NAME: &str = "earlier-";
 pub(super) const MOVING: &str = ".moving";
 
-/// Runs that were moved aside, into `earlier-N` of their folder.
+/// Runs that were moved into `earlier-N` of their folder.
 pub(super) struct Replaced {
     run: PathBuf,
-    /// The run that the new one replaces.
     aside: PathBuf,
-    /// The runs that this one had itself replaced before it was whole.
+    /// The runs that the replaced run had itself replaced before it was complete.
     before: Vec<String>,
 }
 
 impl Replaced {
-    /// Moves the run aside: its photos, its model, its report, its record, and what the record lists.
-    ///
-    /// # Errors
-    /// [`Error::Write`]; then everything is where it was.
+    /// Moves the run aside: its photos, model, report, record, and the listed files. On [`Error::Write`], everything is moved back.
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
-        // Numbers do not run out before the disk does.
+        // The disk is full before the numbers run out.
         let name = (1..=u32::MAX).map(|number| format!("{NAME}{number}")).find(is_free).unwrap_or_default();
         let moving = run.join(format!("{name}{MOVING}"));
         file::make_folder(&moving)?;
@@ -49,20 +45,17 @@ impl Replaced {
         Ok(Self { run: run.to_path_buf(), aside: run.join(name), before })
     }
 
-    /// Ends the move, once the record of the new run names [`Replaced::names`].
+    /// Finishes the move, once the record of the new run names [`Replaced::names`].
     pub(super) fn settle(&self) -> Result<()> {
         fs::rename(self.moving(), &self.aside).map_err(Error::writing(&self.aside))
     }
 
-    /// The runs that the record of an unfinished run names; those that a whole run replaced are deleted. A move that a killed program left is finished,
-    /// or undone where no record names it.
-    ///
-    /// # Errors
-    /// [`Error::Read`], [`Error::Write`].
+    /// The replaced runs that the record of an unfinished run names. Runs that a complete run replaced are deleted. A move that a killed
+    /// program left is finished, or undone if no record names it. Errors: [`Error::Read`], [`Error::Write`].
     pub(super) fn recover(run: &Path) -> Result<Option<Self>> {
         let named = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| names_in(&record));
         let entries = fs::read_dir(run).map_err(Error::reading(run))?.flatten();
-        // A link of this name is not ours.
+        // A link with this name was not made by this program.
         for entry in entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
             let moving = entry.file_name().to_string_lossy().into_owned();
             match moving.strip_suffix(MOVING).filter(|name| is_name(name)) {
@@ -73,7 +66,7 @@ impl Replaced {
                 None => {}
             }
         }
-        // A run that was put back brings its record.
+        // A run that was put back restores its record.
         let Ok(record) = RunManifest::read(&run.join(RECORD)) else { return Ok(None) };
         let mut named = names_in(&record);
         named.retain(|name| fs::symlink_metadata(run.join(name)).is_ok_and(|it| it.is_dir()));
@@ -85,29 +78,25 @@ impl Replaced {
         }
     }
 
-    /// The folders, as the record of the new run names them: the last one is the run that it replaces.
+    /// The names of the folders, as the record of the new run lists them. The last one is the run that it replaces.
     pub(super) fn names(&self) -> Vec<String> {
         let last = self.aside.file_name().map(|name| name.to_string_lossy().into_owned());
         self.before.iter().cloned().chain(last).collect()
     }
 
-    /// Photos of the run that was moved aside.
     pub(super) fn photos(&self) -> usize {
         photos_in(&self.aside)
     }
 
-    /// Where the run is now.
     pub(super) fn path(&self) -> &Path {
         &self.aside
     }
 
-    /// Deletes them: the new run is whole.
     pub(super) fn discard(&self) -> Result<()> {
         self.names().iter().try_for_each(|name| file::remove(&self.run.join(name)))
     }
 
-    /// Puts the run back in place of one that has no photos. The record of that one goes first: if this program is then killed, the next one
-    /// finishes the work.
+    /// Puts the run back in place of one without photos. That one's record is removed first, so that the next program can finish the work.
     pub(super) fn restore(&self) -> Result<()> {
         let moving = self.moving();
         if is_there(&self.aside) {
@@ -124,14 +113,14 @@ impl Replaced {
     }
 }
 
-/// Moves everything in a folder into another one, in place of what is there, and removes the folder. A record comes last.
+/// Moves all entries of a folder into another one, where they replace those of the same name, and removes the folder. The record is last.
 pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
     let entries = fs::read_dir(from).map_err(Error::reading(from))?.flatten();
     let mut names: Vec<_> = entries.map(|entry| entry.file_name()).collect();
     names.sort_by_key(|name| name == RECORD);
     let is_folder = |path: &Path| fs::symlink_metadata(path).is_ok_and(|it| it.is_dir());
     for (source, place) in names.iter().map(|name| (from.join(name), to.join(name))) {
-        // A file takes the place of another one at once.
+        // A renamed file replaces another one atomically, so only folders are removed first.
         if is_folder(&source) || is_folder(&place) {
             file::remove(&place)?;
         }
@@ -140,10 +129,10 @@ pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
     fs::remove_dir(from).map_err(Error::writing(from))
 }
 
-/// The names of a run's files and folders, the record last.
+/// The names of a run's files and folders, with the record last.
 fn parts(run: &Path) -> Vec<PathBuf> {
     let listed = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| record.outputs);
-    // Files in folders belong to the model, which moves as a whole.
+    // Files in folders belong to the model, which moves as one folder.
     let is_part = |name: &String| !is_name(name) && is_file_name(name);
     let listed = listed.into_iter().filter(is_part).map(PathBuf::from);
     let fixed = [JOURNAL, model::FOLDER, REPORT, PAINT].map(PathBuf::from);
@@ -152,17 +141,16 @@ fn parts(run: &Path) -> Vec<PathBuf> {
     parts.into_iter().chain([PathBuf::from(RECORD)]).filter(|part| is_there(&run.join(part))).collect()
 }
 
-/// The runs aside that a record names.
 fn names_in(record: &RunManifest) -> Vec<String> {
     record.replaces.iter().filter(|name| is_name(name)).cloned().collect()
 }
 
-/// Whether a record's path is a name in the run's own folder. A stranger's record may list any path.
+/// Whether a path in a record is a plain name in the run's own folder. A record from elsewhere may list any path.
 pub(super) fn is_file_name(path: &str) -> bool {
     Path::new(path).file_name().is_some_and(|name| name == path)
 }
 
-/// Whether this is the name of a run aside. A stranger's record may name any path.
+/// Whether this is the name of a replaced run. A record from elsewhere may name any path.
 pub(super) fn is_name(name: &str) -> bool {
     name.strip_prefix(NAME)
         .is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))

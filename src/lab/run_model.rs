@@ -1,4 +1,4 @@
-//! Models of light transport from the photos that a run took.
+//! Models of light transport, made from the photos of a run.
 
 use std::path::Path;
 
@@ -13,10 +13,10 @@ use crate::journal::Journal;
 use crate::operator::Product;
 use crate::transport::Channels;
 
-/// The low-rank model in the folder of a run: the one that the run left, or one from all the photos that it took. No photo is taken.
+/// The low-rank model of a run in a folder: the model that the run saved, or one made from all its photos. No photo is taken.
 ///
 /// # Errors
-/// [`Error::Data`] where there is neither; [`Error::Journal`] where the photos do not suffice.
+/// [`Error::Data`] if the folder has neither; [`Error::Journal`] if the photos do not suffice.
 pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel> {
     if model::is_in(folder) {
         return SavedModel::read(folder);
@@ -24,10 +24,7 @@ pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel
     from_photos(&run_with_photos(folder)?, observer)
 }
 
-/// The channels of the model that [`open_model`] gives, and the pixels of its photos and patterns.
-///
-/// # Errors
-/// [`Error::Data`] where there is neither a model nor photos.
+/// The channels of the model that [`open_model`] returns, and the pixels of its photos and patterns; [`Error::Data`] if there is no model.
 pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> {
     if model::is_in(folder) {
         let model = SavedModel::read(folder)?;
@@ -38,10 +35,10 @@ pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> 
 }
 
 impl Lab {
-    /// The low-rank model of the light transport: the one that a run left, or one from all the photos that a run took. No photo is taken.
+    /// The low-rank model of the light transport: the model that a run saved, or one made from all the photos of a run. No photo is taken.
     ///
     /// # Errors
-    /// [`Error::Data`] where the source is not the folder of a run; [`Error::Journal`] where its photos do not suffice.
+    /// [`Error::Data`] if the source is not the folder of a run; [`Error::Journal`] if its photos do not suffice.
     pub fn model(&self) -> Result<SavedModel> {
         match &self.source {
             Source::Model(source) => Ok(source.model.clone()),
@@ -55,12 +52,12 @@ impl Lab {
         }
     }
 
-    /// Whether a model answers without further photos: whether the source is the folder of a run.
+    /// Whether the source is the folder of a run, so that a model answers without further photos.
     pub fn has_model(&self) -> bool {
         matches!(self.source, Source::Model(_) | Source::Run(_))
     }
 
-    /// Whether the run that is the source left a model.
+    /// Whether the run that is the source saved a model.
     pub fn has_saved_model(&self) -> bool {
         match &self.source {
             Source::Model(_) => true,
@@ -81,7 +78,7 @@ fn run_with_photos(folder: &Path) -> Result<RunSource> {
     })
 }
 
-/// The model of each channel from all that the run's journal holds.
+/// The model of each channel, made from all photos in the run's journal.
 fn from_photos(run: &RunSource, observer: &SharedObserver) -> Result<SavedModel> {
     let note = &run.note;
     let RunPhotos { global, full, direct, ambient } = run.taken(observer)?;
@@ -116,7 +113,7 @@ fn from_photos(run: &RunSource, observer: &SharedObserver) -> Result<SavedModel>
     })
 }
 
-/// The direct light where it was not measured, from a run that has the white photo among its photos.
+/// An estimate of the direct light for a run that did not measure it but has the white photo.
 fn estimated(full: &[Product], observer: &SharedObserver) -> Result<Vec<f64>> {
     let level = |product: &Product| product.from.iter().copied().fold(0.0, f64::max);
     // A rig never lights the pixels that its camera does not see.

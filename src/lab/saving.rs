@@ -11,11 +11,11 @@ use crate::finding::{Finding, merge};
 use crate::io::manifest::Verification;
 
 impl Lab {
-    /// Begins a run: makes the folder, whose journal keeps every photo from now on. Where the options name no folder it is
+    /// Begins a run and makes its folder. The journal in it keeps every photo from now on. If the options name no folder, it is
     /// `out/NAME-VERB`. Call it before the first photo.
     ///
     /// # Errors
-    /// [`Error::Option`] when the folder holds an earlier run that is not to be overwritten; [`Error::Write`].
+    /// [`Error::Option`] when the folder holds an earlier run that must not be overwritten; [`Error::Write`].
     pub fn begin_run(&mut self, verb: &str, options: &RunOptions) -> Result<&mut RunFolder> {
         let name = format!("{}-{verb}", self.name());
         let mut run = RunFolder::create(options, &name, self.source.folder(), &self.observer)?;
@@ -29,7 +29,7 @@ impl Lab {
         self.run.as_mut()
     }
 
-    /// Records in the open run how many photos a verb may take: the default budget of further questions to the run.
+    /// Records in the open run how many photos a verb may take. This is the default budget of further questions to the run.
     pub(crate) fn allow_photos(&mut self, photos: usize) {
         if let Some(run) = &mut self.run {
             run.manifest.photos_allowed = Some(photos);
@@ -46,11 +46,10 @@ impl Lab {
         result
     }
 
-    /// Writes an answer into a folder: arrays, pictures, `run.json` and `report.html`. The folder may be that of the open run; otherwise
-    /// it must not hold a run.
+    /// Writes an answer into a folder: arrays, pictures, `run.json` and `report.html`. A folder with a run must be that of the open run.
     ///
     /// # Errors
-    /// [`Error::Option`] where the folder holds another run; [`Error::Write`]; those of the photos that the report shows.
+    /// [`Error::Option`] if the folder holds another run; [`Error::Write`]; the errors of the photos that the report shows.
     pub fn save(&mut self, folder: impl AsRef<Path>, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
         let folder = folder.as_ref();
         if self.run.as_ref().is_none_or(|run| run.path != folder) {
@@ -60,7 +59,7 @@ impl Lab {
         self.finish(answer)
     }
 
-    /// All that was found of an answer and of the rig whose photos it is from. The colour of its page and the exit status follow from these.
+    /// All findings about an answer and about the rig that its photos show. They determine the colour of its page and the exit status.
     pub fn findings_of(&self, answer: &(impl Answer + ?Sized)) -> Vec<Finding> {
         let mut all = self.findings.clone();
         merge(&mut all, answer.findings());
@@ -72,15 +71,12 @@ impl Lab {
     /// Writes an answer into the folder of the open run, and ends the run.
     ///
     /// # Errors
-    /// [`Error::Option`] where no run is open; otherwise as [`Lab::save`].
+    /// [`Error::Option`] if no run is open; otherwise as [`Lab::save`].
     pub fn finish(&mut self, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
         self.finish_with(answer, Vec::new())
     }
 
-    /// As [`Lab::finish`], with findings beside those of the answer and of the rig: whether the answer is what was asked for.
-    ///
-    /// # Errors
-    /// As [`Lab::finish`].
+    /// As [`Lab::finish`], with further findings, for example whether the answer meets the request. Fails as [`Lab::finish`].
     pub fn finish_with(&mut self, answer: &(impl Answer + ?Sized), more: Vec<Finding>) -> Result<Saved> {
         let Some(mut run) = self.run.take() else {
             return Err(Error::Option {
@@ -109,7 +105,7 @@ impl Lab {
             merge(&mut self.findings, run.manifest.rig.iter().flat_map(|rig| rig.findings.clone()));
         }
         run.manifest.findings = self.findings_of(answer);
-        // The run is not open any more.
+        // The run is already closed.
         merge(&mut run.manifest.findings, run.manifest.verification.as_ref().map(Verification::finding));
         merge(&mut run.manifest.findings, more);
         let seconds = run.seconds();
@@ -125,10 +121,7 @@ impl Lab {
         })
     }
 
-    /// Ends the open run of a verb that leaves no report, if there is one; `photos` is how many it took.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
+    /// Ends the open run, if any, of a verb that leaves no report. `photos` is the number of its photos. Fails with [`Error::Write`].
     pub fn end_run(&mut self, photos: usize, message: &str) -> Result<()> {
         let Some(mut run) = self.run.take() else { return Ok(()) };
         run.manifest.photos = photos as u64;
@@ -139,7 +132,7 @@ impl Lab {
         run.close(Ok(message))
     }
 
-    /// Ends the open run because of an error, which its record then tells, with what the run has cost so far.
+    /// Ends the open run because of an error. Its record contains the error and the costs so far.
     pub fn abort(&mut self, error: &Error) {
         if let Some(mut run) = self.run.take() {
             self.closed_by(error, &mut run);
@@ -150,7 +143,7 @@ impl Lab {
         if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
             run.manifest.rig = lock(transport).record(false).unwrap_or(None);
         }
-        // The error itself matters more than that it cannot be recorded.
+        // The error itself is more important than the failure to record it.
         if let Err(why) = run.close(Err(error)) {
             self.observer.note(format_args!("note: the record of the run is not written: {why}"));
         }

@@ -1,4 +1,4 @@
-//! How a source is opened: every setting, with its default.
+//! The settings of a source, with their defaults.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,40 +10,39 @@ use crate::render::{Gather, Sampler, TraceSettings};
 use crate::team::Team;
 use crate::transport::{Backend, Channels};
 
-/// How a source is opened. The default suits every source.
+/// Settings for opening a source. The default suits every source.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// The camera of the scene to use, by name, where the scene has several.
+    /// The name of the camera to use, if the scene has several.
     pub camera: Option<String>,
-    /// A camera file: where camera and projector stand, instead of the scene's own poses.
+    /// A camera file. Its poses of camera and projector replace those of the scene.
     pub camera_file: Option<PathBuf>,
     /// Places a camera in front of a scene that has none.
     pub auto_camera: bool,
-    /// Makes a picture or a material library that a scene names, and that is missing, an error in place of a warning.
+    /// Makes a missing picture or material library of a scene an error instead of a warning.
     pub strict: bool,
     /// How light is traced.
     pub trace: TraceOverrides,
-    /// Part of the name of the graphics adapter to use; any suitable one where none is named.
+    /// Part of the name of the graphics adapter to use. If it is `None`, any suitable adapter is used.
     pub adapter: Option<String>,
-    /// Where matrices are kept for later runs.
+    /// The place where matrices are kept for later runs.
     pub cache: CacheChoice,
     /// How the photos of a scene are computed.
     pub operator: OperatorChoice,
-    /// Where products with a scene's matrix are computed.
+    /// The place where products with a scene's matrix are computed.
     pub backend: Backend,
-    /// Bytes of memory that a matrix may take while it is assembled, or a single photo while it is traced; half of the machine's where none is
-    /// given.
+    /// The bytes of memory for a matrix during assembly, or for a traced photo. If it is `None`, half of the machine's memory is allowed.
     pub memory: Option<u64>,
     /// Gray or coloured photos.
     pub channels: ChannelChoice,
-    /// Other processes that trace scenes and keep a part of their matrices; this one leads.
+    /// Other processes that trace scenes and keep a part of their matrices. This process leads them.
     pub team: Option<Arc<Team>>,
-    /// Whether a scene's matrix keeps the second bounce in a layer apart from the third and later ones.
+    /// Whether a scene's matrix keeps the second bounce in a separate layer from the third and later ones.
     pub split_bounces: bool,
 }
 
 impl Settings {
-    /// The first setting that says what is traced, or how, by the name of its option: a source that traces nothing refuses it.
+    /// The option name of the first setting that affects tracing. A source that traces nothing refuses it.
     pub fn first_of_trace(&self) -> Option<&'static str> {
         let view = [
             (self.camera.is_some(), "--camera"),
@@ -56,7 +55,7 @@ impl Settings {
         trace.or(adapter).or(view.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name))
     }
 
-    /// The first setting that says how the photos of a scene are computed, by the name of its option: other sources refuse it.
+    /// The option name of the first setting that affects how the photos of a scene are computed. Other sources refuse it.
     pub fn first_of_operator(&self) -> Option<&'static str> {
         let given = [
             (self.operator != OperatorChoice::Auto, "--operator"),
@@ -72,7 +71,7 @@ impl Settings {
     }
 }
 
-/// How the photos of a scene are computed: the same photos, to rounding.
+/// How the photos of a scene are computed. All choices give the same photos, up to rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OperatorChoice {
     /// As products with a matrix, unless the matrix would exceed the memory.
@@ -92,7 +91,7 @@ pub enum ChannelChoice {
     Luma,
     /// Red, green and blue: three independent systems.
     Rgb,
-    /// What the source sees: colours of a scene, the channels of a rig's devices, those of a run's photos.
+    /// The channels of the source: colours for a scene, the channels of a rig's devices, or those of a run's photos.
     Native,
 }
 
@@ -105,16 +104,15 @@ impl From<Channels> for ChannelChoice {
     }
 }
 
-/// Where matrices are kept for later runs.
+/// The place where matrices are kept for later runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CacheChoice {
-    /// In the folder that the environment variable `KRYLUX_CACHE` names (nowhere if it is empty), or else in `krylux` in the user's
-    /// cache folder.
+    /// The folder that the environment variable `KRYLUX_CACHE` names (none if it is empty), or else `krylux` in the user's cache folder.
     #[default]
     Default,
-    /// Nowhere.
+    /// Matrices are not kept.
     Off,
-    /// In this folder.
+    /// Matrices are kept in this folder.
     Folder(PathBuf),
 }
 
@@ -133,33 +131,32 @@ impl CacheChoice {
     }
 }
 
-/// Settings of the tracer. What is `None` is 64 paths of at most six surfaces from each of 128×128 pixels, or what the file of a virtual
-/// rig says.
+/// Settings of the tracer. `None` means 64 paths of at most six surfaces for each of 128×128 pixels, or the value in a virtual rig's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TraceOverrides {
-    /// Pixels of the camera, and of the projector where `projector` is `None`.
+    /// Pixels of the camera, and of the projector if `projector` is `None`.
     pub resolution: Option<Resolution>,
     /// Pixels of a projector that stands apart from the camera.
     pub projector: Option<Resolution>,
     /// Light paths per camera pixel.
     pub samples: Option<u32>,
-    /// Surfaces that a light path meets at most; 1 is direct light only.
+    /// The largest number of surfaces that a light path meets; 1 gives direct light only.
     pub max_bounces: Option<u32>,
-    /// Selects the random numbers of the tracer and of starting vectors. On a rig it selects those of starting vectors only: the file
-    /// of a virtual rig says which its devices use.
+    /// Selects the random numbers of the tracer and of starting vectors. On a rig it selects only those of starting vectors, since the file
+    /// of a virtual rig names the seed of its devices.
     pub seed: Option<u32>,
-    /// How random numbers are distributed.
+    /// The distribution of random numbers.
     pub sampler: Option<Sampler>,
-    /// End dim light paths by chance.
+    /// Ends dim light paths at random.
     pub russian_roulette: bool,
     /// Specular chains traced from each pixel ([`Gather::photons`]).
     pub photons: Option<u32>,
-    /// How far around a point such chains count ([`Gather::radius`]).
+    /// The radius around a point within which such chains count ([`Gather::radius`]).
     pub radius: Option<f32>,
 }
 
 impl TraceOverrides {
-    /// `settings` with what is given here in their place; not the seed.
+    /// Replaces fields of `settings` by the values given here, except the seed.
     fn over(&self, settings: TraceSettings) -> TraceSettings {
         TraceSettings {
             resolution: self.resolution.unwrap_or(settings.resolution),
@@ -182,18 +179,17 @@ impl TraceOverrides {
         TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
     }
 
-    /// The settings for the scene of a virtual rig, whose file says `settings`. The seed is the file's: equal devices see equal
-    /// scenes.
+    /// The settings for the scene of a virtual rig whose file contains `settings`. The seed is the file's: equal devices see equal scenes.
     pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
         self.over(settings)
     }
 
-    /// Seeds starting vectors and every other choice by chance outside of the tracer.
+    /// The seed of starting vectors and of every other random choice outside of the tracer.
     pub fn vector_seed(&self) -> u64 {
         self.seed.unwrap_or(0).into()
     }
 
-    /// The first setting that says what is traced, or how, by the name of its option. The seed is not among them.
+    /// The option name of the first given setting that affects tracing, except the seed.
     fn given(&self) -> Option<&'static str> {
         let given = [
             (self.resolution.is_some(), "--size"),

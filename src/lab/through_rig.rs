@@ -1,4 +1,4 @@
-//! One scene seen by several devices: exactly, and through virtual rigs.
+//! One scene seen exactly, and through the devices of virtual rigs.
 
 use std::path::Path;
 
@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 use crate::measure::{Calibration, RigFile};
 
 impl Lab {
-    /// The same scene through the virtual devices of a rig file, in place of the scene that the file names. The scene is not traced again where
-    /// the devices have the channels of this laboratory. The devices are taken as ideal where the file names no calibration, until
+    /// The same scene through the virtual devices of a rig file, in place of the scene that the file names. The scene is traced again only
+    /// if the devices have other channels than this laboratory. Without a calibration in the file, the devices are taken as ideal until
     /// [`Lab::calibrate`] or [`Lab::set_calibration`].
     ///
     /// ```
@@ -32,22 +32,22 @@ impl Lab {
     /// ```
     ///
     /// # Errors
-    /// [`crate::Error::Data`] where there is no scene or the devices are real; [`crate::Error::Option`] where the scene's projector has other
-    /// pixels than its camera; those of loading the calibration that the file names.
+    /// [`crate::Error::Data`] if there is no scene or the devices are real; [`crate::Error::Option`] if the scene's projector has other
+    /// pixels than its camera; the errors of loading the calibration that the file names.
     pub fn through_rig(&self, file: RigFile) -> Result<Self> {
         let rig = RigSource::in_front_of(self.scene_source()?, file, &self.observer)?;
         let settings = Settings { operator: OperatorChoice::Auto, ..self.settings.clone() };
         Ok(Self::new(Source::Rig(Box::new(rig)), settings, self.observer.clone()))
     }
 
-    /// Takes the rig's photos by this calibration from now on. Call it before the first photo of a run.
+    /// Uses this calibration for the rig's photos from now on. Call it before the first photo of a run.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] where the source is no rig; [`crate::Error::Rig`] when the calibration is that of other devices.
+    /// [`crate::Error::Option`] if the source is not a rig; [`crate::Error::Rig`] when the calibration belongs to other devices.
     pub fn set_calibration(&mut self, calibration: Calibration) -> Result<()> {
         let Source::Rig(rig) = &mut self.source else { return Err(self.is_no_rig()) };
         rig.calibrated_by(calibration)?;
-        // It was opened by what was known before.
+        // The light transport was opened with the previous calibration.
         self.transport = None;
         Ok(())
     }
@@ -95,7 +95,7 @@ mod tests {
         assert!(exact.assembled()?.is_some_and(|traced| Arc::ptr_eq(&traced, &twin)));
         let light = exact.white()?.plane(0);
         let unit = seen.iter().sum::<f64>() / light.iter().sum::<f64>();
-        // One count of 65535, where white fills half of them within 0.1 s.
+        // The unit is one count of 65535. White fills half of them within 0.1 s.
         let off = seen.iter().zip(&light).map(|(seen, light)| (seen - unit * light).abs());
         assert!(off.fold(0.0, f64::max) <= 10.0);
         Ok(())

@@ -1,4 +1,4 @@
-//! What is said of a matrix that was traced, and its way into the cache.
+//! Reports about a traced matrix, and its storage in the cache.
 
 use std::time::Instant;
 
@@ -8,7 +8,7 @@ use crate::cache::{Cache, Key};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, Noise};
 
-/// A matrix that cannot be kept is no reason to fail: the next run traces again.
+/// Stores a matrix in the cache. A failure is only reported, since the next run can trace again.
 pub(super) fn store(cache: &Cache, key: &Key, traced: &Assembled, observer: &SharedObserver) {
     match cache.store(key, traced) {
         Ok(true) => {
@@ -21,7 +21,6 @@ pub(super) fn store(cache: &Cache, key: &Key, traced: &Assembled, observer: &Sha
     }
 }
 
-/// The lines about a finished trace.
 pub(super) fn report_trace(summary: &TraceSummary, observer: &SharedObserver) {
     let seconds = summary.tracing.as_secs_f64();
     observer.detail(format_args!(
@@ -37,7 +36,7 @@ pub(super) fn report_trace(summary: &TraceSummary, observer: &SharedObserver) {
     ));
 }
 
-/// The lines about a matrix that took the time since `start`.
+/// Reports a matrix that took the time since `start`.
 pub(super) fn report_matrix(traced: &Assembled, start: Instant, observer: &SharedObserver) {
     observer.info(format_args!(
         "matrix    {} entries, {:.1} MiB, {:.2} s in all",
@@ -48,7 +47,6 @@ pub(super) fn report_matrix(traced: &Assembled, start: Instant, observer: &Share
     report_noise(traced.noise.as_ref(), observer);
 }
 
-/// The line about a matrix's noise.
 fn report_noise(noise: Option<&Noise>, observer: &SharedObserver) {
     let Some(noise) = noise else { return };
     observer.info(format_args!(

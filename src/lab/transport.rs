@@ -1,4 +1,4 @@
-//! The light transport of an open source: every product with a part of its matrix, and every photo, goes through here.
+//! The light transport of an open source. Every product with a part of its matrix, and every photo, passes through it.
 
 mod engine;
 mod opening;
@@ -22,25 +22,23 @@ use crate::transport::{Assembled, Bounces, JournaledOperator, Part, Retraced, po
 use engine::Engine;
 pub(super) use opening::require_photo_memory;
 
-/// The light transport of a source: what takes photos, and the journal that keeps those of a scene. The journal of a rig is behind its
-/// frames.
+/// The light transport of a source: the engine that takes photos, and the journal of a scene. The journal of a rig is behind its frames.
 pub(super) struct LightTransport {
     engine: Engine,
     journal: Option<Journal>,
-    /// The finished run that the photos are of, whose model answers what was not photographed.
+    /// The finished run whose photos are replayed. A model of them answers questions about photos that were not taken.
     run: Option<PathBuf>,
     shape: Shape,
     observer: SharedObserver,
 }
 
-/// Sizes, symmetry and channels of the matrix.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     pub(super) photos: Resolution,
     pub(super) patterns: Resolution,
     pub(super) symmetry: Symmetry,
     pub(super) channels: usize,
-    /// Products that take about as long together as one.
+    /// The number of products that together take about as long as one.
     pub(super) block_size: usize,
 }
 
@@ -55,13 +53,12 @@ impl LightTransport {
     pub(super) fn shape(&mut self) -> Shape {
         let block_size = match &mut self.engine {
             Engine::JournalOnly => 1,
-            // What fails here fails again, with its error, at the first product.
+            // An error here occurs again at the first product, which returns it.
             engine => engine.with_operator(Part::Full, 0, |operator| Ok(operator.block_size())).unwrap_or(1),
         };
         Shape { block_size, ..self.shape }
     }
 
-    /// The traced matrix, where there is one.
     pub(super) fn assembled(&self) -> Option<&Arc<Assembled>> {
         match &self.engine {
             Engine::Replayed(traced) => Some(traced),
@@ -69,8 +66,7 @@ impl LightTransport {
         }
     }
 
-    /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of norm 1; also of
-    /// a run whose journal keeps it.
+    /// As [`crate::lab::Lab::product_noise`]. It is also known for a run whose journal keeps it.
     pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         let noise = match (&self.engine, &mut self.journal) {
             (Engine::Replayed(traced), _) => opening::product_noise(traced),
@@ -87,7 +83,6 @@ impl LightTransport {
         }))
     }
 
-    /// Whether a model of a run's photos answers.
     pub(super) fn is_model(&self) -> bool {
         matches!(self.engine, Engine::Model(_))
     }
@@ -97,12 +92,11 @@ impl LightTransport {
         !matches!(self.engine, Engine::Measured(_))
     }
 
-    /// Whether products cost next to nothing: those with a matrix, and those that a journal holds.
+    /// Whether products cost almost nothing: those with a matrix, and those in a journal.
     pub(super) fn is_free(&self) -> bool {
         matches!(self.engine, Engine::Replayed(_) | Engine::Explicit(_) | Engine::JournalOnly)
     }
 
-    /// The rig, where photos are of one.
     pub(super) fn rig(&mut self) -> Option<&mut MeasuredRig> {
         match &mut self.engine {
             Engine::Measured(rig) => Some(rig),
@@ -110,12 +104,12 @@ impl LightTransport {
         }
     }
 
-    /// What a run on a rig has cost so far; see [`MeasuredRig::record`].
+    /// The costs of a run on a rig so far; see [`MeasuredRig::record`].
     pub(super) fn record(&mut self, is_complete: bool) -> Result<Option<RigRecord>> {
         self.rig().map(|rig| rig.record(is_complete)).transpose()
     }
 
-    /// Calls `ask`, and once more with a model of the finished run's photos in their place where one of them was not taken.
+    /// Calls `ask`. If a photo that it needs was not taken, calls it once more with a model of the finished run's photos.
     fn or_by_model<T>(&mut self, mut ask: impl FnMut(&mut Self) -> Result<T>) -> Result<T> {
         let missing = match ask(self) {
             Err(error @ Error::NotTaken { .. }) => error,
@@ -132,7 +126,7 @@ impl LightTransport {
         ask(self)
     }
 
-    /// Products of one part and channel with several vectors, and their standard errors where the source knows them.
+    /// Products of one part and channel with several vectors, and their standard errors if the source knows them.
     pub(super) fn products(
         &mut self,
         of: (Part, usize),
@@ -144,7 +138,7 @@ impl LightTransport {
         self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
     }
 
-    /// The same for products that only confirm an answer. The journal keeps them apart from the photos of the run, of which a model is made.
+    /// As [`Self::products`], for products that only confirm an answer. The journal keeps them apart from the photos used for models.
     pub(super) fn confirming_products(
         &mut self,
         of: (Part, usize),
@@ -156,7 +150,7 @@ impl LightTransport {
         self.products_taken(&name, of, direction, xs, ys)
     }
 
-    /// The products are in the journal under this name.
+    /// Products that the journal keeps under this name.
     fn products_taken(
         &mut self,
         name: &str,
@@ -193,7 +187,6 @@ impl LightTransport {
         taken
     }
 
-    /// [`Operator::common_error`] of one part and channel.
     pub(super) fn common_error(&mut self, (part, channel): (Part, usize), x: &[f64]) -> Result<f64> {
         if let Engine::Measured(_) = self.engine {
             self.engine.with_operator(part, channel, |operator| operator.common_error(x))
@@ -202,7 +195,6 @@ impl LightTransport {
         }
     }
 
-    /// The photo without projector.
     pub(super) fn ambient(&mut self) -> Result<Image> {
         let patterns = self.shape.patterns;
         self.journaled_image("ambient", |engine| match engine {
@@ -213,13 +205,12 @@ impl LightTransport {
         })
     }
 
-    /// The photo under an all-ones pattern.
     pub(super) fn white(&mut self) -> Result<Image> {
         let white = Image::filled(self.shape.patterns, 1, 1.0);
         self.journaled_image("white", |engine| engine.photograph(&white))
     }
 
-    /// A photo, with the ambient light; on a rig without it, unless its file says otherwise.
+    /// A photo with the ambient light. A photo of a rig excludes it, unless the rig's file says otherwise.
     pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         self.or_by_model(|transport| transport.photograph_taken(pattern))
     }
@@ -230,7 +221,7 @@ impl LightTransport {
         self.image_taken(&name, |engine| engine.photograph(pattern))
     }
 
-    /// As [`Self::photograph`], with the standard error of each sample where it is known.
+    /// As [`Self::photograph`], with the standard error of each sample if it is known.
     pub(super) fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         self.or_by_model(|transport| transport.photograph_with_error_taken(pattern))
     }
@@ -282,7 +273,7 @@ impl LightTransport {
         Ok(photos)
     }
 
-    /// The image of this name: from the journal, or taken and kept there.
+    /// The image with this name, from the journal, or else taken and kept there.
     fn journaled_image(&mut self, name: &str, take: impl Fn(&mut Engine) -> Result<Image>) -> Result<Image> {
         self.or_by_model(|transport| transport.image_taken(name, &take))
     }
@@ -311,7 +302,7 @@ impl LightTransport {
     }
 }
 
-/// The direct light of each channel, where it is a diagonal.
+/// The direct light of each channel, if it is a diagonal.
 pub(super) fn direct_diagonal(traced: &Assembled) -> Option<Vec<Vec<f64>>> {
     let matrix = &traced.matrix;
     if matrix.bounces().any(|bounces| bounces == Bounces::One) {

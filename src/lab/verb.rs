@@ -13,13 +13,12 @@ use crate::io::manifest::Verification;
 use crate::report::content::Content;
 use crate::report::run::{PAINT, Run};
 
-/// A question to a laboratory: a struct whose documented fields are the options of the command line, the keyword arguments in Python, and
-/// the record in `run.json`.
+/// A question to a laboratory: a struct whose documented fields are command line options, Python keywords, and the record in `run.json`.
 pub trait Verb: Serialize {
-    /// The name: a part of the folder's default name.
+    /// The name, which is part of the folder's default name.
     const NAME: &'static str;
 
-    /// What is found.
+    /// The type of the answer.
     type Answer: Answer;
 
     /// Whether the bounces of a scene's light must be kept apart.
@@ -30,43 +29,34 @@ pub trait Verb: Serialize {
     /// Checks the request itself, before a source is opened.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] naming the option as the command line has it.
+    /// [`crate::Error::Option`] with the name of the option on the command line.
     fn check(&self) -> Result<()> {
         Ok(())
     }
 
-    /// Checks that the request fits the source, before a photo is taken.
-    ///
-    /// # Errors
-    /// As [`Verb::check`].
+    /// Checks that the request fits the source, before a photo is taken. Fails as [`Verb::check`].
     fn check_on(&self, _lab: &Lab) -> Result<()> {
         Ok(())
     }
 
-    /// Gray or coloured photos of a source that is opened for the request.
-    ///
-    /// # Errors
-    /// Those of reading a model, where it decides.
+    /// The channels of a source that is opened for the request. Fails if they depend on a model that cannot be read.
     fn channels(&self, _source: &Path) -> Result<ChannelChoice> {
         Ok(ChannelChoice::Luma)
     }
 
-    /// Takes the photos and answers; the request was checked.
-    ///
-    /// # Errors
-    /// Those of the photos and of the method.
+    /// Takes the photos and answers. The request must have been checked. Fails if a photo or the method fails.
     fn answer(&self, lab: &mut Lab) -> Result<Self::Answer>;
 }
 
-/// An answer: named arrays and named facts, from which files, summary and attributes come, and a page.
+/// An answer: named arrays and facts, which become files, summary and attributes, and a page.
 pub trait Answer {
-    /// The verb that asks for it: a part of the folder's default name.
+    /// The verb that asks for this answer. It is part of the folder's default name.
     fn verb(&self) -> &'static str;
 
-    /// Photos that it took, for the run's record.
+    /// The number of photos that it took, for the run's record.
     fn photos(&self) -> usize;
 
-    /// One sentence that says what was found, for the run's record.
+    /// One sentence about the result, for the run's record.
     fn sentence(&self) -> String;
 
     /// The named arrays and facts.
@@ -74,16 +64,13 @@ pub trait Answer {
         Content::default()
     }
 
-    /// What the answer says of itself: whether it is good enough, and what could not be measured.
+    /// Findings about the answer: whether it is good enough, and what could not be measured.
     fn findings(&self) -> Vec<Finding> {
         Vec::new()
     }
 
-    /// Compares the photos that the answer predicts with light that it was not computed from, and keeps what that light says. `None` where
-    /// there is no such light, or where the answer predicts no photos.
-    ///
-    /// # Errors
-    /// Those of the photos.
+    /// Compares the photos that the answer predicts with light that it was not computed from, and keeps the results. Returns `None` if
+    /// there is no such light, or if the answer predicts no photos. Fails if a photo fails.
     fn verify(&mut self, _lab: &mut Lab) -> Result<Option<Verified>> {
         Ok(None)
     }
@@ -93,23 +80,23 @@ pub trait Answer {
         true
     }
 
-    /// Writes arrays, pictures and the page; `seconds` is what the run took so far. Returns the files' names, relative to the folder.
+    /// Writes arrays, pictures and the page. `seconds` is the run's duration so far. Returns the files' names, relative to the folder.
     ///
     /// # Errors
-    /// [`crate::Error::Write`] naming the file; those of the photos that the page shows.
+    /// [`crate::Error::Write`] naming the file; the errors of the photos that the page shows.
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>>;
 }
 
-/// An answer by light that it was not computed from.
+/// A verification of an answer by light that it was not computed from.
 #[derive(Clone, Debug)]
 pub struct Verified {
-    /// How well photos are predicted.
+    /// The accuracy of the predicted photos.
     pub verification: Verification,
-    /// The eigenvalues of the scene, of eigenpairs and segmentations; of a segmentation without the first, which is known.
+    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations. A segmentation omits the first one, which is known.
     pub estimates: Vec<EigenpairEstimate>,
-    /// The distance from the target, of a compensation.
+    /// The distance of a compensation from its target.
     pub residual: Option<f64>,
-    /// The photo, and the standard error of each of its samples, of a compensation.
+    /// The photo of a compensation, and the standard error of each of its samples.
     pub photo: Option<[Image; 2]>,
 }
 
@@ -128,17 +115,14 @@ pub struct Saved {
     pub report: PathBuf,
     /// The sentence of the run's record.
     pub message: String,
-    /// All that was found of the answer and of the rig.
+    /// All findings about the answer and the rig.
     pub findings: Vec<Finding>,
     /// Seconds that the run took.
     pub seconds: f64,
 }
 
 impl Lab {
-    /// Asks a question. The record of the open run keeps it.
-    ///
-    /// # Errors
-    /// As [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
+    /// Asks a question. The record of the open run keeps it. Fails as [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
     pub fn ask<V: Verb>(&mut self, request: &V) -> Result<V::Answer> {
         request.check()?;
         request.check_on(self)?;
@@ -148,7 +132,6 @@ impl Lab {
         request.answer(self)
     }
 
-    /// The open run as its page shows it.
     pub(crate) fn page<'a>(&'a self, what: &str, run: &'a RunFolder, seconds: f64) -> Run<'a> {
         Run {
             title: format!("{} · {what}", self.name()),

@@ -1,11 +1,11 @@
-//! A warning before light is traced for photos that will be black.
+//! A warning, before tracing, that photos will be black.
 
 use super::{Lab, Log};
 use crate::observer::Level;
 use crate::scene::view::reason_for_darkness;
 
 impl Lab {
-    /// Says why the photos of a scene will be black or nearly so, if they will.
+    /// Warns if the photos of a scene will be black or nearly so, and gives the reason.
     pub(super) fn warn_of_darkness(&self) {
         let Ok(source) = self.scene_source() else { return };
         let scene = &source.scene;

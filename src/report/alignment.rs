@@ -1,4 +1,4 @@
-//! Picture of one alignment round: the photo, its shadows, and arrows for displaced cells.
+//! A picture of one alignment round: the photo, its shadows, and arrows for displaced cells.
 
 use crate::bench::align::{Alignment, Sight};
 use crate::image::Resolution;
@@ -15,14 +15,14 @@ pub const DARK: [u8; 3] = [0x48, 0x20, 0x60];
 /// Colour of the arrows; it differs clearly from grays and from the two colours above.
 pub const ARROW: [u8; 3] = [0x00, 0x70, 0xff];
 
-/// The picture is enlarged by an integer factor while its longer side stays within this many pixels, so that arrows are visible.
+/// The picture is enlarged by the largest integer factor that keeps its longer side within this many pixels, so that arrows are visible.
 const LARGE: usize = 640;
 
-/// Length in cells of the arrow for the displacement that 95 % of the cells stay below.
+/// The length in cells of an arrow for the 95th percentile of the cells' displacements.
 const LENGTH: f64 = 1.5;
 
-/// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along the displacement of each cell that is
-/// displaced by more than `least` projector pixels. One factor scales all arrows.
+/// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along the displacement of each cell that is displaced by
+/// more than `least` projector pixels. One factor scales all arrows.
 pub fn picture(found: &Alignment, least: f64) -> Raster {
     let Resolution { width, height } = found.camera;
     let lit: Vec<f64> = found.white.iter().copied().filter(|&light| light > 0.0).collect();
@@ -50,7 +50,6 @@ struct Canvas {
 }
 
 impl Canvas {
-    /// Draws a line from a point, with an arrow head at its end.
     fn arrow(&mut self, from: [f64; 2], along: [f64; 2]) {
         let to = [from[0] + along[0], from[1] + along[1]];
         self.line(from, to);
@@ -73,7 +72,7 @@ impl Canvas {
             if x < 0.0 || y < 0.0 || x >= self.resolution.width as f64 || y >= self.resolution.height as f64 {
                 continue;
             }
-            // Two pixels wide.
+            // The line is two pixels wide.
             for (right, down) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                 let [x, y] = [x as usize + right, y as usize + down];
                 if x < self.resolution.width && y < self.resolution.height {

@@ -7,9 +7,6 @@ use crate::bench::audit::Audit;
 use crate::error::{Error, Result};
 
 /// Writes `audit.json`, arrays, pictures and `report.html` into the run's folder and returns their names.
-///
-/// # Errors
-/// [`crate::Error::Write`] naming the file.
 pub fn write(found: &Audit, run: &Run<'_>) -> Result<Vec<String>> {
     let mut files = Files::new(run.folder);
     let text = serde_json::to_string_pretty(&found.checks)

@@ -1,15 +1,12 @@
 //! Axes of a plot: the position of values along them, and round tick labels.
 
-/// How an axis maps values to positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scale {
-    /// Linear.
     Linear,
-    /// Logarithmic; values ≤ 0 have no position and are left out.
+    /// Values ≤ 0 have no position and are left out.
     Log,
 }
 
-/// One axis of a plot: its range, scale and ticks.
 pub(super) struct Axis {
     scale: Scale,
     low: f64,
@@ -19,13 +16,12 @@ pub(super) struct Axis {
 
 pub(super) struct Tick {
     pub value: f64,
-    /// Empty for an unlabelled grid line between labelled ticks.
+    /// The text, or an empty string for an unlabelled grid line between labelled ticks.
     pub label: String,
 }
 
 impl Axis {
-    /// The axis that encloses all plottable `values`, widened to round numbers, with about `wanted` labelled ticks. `None` if no
-    /// value is plottable.
+    /// The axis around all plottable `values`, widened to round numbers, with about `wanted` labelled ticks. `None` without such values.
     pub fn around(scale: Scale, values: impl Iterator<Item = f64>, wanted: usize) -> Option<Self> {
         // Numbers near the ends of the range of `f64` would overflow when they are rounded to a tick.
         let placed = values.filter(|&value| match scale {
@@ -63,7 +59,7 @@ impl Axis {
     }
 
     fn logarithmic(low: f64, high: f64, wanted: usize) -> Self {
-        // The ends are rounded to 1, 2 or 5 times a power of ten: a whole decade for values just above 1 would be mostly empty.
+        // The ends are rounded to 1, 2 or 5 times a power of ten, since a whole decade for values just above 1 would be mostly empty.
         let (low, high) = (1.0 / round_step(1.0 / low, 1.0), round_step(high, 1.0));
         let (low, high) = if high > low { (low, high) } else { (low / 10.0, high * 10.0) };
         let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
@@ -90,12 +86,11 @@ impl Axis {
         Self { scale: Scale::Log, low, high, ticks: ticks.into_iter().map(tick).filter(within).collect() }
     }
 
-    /// A linear axis from `low` to `high` with the given ticks.
     pub fn exactly(low: f64, high: f64, ticks: Vec<Tick>) -> Self {
         Self { scale: Scale::Linear, low, high, ticks }
     }
 
-    /// Position of a value along the axis, 0 to 1; `None` for a value that is not on the axis.
+    /// The position of a value along the axis, 0 to 1; `None` for a value that is not on the axis.
     pub fn position(&self, value: f64) -> Option<f64> {
         let along = match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),

@@ -1,5 +1,4 @@
-//! Calibration report: `report.json` with all figures, pictures of the curves and of the registration, and a page with all of
-//! them.
+//! The calibration report: `report.json` with all figures, pictures of the curves and of the registration, and a page that shows them.
 
 use std::path::Path;
 
@@ -14,11 +13,8 @@ use crate::io::atomic;
 use crate::measure::Calibration;
 use crate::measure::RunManifest;
 
-/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` (number of camera pixels per
-/// projector pixel; brighter is more) into `folder`.
-///
-/// # Errors
-/// [`Error::Write`] naming the file.
+/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` into `folder`. The last one shows the
+/// number of camera pixels per projector pixel; brighter is more. Fails with [`Error::Write`].
 pub fn write(folder: &Path, calibration: &Calibration, report: &CalibrationReport) -> Result<()> {
     let path = folder.join("report.json");
     let mut text =
@@ -35,9 +31,6 @@ pub fn write(folder: &Path, calibration: &Calibration, report: &CalibrationRepor
 }
 
 /// Writes `report.html`. `figures` are names and values of the measured quantities; `seconds` is the run's duration so far.
-///
-/// # Errors
-/// [`Error::Write`] naming the file.
 pub fn write_page(
     folder: &Path,
     (title, figures): (String, &[[String; 2]]),
@@ -79,7 +72,6 @@ pub fn write_page(
     page.write(&folder.join("report.html"))
 }
 
-/// The plots with their file names and captions.
 fn plots(
     calibration: &Calibration,
     report: &CalibrationReport,
@@ -116,7 +108,6 @@ fn plots(
     ]
 }
 
-/// Number of camera pixels for each projector pixel.
 fn footprints(calibration: &Calibration) -> Vec<f64> {
     calibration.registration.starts.windows(2).map(|ends| (ends[1] - ends[0]) as f64).collect()
 }

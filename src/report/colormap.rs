@@ -14,7 +14,7 @@ use crate::io::raster::{decode_srgb, encode_srgb};
 /// The largest 0.5 % of the values may saturate, so that single bright pixels do not compress the range of the others.
 const RANGE_PERCENTILE: f64 = 0.995;
 
-/// Colours from −1 (blue) over 0 (near white) to 1 (vermilion), darker towards both ends; distinct for colour-blind readers.
+/// Colours from −1 (blue) over 0 (near white) to 1 (vermilion), darker towards both ends. Colour-blind readers can distinguish them.
 const SIGNED_STOPS: [[u8; 3]; 7] = [
     [0x0a, 0x2a, 0x66],
     [0x1f, 0x6f, 0xb8],
@@ -73,7 +73,7 @@ pub fn sequential_color(value: f64) -> [u8; 3] {
     })
 }
 
-/// The absolute value that ±1 of [`signed_color`] stands for: the 99.5th percentile, so that outliers do not count.
+/// The absolute value that ±1 of [`signed_color`] stands for. It is the 99.5th percentile, so that outliers do not count.
 ///
 /// `mask`, if given, is `true` at pixels to leave out. The result is 1 if every value is zero, NaN or masked.
 pub fn robust_range(values: &[f64], mask: Option<&[bool]>) -> f64 {
@@ -82,7 +82,7 @@ pub fn robust_range(values: &[f64], mask: Option<&[bool]>) -> f64 {
     };
     let sizes: Vec<f64> = values.iter().enumerate().filter(kept).map(|(_, value)| value.abs()).collect();
     let largest = sizes.iter().copied().fold(0.0, f64::max);
-    // An image with more than 99.5 % zeros is sparse; its nonzero values are no outliers.
+    // An image with more than 99.5 % zeros is sparse, so its nonzero values are not outliers.
     raster::percentile(sizes, RANGE_PERCENTILE).filter(|&range| range > 0.0).unwrap_or(match largest {
         0.0 => 1.0,
         largest => largest,
@@ -102,10 +102,7 @@ pub fn paint_signed(
     paint(resolution, values, mask, |value| signed_color(value / range))
 }
 
-/// Paints amounts (`w·h`, row by row): `low` is dark violet, `high` is yellow. `mask` as in [`robust_range`].
-///
-/// # Errors
-/// [`Error::Dimension`] when the number of values or of mask entries differs from the number of pixels.
+/// Paints amounts (`w·h`, row by row): `low` is dark violet, `high` is yellow. `mask` and errors are as in [`paint_signed`].
 pub fn paint_sequential(
     resolution: Resolution,
     values: &[f64],

@@ -1,5 +1,4 @@
-//! An answer as named arrays and named facts. Files, the machine-readable summary, the attributes in Python and the lines on the terminal all
-//! come from them.
+//! An answer as named arrays and facts, the source of files, summary, attributes in Python and lines on the terminal.
 
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -16,7 +15,7 @@ pub struct Content<'a> {
     pub arrays: Vec<Array<'a>>,
     /// The lines on the terminal.
     pub lines: Vec<String>,
-    /// The remarks beside the result, on stderr.
+    /// The remarks on stderr.
     pub notes: Vec<String>,
     facts: Vec<Fact>,
 }
@@ -26,7 +25,7 @@ pub struct Content<'a> {
 pub struct Array<'a> {
     /// The name of the file and of the attribute in Python.
     pub name: &'static str,
-    /// The number that tells arrays of one name apart, such as a number of groups: the file is `NAME-KEY.npy`, the attribute a dictionary.
+    /// The number that distinguishes arrays of one name. The file is `NAME-KEY.npy`, and the attribute is a dictionary.
     pub key: Option<usize>,
     /// The shape.
     pub shape: Vec<usize>,
@@ -71,12 +70,11 @@ macro_rules! values {
 
 values!(F64 of f64, F32 of f32, U8 of u8, Bool of bool);
 
-/// A named value.
 #[derive(Clone, Debug)]
 struct Fact {
     name: &'static str,
     value: serde_json::Value,
-    /// Whether the summary of `--json` holds it.
+    /// Whether the summary of `--json` contains it.
     is_told: bool,
 }
 
@@ -86,12 +84,12 @@ impl<'a> Content<'a> {
         self.push(name, None, shape, values.into(), true);
     }
 
-    /// Adds one of several arrays of a name, which is written to `NAME-KEY.npy`.
+    /// Adds one of several arrays with the same name, which is written to `NAME-KEY.npy`.
     pub fn keyed(&mut self, name: &'static str, key: usize, shape: &[usize], values: impl Into<Values<'a>>) {
         self.push(name, Some(key), shape, values.into(), true);
     }
 
-    /// Adds light of each channel, `[H, W]` or `[H, W, 3]`, that programs can use.
+    /// Adds light of each channel, `[H, W]` or `[H, W, 3]`, as an attribute for programs.
     pub fn planes(&mut self, name: &'static str, size: Resolution, planes: &[Vec<f64>]) {
         let shape = [size.height, size.width, planes.len()];
         let shape = if planes.len() == 1 { &shape[..2] } else { &shape };
@@ -99,7 +97,7 @@ impl<'a> Content<'a> {
         self.attribute(name, shape, samples.collect::<Vec<f64>>());
     }
 
-    /// Adds an image, `[H, W]` or `[H, W, 3]`, that programs can use; one of several of a name has a number.
+    /// Adds an image, `[H, W]` or `[H, W, 3]`, as an attribute for programs. `key` numbers several images with the same name.
     pub fn picture(&mut self, name: &'static str, key: Option<usize>, image: &'a Image) {
         let shape = [image.resolution().height, image.resolution().width, image.channels()];
         let shape = if image.channels() == 1 { &shape[..2] } else { &shape };
@@ -113,12 +111,12 @@ impl<'a> Content<'a> {
         self.push(name, None, shape, Values::Image(image), true);
     }
 
-    /// Adds an array that programs can use and that no file holds.
+    /// Adds an array as an attribute for programs, without a file.
     pub fn attribute(&mut self, name: &'static str, shape: &[usize], values: impl Into<Values<'a>>) {
         self.push(name, None, shape, values.into(), false);
     }
 
-    /// Adds one of several arrays of a name that programs can use and that no file holds.
+    /// Adds one of several arrays with the same name as an attribute for programs, without a file.
     pub fn keyed_attribute(
         &mut self,
         name: &'static str,
@@ -140,12 +138,12 @@ impl<'a> Content<'a> {
         self.arrays.push(Array { name, key, shape: shape.to_vec(), values, is_saved });
     }
 
-    /// Adds a fact. A number that JSON has no form for is null.
+    /// Adds a fact. A number that JSON cannot represent becomes null.
     pub fn fact(&mut self, name: &'static str, value: impl Serialize) {
         self.facts.push(Fact { name, value: json(value), is_told: true });
     }
 
-    /// Adds a fact that programs can use and that the summary leaves out.
+    /// Adds a fact for programs that the summary omits.
     pub fn detail(&mut self, name: &'static str, value: impl Serialize) {
         self.facts.push(Fact { name, value: json(value), is_told: false });
     }
@@ -155,18 +153,17 @@ impl<'a> Content<'a> {
         self.lines.push(line.to_string());
     }
 
-    /// Adds a remark beside the result.
+    /// Adds a remark on stderr.
     pub fn note(&mut self, note: impl Display) {
         self.notes.push(note.to_string());
     }
 
-    /// All facts, also those that the summary leaves out, by name as JSON.
+    /// All facts by name, as JSON, including those that the summary omits.
     pub fn facts(&self) -> impl Iterator<Item = (&'static str, String)> {
         self.facts.iter().map(|fact| (fact.name, fact.value.to_string()))
     }
 }
 
-/// The summary: the facts by name.
 impl Serialize for Content<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
@@ -187,7 +184,7 @@ impl Array<'_> {
     }
 }
 
-/// A value as JSON; one whose keys are no texts, which no answer has, is null.
+/// A value as JSON. A map with keys other than strings, which no answer has, becomes null.
 fn json(value: impl Serialize) -> serde_json::Value {
     serde_json::to_value(value).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! Figures of a page for light, errors and amounts: the picture with its colour bar and unit.
+//! The figures of a page for light, errors and amounts: a picture with its colour bar and unit.
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};

@@ -1,4 +1,4 @@
-//! `index.html`: a page over the runs of a folder, each with a picture, its facts and a link.
+//! `index.html`: a page about the runs in a folder, each with a picture, its facts and a link.
 
 use std::path::{Path, PathBuf};
 
@@ -12,24 +12,21 @@ use crate::measure::RunManifest;
 /// The page's file.
 pub const NAME: &str = "index.html";
 
-/// How many folders deep runs are looked for.
+/// The maximum depth of folders in the search for runs.
 const DEEPEST: usize = 4;
 
-/// A run that was found.
+/// A run that the search found.
 #[derive(Clone, Debug)]
 pub struct FoundRun {
-    /// Its folder, relative to the one that was looked through.
+    /// Its folder, relative to the searched one.
     pub folder: PathBuf,
-    /// Its record, or why there is none to read.
+    /// Its record, or the reason why it cannot be read.
     pub record: std::result::Result<RunManifest, String>,
     /// Whether it has a page.
     pub has_page: bool,
 }
 
-/// The runs below a folder, those that started last first. A run's own folders and links are not looked through.
-///
-/// # Errors
-/// [`Error::Read`] when the folder cannot be read.
+/// The runs below a folder, with the last started first. Folders inside a run and links are not searched. Fails with [`Error::Read`].
 pub fn find(folder: &Path) -> Result<Vec<FoundRun>> {
     let mut runs = Vec::new();
     look_through(folder, Path::new(""), DEEPEST, &mut runs)?;
@@ -44,7 +41,7 @@ fn look_through(root: &Path, below: &Path, depth: usize, runs: &mut Vec<FoundRun
     let entries = std::fs::read_dir(&folder).map_err(Error::reading(&folder))?;
     for entry in entries {
         let entry = entry.map_err(Error::reading(&folder))?;
-        // Links may lead in circles.
+        // Links may form cycles.
         let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
         if !is_folder || entry.file_name().to_string_lossy().starts_with('.') {
             continue;
@@ -55,17 +52,14 @@ fn look_through(root: &Path, below: &Path, depth: usize, runs: &mut Vec<FoundRun
             let record = RunManifest::read(&path.join("run.json")).map_err(|error| error.to_string());
             runs.push(FoundRun { folder: below, record, has_page: path.join("report.html").is_file() });
         } else if depth > 1 {
-            // A folder that must not be read holds no run that could be shown.
+            // An unreadable folder is skipped, since its runs could not be shown.
             let _ = look_through(root, &below, depth - 1, runs);
         }
     }
     Ok(())
 }
 
-/// Writes the page into the folder that was looked through. A link in place of the page is refused.
-///
-/// # Errors
-/// [`Error::Write`] naming the file.
+/// Writes the page into the searched folder, with [`Error::Write`] on failure. A link in place of the page is refused.
 pub fn write(folder: &Path, runs: &[FoundRun]) -> Result<PathBuf> {
     file::follow_no_links_below(folder);
     let path = folder.join(NAME);
@@ -108,7 +102,7 @@ fn outcome(run: &FoundRun) -> Outcome {
 }
 
 fn card(root: &Path, run: &FoundRun) -> RunCard {
-    // Addresses have slashes on every system.
+    // Addresses contain slashes on every system.
     let parts: Vec<_> = run.folder.iter().map(|part| part.to_string_lossy()).collect();
     let folder = parts.join("/");
     let page = if run.has_page { format!("{folder}/report.html") } else { String::new() };
@@ -149,7 +143,7 @@ fn facts(record: &RunManifest) -> Vec<(String, String)> {
     facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// The picture that shows the run best, of those that are there.
+/// The existing picture that shows the run best.
 fn picture(folder: &Path, record: &RunManifest) -> Option<String> {
     const BEST: [&str; 8] =
         ["labels-", "observed", "relit-", "direct.", "probed", "eigenvector-02", "eigenvector-01", "white"];
@@ -162,7 +156,7 @@ fn picture(folder: &Path, record: &RunManifest) -> Option<String> {
     best.or(pictures.first()).map(|name| (*name).clone())
 }
 
-/// Whether a page was written by this module: others are not replaced.
+/// Whether this module wrote the page. Other pages are not replaced.
 pub fn is_own(page: &[u8]) -> bool {
     let mark = b"<p class=\"mark\">krylux</p>";
     page.windows(mark.len()).any(|bytes| bytes == mark)

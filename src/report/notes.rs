@@ -1,12 +1,12 @@
-//! Placement of notes in a drawing where they cover no curve.
+//! Placement of notes in a drawing, so that they do not cover curves.
 
 /// A rectangle: left, top, right and bottom.
 pub(super) type Frame = [f64; 4];
 
-/// Sampling distance along lines: closer points are equivalent for the placement of notes.
+/// The sampling distance along lines. Closer points are equivalent for the placement of notes.
 const STEP: f64 = 3.0;
 
-/// Points along the lines between `corners`, dense enough that every line through a note is noticed.
+/// Points along the lines between `corners`, dense enough to detect every line through a note.
 pub(super) fn along(corners: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     corners.windows(2).flat_map(|ends| {
         let [(x, y), (to_x, to_y)] = [ends[0], ends[1]];

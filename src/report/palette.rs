@@ -8,7 +8,7 @@ use crate::io::raster::encode_srgb;
 /// Colour of masked pixels, a gray that no colour map contains.
 pub const MASKED: [u8; 3] = [0x3c, 0x3c, 0x40];
 
-/// The label of a pixel that belongs to no group.
+/// The label of a pixel without a group.
 pub const MASKED_LABEL: u8 = 255;
 
 /// Colours that most colour-blind readers can distinguish: Okabe and Ito's seven, then five of Paul Tol's "muted" scheme.
@@ -27,8 +27,8 @@ const HAND_PICKED: [[u8; 3]; 12] = [
     [0xdd, 0xcc, 0xbb],
 ];
 
-/// Colour of a group. After the twelve hand-picked colours, hues advance by the golden angle in Oklab with alternating lightness,
-/// so that consecutive labels differ in both. Label 255 is dark gray.
+/// The colour of a group. After the twelve hand-picked colours, hues advance by the golden angle in Oklab with alternating lightness, so
+/// that consecutive labels differ in both. Label 255 is dark gray.
 pub fn label_color(label: u8) -> [u8; 3] {
     if label == MASKED_LABEL {
         return MASKED;
@@ -54,7 +54,7 @@ pub fn paint_labels(resolution: Resolution, labels: &[u8]) -> Raster {
     Palette::default().paint(resolution, labels)
 }
 
-/// Which of the colours each group has.
+/// The assignment of colours to groups.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Palette([u8; 256]);
 
@@ -66,8 +66,8 @@ impl Default for Palette {
 }
 
 impl Palette {
-    /// The colours of `labels` beside a picture of `reference`, which has this palette: the group that shares most pixels with a region of the
-    /// reference has its colour, the next one the colour of another region, and those that find none have colours that the reference lacks.
+    /// Colours for `labels` that match a picture of `reference` with this palette. The group that shares the most pixels with a region of
+    /// the reference takes its colour, and the next group takes that of another region. The rest take colours unused in the reference.
     #[must_use]
     pub fn matched(&self, reference: &[u8], labels: &[u8]) -> Self {
         let mut shared = vec![0_usize; 256 * 256];
@@ -78,7 +78,7 @@ impl Palette {
         }
         let mut pairs: Vec<(usize, usize)> = (0..shared.len()).map(|at| (shared[at], at)).collect();
         pairs.retain(|(pixels, _)| *pixels > 0);
-        // The largest first; among equal ones the group with the lower number.
+        // The largest pair comes first. Among equal pairs, the group with the lower number comes first.
         pairs.sort_by_key(|&(pixels, at)| (std::cmp::Reverse(pixels), at));
         let mut color_of = [None; 256];
         let mut is_taken = [false; 256];
@@ -89,7 +89,7 @@ impl Palette {
                 is_taken[usize::from(color)] = true;
             }
         }
-        // Colours of regions without a group stay free, as far as there are others.
+        // Colours of regions without a group stay unused, as long as there are other colours.
         let of_reference: Vec<u8> = reference
             .iter()
             .filter(|&&region| region != MASKED_LABEL)
@@ -136,13 +136,13 @@ mod tests {
     #[test]
     fn groups_have_the_colors_of_the_regions_that_they_share_most_pixels_with() {
         let truth = [0, 0, 0, 1, 1, 1, 2, 2, 255];
-        // Group 0 is region 1, group 1 region 2, group 2 most of region 0, and group 3 a bit of it.
+        // Group 0 is region 1, group 1 is region 2, group 2 is most of region 0, and group 3 is a small part of it.
         let found = [2, 2, 3, 0, 0, 0, 1, 1, 255];
         let palette = Palette::default().matched(&truth, &found);
         assert_eq!([0, 1, 2].map(|label| palette.color(label)), [1, 2, 0].map(label_color));
         assert_eq!(palette.color(3), label_color(3), "a colour that no region has");
         assert_eq!(palette.color(MASKED_LABEL), MASKED);
-        // Of two groups in one region, the larger one has its colour.
+        // If two groups lie in one region, the larger one takes its colour.
         let halves = palette.matched(&found, &[4, 4, 4, 5, 5, 6, 7, 7, 7]);
         assert_eq!([4, 5, 7].map(|label| halves.color(label)), [0, 1, 2].map(label_color));
         let colors: std::collections::HashSet<_> = [4, 5, 6, 7].map(|label| halves.color(label)).into();
@@ -156,7 +156,7 @@ mod tests {
         let distance =
             |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f32>().sqrt();
         for label in 0..254 {
-            // 0.02 is about one just noticeable difference in Oklab.
+            // One just noticeable difference is about 0.02 in Oklab.
             assert!(distance(lab(label), lab(label + 1)) > 0.1, "labels {label} and {}", label + 1);
             assert!(distance(lab(label), lab(MASKED_LABEL)) > 0.1, "label {label} and the mask");
         }

@@ -16,7 +16,7 @@ pub(crate) fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
     mean(&a.iter().zip(b).map(less).collect::<Vec<_>>())
 }
 
-/// A percentage with three digits, such as `3.14 %`; `–` where there is nothing to measure.
+/// A percentage with three digits, such as `3.14 %`; `–` if there is nothing to measure.
 pub(crate) fn percent(share: impl Into<Ratio>) -> String {
     let Some(share) = share.into().value() else { return "–".into() };
     let percent = 100.0 * share;

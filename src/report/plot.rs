@@ -7,10 +7,10 @@ use super::svg::{Chart, Layout, nothing_to_plot};
 const COLORS: [&str; 8] =
     ["#2b87c4", "#dd6b1f", "#149a74", "#c671a3", "#d99c0b", "#7a6fd0", "#5cb8e6", "#8b8b35"];
 
-/// Dash patterns of successive rounds through the colours.
+/// The dash patterns. Each is used for one round through the colours.
 const DASHES: [&str; 3] = ["", "7 5", "2 5"];
 
-/// Maximum number of points at which a line is drawn with dots.
+/// The maximum number of points at which a line is drawn with dots.
 const MOST_DOTS: usize = 48;
 
 /// Lines over a common axis, e.g. the relative residual of each method over its photos.
@@ -58,7 +58,7 @@ impl LinePlot {
         chart.finish()
     }
 
-    /// One small plot for each line, with its name; all have the same axes, and show the other lines as shadows.
+    /// A small plot for each line, with its name. All have the same axes, and show the other lines as shadows.
     pub fn small_multiples(&self) -> Vec<(String, String)> {
         let small = |(index, series): (usize, &Series)| {
             let Some(axes) = self.axes(3) else { return (series.name.clone(), nothing_to_plot()) };
@@ -77,7 +77,7 @@ impl LinePlot {
         self.series.iter().enumerate().map(small).collect()
     }
 
-    /// Axes around all points and marks; `None` where there is nothing to plot.
+    /// Axes around all points and marks; `None` if there is nothing to plot.
     fn axes(&self, wanted: usize) -> Option<(Axis, Axis)> {
         let points = || self.series.iter().flat_map(|series| &series.points);
         let scale = if self.logarithmic { Scale::Log } else { Scale::Linear };
@@ -88,7 +88,7 @@ impl LinePlot {
 }
 
 impl Series {
-    /// The parts of the line between its gaps, in the drawing's units.
+    /// The pieces of the line between its gaps, in the drawing's units.
     fn runs(&self, chart: &Chart) -> Vec<Vec<(f64, f64)>> {
         let places: Vec<_> = self.points.iter().map(|&point| chart.place(point)).collect();
         places.split(Option::is_none).map(|run| run.iter().flatten().copied().collect()).collect()
@@ -118,7 +118,7 @@ pub struct StemPlot {
     pub y_label: String,
     /// The values in order; the first has number 1.
     pub values: Vec<f64>,
-    /// Half the length of each value's error bar; may have fewer entries than `values`, or none.
+    /// Half the length of each value's error bar. There may be fewer entries than `values`, or none.
     pub errors: Vec<f64>,
 }
 
@@ -159,7 +159,7 @@ impl StemPlot {
             chart.segment(base, top, COLORS[0], 2.0, 0.45);
             let bar = [value - error(index), value + error(index)].map(|end| chart.place((number, end)));
             if let [Some(low), Some(high)] = bar
-                // The dot would hide a shorter bar.
+                // A dot would hide a shorter bar.
                 && low.1 - high.1 > 9.0
             {
                 chart.segment(low, high, COLORS[1], 2.0, 1.0);

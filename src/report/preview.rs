@@ -1,4 +1,4 @@
-//! Preview of a camera frame for setting up the camera: saturated pixels are red, pixels without signal blue.
+//! The preview of a camera frame for setting up the camera: saturated pixels are red, pixels without signal blue.
 
 use crate::io::raster::Raster;
 use crate::io::raster::encode_srgb;
@@ -43,7 +43,7 @@ mod tests {
         assert_eq!((picture.pixel(0, 0), picture.pixel(3, 0)), (CRUSHED, SATURATED));
         assert_eq!(picture.pixel(1, 0), [0; 3]);
         let [red, green, blue] = picture.pixel(2, 0);
-        // sRGB of 0.4756.
+        // The sRGB code of the linear value 0.4756 is expected.
         assert!(red == green && green == blue && (180..185).contains(&red), "{red}");
     }
 }

@@ -16,7 +16,7 @@ use crate::io::raster::exposure;
 /// A probed photo of every channel.
 #[derive(Clone, Debug)]
 pub struct ProbedLight {
-    /// Which paths were let through.
+    /// The paths that were kept.
     pub probing: Probing,
     /// Photos of each channel.
     pub photos: usize,
@@ -24,12 +24,12 @@ pub struct ProbedLight {
     pub values: Planes,
     /// Its standard errors.
     pub standard_errors: Planes,
-    /// The exact photo, where the matrix is known.
+    /// The exact photo, if the matrix is known.
     pub truth: Option<Planes>,
 }
 
 impl ProbedLight {
-    /// The probed channels, with the exact photo where it is known.
+    /// The probed channels, with the exact photo if it is known.
     pub fn new(probing: Probing, found: Vec<Probed>, truth: Option<Planes>) -> Self {
         let photos = found.first().map_or(0, |found| found.photos);
         let values = found.iter().map(|found| found.values.clone()).collect();
@@ -37,15 +37,12 @@ impl ProbedLight {
         Self { probing, photos, values, standard_errors, truth }
     }
 
-    /// The relative error, where the exact photo is known.
+    /// The relative error, if the exact photo is known.
     pub fn error(&self) -> Option<f64> {
         self.truth.as_ref().and_then(|truth| relative_error(&self.values, truth).value())
     }
 
     /// Writes `probed`, `standard-error`, `exact` (if known) and `report.html` into the run's folder and returns their names.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
     pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
         let mut files = Files::new(run.folder);
         let mut images = vec![("probed", &self.values, format!("Let through: {}", self.probing.in_words()))];
@@ -97,7 +94,7 @@ impl ProbedLight {
         text
     }
 
-    /// The root mean square of the standard errors relative to that of the values (the exact ones if known); nothing where there is no such light.
+    /// The root mean square of the standard errors relative to that of the values (the exact ones if known). It has no value without light.
     pub fn noise(&self) -> Ratio {
         let errors = norm(&self.standard_errors);
         match &self.truth {
@@ -106,7 +103,7 @@ impl ProbedLight {
         }
     }
 
-    /// Whether any light was let through.
+    /// Whether the photo contains any light.
     pub fn findings(&self) -> Vec<Finding> {
         let is_dark = self.noise().value().is_none();
         let found = format!("no {} to measure: it is no more than its error", self.probing.in_words());

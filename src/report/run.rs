@@ -1,4 +1,4 @@
-//! Parts that the pages and folders of all runs share.
+//! Parts shared by the pages and folders of all runs.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -13,14 +13,14 @@ use crate::io::manifest::{Independent, ProductsOn};
 use crate::io::{atomic, npy, picture};
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
-/// The run that an answer is of, as far as its page and its files show it.
+/// The run of an answer, as its page and its files show it.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     /// The page's title.
     pub title: String,
     /// The folder that the files are written into.
     pub folder: &'a Path,
-    /// Whether a page that holds the matrix stands beside this one, or is written after it: it shows the rows that this one cannot hold.
+    /// Whether a page with the matrix exists beside this one, or will be written. It shows the rows that this page cannot hold.
     pub has_paint: bool,
     /// The run's record.
     pub manifest: &'a RunManifest,
@@ -30,7 +30,7 @@ pub struct Run<'a> {
     pub resolution: Resolution,
     /// Unit of the photos' values.
     pub unit: &'a str,
-    /// Contact sheet of all photos; `None` where there are none to show.
+    /// The contact sheet of all photos; `None` if there are no photos to show.
     pub strip: Option<ContactSheet>,
 }
 
@@ -43,8 +43,8 @@ impl Run<'_> {
         }
     }
 
-    /// The page of an answer, in one sentence, from so many photos; `findings` are those of the answer, and `more` are facts of the command itself.
-    /// Its colour follows from the findings of the answer and of the run.
+    /// The page of an answer with its sentence and its number of photos. `findings` are those of the answer, and `more` are facts of the
+    /// command itself. The colour follows from the findings of the answer and of the run.
     pub(crate) fn page(
         &self,
         (findings, sentence): (Vec<Finding>, String),
@@ -76,12 +76,12 @@ impl Run<'_> {
     }
 }
 
-/// The colour that findings give: good where each is as expected.
+/// The colour for findings: good if all findings are as expected.
 pub(crate) fn outcome(findings: &[Finding]) -> Outcome {
     if worst(findings) == Grade::Ok { Outcome::Good } else { Outcome::Short }
 }
 
-/// The sentence of an answer, and what fails.
+/// The sentence of an answer, followed by the findings that fail.
 fn sentence_of(mut sentence: String, findings: &[Finding]) -> String {
     for finding in findings.iter().filter(|finding| finding.grade == Grade::Fails) {
         let _ = write!(sentence, " {} fails: {}.", finding.name, finding.found);
@@ -89,7 +89,6 @@ fn sentence_of(mut sentence: String, findings: &[Finding]) -> String {
     sentence
 }
 
-/// Findings as a table.
 pub(crate) fn table(findings: &[Finding]) -> Block {
     let row = |finding: &Finding| {
         let cells = [&*finding.name, finding.grade.word(), &finding.found, &finding.expected, &finding.help];
@@ -102,11 +101,11 @@ pub(crate) fn table(findings: &[Finding]) -> Block {
     }
 }
 
-/// The files of a run's folder; the name of each requested path is recorded.
+/// The files of a run's folder. The name of each requested path is recorded.
 pub(crate) struct Files<'a> {
     folder: &'a Path,
     pub(crate) names: Vec<String>,
-    /// What the files hold, by name; not all say so.
+    /// Descriptions of some files, by name.
     about: Vec<(String, String)>,
 }
 
@@ -115,10 +114,7 @@ impl<'a> Files<'a> {
         Self { folder, names: Vec::new(), about: Vec::new() }
     }
 
-    /// The files of an answer, with its arrays written.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
+    /// The files of an answer, with its arrays written. Errors: [`crate::Error::Write`] naming the file.
     pub(crate) fn of(folder: &'a Path, content: &Content<'_>) -> Result<Self> {
         let mut files = Self::new(folder);
         for array in content.arrays.iter().filter(|array| array.is_saved) {
@@ -154,7 +150,6 @@ impl<'a> Files<'a> {
         npy::write_npy(&self.path(&name), shape, values)
     }
 
-    /// An image as `.npy` and `.exr`.
     pub(crate) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
         let Resolution { width, height } = image.resolution();
         let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
@@ -164,12 +159,11 @@ impl<'a> Files<'a> {
             .try_for_each(|extension| picture::write(&self.path(&format!("{name}.{extension}")), image))
     }
 
-    /// A figure as `.png`.
     pub(crate) fn picture(&mut self, name: &str, figure: &Figure) -> Result<()> {
         atomic::write_bytes(&self.path(&format!("{name}.png")), &figure.png)
     }
 
-    /// Links to the files so far, those with the results first, and to the record of the run.
+    /// Links to the files so far, first those with the results, and to the record of the run.
     pub(crate) fn links(&self) -> Vec<FileLink> {
         let order = |name: &str| match name.rsplit('.').next() {
             Some("npy") => 0,
@@ -187,7 +181,6 @@ impl<'a> Files<'a> {
         names.into_iter().map(|name| FileLink::new(name, about(name))).chain([record]).collect()
     }
 
-    /// Writes the page, and returns the names of all files.
     pub(crate) fn finish(mut self, page: Report) -> Result<Vec<String>> {
         let mut page = Report { files: self.links(), ..page };
         if !page.paint.is_empty() {
@@ -198,16 +191,15 @@ impl<'a> Files<'a> {
     }
 }
 
-/// The page that holds the matrix of a run, where there is one.
-/// The page that holds the matrix, to paint with.
+/// The page with the matrix of a run, if there is one, to paint with.
 pub const PAINT: &str = "paint.html";
 
-/// The shape of an array: `10 × 128 × 128`.
+/// A shape as text: `10 × 128 × 128`.
 fn sizes(shape: &[usize]) -> String {
     shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
 }
 
-/// NumPy's name of an element.
+/// NumPy's name of an element type.
 fn element<T>() -> &'static str {
     match std::any::type_name::<T>() {
         "f32" => "float32",
@@ -217,7 +209,7 @@ fn element<T>() -> &'static str {
     }
 }
 
-/// The run's facts from its manifest; `more` are facts of the command itself, placed after those of the rig.
+/// The run's facts from its record. `more` are facts of the command itself, placed after those of the rig.
 pub(crate) fn facts(
     manifest: &RunManifest,
     photos: usize,
@@ -257,7 +249,7 @@ pub(crate) fn facts(
     facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// Facts of a rig: its effort, and how it measured its photos.
+/// The facts of a rig: its effort and its way of measuring.
 fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     let effort = &rig.effort;
     let mut facts = vec![

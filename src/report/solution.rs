@@ -17,7 +17,7 @@ pub struct Solved<'a> {
 }
 
 impl Solved<'_> {
-    /// Whether the method ended because the solution is as good as was asked for, or as good as there is.
+    /// Whether the solution is as good as requested, or as good as possible.
     pub fn is_good(&self) -> bool {
         matches!(
             self.found.stats.status,
@@ -29,7 +29,7 @@ impl Solved<'_> {
         )
     }
 
-    /// Whether it is good, as a finding.
+    /// The quality of the solution as a finding.
     pub fn findings(&self) -> Vec<Finding> {
         let grade = if self.is_good() { Grade::Ok } else { Grade::Fails };
         let status = self.found.stats.status.to_string();
@@ -37,9 +37,6 @@ impl Solved<'_> {
     }
 
     /// Writes `solution.npy`, `residuals.csv` and `report.html` into the run's folder and returns their names.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file.
     pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
         let mut files = Files::new(run.folder);
         let (found, method) = (self.found, self.method.facts().name);

@@ -14,8 +14,7 @@ use crate::krylov::HistoryRow;
 /// Maximum number of lines in the plot of residuals.
 const LINES: usize = 5;
 
-/// A signed picture of each eigenvector, with its file name. `mask` is `true` at pixels to leave out; `embedding` maps entries to the coordinates
-/// that groups are made of.
+/// A signed picture of each eigenvector, with its file name. `mask` marks pixels to leave out. `embedding` maps entries to coordinates.
 pub(crate) fn pictures(
     resolution: Resolution,
     vectors: &[Vec<f64>],
@@ -27,7 +26,7 @@ pub(crate) fn pictures(
         let range = robust_range(vector, mask);
         let coordinate = embedding.and_then(|of| Some((*of.weights.get(index)?, *of.ranges.get(index)?)));
         let kind = Kind::Eigenvector {
-            // Of the average cut the known eigenvalue is 0, and eigenvectors tell no rows.
+            // For the average cut the known eigenvalue is 0, and eigenvectors do not determine rows of the matrix.
             eigenvalue: (embedding.is_some() && values[0] > 0.5).then_some(*value),
             weight: coordinate.map(|(weight, _)| weight),
             range: coordinate.map_or((0.0, 0.0), |(_, range)| range),
@@ -90,7 +89,7 @@ pub(crate) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     Block::Plot { svg: plot.render(), caption: caption.into() }
 }
 
-/// A table of eigenvalue, with its standard error where one is known, and residual norm of each pair, followed by the columns `more`.
+/// A table of each pair's eigenvalue, with its standard error if known, and residual norm, followed by the columns `more`.
 pub(crate) fn table(
     (values, errors): (&[f64], &[f64]),
     residuals: &[f64],

@@ -3,19 +3,19 @@
 use crate::finding::Ratio;
 pub use crate::finding::decimal;
 
-/// A share as a percentage of three digits, without its unit; `–` where there is nothing to measure.
+/// A share as a percentage of three digits, without its unit; `–` if there is nothing to measure.
 pub fn percent(share: impl Into<Ratio>) -> String {
     share.into().percent()
 }
 
-/// As [`decimal`], with a plus sign before what is not negative.
+/// As [`decimal`], with a plus sign before a value that is not negative.
 pub fn signed(value: f64, decimals: usize) -> String {
     let plus = if value.is_sign_negative() { "" } else { "+" };
     plus.to_owned() + &decimal(value, decimals)
 }
 
-/// A value with its standard error, of which two digits are shown, and no digit of the value beyond them: `0.0971 ±0.0012`. Without an error the
-/// value has eight decimals, as [`decimal`] shows them.
+/// A value with its standard error: `0.0971 ±0.0012`. The error has two digits, and the value has no digit beyond them. Without an error
+/// the value has eight decimals, as [`decimal`] shows them.
 pub fn with_error(value: f64, error: f64) -> String {
     if error > 0.0 && error.is_finite() {
         let decimals = decimals(error);
@@ -25,20 +25,20 @@ pub fn with_error(value: f64, error: f64) -> String {
     }
 }
 
-/// The value without the digits that its standard error leaves open; as it is where no error is known.
+/// The value without the digits that its standard error leaves open. Without a known error it is unchanged.
 pub fn rounded(value: f64, error: f64) -> f64 {
     if error > 0.0 && error.is_finite() {
         let decimals = decimals(error);
-        // What was just printed is a number.
+        // The printed text is always a number.
         format!("{value:.decimals$}").parse().unwrap_or(value)
     } else {
         value
     }
 }
 
-/// The decimals that show two digits of an error.
+/// The number of decimals that shows two digits of an error.
 fn decimals(error: f64) -> usize {
-    // From 0 to 324, the smallest positive number.
+    // The first digit of the smallest positive number is decimal 324.
     (1.0 - error.log10().floor()).clamp(0.0, 324.0) as usize
 }
 
@@ -55,7 +55,7 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// Bytes in the largest unit that they fill: `2.5 GiB`.
+/// Bytes in the largest unit with a value of at least 1: `2.5 GiB`.
 pub fn bytes(bytes: u64) -> String {
     let bytes = bytes as f64;
     let units = ["bytes", "KiB", "MiB", "GiB"];

@@ -1,8 +1,8 @@
-//! The questions to a laboratory. A folder holds all of one question: its request, how it is run, its answer, and its page.
+//! The questions to a laboratory. Each folder holds one question: its request, its execution, its answer, and its page.
 //!
-//! A [request](crate::lab::Verb) is a struct whose documented fields are declared once: the options of the command line, the keyword arguments in
-//! Python and the record in `run.json` come from them. An [answer](crate::lab::Answer) is named arrays and named facts: files, summary,
-//! attributes in Python and lines on the terminal come from them.
+//! A [request](crate::lab::Verb) is a struct with documented fields, declared once. The fields become the options of the command line, the
+//! keyword arguments in Python and the record in `run.json`. An [answer](crate::lab::Answer) consists of named arrays and named facts. They
+//! become files, summary, attributes in Python and lines on the terminal.
 
 pub mod compensate;
 pub mod eigs;
@@ -26,7 +26,7 @@ pub use relight::{Relight, Relighting};
 pub use segment::{Segment, Segmented};
 pub use separate::{Separate, Separated};
 
-/// A request that is declared once: asked on the command line and by keywords.
+/// A request that is declared once, for the command line and for keyword arguments.
 pub trait Request: crate::lab::Verb + clap::Args + Serialize + DeserializeOwned + Default {}
 
 impl<V: crate::lab::Verb + clap::Args + Serialize + DeserializeOwned + Default> Request for V {}

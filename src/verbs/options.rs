@@ -10,14 +10,14 @@ use crate::error::{Error, Result};
 use crate::krylov::{METHODS, Method};
 use crate::transport::Part;
 
-/// The default of a request: what its declaration says of each option.
+/// The default of a request, from the declarations of its options.
 #[allow(
     clippy::panic,
     reason = "a request with an option that must be given is a fault of its declaration, which a test finds"
 )]
 pub(super) fn defaults<T: clap::Args>() -> T {
     let name = clap::Command::new("defaults");
-    // A file that must be given has no default; the request's own check asks for it.
+    // A required file has no default. The request's own check demands it.
     let command = T::augment_args(name).mut_args(|arg| arg.required(false));
     let parsed = command.try_get_matches_from(["defaults"]);
     match parsed.and_then(|matches| T::from_arg_matches(&matches)) {
@@ -26,13 +26,13 @@ pub(super) fn defaults<T: clap::Args>() -> T {
     }
 }
 
-/// A number of any option, which may be infinite. NaN is refused: it would pass every bound that it is compared with.
+/// A number for any option. It may be infinite, but NaN is refused, since it would pass every comparison with a bound.
 pub(crate) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> std::result::Result<T, String> {
     let number = text.trim().parse::<T>().ok().filter(|&number| !number.into().is_nan());
     number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
 }
 
-/// A time in seconds or minutes: above 0, and short enough that every clock can count it.
+/// A time in seconds or minutes: above 0, and short enough for every clock to count it.
 pub(crate) fn time(text: &str) -> std::result::Result<f64, String> {
     const LONGEST: f64 = 1e9;
     let time = number(text)?;
@@ -42,7 +42,7 @@ pub(crate) fn time(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("`{text}` is not a time: give more than 0, and at most {LONGEST}"))
 }
 
-/// The largest number of photos, pixels or the like that an option takes: the number of pixels of a picture of 4096×4096.
+/// The largest number of photos, pixels or the like that an option accepts: the number of pixels of a 4096×4096 picture.
 const MAX_COUNT: u64 = 1 << 24;
 
 /// A number of photos, pixels or the like. It is bounded, so that sums and products of such numbers do not overflow.
@@ -52,7 +52,6 @@ pub(crate) fn count<T: TryFrom<u64>>(text: &str) -> std::result::Result<T, Strin
     count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
 }
 
-/// A method that solves `A x = b`.
 pub(crate) fn method(name: &str) -> std::result::Result<Method, String> {
     Method::from_name(name).map_err(|_| {
         let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
@@ -60,7 +59,7 @@ pub(crate) fn method(name: &str) -> std::result::Result<Method, String> {
     })
 }
 
-/// Refuses the options of a verb that are given and that a plan of it cannot know.
+/// Refuses given options of a verb that a plan of it does not support.
 pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
     match given.iter().find(|(is_given, _)| *is_given) {
         None => Ok(()),
@@ -92,10 +91,7 @@ impl From<LightPart> for Part {
     }
 }
 
-/// Checks that so many vectors fit into memory.
-///
-/// # Errors
-/// [`Error::Option`] naming the option that asks for them.
+/// Checks that `vectors` vectors fit into memory. Errors: [`Error::Option`] naming the option that requests them.
 pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Result<()> {
     let fits = vectors.checked_mul(length).is_some_and(|n| Vec::<f64>::new().try_reserve_exact(n).is_ok());
     if fits {
@@ -108,15 +104,15 @@ pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Resu
     })
 }
 
-/// The option of a field on the command line: `--direct-photos` for `direct_photos`.
+/// The command line option of a field: `--direct-photos` for `direct_photos`.
 fn option_of(field: &str) -> String {
     format!("--{}", field.replace('_', "-"))
 }
 
-/// A request from fields by name. A field that is not given has its default; a single value of a field that takes several is one of them.
+/// Makes a request from fields by name. A missing field gets its default. A single value is accepted for a field that takes several.
 ///
 /// # Errors
-/// [`Error::Option`] naming a field that the request does not have, or whose value it cannot have.
+/// [`Error::Option`] naming a field that the request does not have, or that does not accept the value.
 pub fn from_json<V: super::Request>(fields: Map<String, Value>) -> Result<V> {
     let Ok(Value::Object(mut request)) = serde_json::to_value(V::default()) else {
         return Err(Error::Numerical("a request that has no fields".into()));
@@ -145,12 +141,12 @@ pub fn from_json<V: super::Request>(fields: Map<String, Value>) -> Result<V> {
     V::deserialize(&Value::Object(request)).map_err(|why| Error::Numerical(why.to_string()))
 }
 
-/// A field of a request, as a caller by keywords sees it.
+/// A field of a request, as a caller with keyword arguments sees it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameter {
     /// The name, such as `direct_photos`.
     pub name: String,
-    /// The default as JSON; null where the source decides.
+    /// The default as JSON; null if the source decides.
     pub default: String,
     /// The type in Python.
     pub kind: String,
@@ -158,15 +154,14 @@ pub struct Parameter {
     pub help: String,
 }
 
-/// The fields of a request in the order of the options, and what the request is for. Options that say how the source is opened are not among
-/// them: they are no part of the record.
+/// The fields of a request in the order of the options, and its purpose, without the options about opening the source.
 pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     let command = V::augment_args(clap::Command::new("request"));
     let defaults = serde_json::to_value(V::default()).unwrap_or_default();
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let of = |arg: &clap::Arg| {
         let name = arg.get_id().to_string();
-        // An option that only opens the source is no field of the record.
+        // The record has no field for an option that only opens the source.
         let default = defaults.get(&name)?;
         let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
         Some(Parameter { kind: kind(arg, default), default: default.to_string(), name, help })
@@ -174,7 +169,6 @@ pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     (about, command.get_arguments().filter_map(of).collect())
 }
 
-/// The type of an option's value in Python.
 fn kind(arg: &clap::Arg, default: &Value) -> String {
     use std::any::TypeId;
     let parser = arg.get_value_parser();

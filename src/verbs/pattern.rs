@@ -1,4 +1,4 @@
-//! `--pattern`: what is projected.
+//! `--pattern`: the projected pattern.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -72,7 +72,7 @@ impl From<Pattern> for String {
     }
 }
 
-/// As it is written on the command line.
+/// Writes a pattern in the syntax of the command line.
 impl std::fmt::Display for Pattern {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -88,10 +88,7 @@ impl std::fmt::Display for Pattern {
 }
 
 impl Pattern {
-    /// The pattern at this resolution.
-    ///
-    /// # Errors
-    /// When a file cannot be read or has another size, or the pixel lies outside.
+    /// The pattern at this resolution. Fails if a file cannot be read or has another size, or if the pixel lies outside.
     pub fn image(&self, resolution: Resolution) -> Result<Image> {
         let Resolution { width, height } = resolution;
         let lit: Box<dyn Fn(usize, usize) -> bool> = match *self {
@@ -117,10 +114,7 @@ impl Pattern {
     }
 }
 
-/// An image file that must have the projector's `resolution`.
-///
-/// # Errors
-/// When it cannot be read or has another size.
+/// An image file that must have the projector's `resolution`. Fails if it cannot be read or has another size.
 pub(crate) fn read_sized(path: &Path, resolution: Resolution) -> Result<Image> {
     picture::read_sized(path, resolution, "the projector")
 }

@@ -1,4 +1,4 @@
-//! What a finished run answers of photos that it did not take.
+//! The answers of a finished run about photos that it did not take.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ fn cornell() -> Result<Lab> {
     Lab::builder_of_scene(builtin::cornell().to_scene()).size(24, 24).samples(64).open()
 }
 
-/// The global light of the whole segmentation of `lab`, kept in a folder.
+/// A complete segmentation of `lab` by its global light, kept in a folder.
 fn segmented(mut lab: Lab, folder: &Path) -> Result<Lab> {
     let options = RunOptions { folder: Some(folder.to_path_buf()), ..Default::default() };
     lab.begin_run("segment", &options)?;
@@ -35,7 +35,7 @@ fn left(lab: &Lab) -> Result<Image> {
     Image::from_planes(size, &[(0..size.pixels()).map(lit).collect::<Vec<f64>>()])
 }
 
-/// The relative error of a run's photo against the true one, and the stated one.
+/// The relative error of a run's photo against the true one, and the stated error.
 fn errors(run: &mut Lab, truth: &Image, pattern: &Image) -> Result<[f64; 2]> {
     let (photo, stated) = run.photo_with_error(pattern)?;
     let truth = truth.plane(0);
@@ -49,14 +49,14 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
     let run = folder.path().join("run");
     segmented(cornell()?, &run)?;
-    // Not the laboratory of the run, whose journal would keep the photo.
+    // The laboratory of the run is not used, since its journal would keep the photo.
     let mut exact = cornell()?;
     let pattern = left(&exact)?;
     let truth = exact.photo(&pattern)?;
     let mut replay = crate::open(&run)?;
     let [off, stated] = errors(&mut replay, &truth, &pattern)?;
     assert!(off < 0.1 && off > 0.2 * stated && off < 4.0 * stated, "{off} {stated}");
-    // Eigenvectors of the light with direct light, which the run took no photo of.
+    // These are eigenvectors of the light including direct light, which the run did not photograph.
     let asked = Eigs {
         count: 2,
         photos: Some(20),
@@ -66,7 +66,7 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     };
     let found = asked.pairs(&mut crate::open(&run)?)?.found;
     let known = asked.pairs(&mut exact)?.found;
-    // 30 photos that were taken for the normalized cut.
+    // The 30 photos were taken for the normalized cut.
     assert!((found.values[0] / known.values[0] - 1.0).abs() < 0.05, "{:?} {:?}", found.values, known.values);
     let off = (found.values[0] - known.values[0]).abs();
     assert!(off <= found.bounds[0] && found.standard_errors[0] > 0.0, "{off} {:?}", found.bounds);
@@ -112,7 +112,7 @@ fn what_was_photographed_is_answered_as_it_was_and_an_audit_wants_real_photos() 
     let mut operator = replay.operator(Part::Global)?;
     operator.apply(&vec![1.0; white.len()], &mut again)?;
     assert_eq!(again, white);
-    // By the model, the same pattern has the same photo, to rounding.
+    // The model gives the same photo for the same pattern, up to rounding.
     operator.apply(&left(&exact)?.plane(0), &mut again)?;
     operator.apply(&vec![1.0; white.len()], &mut again)?;
     let off: Vec<f64> = again.iter().zip(&white).map(|(a, b)| a - b).collect();
@@ -138,7 +138,7 @@ fn a_run_of_a_rig_answers_other_patterns() -> Result<()> {
     Ok(())
 }
 
-/// Earlier programs showed squares of two pixels where codes are shown now.
+/// Earlier versions of the program measured with squares of two pixels instead of codes.
 #[test]
 fn a_run_whose_direct_light_was_measured_by_squares_can_still_be_asked() -> Result<()> {
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;

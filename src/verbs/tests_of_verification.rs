@@ -1,4 +1,4 @@
-//! Answers are checked with light that they were not computed from.
+//! Tests of the verification of answers with light that they were not computed from.
 
 use crate::analysis::compensate::compensate;
 use crate::analysis::segment::{Cut, segment};
@@ -61,7 +61,7 @@ fn a_matrix_has_no_other_light() -> Result<()> {
 #[test]
 fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     let mut rig = zigzag()?.through_rig(RigFile::load("assets/rigs/ideal.toml".as_ref())?)?;
-    // With so few photos the residuals are larger than the shot noise that a rig without a calibration is taken to have.
+    // With this few photos, the residuals exceed the shot noise that is assumed for a rig without a calibration.
     let asked = Eigs { photos: Some(6), part: LightPart::Full, ..pairs() };
     let found = asked.pairs(&mut rig)?.found;
     let photos = rig.contact_sheet().len();
@@ -69,8 +69,8 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     assert_eq!(rig.contact_sheet().len(), photos + 1);
     assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherPhoto, 0));
     assert_eq!(checked.verification.verdict, CheckVerdict::Passed, "within the residuals that it states");
-    // The photo is a sum of orthogonal eigenvectors with signs. Their residuals lie along the next Lanczos vector, and add up or cancel by the
-    // signs. The devices have no noise but steps of 12 and 16 bits, so that what is left is the whole difference, with what is taken for noise.
+    // The photo is a sum of orthogonal eigenvectors with signs. Their residuals lie along the next Lanczos vector, and add up or cancel.
+    // The devices have no noise except for steps of 12 and 16 bits, so the error and the assumed noise together are the whole difference.
     let size = found.values.iter().map(|value| value * value).sum::<f64>().sqrt();
     let share = |residual: f64| residual.abs() / size.hypot(residual);
     let [first, second, third] = [0, 1, 2].map(|at| found.residuals[at]);
@@ -80,7 +80,7 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     let seen = difference(&checked.verification);
     assert!(checked.verification.error > 0.0, "{:?}", checked.verification);
     assert!(sums.iter().any(|&sum| (share(sum) - seen).abs() < 1e-3), "{seen} {:?}", sums.map(share));
-    // Vectors that are wrong are seen to be so: by a fifth of what is theirs in the photo.
+    // Eigenvalues that are a fifth too large are detected: the difference grows by a fifth of the eigenvectors' share of the photo.
     let mut wrong = found.clone();
     wrong.values.iter_mut().for_each(|value| *value *= 1.2);
     let Some(checked) = rig.verify_eigenpairs(Part::Full, &wrong)? else { unreachable!("a rig") };
@@ -105,7 +105,7 @@ fn a_segmentation_is_checked_pair_by_pair() -> Result<()> {
     let Some(checked) = checked else { unreachable!("a scene") };
     assert_eq!(checked.estimates.len(), found.eigenvalues.len() - 1);
     let second = &checked.estimates[0];
-    // Two sheets that exchange no light: the eigenvalue is 1.
+    // Two sheets do not exchange light, so the eigenvalue is 1.
     assert!((second.value - 1.0).abs() < 3.0 * second.standard_error + 0.01, "{second:?}");
     assert_eq!(checked.refuted(2), 0, "{:?}", checked.estimates);
     assert_eq!(lab.verify_segmentation(Part::Global, Cut::Average, &found)?, None);
@@ -121,7 +121,7 @@ fn compensated(lab: &mut Lab) -> Result<Compensation> {
     lab.photos(|_| compensate(&mut channels, &target, &options))
 }
 
-/// The deviations of a compensated photo from that of `exact`, in stated standard errors, root mean square.
+/// The root mean square deviation of a compensated photo from the photo of `exact`, in stated standard errors.
 fn deviation(lab: &mut Lab, exact: &mut Lab) -> Result<f64> {
     let white = Image::filled(lab.projector_resolution(), 1, 1.0);
     let found = compensated(lab)?;
@@ -145,7 +145,7 @@ fn a_compensated_photo_states_the_error_of_each_pixel() -> Result<()> {
     let scene = || Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24);
     let mut exact = scene().samples(4096).seed(11).open()?;
     let of_scene = deviation(&mut zigzag()?, &mut exact)?;
-    // Errors of single pixels are pooled from one draw each, so that their mean square is off by some percent.
+    // The errors of single pixels are pooled from one draw each, so their mean square is off by some percent.
     assert!((0.8..1.3).contains(&of_scene), "{of_scene}");
     let mut behind = scene().samples(64).seed(7).open()?;
     let text =
@@ -155,13 +155,13 @@ fn a_compensated_photo_states_the_error_of_each_pixel() -> Result<()> {
     rig.calibrate(&Default::default())?;
     rig.measure_flat_field()?;
     let of_rig = deviation(&mut rig, &mut behind)?;
-    // Noise, and what the calibration leaves: over many repeats 1.1 to 1.2.
+    // Noise and the remaining error of the calibration contribute. Over many repeats the value is 1.1 to 1.2.
     assert!((0.8..1.4).contains(&of_rig), "{of_rig}");
     Ok(())
 }
 
-/// Verdicts on answers that are right, and on planted wrong ones, of one seed of the light paths: labels that are shuffled, one eigenvector with
-/// twice the noise of the run's own, and a pattern that compensates another scene.
+/// Verdicts on correct answers and on planted wrong ones, for one seed of the light paths. The wrong answers are shuffled labels, an
+/// eigenvector with added noise of twice the run's noise, and a pattern that compensates another scene.
 fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     let lab =
         |scene: crate::scene::Scene| Lab::builder_of_scene(scene).size(24, 24).samples(32).seed(seed).open();
@@ -210,7 +210,7 @@ fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     ))
 }
 
-/// How many of the right answers are refuted and how many of the wrong ones are not, for each kind.
+/// For each kind, the number of correct answers that are refuted and the number of wrong answers that are not.
 fn mistakes(seeds: std::ops::Range<u32>) -> Result<[[usize; 3]; 2]> {
     let mut counts = [[0; 3]; 2];
     for seed in seeds {
@@ -225,7 +225,7 @@ fn mistakes(seeds: std::ops::Range<u32>) -> Result<[[usize; 3]; 2]> {
 
 #[test]
 fn wrong_answers_are_refuted_and_right_ones_are_not() -> Result<()> {
-    // At one mistake in a hundred, two or more in six seeds of one kind have a chance of 0.0015.
+    // At one mistake in a hundred, the chance of two or more in six seeds of one kind is 0.0015.
     let counts = mistakes(100..106)?;
     assert!(counts.as_flattened().iter().all(|&count| count <= 1), "right, wrong: {counts:?}");
     Ok(())
@@ -261,7 +261,7 @@ fn the_page_of_a_refuted_answer_says_so() -> Result<()> {
         let is_good = saved.findings.iter().all(|finding| finding.grade == Grade::Ok);
         assert_eq!(page.contains("class=\"verdict good\""), is_good);
         assert_eq!(record.contains("\"verdict\": \"refuted\""), is_refuted, "{record}");
-        // The number that was computed tells why.
+        // The computed number explains the refutation.
         assert_eq!(page.contains("its eigenvalue is stated as"), is_refuted);
     }
     Ok(())

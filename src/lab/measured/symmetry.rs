@@ -1,4 +1,4 @@
-//! Whether a rig is as symmetric as a coaxial one must be, from the products that a run takes anyway.
+//! A test whether a coaxial rig is as symmetric as it must be, from the products that a run takes anyway.
 
 use crate::finding::{Finding, Grade, Ratio, SIGMAS};
 use crate::krylov::{dot, norm};
@@ -6,18 +6,17 @@ use crate::measure::Measurement;
 use crate::operator::Symmetry;
 use crate::transport::Part;
 
-/// The largest `‖H − Hᵀ‖ / ‖H‖` that passes, of the matrix `H` on the patterns that were shown.
+/// The largest ratio `‖H − Hᵀ‖ / ‖H‖` that passes, where `H` is the matrix restricted to the patterns that were shown.
 const MOST: f64 = 0.1;
 
-/// Products that are kept at most, and numbers of them: 64 MiB.
+/// The largest numbers of products and of stored values (64 MiB).
 const KEPT: usize = 12;
 const NUMBERS: usize = 8 << 20;
 
 /// The first products of a rig with one part of its light.
 pub(in crate::lab) struct Products {
-    /// Patterns of norm 1, their products, and the standard error of a number of these.
+    /// Patterns of norm 1, their products, and the standard error of each value of a product.
     taken: Vec<(Vec<f64>, Vec<f64>, f64)>,
-    /// Part and channel of the first product.
     of: Option<(Part, usize)>,
     most: usize,
 }
@@ -32,7 +31,7 @@ impl Products {
         Self { taken: Vec::new(), of: None, most }
     }
 
-    /// Keeps products with several patterns, and their standard errors, unless there are enough.
+    /// Keeps products with several patterns, and their standard errors, up to the limit.
     pub(in crate::lab) fn keep(
         &mut self,
         of: (Part, usize),
@@ -52,7 +51,7 @@ impl Products {
         }
     }
 
-    /// The finding; none of fewer than two products, or of a rig that is not coaxial.
+    /// The finding about symmetry; `None` for fewer than two products, or for a rig that is not coaxial.
     pub(super) fn symmetry(&self) -> Option<Finding> {
         let [mut squares, mut noise, mut energy, mut pairs] = [0.0; 4];
         for (i, (x, y, error)) in self.taken.iter().enumerate() {
@@ -60,7 +59,7 @@ impl Products {
             for (other, product, other_error) in &self.taken[..i] {
                 let [there, back] = [dot(other, y), dot(x, product)];
                 squares += 2.0 * (there - back).powi(2);
-                // Patterns of norm 1: each number's error counts once.
+                // The patterns have norm 1, so the error of each value counts once.
                 noise += 2.0 * (error * error + other_error * other_error);
                 energy += there * there + back * back;
                 pairs += 1.0;
@@ -73,7 +72,7 @@ impl Products {
         let Some(value) = figure.value() else {
             return Some(Finding::unmeasured("asymmetry", "the products are no more than noise"));
         };
-        // A mean of squares of so many Gaussians has a relative error of √(2/pairs), and its root one of half of that.
+        // A mean of squares of `pairs` Gaussians has a relative error of √(2/pairs). Its root has half of that relative error.
         let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
         let grade = if value - SIGMAS * error <= MOST { Grade::Ok } else { Grade::Fails };
         let found = format!(

@@ -1,4 +1,4 @@
-//! A matrix as a source: from a file, or handed over by a program.
+//! A matrix as a source, from a file or from a program.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::operator::Operator;
 use crate::sparse::{Csr, SparseOperator};
 use crate::transport::{ExplicitMatrix, Part};
 
-/// A matrix of any shape. Of a square one the diagonal is the direct light, as for a coaxial rig.
+/// A matrix of any shape. The diagonal of a square matrix is the direct light, as for a coaxial rig.
 pub(in crate::lab) struct MatrixSource {
     pub(in crate::lab) matrix: Csr,
     pub(in crate::lab) name: String,
@@ -29,12 +29,10 @@ impl MatrixSource {
         Ok(Self { matrix, name, file: Some((path.to_path_buf(), hash)) })
     }
 
-    /// A matrix that a program made.
     pub(in crate::lab) fn new(matrix: Csr, name: String) -> Self {
         Self { matrix, name, file: None }
     }
 
-    /// Notes what a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         manifest.scene = self
             .file
@@ -43,7 +41,7 @@ impl MatrixSource {
     }
 }
 
-/// An explicit matrix with its parts, each made when it is first asked for.
+/// An explicit matrix with its parts, each made when it is first requested.
 pub(in crate::lab) struct ExplicitParts {
     pub(in crate::lab) full: SparseOperator,
     parts: [Option<SparseOperator>; 2],

@@ -1,4 +1,4 @@
-//! A source, of whatever kind: where photos come from, and what is known beside them.
+//! The sources of photos, and the facts that are known about each.
 
 mod matrix;
 mod model;
@@ -27,17 +27,15 @@ pub use rig::RigSource;
 pub(in crate::lab) use run::{RunPhotos, RunSource, not_for_runs};
 pub(in crate::lab) use scene::SceneSource;
 
-/// An open source. Nothing is traced and no photo is taken before its light transport is asked for.
+/// An open source. It traces nothing and takes no photo before its light transport is requested.
 pub(in crate::lab) enum Source {
-    /// A scene file, seen by the rig that stands in it.
+    /// A scene file, with the camera and projector that stand in it.
     Scene(SceneSource),
-    /// A rig file.
     Rig(Box<RigSource>),
     /// The folder of a run with a journal.
     Run(Box<RunSource>),
-    /// The folder of a run that left a model, and no journal.
+    /// The folder of a run that left a model but no journal.
     Model(Box<ModelSource>),
-    /// A matrix.
     Matrix(MatrixSource),
 }
 
@@ -55,7 +53,7 @@ pub enum SourceKind {
 }
 
 impl SourceKind {
-    /// The kind, by the path's extension; a folder is a run. An unknown extension counts as a scene, whose loader says what it expects.
+    /// The kind, by the path's extension. A folder is a run. An unknown extension counts as a scene, whose loader lists its formats.
     pub fn of(path: &Path) -> Self {
         if path.is_dir() {
             return Self::Run;
@@ -99,7 +97,7 @@ impl Source {
         })
     }
 
-    /// What the photos of a finished run said of its rig; empty for other sources.
+    /// The findings about the rig from the photos of a finished run; empty for other sources.
     pub(in crate::lab) fn findings(&self) -> Vec<Finding> {
         match self {
             Self::Run(run) => run.findings.clone(),
@@ -108,7 +106,6 @@ impl Source {
         }
     }
 
-    /// A short name, for folders and titles.
     pub(in crate::lab) fn name(&self) -> String {
         match self {
             Self::Scene(scene) => short_name(&scene.scene.path),
@@ -119,7 +116,7 @@ impl Source {
         }
     }
 
-    /// The folder of the run that it is.
+    /// The folder of the run, if the source is one.
     pub(in crate::lab) fn folder(&self) -> Option<&Path> {
         match self {
             Self::Run(run) => Some(&run.folder),
@@ -128,7 +125,6 @@ impl Source {
         }
     }
 
-    /// Pixels of photos.
     pub(in crate::lab) fn resolution(&self) -> Resolution {
         match self {
             Self::Scene(scene) => scene.settings.resolution,
@@ -139,7 +135,6 @@ impl Source {
         }
     }
 
-    /// Pixels of patterns.
     pub(in crate::lab) fn projector_resolution(&self) -> Resolution {
         match self {
             Self::Scene(scene) => scene.settings.projector.unwrap_or(scene.settings.resolution),
@@ -150,7 +145,6 @@ impl Source {
         }
     }
 
-    /// The channels of photos.
     pub(in crate::lab) fn channels(&self, choice: ChannelChoice) -> Channels {
         match (choice, self) {
             (_, Self::Matrix(_)) | (ChannelChoice::Luma, _) => Channels::Luma,
@@ -161,18 +155,17 @@ impl Source {
         }
     }
 
-    /// The blur, in pixels, that patterns and photos need ([`Registration::blur`](crate::measure::Registration::blur)); 0 where no rig was
-    /// calibrated.
+    /// The blur, in pixels, of patterns and photos ([`Registration::blur`](crate::measure::Registration::blur)); 0 if uncalibrated.
     pub(in crate::lab) fn blur(&self) -> f64 {
         match self {
             Self::Rig(rig) if rig.is_calibrated => rig.calibration.registration.blur(),
-            // What cannot be read is an error as soon as photos are asked for.
+            // An unreadable calibration is reported as an error at the first photo.
             Self::Run(run) if run.note.kind == Kind::Rig => run.blur().unwrap_or(0.0),
             Self::Rig(_) | Self::Run(_) | Self::Scene(_) | Self::Model(_) | Self::Matrix(_) => 0.0,
         }
     }
 
-    /// What the preparation of light transport consists of, for the record of a run's timings.
+    /// The name of the step that prepares the light transport, for the record of a run's timings.
     pub(in crate::lab) fn preparation(&self) -> &'static str {
         match self {
             Self::Scene(_) => "tracing and matrix",
@@ -184,7 +177,6 @@ impl Source {
         }
     }
 
-    /// The unit of photos' values.
     pub(in crate::lab) fn unit(&self) -> &str {
         match self {
             Self::Scene(_) => "W/(m² sr)",
@@ -195,7 +187,7 @@ impl Source {
         }
     }
 
-    /// The true labels of the scene's author, where there are any.
+    /// The true labels by the scene's author, if there are any.
     pub(in crate::lab) fn truth(&self) -> Result<Option<Truth>> {
         match self {
             Self::Scene(scene) => scene.truth(scene.settings.resolution),
@@ -205,7 +197,7 @@ impl Source {
         }
     }
 
-    /// The note by which a run of this source can be replayed from its journal.
+    /// The note that allows a run of this source to be replayed from its journal.
     pub(in crate::lab) fn note(&self, channels: Channels) -> Option<SourceNote> {
         match self {
             Self::Scene(scene) => Some(SourceNote {
@@ -224,7 +216,6 @@ impl Source {
         }
     }
 
-    /// Notes what a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest, channels: Channels) {
         match self {
             Self::Scene(scene) => scene.describe(manifest),
@@ -241,10 +232,7 @@ impl Source {
     }
 }
 
-/// Refuses settings that a source of this kind has no use for.
-///
-/// # Errors
-/// [`Error::Option`] naming the setting.
+/// Refuses settings that do not apply to a source of this kind. Errors: [`Error::Option`] naming the setting.
 pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &Settings) -> Result<()> {
     if let (SourceKind::Run | SourceKind::Matrix, Some(option)) = (kind, settings.first_of_trace()) {
         let what = if kind == SourceKind::Run {
@@ -264,7 +252,6 @@ pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &S
     Ok(())
 }
 
-/// An option that only a scene has a use for.
 pub(in crate::lab) fn scenes_only(option: &str) -> Error {
     Error::Option {
         option: option.into(),
@@ -274,7 +261,6 @@ pub(in crate::lab) fn scenes_only(option: &str) -> Error {
     }
 }
 
-/// What only a rig can answer.
 pub(in crate::lab) fn not_a_rig(path: &Path) -> Error {
     Error::Option {
         option: "SOURCE".into(),

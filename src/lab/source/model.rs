@@ -14,11 +14,11 @@ use crate::operator::{Adjoint, Operator, delegate};
 use crate::sparse::{Csr, SparseOperator};
 use crate::transport::Part;
 
-/// The folder of a run that left a model, and no journal.
+/// The folder of a run that left a model but no journal.
 pub(in crate::lab) struct ModelSource {
     pub(in crate::lab) model: SavedModel,
     pub(in crate::lab) folder: PathBuf,
-    /// What the photos of the run said of its rig.
+    /// The findings about the rig from the photos of the run.
     pub(in crate::lab) findings: Vec<Finding>,
 }
 
@@ -29,17 +29,15 @@ impl ModelSource {
         Ok(Self { model: SavedModel::read(folder)?, folder: folder.to_path_buf(), findings })
     }
 
-    /// Notes what a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let path = model::record_path(&self.folder);
-        // The record was read when the source was opened.
+        // The record was readable when the source was opened.
         let hash = crate::file::read(&path).map(|bytes| blake3::hash(&bytes).to_hex().to_string());
         manifest.scene = Some(manifest::SourceFile { path: (&path).into(), hash: hash.unwrap_or_default() });
         manifest.resolution = Some(self.model.resolution);
     }
 }
 
-/// The parts of a model, as operators.
 pub(in crate::lab) struct ModelParts {
     pub(in crate::lab) model: SavedModel,
     global: Vec<LowRank>,
@@ -60,7 +58,7 @@ impl ModelParts {
     }
 
     pub(in crate::lab) fn operator(&mut self, part: Part, channel: usize) -> ModelOperator<'_> {
-        // Either of the first two has the captured patterns.
+        // The operators of the full and the global light both have the captured patterns.
         let (whole, global) = (&mut self.model.channels[channel], &mut self.global[channel]);
         let (operator, captured): (&mut dyn Adjoint, Option<&LowRank>) = match part {
             Part::Full => (whole, Some(global)),
@@ -70,7 +68,7 @@ impl ModelParts {
         ModelOperator { operator, captured, errors: Vec::new() }
     }
 
-    /// The standard errors of a photo's samples that the rank of the model leaves, spread evenly over the pixels.
+    /// The standard errors of a photo's samples that the limited rank of the model causes, spread evenly over the pixels.
     pub(in crate::lab) fn errors(&self, pattern: &Image) -> Result<Image> {
         let plane = |(channel, model): (usize, &LowRank)| {
             let error = model.error_of_rank(&pattern.plane(channel.min(pattern.channels() - 1)));
@@ -81,7 +79,7 @@ impl ModelParts {
     }
 }
 
-/// One part and channel of a model, which states what its rank leaves open as the errors of its products. Direct light is known.
+/// One part and channel of a model. The errors of its products are those that the limited rank causes. Direct light is known exactly.
 pub(in crate::lab) struct ModelOperator<'a> {
     operator: &'a mut dyn Adjoint,
     captured: Option<&'a LowRank>,
@@ -119,7 +117,7 @@ impl Adjoint for ModelOperator<'_> {
     }
 }
 
-/// A diagonal matrix of `n × n`; without values it is zero.
+/// An `n × n` diagonal matrix. Without values it is zero.
 fn diagonal(n: usize, values: &[f64]) -> Result<Csr> {
     let row_start = (0..=n).map(|row| row.min(values.len())).collect();
     Csr::new(n, row_start, (0..values.len() as u32).collect(), values.to_vec())

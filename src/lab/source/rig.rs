@@ -1,4 +1,4 @@
-//! A rig file as a source: its devices, real or virtual, and what is known of them.
+//! A rig file as a source: its devices, real or virtual, and their calibration.
 
 mod record;
 
@@ -19,7 +19,7 @@ use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
 
-/// Devices have the same shape where width over height differs by no more than this share: a row of 64 is 1.6 %.
+/// The largest relative difference of width over height between devices of the same shape. One row of 64 is 1.6 %.
 const SAME_SHAPE: f64 = 0.02;
 
 /// A rig that can be opened.
@@ -27,38 +27,32 @@ const SAME_SHAPE: f64 = 0.02;
 pub struct RigSource {
     /// The file.
     pub file: RigFile,
-    /// What is known of the devices; ideal devices where the file names no calibration.
+    /// The calibration of the devices. Without a calibration in the file, the devices are taken as ideal.
     pub calibration: Calibration,
     /// Whether the calibration was measured.
     pub is_calibrated: bool,
-    /// The devices, with the settings of the tracer in place of what the file says of a virtual scene.
+    /// The devices, with the settings of the tracer in place of those that the file gives for a virtual scene.
     devices: RigKind,
-    /// The virtual rig's scene, where it is to be traced.
+    /// The virtual rig's scene, if it must be traced.
     scene: Option<SceneSource>,
-    /// What a program hands over: its devices, and the text of the rig file where no file holds it.
+    /// The parts of the rig that a program supplies: its devices, and the text of the rig file if it is not in a file.
     program: Handed,
-    /// Symmetric where projector and camera have the same pose and lens. An explicit matrix is taken for that of such a rig.
+    /// Symmetric if projector and camera have the same pose and lens. An explicit matrix is assumed to come from such a rig.
     symmetry: Symmetry,
     observer: SharedObserver,
 }
 
-/// What a program hands over of a rig.
 #[derive(Clone, Debug, Default)]
 pub(in crate::lab) struct Handed {
-    /// The text of the rig file, where no file holds it.
+    /// The text of the rig file, if it is not in a file.
     pub(in crate::lab) text: Option<String>,
-    /// Opens the devices of a rig file of `kind = "program"`.
     pub(in crate::lab) opener: Option<DeviceOpener>,
-    /// Whether programs may be run that the file names.
     pub(in crate::lab) allows_programs: bool,
 }
 
 impl RigSource {
-    /// Reads the file, what it names, and the calibration. Settings of the tracer replace what the file of a virtual rig says of its scene;
-    /// where nothing is traced they are refused.
-    ///
-    /// # Errors
-    /// As [`RigFile::load`], [`Calibration::load`], and those of loading a scene.
+    /// Reads the file, the files that it names, and the calibration. Settings of the tracer replace those that the file of a virtual rig
+    /// gives for its scene. They are refused if nothing is traced. Fails if the file, the calibration or the scene cannot be loaded.
     pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,
@@ -82,10 +76,7 @@ impl RigSource {
         Ok(source)
     }
 
-    /// As [`Self::open`], but with devices taken as ideal whatever the file says of a calibration: there may be none yet.
-    ///
-    /// # Errors
-    /// As [`RigFile::load`], and those of loading a scene.
+    /// As [`Self::open`], but with ideal devices even if the file names a calibration, which may not exist yet.
     pub(in crate::lab) fn uncalibrated(
         path: &Path,
         program: &Handed,
@@ -105,11 +96,9 @@ impl RigSource {
         Ok(Self { program: program.clone(), ..source })
     }
 
-    /// The virtual devices of `file` in front of an open scene, in place of the one that the file names.
-    ///
-    /// # Errors
-    /// [`crate::Error::Data`] where the devices are real; [`crate::Error::Option`] where the scene's projector has other pixels than its camera; those of
-    /// loading the calibration.
+    /// The virtual devices of `file` in front of an open scene, which replaces the one that the file names. Errors: [`crate::Error::Data`]
+    /// if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; those of
+    /// [`Calibration::load`].
     pub(in crate::lab) fn in_front_of(
         scene: &SceneSource,
         file: RigFile,
@@ -136,17 +125,14 @@ impl RigSource {
         Self { file, calibration, is_calibrated: false, devices, scene, program, symmetry, observer }
     }
 
-    /// Loads the calibration that the file names; whether it names one.
+    /// Loads the calibration, if the file names one. Returns whether it does.
     fn load_calibration(&mut self) -> Result<bool> {
         let Some(folder) = &self.file.calibration else { return Ok(false) };
         let calibration = Calibration::load(folder)?;
         self.calibrated_by(calibration).map(|()| true)
     }
 
-    /// Replaces what is known of the devices.
-    ///
-    /// # Errors
-    /// [`crate::Error::Rig`] when the calibration is that of other devices.
+    /// Replaces the calibration. Errors: [`crate::Error::Rig`] when the calibration belongs to other devices.
     pub(in crate::lab) fn calibrated_by(&mut self, calibration: Calibration) -> Result<()> {
         calibration.check(&self.devices.projector_info(), &self.devices.camera_info())?;
         self.calibration = calibration;
@@ -154,7 +140,6 @@ impl RigSource {
         Ok(())
     }
 
-    /// Who watches.
     pub(in crate::lab) fn observer(&self) -> &SharedObserver {
         &self.observer
     }
@@ -164,12 +149,12 @@ impl RigSource {
         self.symmetry == Symmetry::Symmetric
     }
 
-    /// Pixels of patterns and of photos, which are resampled to them.
+    /// Pixels of patterns and of photos. Photos are resampled to them.
     pub fn resolution(&self) -> Resolution {
         self.devices.projector_info().resolution
     }
 
-    /// The channels that the devices see and show: coloured as soon as one of them is.
+    /// The channels that the devices see and show. They are coloured if any device is.
     pub fn channels(&self) -> Channels {
         self.devices.channels()
     }
@@ -179,22 +164,20 @@ impl RigSource {
         short_name(&self.file.path)
     }
 
-    /// The scene that a virtual rig looks at, where it has one to be traced.
+    /// The scene that a virtual rig looks at, if it must be traced.
     pub(in crate::lab) fn scene(&self) -> Result<&SceneSource> {
         self.scene.as_ref().ok_or_else(|| no_scene(&self.file.path))
     }
 
-    /// Whether the devices are virtual, and a scene has to be traced first.
+    /// Whether the devices are virtual, with a scene that must be traced first.
     pub(in crate::lab) fn is_traced(&self) -> bool {
         self.scene.is_some()
     }
 
-    /// The labels of a virtual scene's author.
     pub(in crate::lab) fn truth(&self) -> Result<Option<Truth>> {
         Ok(self.scene.as_ref().map(|scene| scene.truth(self.resolution())).transpose()?.flatten())
     }
 
-    /// The devices, with the settings of the tracer in place of what the file says of a virtual scene.
     pub(in crate::lab) fn kind(&self) -> &RigKind {
         &self.devices
     }
@@ -202,7 +185,7 @@ impl RigSource {
     /// The virtual devices.
     ///
     /// # Errors
-    /// [`crate::Error::Data`] where they are real.
+    /// [`crate::Error::Data`] if they are real.
     pub fn devices(&self) -> Result<&VirtualRig> {
         match &self.devices {
             RigKind::Virtual(rig) => Ok(rig),
@@ -210,20 +193,20 @@ impl RigSource {
         }
     }
 
-    /// What the virtual devices look at; traced now where it has to be.
+    /// The scene or matrix that the virtual devices look at. A scene is traced now if necessary.
     ///
     /// # Errors
-    /// [`crate::Error::Data`] where the devices are real, and those of tracing.
+    /// [`crate::Error::Data`] if the devices are real; the errors of tracing.
     pub fn twin(&self) -> Result<Twin> {
         twin(self.scene.as_ref(), self.devices()?, &self.file.path)
     }
 
-    /// All that the photos of this rig depend on.
+    /// All facts that the photos of this rig depend on.
     pub(in crate::lab) fn identity(&self) -> Result<Identity> {
         let identity = Identity::new()
             .with("rig file", blake3::Hash::from_bytes(self.file.hash).to_string())
             .with("calibration", blake3::Hash::from_bytes(self.calibration.identity()).to_string());
-        // Nothing more is known of real devices; what they are is noted in the journal when they are opened.
+        // No further facts are known of real devices. The journal notes them when they are opened.
         let RigKind::Virtual(rig) = &self.devices else { return Ok(identity) };
         Ok(match (&self.scene, &rig.scene) {
             (Some(scene), _) => scene.identity(identity, rig.channels()),
@@ -235,16 +218,13 @@ impl RigSource {
         })
     }
 
-    /// Seconds to wait after a frame is confirmed.
+    /// The waiting time in seconds after a frame is confirmed.
     pub(in crate::lab) fn settle(&self) -> f64 {
         self.file.measurement.settle.unwrap_or(self.calibration.stability.settle)
     }
 
-    /// Checks that the programs may be run that the rig file names, and says which they are. A program that hands over the text of a rig file
-    /// has chosen them itself.
-    ///
-    /// # Errors
-    /// As [`RigFile::require_programs_allowed`].
+    /// Checks that the programs that the rig file names may run, and reports them. A program that supplies the text of a rig file has
+    /// chosen them itself. Fails as [`RigFile::require_programs_allowed`].
     pub fn require_programs_allowed(&self) -> Result<()> {
         let is_ours = self.program.text.is_some();
         self.file.require_programs_allowed(is_ours || self.program.allows_programs)?;
@@ -255,7 +235,7 @@ impl RigSource {
         Ok(())
     }
 
-    /// Opens the rig whenever raw frames are wanted of it; a scene is traced the first time, and the matrix is kept.
+    /// Opens the rig whenever its raw frames are requested. A scene is traced the first time, and its matrix is kept.
     pub fn opener(&self) -> Opener<'static> {
         let (settle, tries) = (self.settle(), self.file.measurement.tries);
         let rig = match self.devices.clone() {
@@ -287,7 +267,7 @@ impl RigSource {
         })
     }
 
-    /// Opens the rig and the stages behind it; with a journal, only once a photo is not in it.
+    /// Opens the rig and the stages behind it. With a journal, the rig is opened only for a photo that is not in the journal.
     pub(in crate::lab) fn measured(
         &self,
         channels: Option<Channels>,

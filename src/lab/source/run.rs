@@ -1,4 +1,4 @@
-//! The folder of a run as a source: its photos answer further questions with nothing attached.
+//! The folder of a run as a source. Its photos answer further questions without any device.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -23,21 +23,21 @@ use crate::transport::{Channels, JournaledOperator, Part};
 pub(in crate::lab) struct RunSource {
     pub(in crate::lab) folder: PathBuf,
     pub(in crate::lab) note: SourceNote,
-    /// The labels of the scene's author, where the run knew them.
+    /// The labels by the scene's author, if the run knew them.
     pub(in crate::lab) truth: Option<Truth>,
-    /// Photos that the run was allowed to take, if it came to its end.
+    /// The number of photos that the run was allowed to take, if it was completed.
     pub(in crate::lab) photos: Option<usize>,
-    /// What its photos said of the rig.
+    /// The findings about the rig from the photos of the run.
     pub(in crate::lab) findings: Vec<Finding>,
 }
 
-/// The photos of a run: patterns with their photos, for each channel, without ambient light.
+/// Pairs of patterns and photos of a run, for each channel, without ambient light.
 pub(in crate::lab) struct RunPhotos {
-    /// Those without direct light.
+    /// Pairs without direct light.
     pub(in crate::lab) global: Vec<Vec<Product>>,
-    /// Those with direct light.
+    /// Pairs with direct light.
     pub(in crate::lab) full: Vec<Vec<Product>>,
-    /// The direct light, where it is a diagonal and the run knew it.
+    /// The direct light, if it is a diagonal and the run knew it.
     pub(in crate::lab) direct: Option<Vec<Vec<f64>>>,
     pub(in crate::lab) ambient: Image,
 }
@@ -64,7 +64,6 @@ impl RunSource {
         Ok(Self { folder: run.to_path_buf(), note, truth, photos, findings })
     }
 
-    /// The journal, to be read.
     pub(in crate::lab) fn journal(&self, observer: &SharedObserver) -> Result<Journal> {
         let journal = Journal::read_only(&journal_folder(&self.folder))?;
         journal::report_damages(&journal, observer);
@@ -76,10 +75,7 @@ impl RunSource {
         Ok(Calibration::load(&calibration_folder(&self.folder))?.registration.blur())
     }
 
-    /// The rig of the run, whose photos come from the journal.
-    ///
-    /// # Errors
-    /// [`Error::Journal`] where the run did not get as far as to note its rig.
+    /// The rig of the run, with photos from the journal. Errors: [`Error::Journal`] if the run stopped before it noted its rig.
     pub(in crate::lab) fn measured(
         &self,
         channels: Option<Channels>,
@@ -95,7 +91,6 @@ impl RunSource {
         measured(frames, &calibration, &file, (channels, self.note.symmetry()))
     }
 
-    /// All the photos that the run took.
     pub(in crate::lab) fn taken(&self, observer: &SharedObserver) -> Result<RunPhotos> {
         match self.note.kind {
             Kind::Scene => self.taken_of_scene(&mut self.journal(observer)?),
@@ -145,7 +140,7 @@ impl RunSource {
                 products.push(Product { from: pattern, to: plane.values });
             }
         }
-        // A run that did not measure the direct light has no photos of it.
+        // The direct light is absent if the run did not measure it.
         let direct = measurement.direct().ok();
         Ok(RunPhotos {
             global: vec![Vec::new(); full.len()],
@@ -155,7 +150,6 @@ impl RunSource {
         })
     }
 
-    /// Notes what the run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let SourceNote { path, hash, .. } = &self.note;
         manifest.scene = Some(manifest::SourceFile { path: path.into(), hash: hash.clone() });
@@ -179,7 +173,6 @@ fn incomplete(journal: &Journal, what: &str) -> Error {
     }
 }
 
-/// What the photos of a run do not tell.
 pub(in crate::lab) fn not_for_runs(run: &Path) -> Error {
     Error::Data {
         path: run.to_path_buf(),

@@ -1,4 +1,4 @@
-//! A scene as a source: loaded, with the device that traces it and the cache of matrices.
+//! A scene as a source: the loaded scene, the device that traces it, and the cache of matrices.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -31,21 +31,19 @@ pub(in crate::lab) struct SceneSource {
     adapter: AdapterSummary,
     pub(in crate::lab) settings: TraceSettings,
     cache: Option<Arc<Cache>>,
-    /// Where products are to be computed.
     backend: Backend,
-    /// The matrix that was asked for last; clones of the source share it.
+    /// The matrix that was last requested. Clones of the source share it.
     kept: Arc<Mutex<Option<Kept>>>,
     pub(in crate::lab) observer: SharedObserver,
 }
 
-/// The device that traces the scene, which takes one job at a time. When it is closed, the cache gets the kernels that were compiled for it.
+/// The device that traces the scene, one job at a time. When it is dropped, its compiled kernels are stored in the cache.
 struct Device {
     tracer: Mutex<Tracer>,
     cache: Option<Arc<Cache>>,
 }
 
 impl Device {
-    /// With the kernels that the cache has for it.
     fn new(mut tracer: Tracer, cache: Option<Arc<Cache>>) -> Self {
         if let Some(cache) = &cache {
             let kept = cache.kernels(tracer.adapter());
@@ -63,7 +61,7 @@ impl Drop for Device {
     fn drop(&mut self) {
         let Some(cache) = &self.cache else { return };
         let tracer = self.tracer();
-        // A cache that cannot be written is no reason to fail: the next run compiles again.
+        // The kernels are optional in the cache: the next run can compile them again.
         tracer
             .compiled_kernels()
             .into_iter()
@@ -71,7 +69,7 @@ impl Drop for Device {
     }
 }
 
-/// Says what photos of this resolution do not show of the camera's picture, which may be wider.
+/// Reports which part of the camera's picture is missing in photos of this resolution. The picture may be wider.
 fn note_crop(scene: &Scene, resolution: Resolution, observer: &SharedObserver) {
     let camera = &scene.camera;
     let Some((share, aspect)) = camera.cropped(resolution).zip(camera.aspect) else { return };
@@ -86,11 +84,10 @@ fn note_crop(scene: &Scene, resolution: Resolution, observer: &SharedObserver) {
     ));
 }
 
-/// An assembled matrix, with its channels and whether its second bounce is a layer apart.
+/// An assembled matrix, with its channels and whether its second bounce is a separate layer.
 type Kept = ((Channels, bool), Arc<Assembled>);
 
 impl SceneSource {
-    /// Loads the scene, reports what was ignored in it, and opens the adapter for it.
     pub(in crate::lab) fn open(
         path: &Path,
         camera: Option<&str>,
@@ -108,8 +105,7 @@ impl SceneSource {
         Self::new(scene, tracer, trace, settings, observer)
     }
 
-    /// A scene that a program made. Its matrix is neither looked up in the cache nor kept there, since the scene may differ from the file that its
-    /// hash names.
+    /// A scene that a program made. The cache is not used for its matrix, since the scene may differ from the file with its hash.
     pub(in crate::lab) fn in_memory(
         scene: Scene,
         settings: &Settings,
@@ -132,9 +128,9 @@ impl SceneSource {
         let adapter = tracer.adapter().clone();
         let AdapterSummary { name, kind, driver_version, .. } = &adapter;
         observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}"));
-        // The scene's rig may say how many pixels its projector has.
+        // The scene's rig may give the number of the projector's pixels.
         let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
-        // Before a pattern of so many pixels is made.
+        // The settings are checked before a pattern of this many pixels is made.
         trace.check()?;
         note_crop(&scene, trace.resolution, observer);
         let cache = settings.cache.open().map(Arc::new);
@@ -150,33 +146,31 @@ impl SceneSource {
         })
     }
 
-    /// The same scene, traced with these settings from now on. Its matrix is not shared with this one.
+    /// The same scene, traced with these settings from now on. The two sources do not share a matrix.
     pub(in crate::lab) fn with_settings(&self, settings: TraceSettings) -> Self {
         Self { settings, kept: Arc::default(), ..self.clone() }
     }
 
-    /// The device, which takes one job at a time.
     pub(in crate::lab) fn tracer(&self) -> MutexGuard<'_, Tracer> {
         self.device.tracer()
     }
 
-    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
     pub(in crate::lab) fn is_symmetric(&self) -> bool {
         self.tracer().symmetric(&self.settings)
     }
 
-    /// Names the matrix that tracing would make.
+    /// The key of the matrix that tracing would make.
     pub(in crate::lab) fn key(&self, channels: Channels, split: bool) -> Key {
         Key::new(&self.scene, &self.adapter, &self.settings, channels, split)
     }
 
-    /// `identity` with all that a trace depends on.
+    /// Adds all facts that a trace depends on to `identity`.
     pub(in crate::lab) fn identity(&self, identity: Identity, channels: Channels) -> Identity {
         let named = self.facts(channels).into_iter().fold(identity, |all, (name, fact)| all.with(name, fact));
         named.with("all that is traced", self.key(channels, false).hex())
     }
 
-    /// What a trace depends on, by name, as far as it can be said in a few words.
+    /// The named facts that a trace depends on, as far as short strings can describe them.
     pub(in crate::lab) fn facts(&self, channels: Channels) -> Vec<(&'static str, String)> {
         let (settings, adapter) = (&self.settings, &self.adapter);
         vec![
@@ -190,7 +184,6 @@ impl SceneSource {
         ]
     }
 
-    /// Notes what a trace depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let (scene, settings, adapter) = (&self.scene, &self.settings, &self.adapter);
         manifest.seed = Some(u64::from(settings.seed));
@@ -207,7 +200,7 @@ impl SceneSource {
         manifest.max_bounces = Some(settings.max_bounces);
     }
 
-    /// The matrix, if it is in memory, or whole in the cache.
+    /// The matrix, if it is in memory or complete in the cache.
     pub(in crate::lab) fn cached(&self, channels: Channels) -> Result<Option<Arc<Assembled>>> {
         let (asked, mut kept) = ((channels, false), lock(&self.kept));
         match &*kept {
@@ -219,14 +212,14 @@ impl SceneSource {
         }
     }
 
-    /// The light transport matrix where products are to be computed: the one in memory, or else as [`Self::cached_or_traced`]. If `split`,
-    /// the second bounce is a layer apart from the third and later ones.
+    /// The light transport matrix, in the place where products are computed: the one in memory, or else as [`Self::cached_or_traced`]. If
+    /// `split`, the second bounce is in a separate layer from the third and later ones.
     pub(in crate::lab) fn assemble(&self, channels: Channels, split: bool) -> Result<Arc<Assembled>> {
         let (asked, mut kept) = ((channels, split), lock(&self.kept));
         match &*kept {
             Some((of, traced)) if *of == asked => Ok(Arc::clone(traced)),
             _ => {
-                // There may be no memory for two of them.
+                // The memory may not suffice for two matrices.
                 *kept = None;
                 self.keep(&mut kept, asked, self.cached_or_traced(channels, split)?)
             }
@@ -256,7 +249,7 @@ impl SceneSource {
         }
     }
 
-    /// Finds the light transport matrix in the cache or traces it, and reports what that took.
+    /// Finds the light transport matrix in the cache or traces it, and reports the costs.
     fn cached_or_traced(&self, channels: Channels, split: bool) -> Result<Assembled> {
         let start = Instant::now();
         let key = self.key(channels, split);
@@ -287,7 +280,7 @@ impl SceneSource {
         Ok(traced)
     }
 
-    /// Moves the matrix to where products are to be computed, and reports where that is.
+    /// Moves the matrix to the place where products are computed, and reports the place.
     fn place(&self, traced: &mut Assembled) -> Result<()> {
         if let Some(why) = traced.place(&self.tracer(), self.backend)? {
             self.observer.note(format_args!("note: products are computed on the processor: {why}"));
@@ -297,7 +290,7 @@ impl SceneSource {
         Ok(())
     }
 
-    /// The region that the centre of each of so many pixels sees; 255 is a pixel that sees none.
+    /// The region that the centre of each pixel sees, at this resolution; 255 marks a pixel that sees none.
     pub(in crate::lab) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
         let scene = &self.scene;
         if scene.regions.len() > usize::from(NO_REGION) {
@@ -313,7 +306,6 @@ impl SceneSource {
         Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())
     }
 
-    /// The true labels of the scene's author, where there are any.
     pub(in crate::lab) fn truth(&self, resolution: Resolution) -> Result<Option<Truth>> {
         if !self.scene.regions_are_labels {
             return Ok(None);

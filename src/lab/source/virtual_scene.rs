@@ -12,7 +12,7 @@ use crate::render::TraceSettings;
 use crate::rig::{VirtualRig, VirtualScene};
 use crate::transport::ExplicitMatrix;
 
-/// Opens the scene of a virtual rig, with settings in place of what its file says; none where its matrix is in a file.
+/// Opens the scene of a virtual rig. `settings` replace those of its file. Returns `None` if the rig's matrix is in a file.
 pub(in crate::lab) fn scene_of(
     scene: &mut VirtualScene,
     rig: &Path,
@@ -40,7 +40,7 @@ pub(in crate::lab) fn scene_of(
     }
 }
 
-/// An open scene, as a rig file would describe it.
+/// Describes an open scene as a rig file does.
 pub(in crate::lab) fn traced_scene(scene: &SceneSource, rig: &Path) -> Result<VirtualScene> {
     let TraceSettings { resolution: size, projector, samples, max_bounces, seed, .. } = scene.settings;
     if projector.is_some_and(|projector| projector != size) {
@@ -58,7 +58,6 @@ fn projector_of_its_own(rig: &Path) -> Error {
     }
 }
 
-/// Refuses settings of the tracer where nothing is traced.
 pub(in crate::lab) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
     let Some(option) = settings.first_of_trace() else { return Ok(()) };
     Err(Error::Option {
@@ -68,7 +67,7 @@ pub(in crate::lab) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<
     })
 }
 
-/// What the devices look at: the scene, traced now, or the matrix in a file.
+/// The scene, traced now, or the matrix in a file.
 pub(in crate::lab) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, rig: &Path) -> Result<Twin> {
     Ok(match (scene, &devices.scene) {
         (Some(scene), _) => Twin::Traced(scene.assemble(devices.channels(), false)?),

@@ -1,4 +1,4 @@
-//! What computes or takes photos.
+//! The engines that compute or take photos.
 
 use std::sync::Arc;
 
@@ -12,21 +12,18 @@ use crate::lab::source::SceneSource;
 use crate::operator::Adjoint;
 use crate::transport::{Assembled, Channels, EstimatedOperator, Part, Retraced, RetracedOperator, Transport};
 
-/// What computes or takes photos.
 pub(super) enum Engine {
     /// Products with a traced matrix.
     Replayed(Arc<Assembled>),
-    /// A scene that is traced for each photo. The photos equal those of `Replayed`, to rounding.
+    /// A scene that is traced for each photo. The photos equal those of `Replayed`, up to rounding.
     Retraced(Box<SceneSource>, Channels),
-    /// As `Retraced`; the errors of its products are known.
+    /// As `Retraced`, with known errors of the products.
     Estimated(Box<SceneSource>, Channels),
-    /// A rig, or the photos that a run took of one.
+    /// A rig, or the photos of a rig that a run took.
     Measured(Box<MeasuredRig>),
-    /// An explicit matrix.
     Explicit(Box<ExplicitParts>),
-    /// A low-rank model.
     Model(Box<ModelParts>),
-    /// Nothing: every photo is in the journal.
+    /// No engine, since every photo is in the journal.
     JournalOnly,
 }
 

@@ -1,4 +1,4 @@
-//! From an open source to its light transport.
+//! Opens the light transport of an open source.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,8 +24,7 @@ use crate::operator::{Operator, Symmetry};
 use crate::transport::{Assembled, Backend, Channels, Part, photo_bytes, predict};
 
 impl LightTransport {
-    /// Traces the scene, opens the rig or reads the journal. With a run's folder each photo is in its journal before it is used, and none
-    /// is taken twice.
+    /// Traces the scene, opens the rig or reads the journal. With a run's folder, the journal keeps each photo before it is used.
     pub(in crate::lab) fn open(
         source: &Source,
         settings: &Settings,
@@ -133,7 +132,6 @@ impl LightTransport {
         Ok(Self::new(engine, shape, observer))
     }
 
-    /// Products with this matrix.
     pub(in crate::lab) fn of_assembled(traced: Arc<Assembled>, observer: &SharedObserver) -> Self {
         let matrix = &traced.matrix;
         let shape = Shape {
@@ -146,10 +144,7 @@ impl LightTransport {
         Self::new(Engine::Replayed(traced), shape, observer)
     }
 
-    /// A scene that is traced for each photo.
-    ///
-    /// # Errors
-    /// [`Error::Option`] where a photo takes more memory than `settings` allow.
+    /// A scene that is traced for each photo. Errors: [`Error::Option`] if a photo takes more memory than `settings` allow.
     pub(in crate::lab) fn of_retraced(
         scene: &SceneSource,
         settings: &Settings,
@@ -168,10 +163,7 @@ impl LightTransport {
         Ok(Self::new(engine, shape, observer))
     }
 
-    /// A scene that is traced for each product, whose error is known.
-    ///
-    /// # Errors
-    /// As [`Self::of_retraced`].
+    /// A scene that is traced for each product. The errors of the products are known. Fails as [`Self::of_retraced`].
     pub(in crate::lab) fn of_estimated(
         scene: &SceneSource,
         settings: &Settings,
@@ -183,7 +175,7 @@ impl LightTransport {
         Ok(Self { engine, ..retraced })
     }
 
-    /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
+    /// Keeps the further data of a simulator beside its photos, so that the run's folder alone can be relit.
     fn keep_known(&mut self) -> Result<()> {
         let Self { engine: Engine::Replayed(traced), journal: Some(journal), .. } = self else {
             return Ok(());
@@ -199,7 +191,7 @@ impl LightTransport {
     }
 }
 
-/// `‖E‖_F / √n` of each part, in the first channel. Direct light is taken to have the relative noise of the whole matrix.
+/// `‖E‖_F / √n` of each part, in the first channel. Direct light is assumed to have the relative noise of the whole matrix.
 pub(super) fn product_noise(traced: &Assembled) -> Option<notes::ProductNoise> {
     let noise = traced.noise.as_ref()?;
     let columns = traced.matrix.projector_resolution().pixels() as f64;
@@ -211,7 +203,7 @@ pub(super) fn product_noise(traced: &Assembled) -> Option<notes::ProductNoise> {
     })
 }
 
-/// Photos that are there already have the channels that they have.
+/// Checks the requested channels: the channels of existing photos cannot change.
 fn require_channels(channels: Channels, found: usize) -> Result<()> {
     if channels.count() == found {
         return Ok(());
@@ -223,7 +215,7 @@ fn require_channels(channels: Channels, found: usize) -> Result<()> {
     })
 }
 
-/// The operator that the settings ask for: for `Auto` the matrix, unless it would exceed the memory.
+/// The engine that the settings choose. `Auto` chooses the matrix, unless it would exceed the memory.
 fn of_scene(
     scene: &SceneSource,
     settings: &Settings,
@@ -242,7 +234,7 @@ fn of_scene(
         OperatorChoice::Retrace => true,
         OperatorChoice::Auto => {
             let limit = settings.memory_limit();
-            // Each process has about an equal part of it.
+            // Each process holds about an equal part of the matrix.
             let processes = settings.team.as_ref().map_or(1, |team| team.size());
             let whole = limit.saturating_mul(processes as u64);
             let needed =
@@ -265,12 +257,12 @@ fn of_scene(
     Ok(Engine::Replayed(scene.assemble(channels, settings.split_bounces)?))
 }
 
-/// The memory for photos of a scene whose matrix is not made, in bytes: `--memory` says how much a matrix may take, and may be less.
+/// The bytes of memory for photos of a scene without a matrix. The limit for a matrix, `--memory`, may be lower.
 fn without_matrix(settings: &Settings) -> u64 {
     settings.memory_limit().max(Settings::default().memory_limit())
 }
 
-/// Checks that a photo that is traced for itself takes no more than `limit` bytes of memory.
+/// Checks that a separately traced photo takes no more than `limit` bytes of memory.
 pub(in crate::lab) fn require_photo_memory(
     scene: &SceneSource,
     limit: u64,

@@ -1,4 +1,4 @@
-//! Whether a source is the linear, symmetric operator that every method takes it for.
+//! An audit of the assumption of every method: that a source is a linear, symmetric operator.
 
 use crate::bench::audit::{Audit, AuditOptions, Exact, audit};
 use crate::bench::rig_check::{self, Finding};
@@ -8,10 +8,7 @@ use crate::lab::source::{Source, not_for_runs};
 use crate::transport::Part;
 
 impl Lab {
-    /// Refuses a source that cannot be audited.
-    ///
-    /// # Errors
-    /// [`crate::Error::Data`] for the folder of a run.
+    /// Refuses a source that cannot be audited: [`crate::Error::Data`] for the folder of a run.
     pub fn check_for_audit(&self) -> Result<()> {
         match self.folder_of_run() {
             Some(folder) => Err(not_for_runs(folder)),
@@ -19,8 +16,8 @@ impl Lab {
         }
     }
 
-    /// What the devices of a rig do without being asked. They are opened for this alone, before they are opened as an operator; devices that a
-    /// program handed over once cannot be, and are not examined.
+    /// Findings about unrequested behaviour of a rig's devices, such as an automatic iris. The devices are opened for this check alone,
+    /// before they are opened as an operator. Devices that a program handed over can be opened only once, so they are not examined.
     fn faults_of_devices(&mut self) -> Result<Vec<Finding>> {
         self.transport = None;
         let Source::Rig(rig) = &self.source else { return Ok(Vec::new()) };
@@ -28,13 +25,13 @@ impl Lab {
         let mut frames = match rig.opener()(None) {
             Ok(frames) => frames,
             Err(Error::Interrupted) => return Err(Error::Interrupted),
-            // The audit opens the devices next, and reports why they cannot be.
+            // The audit opens the devices next, and reports the error then.
             Err(_) => return Ok(Vec::new()),
         };
         rig_check::faults(&rig.file, known, &mut *frames)
     }
 
-    /// Audits the source, and names the faults of a rig's devices beside the checks. An audit asks whether a photo taken twice is the same, so the
+    /// Audits the source, and adds the faults of a rig's devices to the checks. An audit compares two photos of the same pattern, so the
     /// laboratory must not keep photos in a journal.
     ///
     /// # Errors

@@ -11,16 +11,16 @@ use crate::measure::{Calibration, Effort, FrameSource, JournaledFrames, RunManif
 use crate::observer::{Estimate, Step};
 use crate::report::calibration;
 
-/// A calibration with the report about it.
+/// A calibration with its report.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
-    /// What is known of the devices.
+    /// The calibration of the devices.
     pub calibration: Calibration,
-    /// How well it is known.
+    /// The accuracy of the calibration.
     pub report: CalibrationReport,
-    /// Photos and time that it took.
+    /// The photos and the time of the calibration.
     pub effort: Effort,
-    /// The folder that it was saved in.
+    /// The folder in which it is saved.
     pub folder: PathBuf,
 }
 
@@ -31,9 +31,9 @@ impl RigSource {
         self.file.calibration.clone().unwrap_or_else(beside)
     }
 
-    /// Where a calibration goes that names no folder: into the first free one of [`Self::calibration_folder`], the same with `-2`, `-3`, …, so that an
-    /// earlier calibration stays as it is. The last of them, if it is unfinished, comes first: it is to be resumed or replaced. With `again` a
-    /// calibration is resumed or replaced that may be whole: then it is the one that the rig file names.
+    /// The folder of a calibration for which no folder is named. It is the first unused one of [`Self::calibration_folder`] and the same
+    /// name with `-2`, `-3`, …, so that an earlier calibration stays unchanged. An unfinished last one is returned instead, to be resumed
+    /// or replaced. So is the folder that the rig file names, if `again` is true and the last one is complete.
     pub fn next_calibration_folder(&self, again: bool) -> PathBuf {
         let named = self.calibration_folder();
         let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -56,8 +56,7 @@ impl RigSource {
         }
     }
 
-    /// Calibrates the devices from captures alone, and writes the calibration and a report into a folder. Every photo is in the folder's journal
-    /// before it is used.
+    /// Calibrates the devices from captures alone, and writes the calibration and a report into a folder, with a journal of all photos.
     ///
     /// # Errors
     /// As [`calibrate`]; [`crate::Error::Write`]; [`crate::Error::Option`] for a folder that holds a run.
@@ -108,10 +107,8 @@ impl RigSource {
         })
     }
 
-    /// Writes into the rig file that this folder holds its calibration, so that every verb uses it.
-    ///
-    /// # Errors
-    /// As [`RigFile::name_calibration`](crate::measure::RigFile::name_calibration).
+    /// Writes this folder's name into the rig file as its calibration, so that every verb uses it. Fails as
+    /// [`RigFile::name_calibration`](crate::measure::RigFile::name_calibration).
     pub fn name_calibration(&self, folder: &Path) -> Result<()> {
         self.file.name_calibration(folder).map(drop)
     }
@@ -123,11 +120,11 @@ impl RigSource {
 }
 
 impl Lab {
-    /// Calibrates the rig's devices from captures alone, and takes its photos by that calibration from now on. Nothing is written; see
+    /// Calibrates the rig's devices from captures alone, and uses that calibration for photos from now on. Nothing is written; see
     /// [`RigSource::calibrate`]. Call it before the first photo of a run.
     ///
     /// # Errors
-    /// As [`calibrate`]; [`crate::Error::Option`] where the source is no rig.
+    /// As [`calibrate`]; [`crate::Error::Option`] if the source is not a rig.
     pub fn calibrate(&mut self, options: &CalibrateOptions) -> Result<CalibrationReport> {
         let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
         let (calibration, report) = rig.calibrate_by(rig.opener()(None)?.as_mut(), options)?;

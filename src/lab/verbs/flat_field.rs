@@ -1,4 +1,4 @@
-//! The uneven brightness of a rig's devices, by a matte sheet.
+//! The uneven brightness of a rig's devices, measured with a matte sheet.
 
 use std::path::PathBuf;
 
@@ -9,12 +9,12 @@ use crate::measure::{Calibration, FlatField, FrameSource, LiveFrames, Measuremen
 use crate::rig::MatteSheet;
 
 impl RigSource {
-    /// Measures the uneven brightness of projector and camera by one photo of a matte sheet of one colour, which must fill the view and stand
-    /// square to the camera. Virtual devices get such a sheet in place of their scene.
+    /// Measures the uneven brightness of projector and camera from one photo of a matte sheet of one colour. The sheet must fill the view
+    /// and stand square to the camera. Virtual devices get such a sheet in place of their scene.
     ///
     /// # Errors
-    /// [`Error::Rig`] where the calibration does not know the factor between the devices, or where no even sheet is seen; those of
-    /// taking the photo.
+    /// [`Error::Rig`] if the calibration does not contain the factor between the devices, or if the photo does not show an even sheet;
+    /// the errors of taking the photo.
     pub fn flat_field(&self) -> Result<FlatField> {
         let Some(known) = self.calibration.flat_field.clone() else {
             return Err(Error::Rig {
@@ -38,11 +38,11 @@ impl RigSource {
 }
 
 impl RigSource {
-    /// Measures the uneven brightness as [`RigSource::flat_field`], and adds it to the folder of the calibration that the rig file names. Runs that
-    /// were begun before cannot be continued.
+    /// Measures the uneven brightness as [`RigSource::flat_field`], and adds it to the folder of the calibration that the rig file names.
+    /// Runs that began earlier cannot be continued.
     ///
     /// # Errors
-    /// As [`RigSource::flat_field`]; [`Error::Option`] where the rig file names no calibration; [`Error::Write`].
+    /// As [`RigSource::flat_field`]; [`Error::Option`] if the rig file names no calibration; [`Error::Write`].
     pub fn add_flat_field(&self) -> Result<(FlatField, PathBuf)> {
         let Some(folder) = self.file.calibration.clone() else {
             return Err(Error::Option {
@@ -58,11 +58,11 @@ impl RigSource {
 }
 
 impl Lab {
-    /// Measures the uneven brightness of the rig's devices by a matte sheet, as [`RigSource::flat_field`], and takes its photos by that from
+    /// Measures the uneven brightness of the rig's devices with a matte sheet, as [`RigSource::flat_field`], and uses it for photos from
     /// now on. Nothing is written. Call it after [`Lab::calibrate`] and before the first photo of a run.
     ///
     /// # Errors
-    /// As [`RigSource::flat_field`]; [`Error::Option`] where the source is no rig.
+    /// As [`RigSource::flat_field`]; [`Error::Option`] if the source is not a rig.
     pub fn measure_flat_field(&mut self) -> Result<FlatField> {
         let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
         let flat = rig.flat_field()?;

@@ -1,5 +1,4 @@
-//! A scene's matrix on several machines: shards that are traced by machines that know nothing of each other, the matrix of all of them, and a
-//! prediction for several processes.
+//! A scene's matrix on several machines: independently traced shards, the joined matrix, and a prediction for several processes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -24,17 +23,17 @@ pub struct TracedShard {
     pub record: ShardRecord,
     /// The bytes of its file.
     pub bytes: u64,
-    /// Whether it was traced now; otherwise it was there already.
+    /// Whether the shard was traced now. Otherwise it existed already.
     pub is_new: bool,
 }
 
 impl Lab {
-    /// Traces part `of.0` (from 1) of `of.1` of a scene's matrix into a file for [`join_shards`]. Where the file has this shard
-    /// already, nothing is traced; another shard, or a damaged one, is replaced.
+    /// Traces part `of.0` (from 1) of `of.1` of a scene's matrix into a file for [`join_shards`]. If the file already holds this shard,
+    /// nothing is traced. A different or damaged shard is replaced.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `--shard` for other sources than a scene, and for a part that does not exist; [`Error::Data`] for a file that is there and
-    /// is not a shard; [`Error::Write`]; errors of tracing.
+    /// [`Error::Option`] naming `--shard` for other sources than a scene, and for a part that does not exist; [`Error::Data`] for an
+    /// existing file that is not a shard; [`Error::Write`]; errors of tracing.
     pub fn trace_shard(&mut self, of: (usize, usize), file: &Path) -> Result<TracedShard> {
         let refused = |fault: String, help: &str| {
             Err(Error::Option { option: "--shard".into(), fault, help: help.into() })
@@ -79,7 +78,7 @@ impl SceneSource {
         Ok(TracedShard { record: shard.record().clone(), bytes, is_new: true })
     }
 
-    /// The facts that all shards of the matrix have in common.
+    /// The facts that all shards of a matrix share.
     fn shard_origin(&self, channels: Channels, split: bool) -> ShardOrigin {
         let settings = &self.settings;
         let projector = settings.projector.unwrap_or(settings.resolution);
@@ -100,7 +99,7 @@ impl SceneSource {
         }
     }
 
-    /// The shard that is asked for, if the file has it already. Another one that is there is noted.
+    /// The requested shard, if the file already holds it. A different shard is reported.
     fn whole_shard(&self, file: &Path, origin: &ShardOrigin, of: (usize, usize)) -> Option<TracedShard> {
         let found = ShardFile::open(file).and_then(|there| {
             let record = there.record();
@@ -126,21 +125,21 @@ impl SceneSource {
     }
 }
 
-/// The matrix of all shards.
+/// The matrix joined from all shards.
 #[derive(Debug)]
 pub struct JoinedShards {
     /// The matrix.
     pub traced: Assembled,
-    /// Whether the first bounce, the second one and the rest are matrices of their own.
+    /// Whether the first bounce, the second one and the rest are separate matrices.
     pub splits_bounces: bool,
 }
 
 impl JoinedShards {
-    /// The matrices of every channel, `[channel]`, each with a name for its file, as [`Lab::matrices`](crate::lab::Lab::matrices). `part` is which light; it is all light where
-    /// it is `None`.
+    /// The matrices of every channel, `[channel]`, each with a name for its file, as [`Lab::matrices`](crate::lab::Lab::matrices). `part`
+    /// selects the light; `None` means all light.
     ///
     /// # Errors
-    /// [`Error::Option`] for a part where the bounces are matrices of their own.
+    /// [`Error::Option`] for a part if the bounces are separate matrices.
     pub fn matrices(&self, part: Option<Part>) -> Result<Vec<Vec<(&'static str, Csr)>>> {
         match part {
             None if self.splits_bounces => bounces_apart(&self.traced),
@@ -158,12 +157,12 @@ impl JoinedShards {
     }
 }
 
-/// The matrix of all shards, in any order: the same bits as [`Lab::matrices`](crate::lab::Lab::matrices) of one machine. It is kept in the cache, so that it is not traced where
-/// another question needs it.
+/// The matrix joined from all shards, in any order. It equals [`Lab::matrices`](crate::lab::Lab::matrices) of one machine bit for bit. The
+/// cache keeps it, so that later questions need not trace it.
 ///
 /// # Errors
-/// [`Error::Read`] and [`Error::Data`] naming a file that is damaged, or whose shard is of another matrix; [`Error::Option`] naming parts that are
-/// missing, or where the memory does not hold all shards.
+/// [`Error::Read`] and [`Error::Data`] naming a file that is damaged, or whose shard belongs to another matrix; [`Error::Option`] naming
+/// the missing parts, or if the memory cannot hold all shards.
 pub fn join_shards(
     files: &[PathBuf],
     cache: &CacheChoice,
@@ -222,7 +221,7 @@ fn require_one_matrix(files: Vec<ShardFile>) -> Result<Vec<ShardFile>> {
         fault: format!("it is not of the same matrix as {}: {}", first.path().display(), found.join("; ")),
         help: "join shards of the same scene, traced with equal options, drivers and programs".into(),
     };
-    // A damaged file may say anything of itself.
+    // The record of a damaged file may contain any numbers.
     files
         .into_iter()
         .enumerate()
@@ -250,7 +249,7 @@ fn require_all_parts(files: &[ShardFile]) -> Result<()> {
     })
 }
 
-/// Numbers as people list them: `3, 5 to 9 and 12`.
+/// Formats numbers for people: `3, 5 to 9 and 12`.
 fn ranges(numbers: &[usize]) -> String {
     let runs = numbers.chunk_by(|a, b| a + 1 == *b).flat_map(|run| match run {
         [first, .., last] if run.len() > 2 => vec![format!("{first} to {last}")],
@@ -281,7 +280,7 @@ fn require_memory(files: &[ShardFile]) -> Result<()> {
     })
 }
 
-/// The error for two shards of the same part with other light paths.
+/// The error for two shards of the same part with different light paths.
 fn contradiction(path: PathBuf, first: &Path, record: &ShardRecord) -> Error {
     let ShardRecord { part, parts, .. } = record;
     Error::Data {
@@ -291,10 +290,10 @@ fn contradiction(path: PathBuf, first: &Path, record: &ShardRecord) -> Error {
     }
 }
 
-/// The time and memory that several processes would take, from a probe of this machine.
+/// The predicted time and memory of several processes, from a probe of this machine.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Scaling {
-    /// The constants that were measured.
+    /// The measured constants.
     pub probe: Probe,
     /// The network that the prediction assumes.
     pub network: Network,
@@ -303,8 +302,8 @@ pub struct Scaling {
 }
 
 impl Lab {
-    /// Predicts memory and time of `photos` photos of a scene by a Krylov method on each of these numbers of processes, all on machines like this one. A small
-    /// matrix is traced and multiplied for it, which takes seconds.
+    /// Predicts memory and time of `photos` photos of a scene by a Krylov method, for each of these numbers of processes. All machines are
+    /// assumed to be like this one. A small matrix is traced and multiplied for the prediction, which takes seconds.
     ///
     /// # Errors
     /// [`Error::Option`] for other sources than a scene; errors of tracing.

@@ -1,4 +1,4 @@
-//! The light transport matrix itself.
+//! The light transport matrix as an answer.
 
 use crate::analysis::brute_force;
 use crate::error::{Error, Result};
@@ -6,24 +6,24 @@ use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::sparse::Csr;
 use crate::transport::{Assembled, Bounces, Part};
 
-/// The matrices that are wanted.
+/// A request for matrices.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixRequest {
-    /// Which light.
+    /// The part of the light.
     pub part: Part,
-    /// The first bounce, the second one and the rest as three matrices instead; the laboratory must have been opened with
+    /// Requests three matrices instead: the first bounce, the second one and the rest. The laboratory must have been opened with
     /// [`split_bounces`](crate::lab::Settings::split_bounces).
     pub split_bounces: bool,
-    /// Photos that a rig may take; 4096 where no limit is given.
+    /// The number of photos that a rig may take. The default is 4096.
     pub photos: Option<usize>,
 }
 
 impl Lab {
-    /// The light transport matrix of every channel, `[channel]`, each with a name for its file: that of a scene is traced, a rig's is
-    /// photographed column by column.
+    /// The light transport matrix of every channel, `[channel]`, each with a name for its file. The matrix of a scene is traced, and that
+    /// of a rig is photographed column by column.
     ///
     /// # Errors
-    /// [`Error::Option`] for what a source cannot do; those of [`Lab::operator`].
+    /// [`Error::Option`] for a request that the source does not support; the errors of [`Lab::operator`].
     pub fn matrices(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
         if self.run.is_none() {
             self.warn_of_darkness();
@@ -69,7 +69,7 @@ impl Lab {
         bounces_apart(&traced)
     }
 
-    /// One part of the traced matrix, `[channel]`, where there is one.
+    /// One part of the traced matrix, `[channel]`, if there is one.
     pub(crate) fn traced_matrices(&mut self, part: Part) -> Result<Option<Vec<Csr>>> {
         let Some(traced) = self.assembled()? else { return Ok(None) };
         let channels = 0..traced.matrix.channels().count();
@@ -77,13 +77,13 @@ impl Lab {
     }
 }
 
-/// The first bounce, the second one and the rest as matrices of their own, `[channel]`, each with a name for its file.
+/// The first bounce, the second one and the rest as separate matrices, `[channel]`, each with a name for its file.
 pub(super) fn bounces_apart(traced: &Assembled) -> Result<Vec<Vec<(&'static str, Csr)>>> {
     let channel = |channel| {
         let mut matrices = vec![("_direct", traced.matrix.to_csr(Part::Direct, channel)?)];
         for layer in &*traced.matrix.layers()? {
             match layer.bounces() {
-                // It is in the direct part already.
+                // The direct part already contains the first bounce.
                 Bounces::One => {}
                 Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
                 Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),

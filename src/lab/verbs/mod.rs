@@ -1,4 +1,4 @@
-//! What the verbs of the command line ask, as methods of a laboratory: each takes a request, and returns an answer with arrays in it.
+//! The verbs of the command line as methods of a laboratory. Each takes a request, and returns an answer with arrays.
 
 mod audit;
 mod calibrate;

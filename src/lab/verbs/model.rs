@@ -9,11 +9,11 @@ use crate::sparse::Csr;
 use crate::transport::Part;
 
 impl Lab {
-    /// Captures the light transport: `photos` photos, of which those of `block` patterns are chosen before any photo is projected back: white, and
-    /// smooth random ones; 1 is white alone.
+    /// Captures the light transport with `photos` photos. The patterns of `block` of them are chosen before any photo is projected back:
+    /// white and smooth random patterns. If `block` is 1, only white is chosen.
     ///
     /// # Errors
-    /// As [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] where camera and projector differ in their number of pixels.
+    /// As [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] if camera and projector differ in their number of pixels.
     pub fn capture_model(&mut self, photos: usize, block: usize) -> Result<SavedModel> {
         let (resolution, projector) = (self.resolution(), self.projector_resolution());
         if resolution.pixels() != projector.pixels() {
@@ -31,7 +31,7 @@ impl Lab {
         let channels = self.photos(|lab| {
             let ambient = lab.ambient()?;
             let direct = lab.direct_parts()?;
-            // A capture starts with no more patterns than it takes photos, or than there are pixels.
+            // The number of first patterns does not exceed the number of photos or of pixels.
             let block = block.min(photos).min(projector.pixels());
             let beside = smooth_starts(projector, block.max(1) - 1, seed);
             let options = LowRankCapture { photos, start: None, beside };
@@ -43,7 +43,7 @@ impl Lab {
         Ok(SavedModel { channels, ambient, resolution, projector, unit, source: name })
     }
 
-    /// The direct light of each channel: a diagonal where it is one.
+    /// The direct light of each channel, as a diagonal if it is one.
     fn direct_parts(&mut self) -> Result<Vec<DirectPart>> {
         if let Some(diagonals) = self.direct_diagonal()? {
             return Ok(diagonals.into_iter().map(DirectPart::Diagonal).collect());
@@ -57,7 +57,7 @@ impl Lab {
         }
     }
 
-    /// The direct light of a rig, which its lenses spread.
+    /// The direct light of a rig. Its lenses spread the light.
     fn measured_direct(&mut self) -> Result<Option<Vec<DirectPart>>> {
         self.with_measurement(|measurement| {
             let channels = 0..measurement.channels();
@@ -66,7 +66,6 @@ impl Lab {
     }
 }
 
-/// The direct light with these rows.
 fn direct_part(rows: Vec<Vec<(u32, f64)>>) -> Result<DirectPart> {
     let is_diagonal =
         |(pixel, row): (usize, &Vec<(u32, f64)>)| row.iter().all(|entry| entry.0 as usize == pixel);

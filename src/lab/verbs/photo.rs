@@ -12,28 +12,28 @@ use crate::transport::Noise;
 
 use std::sync::{Arc, Mutex};
 
-/// A photo, and how far it is from the truth.
+/// A photo and its errors.
 #[derive(Clone, Debug)]
 pub struct SinglePhoto {
     /// The photo.
     pub photo: Image,
-    /// The standard error of each sample, where it is known: of a photo that was traced for itself, or taken by a rig.
+    /// The standard error of each sample. It is known for a photo that was traced separately or taken by a rig.
     pub standard_error: Option<Image>,
-    /// The relative error, where it is known.
+    /// The relative error, if it is known.
     pub noise: Option<f64>,
-    /// Whether `noise` is that of the white photo by the same matrix, rather than of this photo.
+    /// Whether `noise` belongs to the white photo by the same matrix, rather than to this photo.
     pub is_of_white: bool,
-    /// What it has cost on a rig.
+    /// The costs on a rig.
     pub rig: Option<RigRecord>,
 }
 
 impl Lab {
-    /// Takes one photo: that of a scene is traced for itself unless the matrix is in the cache, since a single photo is never worth a matrix.
-    /// A rig's photo is of the light of the pattern alone, unless the rig file says otherwise.
+    /// Takes one photo. The photo of a scene is traced separately unless the matrix is in the cache, since a matrix for a single photo
+    /// costs more. A rig's photo contains only the light of the pattern, unless the rig file says otherwise.
     ///
     /// # Errors
-    /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for anything but a scene, and `--size` where the photo takes more than
-    /// [`Settings::memory`](crate::lab::Settings::memory).
+    /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for other sources than a scene, and `--size` if the photo takes more
+    /// than [`Settings::memory`](crate::lab::Settings::memory).
     pub fn single_photo(&mut self, pattern: &Image) -> Result<SinglePhoto> {
         if self.run.is_none() {
             self.warn_of_darkness();
@@ -73,7 +73,6 @@ impl Lab {
     }
 }
 
-/// The root of the sum of squares of all samples.
 fn norm(image: &Image) -> f64 {
     image.samples().iter().map(|&sample| f64::from(sample).powi(2)).sum::<f64>().sqrt()
 }

@@ -1,4 +1,4 @@
-//! Planning: what a verb will cost on a rig, and how good its answer will be, told by runs on the rig's virtual twin.
+//! Predictions of the costs of a verb on a rig and of the accuracy of its answer, from runs on the rig's virtual twin.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -14,34 +14,33 @@ use crate::krylov::EigsOptions;
 use crate::observer::{Estimate, Observer, Step};
 use crate::transport::Part;
 
-/// What is planned.
+/// The verb to plan.
 #[derive(Clone, Debug)]
 pub enum PlanRequest {
     /// A segmentation of this part of the light.
     Segment(Part, SegmentOptions),
     /// A compensation for this gray target of the camera's pixels, in \[0, 1\].
     Compensate(Image, CompensateOptions),
-    /// The same by every method, at equal photos and at equal frames.
+    /// The same compensation by every method, at equal numbers of photos and at equal numbers of frames.
     CompareMethods(Image, CompensateOptions),
     /// Eigenpairs of this part of the light.
     Eigs(Part, EigsOptions),
 }
 
-/// What a verb will cost, and how good its answer will be: one entry for each trial.
+/// The predicted costs of a verb and accuracy of its answer, with one entry for each trial.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Photos, patterns, frames and seconds.
     pub costs: Vec<Cost>,
-    /// What is predicted of the answer: a name, and a value for each trial.
+    /// Predicted figures of the answer: a name, and a value for each trial.
     pub figures: Vec<(String, Vec<f64>)>,
-    /// What the figures are held against, by name: the answer with ideal devices.
+    /// The reference for the figures, by name: the answer with ideal devices.
     pub ideal: Value,
-    /// The trials with all that is known of them.
+    /// The trials with all their data.
     pub trials: Value,
 }
 
 impl PlanRequest {
-    /// The verb.
     pub fn verb(&self) -> &'static str {
         match self {
             Self::Segment(..) => "segment",
@@ -52,11 +51,11 @@ impl PlanRequest {
 }
 
 impl Lab {
-    /// Predicts photos, time and error of a verb on a virtual rig, from so many runs on its twin, each with its own noise.
+    /// Predicts photos, time and error of a verb on a virtual rig, from `trials` runs on the rig's twin, each with different noise.
     ///
     /// # Errors
-    /// [`Error::Option`] where the source is no rig, or there are no trials; [`Error::Data`] where the devices are real;
-    /// [`Error::Interrupted`]; those of tracing, and of the verb.
+    /// [`Error::Option`] if the source is not a rig, or if there are no trials; [`Error::Data`] if the devices are real;
+    /// [`Error::Interrupted`]; the errors of tracing and of the verb.
     pub fn plan(&self, request: &PlanRequest, trials: u64) -> Result<Plan> {
         let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
         if trials == 0 {
@@ -79,7 +78,7 @@ impl Lab {
             measurement: &rig.file.measurement,
             observer: &progress,
         };
-        // Not the seed of the rig itself: a prediction must not know the noise.
+        // The rig's own seed is not used, since a prediction must not know the noise.
         let seeds: Vec<u64> = (1..=trials).map(|trial| devices.seed.wrapping_add(trial)).collect();
         match request {
             PlanRequest::Segment(part, options) => {
@@ -102,7 +101,7 @@ impl Lab {
     }
 }
 
-/// Tells the laboratory's observer of trials, in place of the photos within each.
+/// Tells the laboratory's observer about trials, and hides the photos within each.
 struct Trials<'a> {
     observer: &'a SharedObserver,
     done: Cell<u64>,
@@ -121,12 +120,11 @@ impl Observer for Trials<'_> {
 }
 
 impl Trials<'_> {
-    /// Runs one trial for each seed.
     fn each<T>(&self, seeds: &[u64], mut trial: impl FnMut(u64) -> Result<T>) -> Result<Vec<T>> {
         let begin = Step { stage: "trials", done: 0, total: self.total, estimate: Estimate::None };
         let mut trials = Vec::new();
         for &seed in seeds {
-            // A method that is stopped returns its best so far, which is no trial.
+            // A stopped method returns its best result so far, which is not a valid trial.
             if self.step(&begin).is_break() {
                 return Err(Error::Interrupted);
             }
@@ -186,7 +184,7 @@ fn of_compensate(
     Ok(Plan { costs, figures, ideal: of_ideal(&ideal), trials: json!(trials) })
 }
 
-/// What ideal devices reach, and what the target itself as a pattern does.
+/// The errors that ideal devices reach, with compensation and with the target itself as the pattern.
 fn of_ideal(ideal: &CompensationPlan) -> Value {
     json!({ "relative_residual": ideal.optimum, "relative_residual_uncompensated": ideal.uncompensated })
 }

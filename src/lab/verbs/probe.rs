@@ -1,4 +1,4 @@
-//! Photos of which only some light paths are let through.
+//! Photos that contain only selected light paths.
 
 use crate::analysis::Probing;
 use crate::analysis::probe::probe;
@@ -8,10 +8,7 @@ use crate::lab::{Lab, LabOperator};
 use crate::transport::Part;
 
 impl Lab {
-    /// Probes every channel by `photos` random patterns.
-    ///
-    /// # Errors
-    /// As [`probe`] and [`Lab::operators`].
+    /// Probes every channel with `photos` random patterns. Fails as [`probe`] and [`Lab::operators`].
     pub fn probe(&mut self, probing: Probing, photos: usize) -> Result<ProbedLight> {
         probing.check()?;
         self.allow_photos(photos);

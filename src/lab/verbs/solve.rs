@@ -6,10 +6,7 @@ use crate::lab::Lab;
 use crate::transport::Part;
 
 impl Lab {
-    /// Solves `A x = b` with the matrix of the first channel; `b` has an entry for each of its rows.
-    ///
-    /// # Errors
-    /// As [`solve_adjoint`] and [`Lab::operator`].
+    /// Solves `A x = b` with the first channel's matrix; `b` has one entry per row. Fails as [`solve_adjoint`] and [`Lab::operator`].
     pub fn solve(&mut self, method: Method, rhs: &[f64], options: &SolveOptions) -> Result<Solution> {
         Error::check_size("entries of the right-hand side", self.resolution().pixels(), rhs.len())?;
         let mut operator = self.operator(Part::Full)?;

@@ -1,4 +1,4 @@
-//! The check of a compensation: its photo by independent light.
+//! Verification of a compensation by a photo with independent light.
 
 use std::f64::consts::SQRT_2;
 
@@ -13,11 +13,8 @@ use crate::lab::{Lab, Verified};
 use crate::transport::{EstimatedProduct, Part, pooled};
 
 impl Lab {
-    /// Checks a compensation: takes the photo of its pattern by independent light. The photo has the ambient light in it, and the residual is that
-    /// of the photo without noise. Not for a rig whose colours mix.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Verifies a compensation with a photo of its pattern by independent light. The photo includes the ambient light. The residual is that
+    /// of the photo without noise. A rig whose colours mix is not supported. Fails as [`Lab::operator`].
     pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<Verified>> {
         let ambient = self.ambient()?;
         let mut predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);
@@ -25,7 +22,7 @@ impl Lab {
         if matches!(self.source, Source::Rig(_))
             && let Some(rig) = lock(self.transport()?).rig()
         {
-            // The prediction and the photo are rounded to the projector's levels, each in its own way.
+            // The prediction and the photo are each rounded to the projector's levels, with independent errors.
             let rounding = rig.measurement.rounding(&found.pattern)?;
             predicted.iter_mut().zip(rounding).for_each(|(one, norm)| one.stated = SQRT_2 * norm);
         }
@@ -44,7 +41,7 @@ impl Lab {
         let photo = Image::from_planes(resolution, &seen)?;
         let errors: Vec<Vec<f64>> = products.iter().map(|product| product.error.clone()).collect();
         let errors = Image::from_planes(resolution, &errors)?;
-        // A photo of a rig states standard errors, light paths a single draw.
+        // A photo of a rig states standard errors, whereas light paths give a single draw of the error.
         let standard_error = if by == Independent::AnotherSeed { pooled(&errors)? } else { errors };
         let compared = photos_compared(by, &predicted, &products);
         let verification = self.checked(by, "the photo of the compensation", &compared, |_| None);
@@ -56,8 +53,7 @@ impl Lab {
         }))
     }
 
-    /// The photo of a pattern within `[0, 1]` by independent light, by channel, without ambient light. On a rig each pixel has a standard error of
-    /// its own.
+    /// The photo of a pattern within `[0, 1]` by independent light, for each channel, without ambient light. A rig states errors per pixel.
     fn photo_of(
         &mut self,
         pattern: &Image,

@@ -1,9 +1,9 @@
-//! Answers are checked with light that they were not computed from: of a scene by light paths of another seed, of a rig by one more photo.
-//! Runs, models and matrices have no such light.
+//! Verification of answers with light that they were not computed from. For a scene it comes from light paths with another seed, and for a
+//! rig from one more photo. Runs, models and matrices have no such light.
 //!
-//! The null hypothesis is that the answer is right within its own stated errors: those of the independent photo, those of the photos or of the
-//! frozen matrix that the answer was computed from, the residuals that it states, and of a compensation on a rig
-//! the rounding of its pattern to the projector's levels.
+//! The null hypothesis is that the answer is right within the stated errors. These are the errors of the independent photo, the errors of
+//! the photos or of the frozen matrix that the answer was computed from, and the residuals that the answer states. A compensation on a rig
+//! adds the rounding of its pattern to the projector's levels.
 
 mod compensation;
 
@@ -25,14 +25,14 @@ use crate::krylov::{Eigs, Start};
 use crate::operator::Operator;
 use crate::transport::{EstimatedProduct, Part, Question, Squares};
 
-/// The variance of a prediction's noise relative to that of the independent photo, where both are of as many light paths.
+/// The variance of a prediction's noise relative to that of the independent photo, if both use the same number of light paths.
 const AS_MANY_PATHS: f64 = 1.0;
 
-/// The same where both are of a rig's photos. The standard errors that a rig states are true to a factor of 1.3 (`stated_errors_of_rigs`), so that
-/// both together may have 1.3² times the variance.
+/// The same ratio for two photos of a rig. The standard errors that a rig states are true to a factor of 1.3 (`stated_errors_of_rigs`), so
+/// the variance of both together may be 1.3² times the stated one.
 const AS_A_RIG_STATES: f64 = 2.0 * 1.3 * 1.3 - 1.0;
 
-/// Residuals with random signs add up to this many times the root of their squares at most, in 999 of 1000 cases.
+/// In 999 of 1000 cases, the sum of residuals with random signs is at most this many times the root of their sum of squares.
 const SIGNED: f64 = 3.3;
 
 /// A pattern and the photo that an answer predicts for it, in one channel.
@@ -44,7 +44,7 @@ struct Predicted {
     stated: f64,
 }
 
-/// Eigenpairs to be checked, `P u = λ W u`, with the diagonal matrix `W`.
+/// Eigenpairs to be verified, `P u = λ W u`, with the diagonal matrix `W`.
 struct Eigenpairs<'a> {
     vectors: &'a [Vec<f64>],
     values: &'a [f64],
@@ -52,28 +52,28 @@ struct Eigenpairs<'a> {
     weights: &'a [f64],
     /// The shift of each vector's [`Question`].
     shifts: &'a [f64],
-    /// The residual of each, of a vector of norm 1 in the norm of `W^-½`.
+    /// The residual of each vector, for a vector of norm 1 in the norm of `W^-½`.
     residuals: &'a [f64],
 }
 
-/// What independent light says of eigenpairs, the photos that they predict, and the independent ones.
+/// The verification of eigenpairs, the photos that they predict, and the independent photos.
 type PairsWithPhotos = (VerifiedEigenpairs, Vec<Vec<f64>>, Vec<EstimatedProduct>);
 
-/// What independent light says of eigenpairs.
+/// A verification of eigenpairs by independent light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VerifiedEigenpairs {
-    /// How well the photos of the eigenvectors are predicted.
+    /// The accuracy of the predicted photos of the eigenvectors.
     pub verification: Verification,
-    /// The eigenpairs of the scene, one for each that was found. Empty for a rig, whose one photo tells them all together.
+    /// Estimates of the scene's eigenpairs, one for each that was found; empty for a rig, since its one photo shows all pairs together.
     pub estimates: Vec<EigenpairEstimate>,
-    /// What is left of the confidence of labels, for each number of groups: the share of the pixels that independent light puts into the same
-    /// group. 0 where the check does not pass. Empty for eigenpairs alone.
+    /// The remaining confidence of labels, for each number of groups: the share of the pixels that independent light puts into the same
+    /// group. It is 0 if the verification fails. The list is empty for eigenpairs alone.
     pub supported: Vec<(usize, f64)>,
 }
 
 impl VerifiedEigenpairs {
-    /// How many eigenvectors of a segmentation that counts so many `regions` are noise of its matrix: by independent light they keep less than
-    /// [`KEPT`] of their light.
+    /// The number of eigenvectors that are noise of the matrix, in a segmentation that counts `regions` regions. Such eigenvectors keep
+    /// less than [`KEPT`] of their light under independent light.
     pub fn refuted(&self, regions: usize) -> usize {
         let counted = self.estimates.iter().take(regions.saturating_sub(1));
         counted.filter(|estimate| estimate.quotient[0] + 2.0 * estimate.quotient[1] < KEPT).count()
@@ -81,11 +81,8 @@ impl VerifiedEigenpairs {
 }
 
 impl Lab {
-    /// Checks eigenpairs of one part of the light transport matrix: the products of all eigenvectors by light paths of another seed, or one
-    /// photo of their sum with random signs. `None` where there is no independent light, or where pairs are complex.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Verifies eigenpairs of one part of the light transport matrix, by the products of all eigenvectors with another seed's light paths,
+    /// or by one photo of their sum with random signs. `None` without independent light or for complex pairs.
     pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
@@ -102,11 +99,8 @@ impl Lab {
         Ok(checked.map(|(verified, ..)| verified))
     }
 
-    /// Checks a segmentation of the light of `part` by the normalized cut: `G u = λ D u`, as [`Lab::verify_eigenpairs`]. The estimates are of its
-    /// eigenvalues but the first, which is known.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Verifies a segmentation of the light of `part` by the normalized cut, `G u = λ D u`, as [`Lab::verify_eigenpairs`]. The estimates
+    /// cover all eigenvalues but the first, which is known. Fails as [`Lab::operator`].
     pub fn verify_segmentation(
         &mut self,
         part: Part,
@@ -148,7 +142,7 @@ impl Lab {
         Ok(Some(verified))
     }
 
-    /// Checks eigenpairs: each by light paths of another seed, from which `estimates` follow, or their sum with random signs by one photo.
+    /// Verifies eigenpairs: each by light paths with another seed, which give `estimates`, or their sum with random signs by one photo.
     fn verify_pairs(
         &mut self,
         part: Part,
@@ -181,7 +175,7 @@ impl Lab {
         };
         let compared: Vec<Compared> = photos.iter().zip(&products).zip(stated).map(compared).collect();
         let verification = self.checked(by, "photos of the eigenvectors", &compared, |at| {
-            // What the vector keeps of its light tells whether it is noise of its matrix.
+            // The share of its light that a vector keeps shows whether it is noise of its matrix.
             let estimate: &EigenpairEstimate = estimates.get(at)?;
             let [kept, error] = estimate.quotient;
             Some(format!(
@@ -194,10 +188,7 @@ impl Lab {
         Ok(verification.map(|verification| (verified(verification), photos, products)))
     }
 
-    /// Checks a captured model: the relit photos; on a rig the first one, to take one photo only.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Verifies a captured model with the relit photos. On a rig it uses only the first one, to take one photo. Fails as [`Lab::operator`].
     pub fn verify_relighting(&mut self, model: &SavedModel, relit: &[Relit]) -> Result<Option<Verification>> {
         let of = "relit photos";
         if matches!(self.source, Source::Rig(_)) {
@@ -208,7 +199,7 @@ impl Lab {
             }
             return self.verify(Part::Full, of, &predicted);
         }
-        // The answer to each question holds this comparison already.
+        // Each relit photo already contains this comparison.
         let by = Independent::AnotherSeed;
         let comparisons = relit.iter().filter_map(|relit| {
             let squares = relit.comparison?;
@@ -218,11 +209,8 @@ impl Lab {
         Ok(self.checked(by, of, &comparisons, |_| None))
     }
 
-    /// Checks a separation: the photo of a checkerboard of three pixels, which is its direct light and half of the global light. `error` is that
-    /// of the direct light, relative to it.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
+    /// Verifies a separation with the photo of a checkerboard of three pixels, which shows its direct light and half of the global light.
+    /// `error` is the relative error of the direct light. Fails as [`Lab::operator`].
     pub fn verify_separation(
         &mut self,
         direct: &Planes,
@@ -234,7 +222,8 @@ impl Lab {
             return Ok(None);
         }
         let pattern = checkerboard(size, 3);
-        // What global light makes of the squares, beyond half of it: a scene's matrix tells it. Of a rig it is not known, and at most as much again.
+        // The global light of the squares differs from half of the whole. A scene's matrix gives the difference. For a rig it is unknown,
+        // and at most another half.
         let signs: Vec<f64> = pattern.iter().map(|x| x - 0.5).collect();
         let mut resolving = match self.source {
             Source::Scene(_) => Some(self.reference_operators(Part::Global)?),
@@ -256,7 +245,7 @@ impl Lab {
         self.verify(Part::Full, "the photo of a checkerboard", &predicted)
     }
 
-    /// Patterns and photos with ambient light, by channel.
+    /// Patterns and predicted photos with ambient light, by channel.
     fn predicted(&self, photos: &[(&Image, &Image)], ambient: &Image) -> Vec<Predicted> {
         let of = |&(pattern, photo): &(&Image, &Image)| {
             let planes = photo.planes().into_iter().zip(ambient.planes()).enumerate();
@@ -278,7 +267,7 @@ impl Lab {
         Ok(self.checked(by, of, &photos_compared(by, predicted, &products), |_| None))
     }
 
-    /// Independent photos of the patterns, whose channels ascend.
+    /// Independent photos of the patterns, which are in ascending order of channel.
     fn products_of(
         &mut self,
         part: Part,
@@ -297,8 +286,7 @@ impl Lab {
         Ok(by.map(|by| (by, products)))
     }
 
-    /// Judges a comparison, and notes it in the record of the open run; `cause` tells what the photo that is farthest off suffers from. `None`
-    /// where there is no light.
+    /// Judges a comparison, and notes it in the record of the open run. `cause` explains the largest deviation. `None` without light.
     fn checked(
         &mut self,
         by: Independent,
@@ -308,7 +296,7 @@ impl Lab {
     ) -> Option<Verification> {
         let squares: Squares = photos.iter().map(|photo| photo.squares).sum();
         let judged = judge(photos).filter(|_| squares.product > 0.0)?;
-        // Photos that are nothing but noise have no light to compare with.
+        // Photos of pure noise have no light to compare with.
         let nothing = || [squares.difference, squares.noise].map(|square| (square / squares.product).sqrt());
         let [error, noise] = squares.relative().unwrap_or_else(nothing);
         let resolution = judged.resolution.min(f64::MAX);
@@ -328,7 +316,6 @@ impl Lab {
         Some(verification)
     }
 
-    /// Notes a comparison in the record of the open run.
     fn note(&mut self, verification: &Verification) {
         if let Some(run) = &mut self.run {
             run.manifest.verification = Some(verification.clone());
@@ -336,7 +323,7 @@ impl Lab {
     }
 }
 
-/// One predicted photo beside the independent one.
+/// Compares one predicted photo with the independent one.
 fn compared(by: Independent, squares: Squares, stated: f64) -> Compared {
     let (own, is_frozen) = match by {
         Independent::AnotherSeed => (AS_MANY_PATHS, true),
@@ -345,20 +332,19 @@ fn compared(by: Independent, squares: Squares, stated: f64) -> Compared {
     Compared { squares, own, stated, is_frozen, signs: None }
 }
 
-/// A predicted photo beside a product. The errors of light paths are draws of their noise.
+/// Compares a predicted photo with a product. The errors of light paths are draws of their noise.
 fn of_product(by: Independent, product: &EstimatedProduct, photo: &[f64], stated: f64) -> Compared {
     let compared = compared(by, product.squares(photo), stated);
     let signs = compared.is_frozen.then(|| product.signs(photo, compared.own, compared.allowed()));
     Compared { signs, ..compared }
 }
 
-/// Predicted photos beside the independent ones.
 fn photos_compared(by: Independent, predicted: &[Predicted], products: &[EstimatedProduct]) -> Vec<Compared> {
     let each = predicted.iter().zip(products);
     each.map(|(one, product)| of_product(by, product, &one.photo, one.stated)).collect()
 }
 
-/// The coordinates of pixels that a segmentation claims, and those by independent light: of each eigenvector, or of their sum.
+/// The coordinates of pixels according to a segmentation, and according to independent light, for each eigenvector or for their sum.
 fn coordinates(
     found: &Segmentation,
     pairs: &Eigenpairs<'_>,
@@ -383,13 +369,11 @@ fn coordinates(
     [claimed, which.iter().map(seen).collect()]
 }
 
-/// The Euclidean norm.
 fn norm(values: &[f64]) -> f64 {
     values.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
 impl Eigenpairs<'_> {
-    /// Each vector as a pattern.
     fn questions(&self) -> Vec<Question<'_>> {
         let each = self.vectors.iter().zip(self.shifts);
         each.map(|(pattern, &shift)| Question { pattern, shift }).collect()
@@ -418,7 +402,6 @@ impl Eigenpairs<'_> {
         }
     }
 
-    /// The sum of the vectors with random signs, and its photo.
     fn sum_with_signs(&self, seed: u64) -> Predicted {
         let signs = Start::Rademacher { seed }.vector(self.vectors.len());
         let sum = |vectors: &mut dyn Iterator<Item = Vec<f64>>| {
@@ -432,13 +415,12 @@ impl Eigenpairs<'_> {
             channel: 0,
             pattern: sum(&mut self.vectors.iter().cloned()),
             photo: sum(&mut self.photos()),
-            // Residuals may lie along one direction, and then add up as their signs are.
+            // Residuals may lie along one direction. Their sum then depends on their signs.
             stated: (SIGNED * norm(self.residuals)).min(self.residuals.iter().sum()),
         }
     }
 }
 
-/// A checkerboard of so many pixels.
 fn checkerboard(size: Resolution, square: usize) -> Vec<f64> {
     let value = |pixel: usize| (pixel % size.width / square + pixel / size.width / square) % 2;
     (0..size.pixels()).map(|pixel| value(pixel) as f64).collect()

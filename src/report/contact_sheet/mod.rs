@@ -1,4 +1,4 @@
-//! Contact sheet: every photo of a run in order, each below its pattern, as in Figs. 9 and 10 of the paper.
+//! The contact sheet: every photo of a run in order, each below its pattern, as in Figs. 9 and 10 of the paper.
 
 mod sheet;
 mod thumb;
@@ -8,16 +8,14 @@ use crate::error::Result;
 use crate::image::Resolution;
 use thumb::Thumb;
 
-/// Maximum number of photos on a page; longer runs show the first ones.
+/// The maximum number of photos on a page. A longer run shows its first photos.
 pub const LONGEST: usize = 512;
 
 /// A run's patterns and photos, kept as small pictures while they are taken.
 #[derive(Clone, Debug)]
 pub struct ContactSheet {
-    /// Resolutions of patterns and of photos.
     sizes: [Resolution; 2],
     channels: usize,
-    /// Number of photos of each channel.
     counts: Vec<usize>,
     shots: Vec<[Thumb; 2]>,
 }
@@ -28,11 +26,8 @@ impl ContactSheet {
         Self { sizes, channels: channels.max(1), counts: vec![0; channels.max(1)], shots: Vec::new() }
     }
 
-    /// Adds a channel's pattern and photo; either may be signed. The `k`-th photos of all channels form the `k`-th colour photo.
-    /// `dual` says that the pattern is on the camera's side (a product with the transpose).
-    ///
-    /// # Errors
-    /// [`crate::Error::Dimension`] when the number of values differs from the number of pixels.
+    /// Adds a channel's pattern and photo, each of which may be signed. The `k`-th photos of all channels form the `k`-th colour photo.
+    /// `dual` says that the pattern is on the camera's side (a product with the transpose). Fails if there is not one value per pixel.
     pub fn push(&mut self, channel: usize, pattern: &[f64], photo: &[f64], dual: bool) -> Result<()> {
         let channel = channel.min(self.channels - 1);
         let index = self.counts[channel];
@@ -61,7 +56,7 @@ impl ContactSheet {
         self.len() == 0
     }
 
-    /// All pictures on one sheet, each with its own exposure; each photo's label gives the value of its brightest colour.
+    /// All pictures on one sheet, each with a separate exposure. Each photo's label gives the value of its brightest colour.
     ///
     /// # Errors
     /// [`crate::Error::Dimension`] when there is no photo.
@@ -70,9 +65,6 @@ impl ContactSheet {
     }
 
     /// The page section with the sheet; `None` without photos. `unit` is the photos' unit, `order` explains their order.
-    ///
-    /// # Errors
-    /// As [`ContactSheet::sheet`].
     pub fn section(&self, unit: &str, order: &str) -> Result<Option<Section>> {
         if self.is_empty() {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! Many small pictures in one PNG file: a page with hundreds of photos stays small, and a browser decodes one image.
+//! Many small pictures in one PNG file. A page with hundreds of photos stays small, and a browser decodes one image.
 
 use rayon::prelude::*;
 
@@ -8,13 +8,11 @@ use crate::image::Resolution;
 use crate::io::raster::Raster;
 use crate::report::html::{Frame, Sheet, brief};
 
-/// Number of frames in a row of the sheet.
 const ROW: usize = 16;
 
-/// Maximum number of photos that are shown at full thumbnail size; with more photos each side is halved.
+/// The maximum number of photos at full thumbnail size. With more photos, each side is halved.
 const LARGE: usize = 128;
 
-/// Paints all photos onto one sheet.
 pub(super) fn sheet(shots: &[[Thumb; 2]]) -> Result<Sheet> {
     let side = if shots.len() > LARGE { SIDE / 2 } else { SIDE };
     let paint = |shot: &[Thumb; 2]| {

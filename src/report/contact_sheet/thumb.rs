@@ -24,7 +24,6 @@ impl Thumb {
         Self { size, planes: vec![vec![0.0; size.pixels()]; channels] }
     }
 
-    /// Sets a channel from a full-size plane.
     pub(super) fn set(&mut self, channel: usize, size: Resolution, values: &[f64]) -> Result<()> {
         Error::check_size("pixels of a photo", size.pixels(), values.len())?;
         self.planes[channel] = averaged(size, factor(size, SIDE), values);
@@ -40,7 +39,7 @@ impl Thumb {
         }
     }
 
-    /// The picture and the value of its brightest colour: developed light, or the signed colour map if any value is negative.
+    /// The picture and the value of its brightest colour. Light is developed; if any value is negative, the signed colour map is used.
     pub(super) fn paint(&self) -> Result<(Raster, f64)> {
         if self.planes.iter().flatten().any(|&value| value < 0.0) {
             let values = mean(&self.planes);

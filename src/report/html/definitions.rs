@@ -1,17 +1,16 @@
-//! What the figures of a page mean: the guide's glossary, beside the figures themselves.
+//! The meanings of a page's figures, taken from the guide's glossary.
 
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
-/// The page of the guide that has all definitions, in tables of two columns.
+/// The page of the guide with all definitions, in tables of two columns.
 const GLOSSARY: &str = include_str!("../../../guide/src/reference/glossary.md");
 
-/// Definitions in plain text, by their terms.
 static DEFINITIONS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
     let rows =
         GLOSSARY.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | "));
     let terms = rows.filter(|(term, _)| !term.starts_with('`') && !term.starts_with("--"));
-    // Words of the field come last; where a column has the same name, the column counts.
+    // Words of the field come last. If a column has the same name, the definition of the column wins.
     let mut found = HashMap::new();
     for (term, definition) in terms {
         found.entry(term).or_insert_with(|| plain(definition));
@@ -19,7 +18,7 @@ static DEFINITIONS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
     found
 });
 
-/// The terms that have a definition, each once, with it.
+/// The terms that have a definition, each once, with their definitions.
 pub(super) fn definitions<'a>(terms: impl IntoIterator<Item = &'a str>) -> Vec<(&'static str, &'static str)> {
     let mut found: Vec<(&str, &str)> = Vec::new();
     for term in terms {
@@ -34,7 +33,7 @@ pub(super) fn definitions<'a>(terms: impl IntoIterator<Item = &'a str>) -> Vec<(
     found
 }
 
-/// The term for all numbers and letters: `from 3` is `from N`, `u7` is `uN`, `C` is a chosen pixel.
+/// The general form of a term with numbers or letters: `from 3` becomes `from N`, `u7` becomes `uN`, and the pixel `C` becomes `A, B, …`.
 fn generic(term: &str) -> String {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     match term.strip_prefix('u') {
@@ -47,7 +46,7 @@ fn generic(term: &str) -> String {
     }
 }
 
-/// Markdown as plain text: links keep their words.
+/// Markdown as plain text. A link becomes its words.
 fn plain(markdown: &str) -> String {
     let mut text = String::new();
     let mut rest = markdown;

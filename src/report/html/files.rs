@@ -1,11 +1,11 @@
-//! The files of a run, as its page links to them, and how NumPy reads them.
+//! The files of a run, with the page's links to them and the lines that read them with NumPy.
 
 /// A file of the run's folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FileLink {
-    /// Its name, relative to the page.
+    /// The name, relative to the page.
     pub name: String,
-    /// What it holds, such as `10 × 128 × 128, float64`; may be empty.
+    /// The content, such as `10 × 128 × 128, float64`; may be empty.
     pub about: String,
 }
 
@@ -15,13 +15,12 @@ impl FileLink {
         Self { name: name.into(), about: about.into() }
     }
 
-    /// The address of the file, relative to the page.
     pub(super) fn address(&self) -> String {
         address(&self.name)
     }
 }
 
-/// A relative path as an address: what is not plain is written as `%` and its bytes.
+/// A relative path as an address. Each byte of a special character is written as `%` and its code.
 pub(super) fn address(path: &str) -> String {
     path.bytes()
         .map(|byte| match byte {
@@ -33,7 +32,6 @@ pub(super) fn address(path: &str) -> String {
         .collect()
 }
 
-/// Lines that load every array of the run.
 pub(super) fn numpy(files: &[FileLink]) -> String {
     let arrays: Vec<&FileLink> = files.iter().filter(|file| file.name.ends_with(".npy")).collect();
     if arrays.is_empty() {
@@ -51,7 +49,7 @@ pub(super) fn numpy(files: &[FileLink]) -> String {
     lines.join("\n")
 }
 
-/// A name that Python takes.
+/// A valid Python name.
 fn variable(name: &str) -> String {
     let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if plain.starts_with(|c: char| c.is_ascii_digit()) { format!("_{plain}") } else { plain }

@@ -33,12 +33,12 @@ pub struct Swatch {
 }
 
 impl Legend {
-    /// The groups of a label image with their numbers in its array and their shares of the pixels: `group 0: 34 %`. Masked pixels come last.
+    /// The groups of a label image with their numbers and their shares of the pixels: `group 0: 34 %`. Masked pixels come last.
     pub fn of_labels(labels: &[u8]) -> Self {
         Self::of_painted_labels(labels, &Palette::default())
     }
 
-    /// As [`Legend::of_labels`], of a picture with other colours.
+    /// As [`Legend::of_labels`], for a picture with other colours.
     pub fn of_painted_labels(labels: &[u8], palette: &Palette) -> Self {
         let mut counts = [0_usize; 256];
         for &label in labels {
@@ -75,7 +75,7 @@ impl Legend {
         Self::Scale { colors, labels: vec![brief(low), brief(high)], unit: String::new() }
     }
 
-    /// The same scale with a unit; legends that are no scale are unchanged.
+    /// The same scale with a unit. Legends other than scales are unchanged.
     #[must_use]
     pub fn with_unit(self, of: &str) -> Self {
         match self {
@@ -85,7 +85,7 @@ impl Legend {
     }
 }
 
-/// A percentage such as `34 %`, with more digits where rounding would hide a difference from 0 or 100 %.
+/// A percentage such as `34 %`, with more digits if rounding would hide a difference from 0 or 100 %.
 fn percent(fraction: f64) -> String {
     match 100.0 * fraction {
         percent if (99.5..100.0).contains(&percent) => format!("{percent:.1}\u{202f}%"),

@@ -1,5 +1,4 @@
-//! `report.html`: one self-contained page with the results of a run. The page loads nothing from elsewhere. Its scripts tell values,
-//! zoom, flip and compare; everything is shown without them, too.
+//! `report.html`: one self-contained page with the results of a run. Scripts show values, zoom, flip and compare, but are not required.
 
 mod definitions;
 mod files;
@@ -31,7 +30,7 @@ pub struct Report {
     pub sections: Vec<Section>,
     /// Files of the run's folder that the page links to.
     pub files: Vec<FileLink>,
-    /// A page beside this one that holds the matrix and shows its rows; may be empty.
+    /// The address of a page that holds the matrix and shows its rows; may be empty.
     pub paint: String,
     /// Text at the end, e.g. the command line that produces the same page again.
     pub footer: String,
@@ -46,7 +45,7 @@ pub struct Verdict {
     pub sentence: String,
 }
 
-/// How good a result is; the exit status says the same.
+/// The quality of a result. The exit status agrees with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outcome {
     /// As good as requested.
@@ -81,9 +80,9 @@ pub enum Block {
         /// Text below the plot; may be empty.
         caption: String,
     },
-    /// Small plots of the same axes beside one another.
+    /// Small plots with the same axes beside one another.
     Multiples {
-        /// Titles and SVG documents, as [`Block::Plot`]'s.
+        /// Titles and SVG documents, as for [`Block::Plot`].
         plots: Vec<(String, String)>,
         /// Text below the plots; may be empty.
         caption: String,
@@ -118,9 +117,9 @@ pub enum Block {
 /// Measured numbers beside a statement.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
-    /// Which rig or method measured.
+    /// The rig or method that was measured.
     pub title: String,
-    /// How it was measured.
+    /// The way of measuring.
     pub text: String,
     /// Whether the numbers confirm the statement, in a word or two.
     pub verdict: Verdict,
@@ -150,66 +149,60 @@ pub struct Figure {
     pub caption: String,
     /// The meaning of its colours.
     pub legend: Legend,
-    /// The values that it shows; `None` where the page cannot tell them.
+    /// The values that it shows; `None` if the page does not know them.
     pub values: Option<Values>,
     /// A short name; may be empty.
     pub name: String,
-    /// The file that holds its values, with the place in its array: `eigenvectors.npy[3]`; may be empty.
+    /// The file with its values and the place in its array, such as `eigenvectors.npy[3]`; may be empty.
     pub file: String,
-    /// What a slider of the page selects pictures by, e.g. `eigenvector`; empty for pictures that are always shown.
+    /// The quantity by which a slider selects pictures, e.g. `eigenvector`; empty for pictures that are always shown.
     pub series: String,
-    /// Names of the pictures that it is flipped with.
+    /// The names of the pictures that it can be flipped with.
     pub flips: Vec<String>,
 }
 
 impl Figure {
-    /// The same picture with a name and the file that holds its values.
+    /// Sets the name, and the file that holds the values.
     #[must_use]
     pub fn named(self, name: impl Into<String>, file: impl Into<String>) -> Self {
         Self { name: name.into(), file: file.into(), ..self }
     }
 
-    /// The same picture as one of those that a slider selects.
+    /// Adds the picture to the series of a slider.
     #[must_use]
     pub fn in_series(self, series: &str) -> Self {
         Self { series: series.to_owned(), ..self }
     }
 
-    /// The same picture, flipped with others.
+    /// Allows the picture to be flipped with others.
     #[must_use]
     pub fn flipped_with<const N: usize>(self, names: [&str; N]) -> Self {
         Self { flips: names.map(str::to_owned).to_vec(), ..self }
     }
 }
 
-/// A run among others.
+/// The entry of a run on an index page.
 #[derive(Clone, Debug, Default)]
 pub struct RunCard {
     /// The run's folder, relative to the page.
     pub folder: String,
-    /// Its page, relative to this one; empty where it has none.
+    /// The address of its page, relative to the index; empty if it has none.
     pub page: String,
-    /// A picture, relative to the page; empty where it has none.
+    /// The address of a picture, relative to the index; empty if it has none.
     pub picture: String,
     /// The state of the run, and its sentence.
     pub verdict: Verdict,
-    /// Verb, source, photos, time and the like.
+    /// Facts such as verb, source, photos and time.
     pub facts: Vec<(String, String)>,
 }
 
 impl Report {
-    /// The page's HTML. Equal reports give equal bytes.
-    ///
-    /// # Errors
-    /// [`Error::Numerical`](crate::Error::Numerical) if the template cannot be rendered.
+    /// The page's HTML. Equal reports give equal bytes. Fails if the template cannot be rendered.
     pub fn render(&self) -> Result<String> {
         page::render(self)
     }
 
-    /// Writes the page.
-    ///
-    /// # Errors
-    /// As [`Report::render`], and [`Error::Write`](crate::Error::Write).
+    /// Writes the page. Fails as [`Report::render`], or with [`Error::Write`](crate::Error::Write).
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic::write_bytes(path, self.render()?.as_bytes())
     }

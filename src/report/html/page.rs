@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::report::text;
 use crate::report::web::{COLOR, FORMAT, Module, VALUES, VIEW, bundle};
 
-/// The modules of the page, each after those that it imports.
+/// The modules of the page. Each follows those that it imports.
 const MODULES: [Module; 12] = [
     FORMAT,
     COLOR,
@@ -26,10 +26,9 @@ const MODULES: [Module; 12] = [
     ("report.js", include_str!("../web/report.js")),
 ];
 
-/// Where the page says how large it is: known when it is made.
+/// The placeholder for the size of the page, which is known after rendering.
 const SIZE: &str = "\u{1}size\u{1}";
 
-/// The HTML of a report.
 pub(super) fn render(report: &Report) -> Result<String> {
     let page = Page { report, embedded: Embedded::new(report) };
     let html = page.render().map_err(|error| Error::Numerical(format!("the report's template: {error}")))?;
@@ -61,17 +60,16 @@ impl Page<'_> {
         include_str!("../report.css")
     }
 
-    /// Everything that moves on the page; it also works without this script.
     fn script(&self) -> String {
         bundle(&MODULES)
     }
 
-    /// What the scripts know of a picture, by its place from 1.
+    /// The data about a picture for the scripts, by its place, counted from 1.
     fn about(&self, section: &usize, block: &usize, number: &usize) -> &str {
         self.embedded.about([section - 1, block - 1, number - 1])
     }
 
-    /// How large the page is, and where the values of its pictures are.
+    /// A sentence about the size of the page and the place of its pictures' values.
     fn size(&self) -> String {
         format!("This page takes {SIZE}. {}", self.embedded.sentence())
     }
@@ -88,12 +86,12 @@ impl Page<'_> {
         STANDARD.encode(png)
     }
 
-    /// Inline SVG in HTML needs no namespace; without it the page contains no URL at all.
+    /// Inline SVG in HTML needs no namespace. Without it the page contains no URL at all.
     fn inline(&self, svg: &str) -> String {
         svg.replacen(r#" xmlns="http://www.w3.org/2000/svg""#, "", 1)
     }
 
-    /// CSS class of a column: `number` if every cell is a number or empty, and at least one is a number.
+    /// The CSS class of a column: `number` if every cell is a number or empty, and at least one is a number.
     fn column(&self, rows: &[Vec<String>], column: usize) -> &'static str {
         let mut cells =
             rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();
@@ -117,12 +115,10 @@ impl Page<'_> {
         (0..headers.len()).map(|index| 7 * column(index) + 12).sum::<usize>() > 350
     }
 
-    /// What the facts at the top of the page mean.
     fn meanings_of_facts(&self) -> Vec<(&'static str, &'static str)> {
         definitions::definitions(self.report.facts.iter().map(|(name, _)| name.as_str()))
     }
 
-    /// What the columns of a table mean.
     fn meanings(&self, headers: &[String]) -> Vec<(&'static str, &'static str)> {
         definitions::definitions(headers.iter().map(String::as_str))
     }

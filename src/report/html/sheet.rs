@@ -1,6 +1,6 @@
 //! Many pictures in one file.
 
-/// Pictures on one sheet and the position of each.
+/// Pictures on one sheet, with their positions.
 #[derive(Clone, Debug, Default)]
 pub struct Sheet {
     /// Bytes of a PNG file.
@@ -20,6 +20,6 @@ pub struct Frame {
     pub pictures: Vec<([usize; 4], String)>,
     /// Number of the photo, from 1.
     pub number: usize,
-    /// What the photo's brightest colour stands for.
+    /// The value of the photo's brightest colour.
     pub range: String,
 }

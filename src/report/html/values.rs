@@ -11,7 +11,7 @@ use crate::image::{Image, Resolution};
 use crate::report::palette::MASKED_LABEL;
 use crate::report::web::deflated;
 
-/// The most bytes that the values of all pictures take in a page. What has no room is read in the files of the run.
+/// The maximum number of bytes for the values of all pictures in a page. Other values must be read from the files of the run.
 pub const MOST_BYTES: usize = 8 << 20;
 
 /// The values of a picture's pixels. A page holds them in single precision: 24 bits, about seven digits.
@@ -19,31 +19,31 @@ pub const MOST_BYTES: usize = 8 << 20;
 pub struct Values {
     /// The picture's size.
     pub size: Resolution,
-    /// What the values are.
+    /// The meaning of the values.
     pub kind: Kind,
     /// One plane, or red, green and blue; each row by row from the top.
     pub planes: Vec<Vec<f32>>,
-    /// Unit of the values; empty for dimensionless ones.
+    /// The unit of the values; empty for dimensionless ones.
     pub unit: String,
 }
 
-/// What the values of a picture are.
+/// The meaning of a picture's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// Light, which the picture shows up to this value. The page develops it anew at other exposures.
+    /// Light, which the picture shows up to `white`. The page can develop it at other exposures.
     Light {
-        /// What white stands for.
+        /// The value that is shown as white.
         white: f64,
     },
-    /// Numbers with or without a sign.
+    /// Signed or unsigned numbers.
     Number,
     /// Entries of an eigenvector.
     Eigenvector {
-        /// The eigenvalue of the normalized cut, by which the eigenvectors tell rows of the matrix; `None` of other eigenvectors.
+        /// The eigenvalue of the normalized cut, which lets the page compute rows of the matrix; `None` for other eigenvectors.
         eigenvalue: Option<f64>,
-        /// The factor that makes them the coordinates that groups are made of; `None` where there are no groups.
+        /// The factor that converts entries to the coordinates that groups are made of; `None` if there are no groups.
         weight: Option<f64>,
-        /// The range that they are clamped to before.
+        /// The range that entries are clamped to before they are multiplied.
         range: (f64, f64),
     },
     /// Numbers of groups.
@@ -103,21 +103,20 @@ impl Values {
     }
 }
 
-/// Floats as text: the first bytes of all, then the second ones and so on, which deflate better than the numbers in a row; deflated, in base64.
+/// Floats as text, deflated, in base64. The first bytes of all floats come first, then the second bytes, and so on: they deflate better.
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
     let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
     let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();
     deflated(&bytes, Compression::best())
 }
 
-/// The values of all pictures of a page.
 #[derive(Default)]
 pub(super) struct Embedded {
-    /// What the page's scripts know of the picture at (section, block, number), as JSON.
+    /// The data for the scripts about the picture at (section, block, number), as JSON.
     about: HashMap<[usize; 3], String>,
-    /// Names and texts of the values that found room.
+    /// The names and texts of the values that are embedded.
     pub(super) sections: Vec<(String, String)>,
-    /// Pictures with values that found no room.
+    /// The number of pictures whose values did not fit.
     pub(super) left_out: usize,
 }
 
@@ -144,7 +143,7 @@ impl Embedded {
         embedded
     }
 
-    /// Adds a figure's values, whose description is `about`, packed as `text`.
+    /// Adds the values of a figure, packed as `text`. `about` describes the figure.
     fn add(&mut self, at: [usize; 3], figure: &Figure, mut about: Value, text: String, bytes: &mut usize) {
         about["name"] = json!(figure.name);
         about["file"] = json!(figure.file);
@@ -161,12 +160,12 @@ impl Embedded {
         self.about.insert(at, about.to_string());
     }
 
-    /// What the scripts know of a picture; empty where it has no values.
+    /// The data about a picture for the scripts; empty if it has no values.
     pub(super) fn about(&self, at: [usize; 3]) -> &str {
         self.about.get(&at).map_or("", String::as_str)
     }
 
-    /// Where the values of the pictures are, in a sentence; empty for a page without values.
+    /// A sentence about the place of the pictures' values; empty for a page without values.
     pub(super) fn sentence(&self) -> String {
         let bytes: usize = self.sections.iter().map(|(_, text)| text.len()).sum();
         let mut text = match self.sections.len() {
@@ -215,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_page_holds_no_more_values_than_it_may() {
-        // Random bits do not deflate: each of these planes takes more than a quarter of the room.
+        // Random bits do not deflate, so each of these planes takes more than a quarter of the room.
         let size = Resolution::new(800, 800);
         let mut state = 1_u64;
         let mut noise = || {

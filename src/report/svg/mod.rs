@@ -1,14 +1,13 @@
 //! The frame of a plot as SVG: grid, labels and legend, and the marks drawn within it.
 //!
-//! Text and lines use the page's text colour (`currentColor`), so that one drawing suits light mode, dark mode and print.
-//! `plotters`, the usual crate, supports fixed colours only.
+//! Text and lines use the page's text colour (`currentColor`) for light mode, dark mode and print. `plotters` supports only fixed colours.
 
 use std::fmt::Write;
 
 use super::axis::Axis;
 use super::notes::along;
 
-/// Appends formatted markup; writing to a string cannot fail.
+/// Appends formatted markup. Writing to a string cannot fail.
 macro_rules! draw {
     ($target:expr, $($format:tt)*) => {
         let _ = write!($target, $($format)*);
@@ -21,37 +20,34 @@ mod told;
 
 use text::{escape, rows};
 
-/// A drawing framed by two axes.
 pub(super) struct Chart {
     pub x: Axis,
     pub y: Axis,
     /// Height reserved above the frame for the legend.
     top: f64,
     body: String,
-    /// Points of the drawn curves. Notes of the horizontal marks avoid them.
+    /// Points of the drawn curves, which notes of the horizontal marks avoid.
     drawn: Vec<(f64, f64)>,
     marks: Vec<(f64, String)>,
     layout: Layout,
-    /// The axes' labels, for the page's scripts.
     labels: [String; 2],
 }
 
-/// The measures of a drawing, in its units.
+/// The dimensions of a drawing, in its units.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
     width: f64,
-    /// The frame's height, independent of the height of the legend.
+    /// The frame's height, which does not depend on the legend.
     frame: f64,
     left: f64,
     bottom: f64,
-    /// Whether the axes bear their labels.
     has_labels: bool,
 }
 
 impl Layout {
-    /// On a phone, 340 pixels wide, the text still has a height of 10 pixels.
+    /// A drawing whose text is still 10 pixels high on a phone 340 pixels wide.
     pub const FULL: Self = Self { width: 480.0, frame: 260.0, left: 88.0, bottom: 56.0, has_labels: true };
-    /// One of many plots of the same axes, which are labelled elsewhere.
+    /// One of many plots with the same axes, which are labelled elsewhere.
     pub const SMALL: Self = Self { width: 250.0, frame: 120.0, left: 56.0, bottom: 30.0, has_labels: false };
 
     fn right(self) -> f64 {
@@ -136,7 +132,7 @@ impl Chart {
         self.body.push_str(&lines);
     }
 
-    /// Every how many ticks of the horizontal axis a label stands: those of all would run together.
+    /// The number of ticks from one label of the horizontal axis to the next. More labels would overlap.
     fn stride(&self) -> usize {
         let ends = |stride: usize| {
             let labelled = self.x.ticks.iter().step_by(stride);
@@ -183,7 +179,6 @@ impl Chart {
         self.bottom() - along * self.layout.frame
     }
 
-    /// Vertical position of the frame's lower edge.
     fn bottom(&self) -> f64 {
         self.top + self.layout.frame
     }
@@ -212,7 +207,6 @@ impl Chart {
         );
     }
 
-    /// Draws a filled circle.
     pub fn dot(&mut self, (x, y): (f64, f64), radius: f64, color: &str) {
         draw!(self.body, r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}" fill="{color}"/>"#);
     }
@@ -225,7 +219,6 @@ impl Chart {
         );
     }
 
-    /// The complete SVG document.
     pub fn finish(mut self) -> String {
         self.draw_notes();
         let told = format!(
@@ -241,7 +234,7 @@ impl Chart {
     }
 }
 
-/// A drawing that says that there are no values to plot.
+/// A drawing that states that there are no values to plot.
 pub(super) fn nothing_to_plot() -> String {
     let body = format!(
         r#"<text x="{}" y="{}" text-anchor="middle" fill-opacity="0.6">no values to plot</text>"#,

@@ -1,4 +1,4 @@
-//! Text in a drawing: names of points and notes of marks, where they cover least.
+//! Text in a drawing: names of points and notes of marks, placed where they cover least.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::{Chart, FONT, LETTER, escape};
 use crate::report::notes::clearest;
 
 impl Chart {
-    /// Writes names beside points, each where it covers no other name or marked point, as far as there is such a place.
+    /// Writes names beside points. Each is placed where it covers no other name or marked point, if there is such a place.
     pub fn names(&mut self, named: &[((f64, f64), &str)]) {
         let points: Vec<(f64, f64)> = named.iter().map(|(at, _)| *at).collect();
         let mut taken = Vec::new();
@@ -35,7 +35,7 @@ impl Chart {
         }
     }
 
-    /// Draws a dashed horizontal line over the full width; its note is placed where no curve passes.
+    /// Draws a dashed horizontal line over the full width. Its note is placed where no curve passes.
     pub fn horizontal_mark(&mut self, value: f64, note: &str) {
         let Some(y) = self.y.position(value).map(|along| self.down(along)) else { return };
         let (left, right) = (self.layout.left, self.layout.right());
@@ -46,7 +46,7 @@ impl Chart {
         self.marks.push((y, note.to_owned()));
     }
 
-    /// Writes the notes of the marks above or below their lines, as far left as no curve or other note is covered.
+    /// Writes the notes of the marks above or below their lines, as far left as possible without covering a curve or another note.
     pub(super) fn draw_notes(&mut self) {
         let mut notes = Vec::new();
         for (y, note) in std::mem::take(&mut self.marks) {

@@ -12,7 +12,6 @@ pub(super) fn rows(text: &str, length: f64) -> Vec<&str> {
     }
 }
 
-/// Escapes text for XML content and attributes.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {

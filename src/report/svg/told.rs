@@ -1,11 +1,11 @@
-//! What a drawing tells the page's scripts: the values of curves, and the pixels of points.
+//! The data of a drawing for the page's scripts: the values of curves, and the pixels of points.
 
 use std::fmt::Write;
 
 use super::{Chart, escape};
 
 impl Chart {
-    /// Begins a curve that the page's scripts tell values of: `points` are its values, of which those with a place are told.
+    /// Begins a curve whose values the page's scripts show. `points` are its values. Values without a place in the drawing are left out.
     pub fn open_curve(&mut self, name: &str, color: &str, points: &[(f64, f64)]) {
         let told = points.iter().filter_map(|&(x, y)| {
             let (across, down) = self.place((x, y))?;
@@ -26,12 +26,12 @@ impl Chart {
         draw!(self.body, r#"<g data-axes="{},{}" data-pixels="{}">"#, axes[0], axes[1], pixels.join(" "));
     }
 
-    /// Ends what was begun last.
+    /// Ends the curve or the points that were begun last.
     pub fn close(&mut self) {
         self.body.push_str("</g>");
     }
 
-    /// A line behind the curves, which tells no values.
+    /// A line behind the curves, without values for the scripts.
     pub fn shadow(&mut self, points: &[(f64, f64)]) {
         let path: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         draw!(

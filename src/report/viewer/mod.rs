@@ -1,7 +1,7 @@
 //! Live images in the image viewer tev.
 //!
-//! A background thread sends the images, so that the capture never waits. Of each image and channel it keeps only the newest
-//! unsent version. A viewer that is missing or disconnects causes one warning.
+//! A background thread sends the images, so that the capture never waits. It keeps only the newest unsent version of each image and
+//! channel. A missing or lost viewer causes one warning.
 
 pub mod packet;
 
@@ -13,13 +13,13 @@ use std::time::{Duration, Instant};
 
 use crate::image::Resolution;
 
-/// Time limit for the viewer to answer or to accept data; then it counts as disconnected.
+/// The time limit for the viewer to answer or to accept data. Then it counts as disconnected.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Time limit for sending the remaining images at the end of a run.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// Maximum number of unsent planes; with more, the oldest is dropped.
+/// The maximum number of unsent planes. With more, the oldest is dropped.
 const WAITING: usize = 16;
 
 /// One channel of an image.
@@ -37,7 +37,7 @@ pub struct Plane {
     pub values: Vec<f32>,
 }
 
-/// A background connection to the viewer. Dropping it sends what is still queued, for at most one second.
+/// A background connection to the viewer. Dropping it sends the queued images, for at most one second.
 pub struct Viewer(Arc<Shared>);
 
 #[derive(Default)]
@@ -49,9 +49,8 @@ struct Shared {
 #[derive(Default)]
 struct Queue {
     waiting: VecDeque<Plane>,
-    /// No more planes will be added.
+    /// Whether no more planes will be added.
     closed: bool,
-    /// The sending thread has ended.
     ended: bool,
 }
 
@@ -69,14 +68,14 @@ impl Viewer {
             queue.waiting.clear();
             own.changed.notify_all();
         };
-        // Without a thread there is no viewer, and no warning either.
+        // Without a thread there is neither a viewer nor a warning.
         if std::thread::Builder::new().name("viewer".into()).spawn(work).is_err() {
             shared.queue().ended = true;
         }
         Self(shared)
     }
 
-    /// Queues a channel of an image for sending. Never waits.
+    /// Queues a channel of an image for sending, without waiting.
     pub fn show(&self, plane: Plane) {
         let mut queue = self.0.queue();
         if queue.ended {
@@ -109,12 +108,12 @@ impl Drop for Viewer {
 }
 
 impl Shared {
-    /// The lock may be poisoned safely: no code can panic in the middle of a change.
+    /// A poisoned lock is safe, since no code can panic in the middle of a change.
     fn queue(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for the next plane; `None` when no more will come.
+    /// Waits for the next plane. Returns `None` when no more will come.
     fn next(&self) -> Option<Plane> {
         let mut queue = self.queue();
         loop {
@@ -132,7 +131,7 @@ impl Shared {
         let mut known = BTreeSet::new();
         while let Some(plane) = self.next() {
             if known.insert(plane.name.clone()) {
-                // An image of this name from an earlier run may have another resolution.
+                // An image with this name from an earlier run may have another resolution.
                 stream.write_all(&packet::close_image(&plane.name))?;
                 stream.write_all(&packet::create_image(&plane.name, plane.size, plane.channels))?;
             }

@@ -1,5 +1,4 @@
-//! TCP packets of the image viewer tev: a little-endian `u32` length that includes itself, a type, and fields. Strings end with a
-//! zero byte.
+//! TCP packets of the image viewer tev: a little-endian `u32` length of the whole packet, a type, and fields. A zero byte ends a string.
 
 use crate::image::Resolution;
 
@@ -8,7 +7,7 @@ const CREATE_IMAGE: u8 = 4;
 /// The third version of `UpdateImage`: several channels, each with an offset and a stride.
 const UPDATE_IMAGE: u8 = 6;
 
-/// Creates a black image and replaces any image of this name.
+/// Creates a black image and replaces any image with this name.
 pub fn create_image(name: &str, size: Resolution, channels: &[&str]) -> Vec<u8> {
     let mut packet = Packet::new(CREATE_IMAGE);
     packet.flag(false).text(name).int(size.width).int(size.height).int(channels.len());
@@ -29,7 +28,6 @@ pub fn update_image(name: &str, size: Resolution, channel: &str, values: &[f32])
     packet.finished()
 }
 
-/// Closes the image of this name.
 pub fn close_image(name: &str) -> Vec<u8> {
     let mut packet = Packet::new(CLOSE_IMAGE);
     packet.text(name);
@@ -48,7 +46,7 @@ impl Packet {
         self
     }
 
-    /// Zero bytes inside the string would end it early and are removed.
+    /// Zero bytes inside the string would end it early, so they are removed.
     fn text(&mut self, text: &str) -> &mut Self {
         self.0.extend(text.bytes().filter(|&byte| byte != 0));
         self.0.push(0);

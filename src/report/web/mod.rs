@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 
-/// A module: the name of its file, and its text.
+/// A module: the name and the text of its file.
 pub type Module = (&'static str, &'static str);
 
 /// Numbers as text.
@@ -24,8 +24,8 @@ pub const NUMPY: Module = ("numpy.js", include_str!("numpy.js"));
 /// Exact values of pictures, and bytes from text.
 pub const VALUES: Module = ("values.js", include_str!("values.js"));
 
-/// Joins modules into one script without imports. Each keeps a scope of its own. A module stands after those that it imports; imports and
-/// exports are statements of one line each: `import { a, b } from "./file.js";` and `export function`, `class` or `const`.
+/// Joins modules into one script without imports. Each keeps a separate scope and must follow those that it imports. Imports and exports
+/// are statements of one line each: `import { a, b } from "./file.js";` and `export function`, `class` or `const`.
 pub fn bundle(modules: &[Module]) -> String {
     let mut script = String::from("\"use strict\";\nconst modules = {};\n");
     for (file, text) in modules {
@@ -52,7 +52,7 @@ pub fn bundle(modules: &[Module]) -> String {
         }
         script += &format!("return {{ {} }};\n}})();\n", exports.join(", "));
     }
-    // A script ends at its closing tag, wherever that stands.
+    // A closing tag ends a script wherever it occurs, so it is escaped.
     script.replace("</script", "<\\/script")
 }
 
@@ -66,7 +66,7 @@ fn name_of(declared: &str) -> Option<&str> {
     declared.split(|c: char| !c.is_alphanumeric() && c != '_').find(|word| !word.is_empty())
 }
 
-/// Bytes as text for a page: deflated (zlib), in base64. The slower `level` packs better.
+/// Bytes as text for a page: deflated (zlib), in base64. A higher `level` is slower and packs better.
 pub fn deflated(bytes: &[u8], level: Compression) -> String {
     let mut encoder = ZlibEncoder::new(Vec::new(), level);
     // Writing to memory cannot fail.
@@ -74,7 +74,7 @@ pub fn deflated(bytes: &[u8], level: Compression) -> String {
     STANDARD.encode(packed)
 }
 
-/// JSON as the content of a script element: nothing in it ends the element.
+/// JSON as the content of a script element. It contains nothing that could end the element.
 pub fn embedded_json(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c")
 }

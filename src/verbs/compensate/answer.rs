@@ -13,27 +13,25 @@ use crate::krylov::Method;
 use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
 use crate::report::content::Content;
 
-/// A compensation with the options that it was found by.
+/// A compensation with its options.
 #[derive(Clone, Debug)]
 pub struct Compensated {
-    /// The compensation.
     pub found: Compensation,
     /// Its options.
     pub options: CompensateOptions,
-    /// All methods with as many photos; empty where they were not asked for.
+    /// All methods with the same number of photos; empty if they were not requested.
     pub methods: Vec<MethodRun>,
     /// The photo of the compensation by independent light, and its distance from the target; `None` before [`Answer::verify`].
     pub verified: Option<Verified>,
-    /// The name and the unit of the model that answered without any photo.
+    /// The name and the unit of the model that answered without photos.
     pub(super) model: Option<(String, String)>,
     /// Whether the colours of projector and camera mix, so that a photo is not the sum of what single channels see.
     pub(super) is_mixed: bool,
-    /// The file in the open run that is to be projected.
+    /// The file in the open run that the user projects.
     pub(super) file: Option<PathBuf>,
 }
 
 impl Compensated {
-    /// A compensation from photos of the laboratory's source.
     pub(super) fn new(
         asked: &Compensate,
         found: Compensation,
@@ -55,7 +53,7 @@ impl Compensated {
         self.options.method.facts().name
     }
 
-    /// What clamping costs, where it costs much.
+    /// A warning about the cost of clamping, if it is large.
     fn warning(&self) -> Option<String> {
         self.found.clamping.as_ref().and_then(Clamping::warning)
     }
@@ -179,12 +177,11 @@ impl Compensated {
 
 const NEEDLESS: &str = "the target itself, projected, is seen as well: there is nothing to compensate";
 
-/// The residual after each photo.
 fn residuals(rows: &[CompensationRow]) -> Vec<f64> {
     rows.iter().map(|row| row.residual).collect()
 }
 
-/// The structural similarity; there is none of few pixels.
+/// The structural similarity; `–` for an image of few pixels.
 pub(super) fn ssim(of: &Similarity) -> String {
     of.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"))
 }

@@ -1,4 +1,4 @@
-//! Light transport compensation: what to project, so that the scene looks like a target.
+//! Light transport compensation: the pattern to project so that the scene looks like a target.
 
 mod answer;
 mod page;
@@ -193,7 +193,7 @@ impl Verb for Compensate {
         }
     }
 
-    /// Finds what to project by photos of the source, or by a model of its light.
+    /// Finds the pattern from photos of the source, or from a model of its light.
     fn answer(&self, lab: &mut Lab) -> Result<Compensated> {
         if self.model.is_some() || lab.has_saved_model() {
             return self.by_model(lab);
@@ -219,8 +219,7 @@ impl Verb for Compensate {
 }
 
 impl Compensate {
-    /// The options of the method for a rig whose light transport is symmetric or not; `photos_of_run` is the default budget of a run that is
-    /// asked again.
+    /// The options of the method for symmetric or other light transport. `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, is_symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
         let base = match self.paper {
             true => CompensateOptions::paper(is_symmetric, 0.1),
@@ -243,10 +242,7 @@ impl Compensate {
         }
     }
 
-    /// Refuses what the prediction of a rig's answer cannot know.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option.
+    /// Refuses options that the prediction of a rig's answer does not support, with [`Error::Option`].
     pub fn check_plan(&self) -> Result<()> {
         let given = [
             (self.peak.is_some(), "--peak"),
@@ -258,7 +254,7 @@ impl Compensate {
         not_planned(Self::NAME, &given)
     }
 
-    /// The target, of the right size and with values that make sense.
+    /// The target, checked for its size and its values.
     ///
     /// # Errors
     /// [`Error::Option`] naming `--target`, or [`Error::Data`] and [`Error::Read`] naming its file.
@@ -293,7 +289,7 @@ impl Compensate {
         Ok(image)
     }
 
-    /// Answers by a model of the light: by that of the source alone, without any photo, or by that of `--model`, corrected by photos.
+    /// Answers from a model of the light. The model of the source answers without any photo. The model of `--model` is corrected by photos.
     fn by_model(&self, lab: &mut Lab) -> Result<Compensated> {
         let mut model = match &self.model {
             Some(folder) => open_model(folder, lab.observer())?,
@@ -327,11 +323,11 @@ impl Compensate {
         Ok(Compensated::new(self, found, options, lab))
     }
 
-    /// What is known beside the photos.
+    /// Prior knowledge beside the photos.
     fn prior(&self, options: &CompensateOptions, lab: &mut Lab) -> Result<Prior> {
         let geometry = match (options.precondition, lab.scene()) {
             (Some(Precondition::Geometry), Ok(scene)) => predicted_direct(scene, lab.resolution()),
-            // Without a scene the solver reports that its shape is not known.
+            // Without a scene, the solver reports that its shape is not known.
             _ => Vec::new(),
         };
         let (crosstalk, photos) = match self.crosstalk {
@@ -349,7 +345,7 @@ impl Compensate {
             }
         };
         let mut crosstalk = match crosstalk {
-            // A rig's products are measured by gray patterns.
+            // A rig's products are measured with gray patterns.
             Some(crosstalk) if !lab.is_simulated()? => Some(crosstalk.relative_to_white()?),
             crosstalk => crosstalk,
         };
@@ -370,7 +366,7 @@ fn no_target() -> Error {
     }
 }
 
-/// Refuses a model whose photos and patterns have other pixels than those of the source.
+/// Refuses a model if its photos or patterns differ in resolution from those of the source.
 fn check_model(lab: &Lab, [photos, patterns]: [Resolution; 2]) -> Result<()> {
     if (lab.resolution(), lab.projector_resolution()) == (photos, patterns) {
         return Ok(());

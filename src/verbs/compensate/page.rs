@@ -1,4 +1,4 @@
-//! Files and report page of a light transport compensation.
+//! The files and the report page of a light transport compensation.
 
 use super::Compensated;
 use super::answer::ssim;
@@ -18,8 +18,8 @@ use crate::report::run::{Files, Run};
 impl Compensated {
     /// Writes arrays, pictures, `residuals.csv` and `report.html` into the run's folder and returns their names.
     ///
-    /// The `.png` of the compensation holds the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, the
-    /// observed and the uncompensated photo share one exposure.
+    /// The `.png` of the compensation holds the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, the observed
+    /// and the uncompensated photo share one exposure.
     pub(super) fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
         let found = &self.found;
         let mut files = Files::of(run.folder, &self.content())?;
@@ -97,7 +97,7 @@ impl Compensated {
             text: "Photos are developed alike. Errors are of all channels together.".into(),
             blocks: vec![Block::Figures(figures), similarity(self)],
         }];
-        // A run that is answered by a model has no photos, hence no convergence history.
+        // An answer from a model has no photos, hence no convergence history.
         if !found.history.is_empty() {
             sections.push(convergence(self));
         }
@@ -110,7 +110,6 @@ impl Compensated {
     }
 }
 
-/// Explains the order of the photos.
 const ORDER: &str = "White comes first, then those that measure a preconditioner, if any, then those of the method; those that only show or compare (the result, the uncompensated target, other methods) come last.";
 
 /// The mean of `a − b` over the channels, for each pixel.
@@ -150,7 +149,7 @@ fn convergence(run: &Compensated) -> Section {
     }
 }
 
-/// Residuals of an unconstrained method whose answers are clamped to the projector's range.
+/// The residuals of an unconstrained method whose answers are clamped to the projector's range.
 fn clamping(run: &Compensated, clamping: &Clamping) -> Section {
     let (own, displayed, boxed) =
         (rows(&run.found.history), rows(&clamping.displayed), rows(&clamping.boxed));
@@ -170,7 +169,7 @@ fn clamping(run: &Compensated, clamping: &Clamping) -> Section {
     }
 }
 
-/// Residuals of every method at equal photo counts, and on a rig at equal frames.
+/// The residuals of every method at equal photo counts, and on a rig at equal frames.
 fn compared(run: &Compensated) -> Section {
     let methods = &run.methods;
     let marks = || vec![(run.found.uncompensated_residual, "uncompensated".to_owned())];
@@ -196,13 +195,13 @@ fn compared(run: &Compensated) -> Section {
     }
 }
 
-/// The displayed residuals of a method over its frames; none where photos are computed.
+/// The displayed residuals of a method over its frames; empty if photos are computed.
 fn over_frames(method: &MethodRun) -> Vec<Row> {
     let at = |(row, &frames): (&CompensationRow, &u64)| (frames as usize, row.residual);
     method.displayed.iter().zip(&method.frames).map(at).collect()
 }
 
-/// Table of what each method reached with all of its photos.
+/// A table of the final result of each method.
 fn at_the_end(methods: &[MethodRun]) -> Block {
     let number = |value: f64| decimal(value, 4);
     let row = |method: &MethodRun| {
@@ -223,7 +222,6 @@ fn at_the_end(methods: &[MethodRun]) -> Block {
     }
 }
 
-/// Table of the similarity of the observed photos to the target.
 fn similarity(run: &Compensated) -> Block {
     let found = &run.found;
     let row = |name: &str, residual: f64, similarity: &Similarity| {
@@ -239,8 +237,7 @@ fn similarity(run: &Compensated) -> Block {
     }
 }
 
-/// Content of `methods.csv`: the residual of each method's displayed photo after each photo, and the frames that it took; these are empty
-/// where photos are computed.
+/// The content of `methods.csv`: the displayed residual of each method after each photo, and its frames (empty if photos are computed).
 fn csv(methods: &[MethodRun]) -> String {
     let mut text = String::from("method,photo,frames,relative_residual_displayed\n");
     for method in methods {

@@ -107,9 +107,7 @@ pub enum End {
 /// Eigenpairs, or singular values with their vectors.
 #[derive(Clone, Debug)]
 pub enum Spectrum {
-    /// Eigenpairs.
     Pairs(Eigenpairs),
-    /// Singular values with their vectors.
     Triplets(SingularTriplets),
 }
 
@@ -140,7 +138,7 @@ impl Verb for Eigs {
 }
 
 impl Eigs {
-    /// The options of the method; `seed` is for the starting vector, `photos_of_run` the default budget of a run that is asked again.
+    /// The options of the method. `seed` selects the starting vector, and `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, seed: u64, photos_of_run: Option<usize>) -> EigsOptions {
         EigsOptions {
             count: self.count,
@@ -167,10 +165,8 @@ impl Eigs {
         }
     }
 
-    /// Eigenpairs of one part of the light transport matrix. Where a model of a run's photos answers, their standard errors are the bounds.
-    ///
-    /// # Errors
-    /// As [`eigs()`] and [`Lab::operator`].
+    /// Eigenpairs of one part of the light transport matrix. If a model of a run's photos answers, their standard errors are the bounds.
+    /// Fails as [`eigs()`] and [`Lab::operator`].
     pub fn pairs(&self, lab: &mut Lab) -> Result<Eigenpairs> {
         let mut options = self.options(lab.seed(), lab.photos_of_run());
         options.noise = self.noise(lab)?;
@@ -180,7 +176,7 @@ impl Eigs {
         lab.expect(options.products + photos);
         let options = &EigsOptions { confirm, ..options };
         let mut found = lab.photos(|_| eigs(&mut operator, options))?;
-        // What a model misses is no noise that averages out over the pixels: it makes all large eigenvalues smaller.
+        // The error of a model is not noise that averages out over the pixels. It makes all large eigenvalues smaller.
         if lab.is_model()? {
             found.standard_errors.clone_from(&found.bounds);
         }
@@ -189,10 +185,11 @@ impl Eigs {
         Ok(Eigenpairs::new(found, self, picture(lab, lab.projector_resolution())))
     }
 
-    /// Singular values of one part of the light transport matrix, with the patterns and their photos. Every second photo is one of the transpose.
+    /// Singular values of one part of the light transport matrix, with patterns and photos. Every second photo uses the transpose.
     ///
     /// # Errors
-    /// As [`singular()`] and [`Lab::operator`]; a rig that is not coaxial takes no photos of its transpose ([`crate::operator::Exchanged`]).
+    /// As [`singular()`] and [`Lab::operator`]; a rig that is not coaxial cannot take photos of its transpose
+    /// ([`crate::operator::Exchanged`]).
     pub fn triplets(&self, lab: &mut Lab) -> Result<SingularTriplets> {
         let EigsOptions { count, products, tolerance, start, confirm, .. } =
             self.options(lab.seed(), lab.photos_of_run());
@@ -207,7 +204,7 @@ impl Eigs {
         Ok(SingularTriplets::new(found, self, sizes))
     }
 
-    /// The noise of products that ends the search where no tolerance is asked for.
+    /// The noise of products, which ends the search if no tolerance is given.
     fn noise(&self, lab: &mut Lab) -> Result<f64> {
         if self.tolerance.is_some() {
             return Ok(0.0);
@@ -221,7 +218,7 @@ fn picture(lab: &Lab, size: Resolution) -> Option<Resolution> {
     (lab.kind() != SourceKind::Matrix).then_some(size)
 }
 
-/// Whether the eigenvalues of a rig's light are possible: none is larger than the largest row sum, which white tells.
+/// Checks that the eigenvalues of a rig's light are possible: none may exceed the largest row sum, which the white photo shows.
 fn possible_of(lab: &mut Lab, part: Part, found: &krylov::Eigs) -> Result<Option<Finding>> {
     let most = lab.with_measurement(|measurement| {
         let mut sums = measurement.white()?.planes.swap_remove(0).values;
@@ -244,7 +241,7 @@ fn possible_of(lab: &mut Lab, part: Part, found: &krylov::Eigs) -> Result<Option
     }))
 }
 
-/// How an answer is confirmed by photos, and how many more it takes at most.
+/// The confirmation of an answer by photos, and the largest number of further photos for it.
 fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Confirm>, usize) {
     let confirm =
         asked.map(|confirm| if operator.is_free() { confirm } else { confirm.on_rig(operator.cols()) });
@@ -252,7 +249,6 @@ fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Con
     (confirm, photos)
 }
 
-/// What is known of values that were missed.
 fn missing(completeness: Completeness, (found, wanted): (usize, usize), products: usize) -> String {
     if found < wanted && completeness == Completeness::Exact {
         format!("missing   there are only {found}, and {wanted} were asked for")
@@ -263,7 +259,7 @@ fn missing(completeness: Completeness, (found, wanted): (usize, usize), products
     }
 }
 
-/// Whether all wanted pairs or triplets were found and are within the tolerance; or, unless it is `strict`, within the noise of the photos.
+/// Whether all wanted pairs or triplets were found and meet the tolerance. If it is not `strict`, the noise of the photos suffices.
 fn converged(name: &'static str, statuses: &[PairStatus], wanted: usize, strict: bool) -> Finding {
     let is_good = |status: &&PairStatus| match status {
         PairStatus::Converged => true,
@@ -277,7 +273,6 @@ fn converged(name: &'static str, statuses: &[PairStatus], wanted: usize, strict:
     Finding::graded(name, grade, format!("{count} of {wanted} {within}"), "all that are wanted", help)
 }
 
-/// The status of each pair or triplet in words.
 fn in_words(statuses: &[PairStatus]) -> Vec<&'static str> {
     let word = |status: &PairStatus| match status {
         PairStatus::Converged => "converged",

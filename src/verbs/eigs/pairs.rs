@@ -17,24 +17,24 @@ use crate::report::run::{Files, Run};
 use crate::report::spectrum;
 use crate::transport::Part;
 
-/// Eigenpairs, and how many were wanted.
+/// Eigenpairs, with the number that was wanted.
 #[derive(Clone, Debug)]
 pub struct Eigenpairs {
     /// The eigenpairs.
     pub found: krylov::Eigs,
-    /// How many were wanted.
+    /// The number that was wanted.
     pub wanted: usize,
-    /// The eigenpairs of the scene by independent light, one for each that was found; empty before [`Answer::verify`].
+    /// Estimates of the scene's eigenpairs by independent light, one for each that was found; empty before [`Answer::verify`].
     pub estimates: Vec<EigenpairEstimate>,
-    /// The pixels of a vector, where vectors are pictures.
+    /// The resolution of a vector, if vectors are pictures.
     pub size: Option<Resolution>,
     part: Part,
-    /// Whether a tolerance was asked for, which is not met by what is within the noise.
+    /// Whether a tolerance was requested. A result within the noise does not meet it.
     is_strict: bool,
 }
 
 impl Eigenpairs {
-    /// Eigenpairs that `asked` has found; vectors are pictures of `size`, where there is one.
+    /// Eigenpairs that answer the request `asked`. `size` is the resolution of vectors if they are pictures.
     pub fn new(found: krylov::Eigs, asked: &Eigs, size: Option<Resolution>) -> Self {
         let (part, is_strict) = (asked.part.into(), asked.tolerance.is_some());
         Self { found, wanted: asked.count, estimates: Vec::new(), size, part, is_strict }
@@ -68,7 +68,7 @@ impl Eigenpairs {
                 value => format!(" {} i", signed(value, 8)),
             };
             let value = match self.estimates.get(index) {
-                // The estimate above has the error.
+                // The estimate above states the error.
                 Some(of) => rounded(found.values[index], of.standard_error).to_string(),
                 None => with_error(found.values[index], found.standard_errors[index]) + &imaginary,
             };

@@ -12,16 +12,16 @@ use crate::report::html::{Block, Figure, Report, Section};
 use crate::report::run::{Files, Run};
 use crate::report::spectrum;
 
-/// Singular triplets, and how many were wanted.
+/// Singular triplets, with the number that was wanted.
 #[derive(Clone, Debug)]
 pub struct SingularTriplets {
     /// The triplets.
     pub found: Singular,
-    /// How many were wanted.
+    /// The number that was wanted.
     pub wanted: usize,
-    /// The pixels of photos and of patterns, where vectors are pictures.
+    /// The resolutions of photos and of patterns, if vectors are pictures.
     pub sizes: Option<[Resolution; 2]>,
-    /// Whether a tolerance was asked for, which is not met by what is within the noise.
+    /// Whether a tolerance was requested. A result within the noise does not meet it.
     is_strict: bool,
 }
 

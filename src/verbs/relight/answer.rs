@@ -15,7 +15,7 @@ use crate::report::content::Content;
 use crate::report::planes::percent;
 use crate::report::run::Run;
 
-/// A captured model and what it answered.
+/// A captured model and its answers.
 #[derive(Clone, Debug)]
 pub struct Relighting {
     /// The model.
@@ -28,26 +28,25 @@ pub struct Relighting {
     pub duals: Vec<Dual>,
     /// Photos without interreflections.
     pub reduced: Vec<Reduced>,
-    /// The model's error for each number of photos, where the matrix is known.
+    /// The model's error for each number of photos, if the matrix is known.
     pub curve: Vec<RankRow>,
-    /// The largest error of a relit photo that is good enough, where there is one.
+    /// The largest acceptable error of a relit photo, if one is given.
     pub(super) max_error: Option<f64>,
     pub(super) place: ModelPlace,
 }
 
-/// Where the model is already.
+/// The present place of the model.
 #[derive(Clone, Debug)]
 pub(super) enum ModelPlace {
-    /// Nowhere but here: it is written with the answer.
+    /// Only memory. The model is written with the answer.
     Memory,
-    /// In the folder that is the source: it is not copied.
+    /// The source folder. The model is not copied.
     Source,
-    /// In this folder, as these files. Another folder gets a model of its own.
+    /// This folder, as these files. If the answer is written to another folder, the model is copied there.
     Folder(PathBuf, Vec<String>),
 }
 
 impl Relighting {
-    /// A model of which nothing was asked yet.
     pub(super) fn new(asked: &Relight, model: SavedModel) -> Self {
         Self {
             model,
@@ -61,12 +60,12 @@ impl Relighting {
         }
     }
 
-    /// The largest error of a relit photo, where it is known.
+    /// The largest error of a relit photo, if it is known.
     pub fn worst(&self) -> Option<f64> {
         self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
     }
 
-    /// The largest error of a relit photo and the largest that is good enough, where both are known.
+    /// The largest error of a relit photo and the largest acceptable one, if both are known.
     fn judged(&self) -> Option<[f64; 2]> {
         Some([self.worst()?, self.max_error?])
     }

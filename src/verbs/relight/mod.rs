@@ -1,4 +1,4 @@
-//! Low-rank relighting: light transport from one capture, and what it answers at no further photo.
+//! Low-rank relighting: a capture of the light transport, and answers from it without further photos.
 
 mod answer;
 mod page;
@@ -61,14 +61,14 @@ pub struct Relight {
     pub questions: Option<Questions>,
 }
 
-/// What a model is asked, each by name.
+/// Named questions to a model.
 #[derive(Clone, Debug, Default)]
 pub struct Questions {
     /// Patterns of the projector's pixels to relight with.
     pub patterns: Vec<(String, Image)>,
     /// Patterns of the camera's pixels, for dual photographs.
     pub duals: Vec<(String, Image)>,
-    /// Photos to take the interreflections out of, with the ambient light.
+    /// Photos whose interreflections are to be removed, with the ambient light.
     pub photographs: Vec<(String, Planes)>,
 }
 
@@ -82,7 +82,7 @@ impl Verb for Relight {
     const NAME: &'static str = "relight";
     type Answer = Relighting;
 
-    /// A run has the channels of its photos; others that were asked for are refused once it is open.
+    /// A run has the channels of its photos. Other requested channels are refused once the run is open.
     fn channels(&self, source: &Path) -> Result<ChannelChoice> {
         Ok(match (self.channels, SourceKind::of(source)) {
             (_, SourceKind::Run) => ChannelChoice::Native,
@@ -115,13 +115,12 @@ impl Verb for Relight {
             });
         }
         check_vectors("--block", self.block(), lab.projector_resolution().pixels())?;
-        // A file that cannot be used is named before anything is traced.
+        // An unusable file is reported before anything is traced.
         self.questions_to(lab).map(drop)
     }
 
-    /// Captures the light transport and asks the model, or asks the model of the run that is the source, without a photo. A captured model is
-    /// written into the folder of the open run as soon as it is there. The photos of a scene are not kept in a journal: a simulator is also asked
-    /// for the truth.
+    /// Captures the light transport and asks the model, or asks the model of the source without a photo. A captured model is written into
+    /// the folder of the open run at once. The journal omits the photos of a scene, since a simulator also computes the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Relighting> {
         let questions = self.questions_to(lab)?;
         if lab.has_model() {
@@ -146,9 +145,9 @@ impl Verb for Relight {
             })?;
         }
         lab.timed("relighting", |lab| {
-            // The noise of the captured photos is in the model, so that the truth is by light paths of another seed.
+            // The model contains the noise of the captured photos, so the truth is computed with light paths of another seed.
             let full = lab.independent_operators(Part::Full)?;
-            // Interreflections are removed by hundreds of products, which only the scene's own matrix can take.
+            // Interreflections are removed by hundreds of products, which only the scene's own matrix makes affordable.
             let global = match lab.assembled()? {
                 Some(_) => Some(lab.reference_operators(Part::Global)?),
                 None => None,
@@ -160,12 +159,11 @@ impl Verb for Relight {
 }
 
 impl Relight {
-    /// Patterns that are chosen beforehand: by default enough to tell the twelve cups of a carton apart.
+    /// The number of patterns that are chosen beforehand. The default suffices to distinguish the twelve cups of a carton.
     fn block(&self) -> usize {
         self.block.unwrap_or(12)
     }
 
-    /// What the model of `lab` is asked.
     fn questions_to(&self, lab: &Lab) -> Result<Questions> {
         if let Some(questions) = &self.questions {
             return Ok(questions.clone());
@@ -180,7 +178,7 @@ impl Relight {
         })
     }
 
-    /// The patterns by name, white where none is given.
+    /// The patterns by name, or white if none is given.
     fn images(&self, resolution: Resolution, channels: usize) -> Result<Vec<(String, Image)>> {
         let white = [Pattern::White];
         let patterns = if self.patterns.is_empty() { &white[..] } else { &self.patterns };
@@ -199,7 +197,7 @@ impl Relight {
     }
 }
 
-/// A photo to be reduced, by name, in as many channels as the model has. A coloured photo is weighted by luminance for a gray model.
+/// A photo to be reduced, by name, with the model's number of channels. A coloured photo is weighted by luminance for a gray model.
 fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(String, Planes)> {
     let image = picture::read_sized(path, camera, "the camera")?;
     let planes = match (image.channels(), channels) {
@@ -220,7 +218,7 @@ fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(Strin
     Ok((path.display().to_string(), planes))
 }
 
-/// Asks the model. `[full, global]` are operators of the truth, where it is known.
+/// Asks the model. `[full, global]` are operators of the truth, if it is known.
 fn ask(
     answer: &mut Relighting,
     questions: &Questions,
@@ -251,7 +249,7 @@ mod tests {
         let mut lab = Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24).samples(64).open()?;
         let mut model = lab.ask(&Relight { photos: Some(20), block: Some(4), ..Relight::default() })?;
         let worst = model.worst().unwrap_or(f64::NAN);
-        // White is among the photos of the model, so that it has white's own noise: that of the matrix.
+        // White is among the photos of the model, so the model contains the noise of the white photo, and thus of the matrix.
         let noise = lab.noise()?.map_or(f64::NAN, |noise| noise.white_relative);
         assert!((worst / noise - 1.0).abs() < 0.5, "{worst} {noise}");
         let Some(checked) = model.verify(&mut lab)? else { unreachable!("a scene") };

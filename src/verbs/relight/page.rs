@@ -1,4 +1,4 @@
-//! Files and report page of low-rank relighting.
+//! The files and the report page of low-rank relighting.
 
 use std::fmt::Write;
 
@@ -139,7 +139,7 @@ impl Relighting {
         Ok(figure.named(name, format!("{name}.npy")))
     }
 
-    /// Error of each relit photo after each photo of the capture.
+    /// The error of each relit photo after each photo of the capture.
     fn errors_by_rank(&self, files: &mut Files<'_>) -> Result<Block> {
         let known: Vec<(usize, &Relit)> =
             self.relit.iter().enumerate().filter(|(_, relit)| relit.errors.len() > 1).collect();
@@ -173,7 +173,7 @@ impl Relighting {
         Ok(Block::Plot { svg: plot.render(), caption: caption.into() })
     }
 
-    /// Error of the model matrix after each photo.
+    /// The error of the model matrix after each photo.
     fn curve_section(&self, files: &mut Files<'_>) -> Result<Section> {
         let mut csv = "photos,error,one_sided_error,optimal_error\n".to_owned();
         for row in &self.curve {
@@ -223,10 +223,8 @@ impl Relighting {
     }
 }
 
-/// Explains the order of the photos.
 const ORDER: &str = "White and smooth random patterns come first, then photos that are projected back. Direct light, which is kept apart, is not in them.";
 
-/// The file name without its folders.
 fn short(name: &str) -> &str {
     name.rsplit('/').next().unwrap_or(name)
 }

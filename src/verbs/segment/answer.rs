@@ -13,7 +13,7 @@ use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
 use crate::report::content::Content;
 use crate::transport::Part;
 
-/// The groups, with what was asked beside them.
+/// The groups, with the further results that were requested.
 #[derive(Clone, Debug)]
 pub struct Segmented {
     /// The groups.
@@ -28,22 +28,22 @@ pub struct Segmented {
     pub features: Option<FeatureView>,
     /// The standard deviation in pixels of the Gaussian that blurred patterns and photos; 0 for none.
     pub blur: f64,
-    /// Whether the graph is that of `A Aᵀ`, of a matrix that is not symmetric: every second photo is one of the transpose.
+    /// Whether the graph is that of `A Aᵀ`, for a matrix that is not symmetric. Every second photo then uses the transpose.
     pub there_and_back: bool,
-    /// The true labels, where they are known.
+    /// The true labels, if they are known.
     pub truth: Option<Truth>,
-    /// The adjusted Rand index of each number of groups; empty without true labels.
+    /// The adjusted Rand index for each number of groups; empty without true labels.
     pub scores: Vec<(usize, f64)>,
-    /// The eigenvalues of the scene by independent light, without the first, which is known; empty before [`Answer::verify`].
+    /// Estimates of the scene's eigenvalues by independent light, without the first, which is known; empty before [`Answer::verify`].
     pub estimates: Vec<EigenpairEstimate>,
-    /// The share of the confidence that independent light leaves each number of groups; empty before [`Answer::verify`].
+    /// The share of the confidence that independent light supports, for each number of groups; empty before [`Answer::verify`].
     pub supported: Vec<(usize, f64)>,
-    /// Eigenvectors that were counted as regions and that independent light refutes.
+    /// The number of eigenvectors that were counted as regions and that independent light refutes.
     pub refuted: usize,
     pub(super) part: Part,
     pub(super) cut: Cut,
     pub(super) is_of_photos_as_taken: bool,
-    /// Whether one region was divided into two groups only because no number of groups was asked for.
+    /// Whether one region was divided into two groups only because no number of groups was requested.
     pub(super) is_undivided: bool,
     pub(super) min_rand_index: Option<f64>,
 }
@@ -74,7 +74,7 @@ impl Segmented {
         }
     }
 
-    /// The same, compared with the true labels.
+    /// The same answer, compared with the true labels.
     pub(super) fn against(mut self, truth: Option<Truth>) -> Result<Self> {
         self.scores =
             truth.as_ref().map(|truth| truth.scores(&self.segmentation)).transpose()?.unwrap_or_default();
@@ -82,19 +82,17 @@ impl Segmented {
         Ok(self)
     }
 
-    /// The share of the pixels whose label is sure, and no more than independent light supports. `None` for a number of groups that was not asked
-    /// for.
+    /// The share of certain labels, limited by independent light; `None` for a number of groups that was not requested.
     pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
         let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
         self.segmentation.share_of_sure(groups).map(|sure| sure * supported)
     }
 
-    /// Masked pixels.
     pub(super) fn masked(&self) -> usize {
         self.segmentation.mask.iter().filter(|&&masked| masked).count()
     }
 
-    /// The eigenvalue of the scene for eigenvector `index`; the first is known.
+    /// The estimate of the scene's eigenvalue for eigenvector `index`. The first one has none, since it is known.
     fn estimate(&self, index: usize) -> Option<&EigenpairEstimate> {
         self.estimates.get(index.checked_sub(1)?)
     }
@@ -262,7 +260,7 @@ impl Segmented {
                 format!("add --groups {regions}"),
             );
         };
-        // A bound that is not a number is missed, not passed.
+        // A bound that is NaN is not met.
         let grade = if score >= least { Grade::Ok } else { Grade::Fails };
         let found = format!("the adjusted Rand index against the true labels is {score:.4}");
         Some(Finding::graded("agreement", grade, found, expected, "give more --photos or --spp"))
@@ -274,7 +272,6 @@ impl Answer for Segmented {
         Segment::NAME
     }
 
-    /// All photos: of direct light, of the graph and of the evidence.
     fn photos(&self) -> usize {
         let direct = self.direct.as_ref().map_or(0, |direct| direct.photos);
         let evidence: usize = self.evidence.iter().map(|evidence| evidence.photos.len()).sum();
@@ -310,7 +307,7 @@ impl Answer for Segmented {
     }
 
     fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
-        // The eigenvectors must be those of photos as they were taken: nothing subtracted, no blur, no exchanged devices.
+        // The eigenvectors must come from unmodified photos: nothing subtracted, no blur, no exchanged devices.
         if !self.is_of_photos_as_taken || self.there_and_back {
             return Ok(None);
         }

@@ -1,4 +1,4 @@
-//! Pixels as points in the space of eigenvectors: coordinates of chosen pixels and the distances between them.
+//! Pixels as points in the space of eigenvectors: the coordinates of chosen pixels and the distances between them.
 
 use std::fmt::Write;
 
@@ -8,7 +8,7 @@ use crate::report::html::{Block, Section};
 use crate::report::palette::Palette;
 use crate::report::scatter::ScatterPlot;
 
-/// Maximum number of points in a plot: more would overlap and enlarge the page.
+/// The maximum number of points in a plot. More points would overlap and enlarge the page.
 const POINTS: usize = 2500;
 
 /// The names of chosen pixels: A, B, …, Z, AA, …
@@ -24,7 +24,7 @@ fn name(mut index: usize) -> String {
     }
 }
 
-/// Content of `features.csv`: the coordinates of the chosen pixels.
+/// The content of `features.csv`: the coordinates of the chosen pixels.
 pub(super) fn csv(view: &FeatureView) -> String {
     let count = view.coordinates.first().map_or(0, Vec::len);
     let mut text = String::from("pixel,x,y");
@@ -53,7 +53,7 @@ pub(super) fn section(found: &Segmentation, view: &FeatureView, palette: &Palett
     }
 }
 
-/// Scatter plot over two eigenvectors; index 0 is the second eigenvector.
+/// A scatter plot over two eigenvectors. Index 0 is the second eigenvector.
 fn scatter(found: &Segmentation, view: &FeatureView, palette: &Palette, [x, y]: [usize; 2]) -> Option<Block> {
     let coordinate = |axis: usize, pixel: usize| -> Option<f64> {
         Some(found.embedding.coordinate(axis + 1, found.eigenvectors.get(axis + 1)?[pixel]))
@@ -61,7 +61,7 @@ fn scatter(found: &Segmentation, view: &FeatureView, palette: &Palette, [x, y]: 
     coordinate(y, 0)?;
     let (groups, labels) = found.labels.first()?;
     let shown: Vec<usize> = (0..labels.len()).filter(|&pixel| !found.mask[pixel]).collect();
-    // A fixed stride over the shown pixels; unless it shares a factor with the width, it visits all columns.
+    // The points have a fixed stride over the shown pixels. The stride visits all columns unless it shares a factor with the width.
     let stride = shown.len().div_ceil(POINTS);
     let points = shown.iter().step_by(stride.max(1)).filter_map(|&pixel| {
         Some((pixel, ((coordinate(x, pixel)?, coordinate(y, pixel)?), palette.color(labels[pixel]))))

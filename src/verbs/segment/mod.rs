@@ -143,8 +143,8 @@ impl Verb for Segment {
         self.check_pixels(lab.resolution())
     }
 
-    /// Segments the scene: groups of pixels that exchange light, or, where camera and projector stand apart, on which the same light falls.
-    /// The journal of the run keeps the true labels of the scene, where it has any.
+    /// Segments the scene into groups of pixels that exchange light. If camera and projector stand apart, the pixels of a group receive the
+    /// same light. The journal of the run keeps the true labels of the scene, if it has any.
     fn answer(&self, lab: &mut Lab) -> Result<Segmented> {
         let options = self.options(lab.seed(), lab.photos_of_run());
         lab.allow_photos(options.photos);
@@ -161,13 +161,13 @@ impl Verb for Segment {
 }
 
 impl Segment {
-    /// The options of the method; `seed` is for all choices by chance, `photos_of_run` the default budget of a run that is asked again.
+    /// The options of the method. `seed` is used for all random choices, and `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, seed: u64, photos_of_run: Option<usize>) -> SegmentOptions {
         SegmentOptions {
             photos: self.photos.or(photos_of_run).unwrap_or(50),
             groups: self.groups.clone(),
             eigenvectors: self.eigenvectors,
-            // Fewer photos of a run than it has ask for the same patterns.
+            // The starting patterns follow from the photos of the run, so that a request for fewer photos uses the same patterns.
             starts: self.starts.or(photos_of_run.map(SegmentOptions::automatic_starts)),
             cut: self.cut,
             mu: self.mu,
@@ -183,10 +183,7 @@ impl Segment {
         if self.direct == Direct::Source && !self.keep_direct { Part::Global } else { Part::Full }
     }
 
-    /// Refuses what the prediction of a rig's answer cannot know.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option.
+    /// Refuses options that the prediction of a rig's answer does not support, with [`Error::Option`].
     pub fn check_plan(&self) -> Result<()> {
         let given = [
             (self.blur.is_some(), "--blur"),
@@ -198,10 +195,8 @@ impl Segment {
         not_planned(Self::NAME, &given)
     }
 
-    /// Takes all photos with `operator` (`n × n`), which contains the light of [`Segment::part`].
-    ///
-    /// # Errors
-    /// As [`Verb::check`], [`measure_direct`], [`Capture::run`] and [`evidence()`].
+    /// Takes all photos with `operator` (`n × n`), which contains the light of [`Segment::part`]. Fails as [`Verb::check`],
+    /// [`measure_direct`], [`Capture::run`] and [`evidence()`].
     pub fn run(&self, operator: &mut dyn Operator, resolution: Resolution, seed: u64) -> Result<Segmented> {
         self.check()?;
         self.check_pixels(resolution)?;
@@ -232,9 +227,9 @@ impl Segment {
         Ok(found)
     }
 
-    /// Takes the photos where the transpose is at hand, too. A matrix that is not symmetric is that of a camera and a projector that
-    /// stand apart: the graph is then that of `A Aᵀ`, where two pixels of the camera are neighbours if the same light reaches both. Each of
-    /// its products is a photo with the devices exchanged and one as they stand, and all photos count.
+    /// Takes the photos with an operator that also has the transpose. A matrix that is not symmetric belongs to a camera and a projector
+    /// that stand apart. The graph is then that of `A Aᵀ`, in which two pixels of the camera are neighbours if the same light reaches both.
+    /// Each of its products is one photo with the devices exchanged and one with the devices as they are, and all photos count.
     fn with_transpose(
         &self,
         operator: &mut dyn Adjoint,
@@ -287,13 +282,13 @@ impl Segment {
         Ok(Segmented { evidence, ..Segmented::new(self, segmentation, resolution) })
     }
 
-    /// Places of shifted squares along a side; `None` where the photos are no square number from 4 on.
+    /// The number of places of shifted squares along a side; `None` unless the number of photos is a square number of at least 4.
     fn shifts(&self) -> Option<usize> {
         let shifts = self.direct_photos.isqrt();
         (shifts >= 2 && shifts * shifts == self.direct_photos).then_some(shifts)
     }
 
-    /// How direct light is measured, where it is.
+    /// The method that measures direct light, if one is used.
     fn direct_method(&self) -> Option<DirectMethod> {
         match self.direct {
             Direct::Source | Direct::Keep => None,
@@ -305,9 +300,9 @@ impl Segment {
         }
     }
 
-    /// The most photos in total.
+    /// The largest number of photos in total.
     fn photos(&self, options: &SegmentOptions) -> usize {
-        // Where the number of groups is not known yet, it is at most one more than the starting patterns.
+        // A number of groups that is not known yet is at most one more than the number of starting patterns.
         let groups = match options.groups.as_slice() {
             [] => options.starts.unwrap_or(SegmentOptions::automatic_starts(options.photos)) + 1,
             groups => groups.iter().sum(),
@@ -317,7 +312,7 @@ impl Segment {
         options.photos + evidence + direct
     }
 
-    /// The blur of patterns and photos: the one that was asked for, or the one that the rig needs.
+    /// The blur of patterns and photos: the requested one, or the one that the rig needs.
     fn blur_on(&self, lab: &Lab) -> f64 {
         if let Some(blur) = self.blur {
             return blur;
@@ -344,7 +339,7 @@ impl Segment {
         }
     }
 
-    /// Refuses what relies on a symmetric matrix.
+    /// Refuses options that need a symmetric matrix.
     fn check_apart(&self) -> Result<()> {
         let refuse = |option: &str, fault: &str, help: &str| {
             Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() })
@@ -361,8 +356,8 @@ impl Segment {
     }
 }
 
-/// The share of its light that a blur of patterns and photos by `blur` pixels carries out of half a picture, across a straight border. Both
-/// together blur by `√2 blur`, and `1/√2π` of that is the mean way across.
+/// The share of the light of half a picture that a blur of patterns and photos by `blur` pixels carries across a straight border. Both
+/// blurs together have a standard deviation of `√2 blur`, and the mean distance across the border is `1/√2π` of that.
 fn leak(blur: f64, resolution: Resolution) -> f64 {
     let half = resolution.width.min(resolution.height) as f64 / 2.0;
     blur / std::f64::consts::PI.sqrt() / half

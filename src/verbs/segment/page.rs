@@ -1,4 +1,4 @@
-//! Files and report page of a light transport segmentation.
+//! The files and the report page of a light transport segmentation.
 
 use rayon::prelude::*;
 
@@ -17,8 +17,7 @@ use crate::report::run::{Files, Run};
 use crate::report::{figure, spectrum};
 
 impl Segmented {
-    /// Writes arrays, pictures and `report.html` into the run's folder and returns their names. `white` is the photo under
-    /// a white pattern.
+    /// Writes arrays, pictures and `report.html` into the run's folder and returns their names. `white` is the photo under a white pattern.
     pub(super) fn write_page(&self, white: &Image, run: &Run<'_>) -> Result<Vec<String>> {
         let found = &self.segmentation;
         let mut files = Files::of(run.folder, &self.content())?;
@@ -87,7 +86,7 @@ impl Segmented {
         })
     }
 
-    /// The colours of each number of groups: those of the true regions, where these are known, and else those of the first number of groups.
+    /// The colours for each number of groups. They match the true regions if these are known, or else the groups of the first number.
     fn palettes(&self) -> Vec<Palette> {
         let labels = &self.segmentation.labels;
         let reference = self.truth.as_ref().map(|truth| truth.labels.as_slice());
@@ -95,7 +94,7 @@ impl Segmented {
         labels.iter().map(|(_, labels)| Palette::default().matched(reference, labels)).collect()
     }
 
-    /// How many labels are sure, as the end of a caption.
+    /// The share of certain labels, as the end of a caption.
     fn sure(&self, groups: usize) -> String {
         match self.share_of_sure(groups) {
             Some(share) => format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share),
@@ -151,7 +150,7 @@ impl Segmented {
         Ok(run.page((self.findings(), self.headline()), found.photos, more, sections))
     }
 
-    /// Further table columns: the eigenvalues of the scene, and which eigenvectors are localized, where there are any.
+    /// Further table columns: the eigenvalues of the scene and the localization of eigenvectors, if there are any.
     fn columns(&self) -> Vec<(&'static str, Vec<String>)> {
         let mut columns = Vec::new();
         if !self.estimates.is_empty() {
@@ -183,17 +182,14 @@ impl Segmented {
     }
 }
 
-/// Colour and name of each region that some pixel sees.
 fn swatches(truth: &Truth) -> Vec<Swatch> {
     let seen = |region: &u8| truth.labels.contains(region);
     let name = |region: u8| truth.regions.get(usize::from(region)).cloned().unwrap_or_default();
     (0..MASKED).filter(seen).map(|region| Swatch { color: label_color(region), text: name(region) }).collect()
 }
 
-/// Explains the order of the photos.
 const ORDER: &str = "Those of direct light come first, where it was measured; then white, which is what each pixel gets from all others; then those of the Krylov process, and of groups lit alone.";
 
-/// All pictures of the run with their file names.
 struct Pictures {
     white: Figure,
     truth: Option<Figure>,

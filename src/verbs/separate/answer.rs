@@ -13,49 +13,46 @@ use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
 use crate::report::content::Content;
 use crate::report::planes::percent;
 
-/// Direct and global light under white, with what was asked beside it.
+/// Direct and global light under white, with the further results that were requested.
 #[derive(Clone, Debug)]
 pub struct Separated {
-    /// The method with its setting, in words.
+    /// The method and its settings in words.
     pub method: String,
     /// The method's name.
     pub name: &'static str,
-    /// The pixels of all light.
+    /// The resolution of all images.
     pub resolution: Resolution,
-    /// Photos that the method took; those of `near_far` are beside them.
+    /// The number of photos that the method took, without those of `near_far`.
     pub photos: usize,
-    /// One bounce.
+    /// Light of one bounce.
     pub direct: Planes,
-    /// Two bounces and more.
+    /// Light of two or more bounces.
     pub global: Planes,
-    /// Standard errors of `direct`, where the method knows them.
+    /// The standard errors of `direct`, if the method knows them.
     pub standard_error: Option<Planes>,
-    /// Standard errors of `global`, where the method knows them.
+    /// The standard errors of `global`, if the method knows them.
     pub global_error: Option<Planes>,
-    /// The exact first bounce, where a simulator knows it and the method is another.
+    /// The exact first bounce, if a simulator knows it and another method was used.
     pub truth: Option<Planes>,
-    /// The second bounce, and three and more.
+    /// The second bounce, and the third and later ones.
     pub bounces: Option<[Planes; 2]>,
-    /// Global light by how far it went.
+    /// Global light by the distance that it travelled.
     pub near_far: Option<NearFar>,
     /// Every method at several photo counts; may be empty.
     pub comparison: Vec<ComparisonRow>,
-    /// The largest error of `direct` that is good enough, where there is one.
+    /// The largest acceptable error of `direct`, if one is given.
     pub(super) max_error: Option<f64>,
 }
 
-/// An image of the answer.
 pub(super) struct Layer<'a> {
-    /// The name of its files.
     pub(super) file: &'static str,
-    /// The name of its attribute in Python.
     pub(super) attribute: &'static str,
     pub(super) planes: &'a Planes,
     pub(super) caption: String,
 }
 
 impl Separated {
-    /// Light that the simulator knows.
+    /// Exact light, from a simulator.
     pub(super) fn exact(asked: &Separate, resolution: Resolution, [direct, global]: [Planes; 2]) -> Self {
         Self {
             method: "the simulator".into(),
@@ -74,17 +71,16 @@ impl Separated {
         }
     }
 
-    /// The relative error of the direct light, where the truth is known.
+    /// The relative error of the direct light, if the truth is known.
     pub fn error(&self) -> Option<f64> {
         self.truth.as_ref().and_then(|truth| relative_error(&self.direct, truth).value())
     }
 
-    /// The error of the direct light and the largest that is good enough, where it is above it.
+    /// The error of the direct light and the largest acceptable one, if the error exceeds it.
     fn excess(&self) -> Option<[f64; 2]> {
         Some([self.error()?, self.max_error?]).filter(|[error, most]| error > most)
     }
 
-    /// All images of light.
     pub(super) fn layers(&self) -> Vec<Layer<'_>> {
         let layer = |[file, attribute]: [&'static str; 2], planes, caption: &str| Layer {
             file,
@@ -111,7 +107,6 @@ impl Separated {
         layers
     }
 
-    /// The standard errors that are known.
     pub(super) fn standard_errors(&self) -> impl Iterator<Item = Layer<'_>> {
         let known = [
             ("standard-error", "standard_error", &self.standard_error, "direct"),
@@ -151,7 +146,7 @@ impl Answer for Separated {
         Separate::NAME
     }
 
-    /// The photos of the method, and those that tell near from far.
+    /// The number of photos of the method and of the separation of near from far.
     fn photos(&self) -> usize {
         self.photos + self.near_far.as_ref().map_or(0, |near_far| near_far.photos)
     }
@@ -197,7 +192,7 @@ impl Answer for Separated {
         content
     }
 
-    /// Whether there is global light beyond its error, and whether the direct light is as good as was asked for.
+    /// Whether there is global light beyond its error, and whether the direct light is as good as requested.
     fn findings(&self) -> Vec<Finding> {
         let share = match &self.global_error {
             Some(errors) => relative_to(1.0, &self.global, errors),

@@ -103,7 +103,7 @@ impl Verb for Separate {
         self.bounces
     }
 
-    /// Refuses what only a simulator knows where there is none, and settings that a method cannot use.
+    /// Refuses requests for exact light without a simulator, and settings that a method cannot use.
     fn check_on(&self, lab: &Lab) -> Result<()> {
         let by = self.by(lab);
         let asked = [
@@ -124,8 +124,7 @@ impl Verb for Separate {
         by.map_or(Ok(()), SeparateBy::check)
     }
 
-    /// Separates direct and global light under white. The photos of a scene are not kept in a journal: a simulator is also asked for the
-    /// truth, by hundreds of products.
+    /// Separates direct and global light under white. The journal omits the photos of a scene, since a simulator also computes the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Separated> {
         lab.allow_photos(self.budget(lab));
         let (is_scene, seed) = (lab.kind() == SourceKind::Scene, lab.seed());
@@ -136,7 +135,7 @@ impl Verb for Separate {
         let exact = if is_scene { Some(lab.timed("exact bounces", exact_bounces)?) } else { None };
         let mut found = match self.by(lab) {
             Some(by) => self.by_photos(lab, by, exact.as_ref())?,
-            // It is a scene: nothing else is asked for exact light.
+            // The source is a scene. Other sources do not use the exact method.
             None => Separated::exact(self, lab.resolution(), exact.clone().unwrap_or_default()),
         };
         if self.bounces {
@@ -160,12 +159,11 @@ impl Verb for Separate {
 }
 
 impl Separate {
-    /// Photos of random patterns or of the capture.
     fn budget(&self, lab: &Lab) -> usize {
         self.photos.or(lab.photos_of_run()).unwrap_or(40)
     }
 
-    /// The method with its settings; `None` is what a simulator knows.
+    /// The method with its settings; `None` means exact light from a simulator.
     fn by(&self, lab: &Lab) -> Option<SeparateBy> {
         let photos = self.budget(lab);
         let is_scene = lab.kind() == SourceKind::Scene;
@@ -176,7 +174,7 @@ impl Separate {
                 SeparateBy::Checkerboards { square: self.square, shifts: self.shifts }
             }
             SeparationMethod::Sinusoids => SeparateBy::Sinusoids { period: self.period, phases: self.phases },
-            // A run may have any number of photos, and codes need a power of two.
+            // A run may have any number of photos, but codes need a power of two.
             SeparationMethod::Codes => SeparateBy::Codes { photos: self.photos.unwrap_or(16) },
             SeparationMethod::Random => SeparateBy::Random { photos },
             SeparationMethod::Capture => SeparateBy::Capture { photos },
@@ -203,12 +201,12 @@ impl Separate {
     }
 }
 
-/// The light of one bounce, and that of two bounces and more, under white.
+/// The light of one bounce, and that of two or more bounces, under white.
 fn exact_bounces(lab: &mut Lab) -> Result<[Planes; 2]> {
     Ok([lab.white_of(Part::Direct)?, lab.white_of(Part::Global)?])
 }
 
-/// Global light by how far it went; `None` where that cannot be photographed.
+/// Global light by the distance that it travelled; `None` if it cannot be photographed.
 fn probed(lab: &mut Lab, options: NearFarOptions, global: &Planes) -> Result<Option<NearFar>> {
     let resolution = lab.resolution();
     let mut operators = lab.operators(Part::Global)?;

@@ -1,4 +1,4 @@
-//! Files and report page of a separation into direct and global light.
+//! The files and the report page of a separation into direct and global light.
 
 use std::fmt::Write;
 
@@ -20,8 +20,8 @@ use crate::report::plot::{LinePlot, Series};
 use crate::report::run::{Files, Run};
 
 impl Separated {
-    /// Writes images, `errors.csv` and `report.html` into the run's folder and returns their names. The `.png` files of direct and
-    /// global light share one exposure.
+    /// Writes images, `errors.csv` and `report.html` into the run's folder and returns their names. The `.png` files of direct and global
+    /// light share one exposure.
     pub(super) fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
         let mut files = Files::new(run.folder);
         let image = |planes| Image::from_planes(run.resolution, planes);
@@ -55,7 +55,6 @@ impl Separated {
     fn csv(&self) -> String {
         let mut text = "method,setting,photos,direct_error,global_error\n".to_owned();
         for row in &self.comparison {
-            // A field is empty where there is nothing to measure.
             let field = |error: Ratio| error.value().map_or(String::new(), |error| format!("{error:e}"));
             let [direct, global] = [row.error, row.global_error].map(field);
             // Writing to a string cannot fail.
@@ -142,5 +141,4 @@ impl Separated {
     }
 }
 
-/// Explains the order of the photos.
 const ORDER: &str = "Those of the method come first, those that tell near from far last.";

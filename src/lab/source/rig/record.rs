@@ -1,4 +1,4 @@
-//! What a run and its journal keep of a rig, so that a replay needs nothing else.
+//! The data of a rig that a run and its journal keep. They suffice for a replay.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::measure::{Calibration, RigFile, RunManifest};
 use crate::transport::Channels;
 
 impl RigSource {
-    /// Keeps beside the journal of the run in `folder` what a replay needs of the rig: its note, its file and its calibration.
+    /// Stores beside the journal in `folder` the data of the rig that a replay needs: its note, its file and its calibration.
     pub(in crate::lab) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
         let bytes = match &self.program.text {
@@ -37,7 +37,6 @@ impl RigSource {
         Ok(())
     }
 
-    /// The note by which a run can be replayed.
     pub(in crate::lab) fn note(&self, channels: Channels) -> SourceNote {
         SourceNote {
             kind: Kind::Rig,
@@ -51,7 +50,6 @@ impl RigSource {
         }
     }
 
-    /// Notes what a run depends on.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
         if let Some(scene) = &self.scene {
