@@ -1,6 +1,7 @@
-//! The operator of an analysis: all of the light, or without its direct part, blurred or not.
+//! The operator of an analysis: all light, or all light but the direct part, with or without blur.
 //!
-//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract.
+//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract
+//! it.
 
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};
@@ -11,7 +12,7 @@ use crate::operator::{Operator, block, block_mut, delegate};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DirectMethod {
     /// Nayar's checkerboards with squares of `square` pixels, shifted to `shifts²` places, one photo each ([`checkerboards`]).
-    /// The direct light is overestimated where global light resolves the squares.
+    /// They overestimate the direct light where global light resolves the squares.
     Checkerboards {
         /// Side of a square in pixels.
         square: usize,
@@ -25,10 +26,7 @@ pub enum DirectMethod {
     },
 }
 
-/// Measures the direct light of `operator` (`n × n`, all of the light).
-///
-/// # Errors
-/// As [`checkerboards`] and [`random_patterns`].
+/// Measures the direct light of `operator` (`n × n`, all light). Fails as [`checkerboards`] and [`random_patterns`] do.
 pub fn measure_direct(
     operator: &mut dyn Operator,
     resolution: Resolution,
@@ -63,7 +61,6 @@ impl<'a> WithoutDirect<'a> {
         Ok(Self { operator, direct })
     }
 
-    /// `y ← y − d ∘ x`.
     fn subtract(&self, x: &[f64], y: &mut [f64]) {
         for ((y, x), direct) in y.iter_mut().zip(x).zip(self.direct) {
             *y -= direct * x;
@@ -95,9 +92,9 @@ impl Operator for WithoutDirect<'_> {
     }
 }
 
-/// The operator `K A K` with one Gaussian `K = Kᵀ` for pattern and photo. It has the symmetry of `A`, which a blur of the photo
-/// alone would break. The blur averages neighbouring pixels, and so their noise; light paths shorter than the blur are not
-/// treated as direct light. A product is one photo.
+/// The operator `K A K` with one Gaussian `K = Kᵀ` for pattern and photo. It has the symmetry of `A`; a blur of the photo alone
+/// would break it. The blur averages the noise of neighbouring pixels. Light paths shorter than the blur are not treated as
+/// direct light. A product is one photo.
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,
@@ -149,7 +146,7 @@ impl Operator for Blurred<'_> {
         Ok(())
     }
 
-    /// Those of the photos, reduced by the blur as if their noise were the same in all pixels.
+    /// The standard errors of the photos, reduced by the blur as if their noise were the same in all pixels.
     fn standard_errors(&self) -> Vec<f64> {
         let errors = self.operator.standard_errors();
         if errors.is_empty() {
@@ -214,7 +211,7 @@ mod tests {
         let columns = (0..12).map(|j| column(&mut blurred, j)).collect::<Result<Vec<_>>>()?;
         for (i, column) in columns.iter().enumerate() {
             for (j, row) in columns.iter().enumerate() {
-                // Entries are below 121; the error is that of a hundred roundings.
+                // Entries are below 121, and the error is about a hundred roundings.
                 assert!((column[j] - row[i]).abs() < 1e-12);
             }
         }

@@ -15,12 +15,9 @@ const PIECE: usize = 32 << 20;
 pub(crate) const TEXTURE_WIDTH: u32 = 4096;
 
 impl Gpu {
-    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that little memory is
-    /// needed for pieces in flight. An empty slice becomes one element of zeros, since a binding may not be
-    /// empty.
-    ///
-    /// # Errors
-    /// [`Error::Device`] where the device has too little memory.
+    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that pieces in flight need little memory. An
+    /// empty slice becomes one element of zeros, because a binding may not be empty.
+    /// Fails with [`Error::Device`] if the device has too little memory.
     pub(crate) fn storage<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len().max(size_of::<T>()) as u64;
@@ -38,7 +35,6 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// An uninitialized buffer of `bytes`.
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buffer> {
         self.check_size(label, bytes)?;
         self.guarded(&format!("{label} ({:.1} MiB)", bytes as f64 / 1048576.0), || {
@@ -102,13 +98,11 @@ impl Gpu {
         })
     }
 
-    /// Refuses a buffer that exceeds the device's limits.
     fn check_size(&self, label: &str, bytes: u64) -> Result<()> {
         let limit = self.summary.max_storage_binding.min(self.summary.max_buffer);
         if bytes > limit { Err(self.too_large(label, bytes, limit)) } else { Ok(()) }
     }
 
-    /// The error for data that exceeds the device's limits.
     fn too_large(&self, label: &str, bytes: u64, limit: u64) -> Error {
         Error::Device {
             fault: format!(
@@ -126,7 +120,6 @@ impl Gpu {
 /// share them.
 #[derive(Clone)]
 pub(crate) struct Results {
-    /// The buffer to which the kernel writes.
     pub(crate) buffer: wgpu::Buffer,
     /// The staging buffer; `None` where the host reads results in place (see [`Gpu::shares_memory`]).
     readback: Option<wgpu::Buffer>,
@@ -140,7 +133,6 @@ pub(crate) struct Readback {
 }
 
 impl Results {
-    /// Allocates `bytes` for results.
     pub(crate) fn new(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
         let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
         let readback = (!gpu.shares_memory)
@@ -174,7 +166,7 @@ impl Results {
     pub(crate) fn request(&self, bytes: u64, submission: wgpu::SubmissionIndex) -> Readback {
         let (sender, mapped) = std::sync::mpsc::channel();
         self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // After an interruption nothing receives this.
+            // After an interruption, the receiver no longer exists.
             let _ = sender.send(outcome);
         });
         Readback { submission, mapped, bytes }
@@ -193,7 +185,7 @@ impl Results {
         }
     }
 
-    /// Makes the results writable again for the device.
+    /// Makes the results writable for the device again.
     pub(crate) fn release(&self) {
         self.readable().unmap();
     }

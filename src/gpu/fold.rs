@@ -1,8 +1,9 @@
-//! Constant folding of shaders: it removes branches that the constants rule out, and everything that only
-//! these branches use.
+//! Constant folding of shaders removes branches that the constants rule out, and all code that only these
+//! branches use.
 //!
-//! Drivers do the same, but only after they have translated the whole shader. For a scene of plain surfaces
-//! that took the software Vulkan driver 0.12 s, even with compiled kernels in its cache; now it takes 0.03 s.
+//! Drivers do the same, but only after they have translated the whole shader. For a scene of plain surfaces,
+//! this took the software Vulkan driver 0.12 s, even with compiled kernels in its cache; after folding, it
+//! takes 0.03 s.
 
 use std::collections::HashMap;
 
@@ -15,8 +16,7 @@ use naga::{
 /// The return values of the functions that return a constant.
 type Returns = HashMap<Handle<Function>, Literal>;
 
-/// Removes everything that `module` cannot execute. The module must be valid, and computes the same
-/// afterwards.
+/// Removes all code that `module` cannot execute. The module must be valid, and computes the same afterwards.
 pub(super) fn fold(module: &mut Module) {
     let mut returns = Returns::new();
     // In a valid module, a function comes after the functions that it calls.
@@ -114,9 +114,9 @@ struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable, to which
-    /// either branch of `if a` stores once before it is read. Where only one of these stores is left, its
-    /// value is the variable's value.
+    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable. Either branch
+    /// of `if a` stores to it once before it is read. If only one of these stores is left, its value is the
+    /// variable's value.
     fn with_locals(mut self, body: &Block) -> Self {
         let function = self.function;
         stores(body, &mut |pointer, value| {

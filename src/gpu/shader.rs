@@ -57,16 +57,14 @@ shaders! {
 /// The complete WGSL of the entry point `name`, with its imports resolved.
 ///
 /// # Errors
-/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or is not valid.
+/// [`Error::Device`], which names the shader, if it or one of its imports does not exist or is not valid.
 pub fn compose(name: &str) -> Result<String> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     compose_source(name, source)
 }
 
-/// The same as [`compose`], for WGSL that is not one of [`SOURCES`], such as a test of a single function.
-///
-/// # Errors
-/// The errors of [`compose`].
+/// The same as [`compose`], errors included, for WGSL that is not one of [`SOURCES`], such as a test of a
+/// single function.
 pub fn compose_source(name: &str, source: &str) -> Result<String> {
     let text = assemble(name, source)?;
     validate(name, &text)?;
@@ -78,8 +76,8 @@ pub fn compose_source(name: &str, source: &str) -> Result<String> {
 /// kernel of it.
 ///
 /// # Errors
-/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or cannot be
-/// parsed, or where an override has no value.
+/// [`Error::Device`], which names the shader, if it or one of its imports does not exist or cannot be parsed,
+/// or if an override has no value.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     let text = with_constants(name, &assemble(name, source)?, constants)?;
@@ -88,8 +86,8 @@ pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Modu
     Ok(module)
 }
 
-/// `text` with its overrides replaced by constants. Each override has its own line. Constants in the
-/// text spare a second pass over the module, which overrides would need.
+/// `text` with its overrides replaced by constants. Each override has its own line. Constants in the text
+/// avoid the second pass over the module that overrides would need.
 fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<String> {
     let mut out = String::with_capacity(text.len());
     for line in text.lines() {
@@ -112,7 +110,7 @@ fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<S
     Ok(out)
 }
 
-/// The text of a shader with its imports resolved. It is also dumped, if the environment asks for that.
+/// The text of a shader with its imports resolved. It is also dumped if the environment asks for that.
 fn assemble(name: &str, source: &str) -> Result<String> {
     let mut text = String::new();
     append(name, source, &mut Vec::new(), &mut text)?;
@@ -123,7 +121,6 @@ fn assemble(name: &str, source: &str) -> Result<String> {
     Ok(text)
 }
 
-/// The source of this name.
 fn lookup(name: &str) -> Option<&'static str> {
     SOURCES.iter().find(|(known, _)| *known == name).map(|(_, source)| *source)
 }
@@ -166,15 +163,12 @@ fn parse(name: &str, text: &str) -> Result<naga::Module> {
     naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))
 }
 
-/// The composed shader `name` as a naga module, for example to compare its layouts with the host's.
-///
-/// # Errors
-/// The errors of [`compose`].
+/// The composed shader `name` as a naga module, for example to compare its layouts with the host's. Fails as
+/// [`compose`] does.
 pub fn module(name: &str) -> Result<naga::Module> {
     validate(name, &compose(name)?)
 }
 
-/// An error in a shader.
 fn fault(name: &str, what: &str) -> Error {
     Error::Device {
         fault: format!("shader {name}: {what}"),

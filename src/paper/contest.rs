@@ -1,5 +1,5 @@
-//! Compensation methods at equal photo counts: the paper's method with clamping, box-constrained methods, and the optimum; their target and their
-//! pictures.
+//! Compensation methods at equal photo counts: the paper's method with clamping, box-constrained methods, and the optimum; with their
+//! target and pictures.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(super) struct TargetLight {
 }
 
 impl TargetLight {
-    /// Scales `target` (values in [0, 1]) by half the median of the white photo: all but its brightest parts are feasible.
+    /// Scales `target` (values in [0, 1]) by half the median of the white photo, so that all but its brightest parts are feasible.
     pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
         let mut white = vec![0.0; target.len()];
         operator.apply(&vec![1.0; target.len()], &mut white)?;
@@ -55,7 +55,6 @@ impl TargetLight {
     }
 }
 
-/// The run of one method.
 #[derive(Default)]
 pub(super) struct MethodRun {
     /// Residual of the method's answer after each photo.
@@ -64,9 +63,8 @@ pub(super) struct MethodRun {
     pub(super) displayed: Vec<f64>,
     /// The last answer, not clamped.
     pub(super) pattern: Vec<f64>,
-    /// The photos in order.
     pub(super) shots: Vec<Product>,
-    /// The frames that the camera had taken for the method after each photo; none by an ideal rig.
+    /// The frames that the camera had taken for the method after each photo; empty for an ideal rig.
     pub(super) frames: Vec<u64>,
 }
 
@@ -76,12 +74,12 @@ impl MethodRun {
         at(&self.displayed, photos)
     }
 
-    /// The least residual of the answers, not clamped, after any number of photos; infinite where there is none.
+    /// The least residual of the answers, not clamped, after any number of photos; infinite without answers.
     pub(super) fn least_answered(&self) -> f64 {
         self.answered.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// The residual of the answer that is not clamped, as [`MethodRun::displayed_at`].
+    /// The residual of the answer that is not clamped, otherwise as [`MethodRun::displayed_at`].
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
     }
@@ -115,7 +113,7 @@ pub(super) fn enter(
     let observer = OnStep::new(|step: &Step<'_>| {
         let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
         let answer = iterate();
-        // A step may take no photo; in methods of photo pairs a step takes two.
+        // A step may take no photo. In methods of photo pairs, a step takes two.
         while (entry.answered.len() as u64) < step.done {
             entry.answered.push(target_light.residual(stage, &answer));
             entry.displayed.push(target_light.residual(stage, &clamped(&answer)));
@@ -170,15 +168,14 @@ impl Contest {
     }
 }
 
-/// The pattern as a projector displays it.
 pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
     pattern.iter().map(|value| value.clamp(0.0, 1.0)).collect()
 }
 
 /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
 ///
-/// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
-/// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only how tight the bound is.
+/// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`. The minimum of the right side over the box is a sum over pixels (the Frank–Wolfe
+/// gap). `x` comes from accelerated gradients; its accuracy affects only the tightness of the bound.
 pub(super) fn optimum(
     operator: &mut dyn Adjoint,
     stage: &Stage,
@@ -198,7 +195,7 @@ pub(super) fn optimum(
     Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
 }
 
-/// Curves of displayed residuals over the frames that they took; none by an ideal rig, which takes none.
+/// Curves of displayed residuals over the frames taken; none for an ideal rig, which takes no frames.
 pub(super) fn over_frames(entries: &[(&str, &MethodRun)]) -> Vec<Series> {
     let line = |(name, entry): &(&str, &MethodRun)| Series {
         name: (*name).into(),
@@ -213,7 +210,7 @@ pub(super) fn over_frames(entries: &[(&str, &MethodRun)]) -> Vec<Series> {
     if lines.iter().all(|line| line.points.is_empty()) { Vec::new() } else { lines }
 }
 
-/// The frames of each method's first `photos` photos, as numbers without a bound; none by an ideal rig.
+/// The frames of each method's first `photos` photos, as numbers without a bound; none for an ideal rig.
 pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec<Check> {
     let taken = |(name, entry): &(&str, &MethodRun)| {
         let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
@@ -222,7 +219,6 @@ pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec
     entries.iter().filter_map(taken).collect()
 }
 
-/// A curve of residuals over photos.
 pub(super) fn line(name: &str, residuals: &[f64]) -> Series {
     let points = residuals.iter().enumerate().map(|(index, &residual)| (index as f64 + 1.0, residual));
     Series { name: name.into(), points: points.collect() }
@@ -232,7 +228,7 @@ pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
+/// Panels of the target, photos with and without compensation, the projected pattern, and errors. All photos share one exposure.
 pub(super) fn panels(
     stage: &Stage,
     target_light: &TargetLight,
@@ -318,7 +314,6 @@ fn value(x: f64, y: f64) -> f64 {
         return 0.02;
     }
     if y > 0.86 {
-        // Six steps of gray.
         return 0.02 + 0.19 * (6.0 * x).floor().min(5.0);
     }
     if (0.72..0.82).contains(&y) {
@@ -344,7 +339,8 @@ mod tests {
         let picture = picture(100);
         assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
         let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
-        // The bars alone have nine edges in each of ten rows, the staircase five in fourteen, disc and ring four in most of 52.
+        // The bars alone have nine edges in each of ten rows, the staircase has five in fourteen, and disc and ring have four in most of
+        // 52.
         assert!(edges > 9 * 10 + 5 * 14 + 2 * 52, "{edges} of 10,000 neighbours differ");
     }
 }

@@ -26,7 +26,7 @@ pub(crate) struct Recorded {
     records: Vec<[u32; 4]>,
 }
 
-/// Records as the bytes that they are. Word by word, they would take an eighth more processor time of a photo that two processes trace.
+/// Stores records as raw bytes. Word by word, serialization would take an eighth more processor time for a photo that two processes trace.
 mod as_bytes {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -64,8 +64,8 @@ impl<'a> Batch<'a> {
         Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
     }
 
-    /// The batch of this number of paths whose connections are in `merged`. `records` hold at least the first slots of the paths, and the slots of
-    /// ambient light, if there is any.
+    /// The batch of `paths` paths whose connections are in `merged`. `records` holds at least the first slots of the paths, and the slots
+    /// of ambient light, if there is any.
     pub(super) fn merged(
         first_path: u64,
         layout: RecordLayout,
@@ -75,12 +75,12 @@ impl<'a> Batch<'a> {
         Self { first_path, layout, paths, records, merged }
     }
 
-    /// The terms that the device made of the connections, if it did. Then no path has connections of its own here.
+    /// The terms that the device made of the connections, if it did. The paths then have no connections here.
     pub(crate) fn terms(&self) -> Option<Merged<'a>> {
         self.merged
     }
 
-    /// The batch with records of its own.
+    /// A copy of the batch that owns its records.
     pub(crate) fn recorded(&self) -> Recorded {
         Recorded { first_path: self.first_path, layout: self.layout, records: self.records.to_vec() }
     }
@@ -128,7 +128,7 @@ impl<'a> Batch<'a> {
         self.layout.symmetric
     }
 
-    /// Whether the paths start at the camera; else they start at a projector that stands apart.
+    /// Whether the paths start at the camera. Otherwise they start at a projector that stands apart.
     pub fn from_camera(&self) -> bool {
         self.layout.from_camera
     }
@@ -143,9 +143,8 @@ impl<'a> Batch<'a> {
         self.layout.samples
     }
 
-    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and
-    /// through glass. It is zero where the ray met nothing, and in rigs with lenses or with a projector that
-    /// stands apart.
+    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and through glass. It is zero
+    /// where the ray met nothing, in rigs with lenses, and in rigs with a projector that stands apart.
     pub fn direct(&self, index: usize) -> [f32; 3] {
         value(self.slot(index, 0))
     }
@@ -192,8 +191,7 @@ impl<'a> Batch<'a> {
         rays(self.slot(index, 0))
     }
 
-    /// The number of paths whose records do not carry `mark`, which the device never finished; and the number
-    /// of rays of all paths.
+    /// The number of paths that the device never finished, because their records do not carry `mark`; and the number of rays of all paths.
     pub(super) fn unfinished_and_rays(&self, mark: u32) -> (u64, u64) {
         let count = |heads: &[[u32; 4]]| {
             heads.iter().fold((0, 0), |(unfinished, sum), head| {
@@ -225,7 +223,7 @@ pub struct Connection {
     pub value: [f32; 3],
 }
 
-/// Which slots the record of a path has.
+/// The slots in the record of a path.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct RecordLayout {
     pub(super) samples: u32,
@@ -235,7 +233,6 @@ pub(super) struct RecordLayout {
     pub(super) direct: bool,
     /// There are gathered connections, through specular chains of the other endpoint.
     pub(super) gathers: bool,
-    /// There is a slot for ambient light.
     pub(super) ambient: bool,
     /// The rig is coaxial: camera and projector are one lens.
     pub(super) symmetric: bool,
@@ -272,9 +269,9 @@ pub(crate) struct End {
     pub(crate) is_seen: bool,
     /// The pixel of the other endpoint.
     pub(crate) pixel: u32,
-    /// As in [`Connection`].
+    /// The same as in [`Connection`].
     pub(crate) bounces: u32,
-    /// As in [`Connection`].
+    /// The same as in [`Connection`].
     pub(crate) value: [f32; 3],
 }
 
@@ -292,7 +289,6 @@ impl End {
 
 /// Bits of a word that hold a pixel. The other bits hold the number of surfaces of the far chain.
 const PIXEL_BITS: u32 = 28;
-/// Masks those bits.
 pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 
 /// Number of rays traced for a path, from the head of its record.
@@ -300,7 +296,6 @@ pub(crate) fn rays(head: [u32; 4]) -> u64 {
     u64::from(head[0] >> 8 & 0xff)
 }
 
-/// The light in a slot, in RGB.
 pub(super) fn value(slot: [u32; 4]) -> [f32; 3] {
     [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
 }
@@ -329,10 +324,10 @@ mod tests {
 
     fn records() -> [[u32; 4]; 8] {
         [
-            // Four rays and two surfaces; five and three.
+            // The first path has four rays and two surfaces; the second has five rays and three surfaces.
             [MARK | 4 << 8 | 2, ONE, 0, 0],
             [MARK | 5 << 8 | 3, 0, 0, 0],
-            // The connections from the second surfaces. That of the second path is outside the field of view.
+            // The connections from the second surfaces. The second path's connection is outside the field of view.
             [6, 0, ONE, 0],
             [crate::render::materials::NONE, 0, 0, 0],
             // The connections from the third surfaces: only the second path has one.

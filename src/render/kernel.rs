@@ -17,8 +17,8 @@ pub(super) struct Pipeline {
 }
 
 impl Pipeline {
-    /// Composes and compiles the shader `name` for a scene and rig with these features. Its entry point has
-    /// the same name.
+    /// Composes and compiles the shader `name` for a scene and rig with these features. The entry point has the
+    /// same name.
     pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
         let kernel = shader::kernel(name, &features.constants())?;
         gpu.guarded(name, || {
@@ -78,7 +78,6 @@ pub(super) const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
     view_dimension: wgpu::TextureViewDimension::D2,
 };
 
-/// A storage buffer.
 fn storage(read_only: bool) -> BindingType {
     BindingType::Buffer {
         ty: BufferBindingType::Storage { read_only },
@@ -87,8 +86,8 @@ fn storage(read_only: bool) -> BindingType {
     }
 }
 
-/// The layout with these bindings. It is explicit, because an automatic layout omits the bindings that a
-/// kernel does not use.
+/// The layout with these bindings. It is explicit, because an automatic layout omits bindings that a kernel does
+/// not use.
 fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = (0..)
         .zip(types)
@@ -107,7 +106,7 @@ fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::Bin
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Features {
     pub(super) scene: SceneFeatures,
-    /// The scene emits light, and the paths record it.
+    /// Whether the scene emits light, which the paths then record.
     pub(super) ambient: bool,
     /// The camera or the projector has an aperture.
     pub(super) lenses: bool,
@@ -115,14 +114,14 @@ pub(super) struct Features {
     pub(super) coaxial_pinhole: bool,
     /// Paths may end by Russian roulette.
     pub(super) roulette: bool,
-    /// Texels in a row of the light buffer, where rays from and to the pinhole use it
-    /// ([`crate::render::light_buffer`]); else 0.
+    /// Texels in a row of the light buffer, if rays from and to the pinhole use it
+    /// ([`crate::render::light_buffer`]); otherwise 0.
     pub(super) light_buffer_side: u32,
-    /// One invocation traces several paths, one after the other.
+    /// Whether one invocation traces several paths, one after the other.
     pub(super) several_paths: bool,
 }
 
-/// The features that the scene's surfaces decide.
+/// The features that the scene's surfaces determine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct SceneFeatures {
     /// Every surface is plain Lambertian.
@@ -142,12 +141,11 @@ pub(super) struct SceneFeatures {
     /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for
     /// a node's index.
     pub(super) small_tree: bool,
-    /// The number of pairs of triangles, where rays test each of them; 0 where rays traverse the search tree.
+    /// The number of pairs of triangles, if rays test each of them; 0 if rays traverse the search tree.
     pub(super) few_pairs: u32,
 }
 
 impl Features {
-    /// The values by the names of the shader's overrides.
     fn constants(&self) -> [(&'static str, f64); 15] {
         let SceneFeatures {
             matte,

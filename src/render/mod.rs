@@ -30,14 +30,12 @@ pub use tracer::Tracer;
 pub use crate::gpu::AdapterSummary;
 
 /// All graphics adapters of this machine that can trace. The list may be empty.
-///
-/// # Errors
-/// [`crate::Error::Device`] where `ulimit -v` leaves no room for a driver.
+/// Fails with [`crate::Error::Device`] where `ulimit -v` leaves no room for a driver.
 pub fn adapters() -> crate::Result<Vec<AdapterSummary>> {
     crate::gpu::device::adapters()
 }
 
-/// The error for a machine without any adapter. It says what to install.
+/// The error for a machine without any adapter. It says which packages to install.
 pub fn no_adapter() -> crate::Error {
     crate::gpu::device::no_adapter()
 }

@@ -1,12 +1,14 @@
-//! A preconditioner for an unfocused lens: division by a Gaussian's frequencies where they are not lost.
+//! A preconditioner for an unfocused lens: it divides by the frequency response of a Gaussian, except at frequencies that are
+//! lost.
 //!
 //! ```text
 //! M = D^½ K D^½,    K = C diag(k_μ k_ν) Cᵀ,    k_μ = Σ_j κ_j cos(π j μ / N)
 //! ```
 //!
-//! with the white photo `D` and a Gaussian `K` of kernel `κ` on an image mirrored at its borders, whose eigenvectors are those of
-//! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies
-//! attenuated below a tenth are amplified by ten at most: the rest is noise. The width is given, or estimated from one photo.
+//! `D` is the white photo. `K` is a Gaussian blur with kernel `κ` of an image mirrored at its borders. Its eigenvectors are the
+//! columns of the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745).
+//! Frequencies attenuated below a tenth are amplified by at most ten, because noise dominates them. The width is given, or
+//! estimated from one photo.
 
 use crate::error::Result;
 use crate::image::Resolution;
@@ -30,7 +32,6 @@ pub(super) struct Defocus {
 }
 
 impl Defocus {
-    /// The preconditioner for a white photo (`n`) through a Gaussian of `width` pixels.
     pub(super) fn new(resolution: Resolution, white: Vec<f64>, width: f64) -> Result<Self> {
         let scaling = Diagonal::new(white)?.entries().iter().map(|d| 1.0 / d.sqrt()).collect();
         let cosines = [resolution.width, resolution.height].map(cosines);
@@ -39,7 +40,7 @@ impl Defocus {
     }
 
     /// The preconditioner whose width best explains, frequency by frequency, one photo `y = A x` of a random pattern `x`. The
-    /// lowest sixteenth of the frequencies is left out because it also contains indirect light. Returns the width as well.
+    /// lowest sixteenth of the frequencies is left out because it also contains indirect light. Also returns the width.
     pub(super) fn measured(
         resolution: Resolution,
         white: Vec<f64>,
@@ -101,7 +102,7 @@ fn spectrum(resolution: Resolution, width: f64) -> Vec<f64> {
     down.iter().flat_map(|nu| across.iter().map(move |mu| mu * nu)).collect()
 }
 
-/// The orthonormal cosines of a line, `√(2/N) cos(π μ (j + ½)/N)`; the constant one is divided by `√2`.
+/// The orthonormal cosines of a line, `√(2/N) cos(π μ (j + ½)/N)`. The constant one is divided by `√2`.
 fn cosines(length: usize) -> Vec<Vec<f64>> {
     let n = length as f64;
     let row = |mu: usize| {
@@ -115,7 +116,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The sum `Σ_μ x_μ c_μ`.
 fn combined(cosines: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
     let mut sum = vec![0.0; x.len()];
     for (x, cosine) in x.iter().zip(cosines) {
@@ -179,7 +179,7 @@ mod tests {
         let mut back = vec![0.0; x.len()];
         model.apply(&y, &mut back)?;
         for (a, b) in back.iter().zip(&x) {
-            // The kernels are equal; the error is that of a thousand roundings, amplified by ten at most.
+            // The kernels are equal. The error is a thousand roundings, amplified by at most ten.
             assert!((a - b).abs() < 1e-11, "{a} {b}");
         }
         for width in [0.0, 0.5, 2.0] {

@@ -13,14 +13,13 @@ pub struct LowRank {
     basis: Vec<Vec<f64>>,
     photos: Vec<Vec<f64>>,
     direct: Vec<f64>,
-    /// `D` and its transpose, if `D` is not a diagonal.
     spread: Option<Arc<[Csr; 2]>>,
     symmetric: bool,
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each); `direct` has `n`, or is
-    /// empty.
+    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values,
+    /// or is empty.
     ///
     /// # Errors
     /// [`Error::Dimension`] if sizes differ.
@@ -45,7 +44,7 @@ impl LowRank {
         Ok(Self { basis, photos, direct, spread: None, symmetric })
     }
 
-    /// The same model with a direct part that is not a diagonal, as with an open lens or a projector apart from the camera.
+    /// The same model with a direct part that is not a diagonal, for an open lens or a projector apart from the camera.
     ///
     /// # Errors
     /// [`Error::Dimension`] if it is not `n × n`.
@@ -160,7 +159,6 @@ impl LowRank {
         diagonal
     }
 
-    /// The projection `Q Qᵀ y`.
     fn projected(&self, y: &[f64]) -> Vec<f64> {
         let mut sum = vec![0.0; y.len()];
         for vector in &self.basis {
@@ -184,7 +182,8 @@ impl LowRank {
         }
     }
 
-    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1); a symmetric model adds `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)`.
+    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1). A symmetric model adds `from (toᵀ z)`, where `z = x − from (fromᵀ x)` is the
+    /// rest.
     fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
         debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
         let mut y = self.direct_product(x, side);

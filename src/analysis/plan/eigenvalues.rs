@@ -17,18 +17,13 @@ pub struct EigenvaluesTrial {
 }
 
 impl Planner<'_> {
-    /// The eigenpairs with ideal devices, by the same method with as many photos.
-    ///
-    /// # Errors
-    /// As [`eigs`].
+    /// The eigenpairs with ideal devices, by the same method with the same number of photos. Fails as [`eigs`] does.
     pub fn ideal_eigenpairs(&self, part: Part, options: &EigsOptions) -> Result<Eigs> {
         eigs(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// The eigenpairs of the twin with the noise of `seed`; `ideal` is the result of [`Planner::ideal_eigenpairs`].
-    ///
-    /// # Errors
-    /// As [`eigs`], and any error of the rig.
+    /// The eigenpairs of the twin with the noise of `seed`. `ideal` is the result of [`Planner::ideal_eigenpairs`]. Fails as
+    /// [`eigs`] or the rig does.
     pub fn eigenvalues(
         &self,
         part: Part,

@@ -1,6 +1,5 @@
-//! A view of chosen pixels as points: their distances in the space of eigenvectors.
-//!
-//! The coordinates are those of [`Embedding`](super::Embedding).
+//! A view of chosen pixels as points: their distances in the space of eigenvectors. [`Embedding`](super::Embedding) gives the
+//! coordinates.
 
 use super::Segmentation;
 use crate::error::{Error, Result};
@@ -21,7 +20,7 @@ pub struct FeatureView {
 /// Computes the coordinates and distances of pixels, given by column and row.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--features` for a pixel outside the raster, or a masked one, which has no coordinates.
+/// [`Error::Option`] naming `--features` for a pixel that lies outside the raster or is masked and so has no coordinates.
 pub fn feature_view(
     found: &Segmentation,
     resolution: Resolution,

@@ -6,8 +6,8 @@
 //! largest of `D^-½ G D^-½`, which Lanczos finds from a few dozen photos. K-means on their entries ([`Embedding`]) gives any
 //! number of groups from one capture.
 //!
-//! The cut has limits. Where two surfaces meet in a sharp crease, they exchange light at every scale, and the eigenvalues of the
-//! continuous scene are not separate below some value (`guide/src/concepts/segmentation.md`): fine groups then follow the crease.
+//! The cut has limits. Two surfaces that meet in a sharp crease exchange light at every scale. The eigenvalues of the continuous
+//! scene are then not separate below some value (`guide/src/concepts/segmentation.md`), and fine groups follow the crease.
 //!
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical
 //! computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.
@@ -44,11 +44,8 @@ use crate::error::Result;
 use crate::operator::Operator;
 
 /// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the direct part.
-///
-/// Use a [`Capture`] to keep the photos taken before an operator fails.
-///
-/// # Errors
-/// As [`Capture::new`], [`Capture::run`] and [`Capture::segmentation`].
+/// A [`Capture`] keeps the photos taken before an operator fails. Fails as [`Capture::new`], [`Capture::run`] and
+/// [`Capture::segmentation`] do.
 pub fn segment<O: Operator + ?Sized>(global: &mut O, options: &SegmentOptions) -> Result<Segmentation> {
     let mut capture = Capture::new(options.clone())?;
     capture.run(global)?;

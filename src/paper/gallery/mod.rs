@@ -67,10 +67,8 @@ impl Gallery<'_> {
         Ok(files.names)
     }
 
-    /// Writes the same into the folder of an open run, and notes there what each figure took. Returns the page.
-    ///
-    /// # Errors
-    /// The errors of [`Gallery::write`].
+    /// Writes the same into the folder of an open run, and notes there the photos and time of each figure. Returns the page. Fails as
+    /// [`Gallery::write`] does.
     pub fn write_into(&self, run: &mut RunFolder) -> Result<PathBuf> {
         for made in self.made {
             let took = Duration::try_from_secs_f64(made.seconds).unwrap_or_default();
@@ -151,7 +149,7 @@ fn frames(taken: u64) -> String {
     if taken == 0 { "–".into() } else { taken.to_string() }
 }
 
-/// The command, by the name of the program and not by where it lies.
+/// The command, with the name of the program instead of its path.
 fn named(command: &[Name]) -> String {
     let mut words: Vec<String> = command.iter().map(Name::to_string).collect();
     if let Some(program) = words.first_mut() {
@@ -194,7 +192,6 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
     Ok(Section { title: figure.title().into(), text: String::new(), blocks })
 }
 
-/// A panel as a figure of the page.
 fn painted(panel: &Panel) -> Result<PageFigure> {
     let resolution = panel.resolution;
     let number = |values: &[f64]| Values::of_numbers(resolution, Kind::Number, values, "");

@@ -23,7 +23,6 @@ pub(super) fn bounds_verdict(made: &Reproduced) -> Verdict {
     }
 }
 
-/// A number for the page.
 pub(super) fn number(check: &Check) -> Number {
     let bound = match check.limit {
         Limit::AtLeast(limit) => format!("at least {} wanted", digits(limit)),
@@ -44,7 +43,8 @@ pub(super) fn number(check: &Check) -> Number {
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
 }
 
-/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite become null.
+/// A reproduced figure as JSON, with its members in the order of their names. Values that are not finite become
+/// null.
 #[derive(Serialize)]
 pub(super) struct FigureRecord<'a> {
     checks: Vec<CheckRecord<'a>>,
@@ -107,7 +107,8 @@ fn digits(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// The page. `quick` says that the figures are smaller than the paper's, `command` what made them.
+/// The page. `quick` says that the figures are smaller than the paper's; `command` is the command that made
+/// them.
 pub(super) fn markdown(made: &[Reproduced], quick: bool, command: &str) -> String {
     let mut page = String::from("# The paper's figures, held to bounds\n\n");
     let version = env!("CARGO_PKG_VERSION");
@@ -150,7 +151,7 @@ fn rigs(made: &[Reproduced], figure: Figure) -> [Option<&Reproduced>; 2] {
     [Rig::Ideal, Rig::Virtual].map(|rig| made.iter().find(|one| one.figure == figure && one.rig == rig))
 }
 
-/// How many bounds are met, of how many.
+/// The number of bounds that are met, and the number of all bounds.
 fn met<'a>(made: impl Iterator<Item = &'a Reproduced>) -> String {
     let judged: Vec<&Check> = made.flat_map(|one| &one.checks).filter(|check| is_judged(check)).collect();
     let met = judged.iter().filter(|check| check.is_met()).count();
@@ -162,7 +163,7 @@ fn table_of(page: &mut String, figure: Figure, rigs: [Option<&Reproduced>; 2]) {
     let setting = rigs.iter().flatten().next().map_or("", |one| one.setting.as_str());
     let _ = writeln!(page, "\n## {}\n\n{}\n\nHere: {setting}.\n", figure.title(), figure.statement());
     *page += "| number | wanted | ideal | virtual |\n|---|---|---|---|\n";
-    // Each number once, in the order of the first rig; some are of one rig only.
+    // Each number appears once, in the order of the first rig. Some numbers belong to one rig only.
     let mut rows: Vec<&Check> = checks[0].iter().collect();
     rows.extend(checks[1].iter().filter(|check| find(checks[0], &check.what).is_none()));
     for row in rows {

@@ -72,7 +72,7 @@ impl Bsdf {
         Self { eta_t: 1.5, ..Self::pane(alpha) }
     }
 
-    /// The same surface seen from beyond.
+    /// The same surface, seen from the other side.
     pub(super) fn beyond(self) -> Self {
         let shading = vec3(-self.shading.x, -self.shading.y, self.shading.z);
         Self { eta_o: self.eta_t, eta_t: self.eta_o, shading, ..self }
@@ -84,7 +84,6 @@ impl Bsdf {
         Self { shading: vec3(0.8 * sin, 0.6 * sin, cos), ..self }
     }
 
-    /// The parameters in one line.
     pub(super) fn describe(&self) -> String {
         let Self { metallic, alpha, transmission, diffuse_transmission, opacity, eta_o, eta_t, .. } = self;
         format!(
