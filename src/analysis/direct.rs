@@ -1,7 +1,6 @@
 //! The operator of an analysis: all light, or all light but the direct part, with or without blur.
 //!
-//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract
-//! it.
+//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract it.
 
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};

@@ -39,8 +39,7 @@ pub enum Probing {
     },
 }
 
-/// The default distance, in pixels, within which light counts as near: a Gaussian of a sixteenth of the width, and at least one
-/// pixel.
+/// The default distance, in pixels, within which light counts as near: a Gaussian of a sixteenth of the width, and at least one pixel.
 pub fn default_sigma(resolution: Resolution) -> f64 {
     (resolution.width as f64 / 16.0).max(1.0)
 }
@@ -192,7 +191,6 @@ pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, 
     (0..count).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel)).collect()
 }
 
-/// The sample `r ∘ A r`.
 fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
     let mut photo = vec![0.0; pattern.len()];
     operator.apply(pattern, &mut photo)?;

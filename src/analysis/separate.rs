@@ -171,9 +171,8 @@ pub fn separate(
     }
 }
 
-// Separation by estimating the diagonal of `A`. For coaxial pinholes, the diagonal is the direct light plus the global light that
-// returns to its own pixel. In a zigzag at 64×64, that is 4 % of the global light, mostly along the folds; it is less with more
-// pixels.
+// Separation by estimating the diagonal of `A`. For coaxial pinholes, the diagonal is the direct light plus the global light that returns
+// to its own pixel. In a zigzag at 64×64, that is 4 % of the global light, mostly along the folds; it is less with more pixels.
 
 /// Separates with `photos ≥ 2` patterns of random signs and the white one. A signed pattern is one product with `operator` (`n ×
 /// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
@@ -185,8 +184,7 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
     Ok(Separation {
         direct: estimate.values,
         global,
-        // The white photo has the noise of one photo. The direct light has the noise of all patterns, as far as they do not
-        // explain it.
+        // The white photo has the noise of one photo. The direct light has the noise of all patterns, as far as they do not explain it.
         global_error: Some(estimate.standard_errors.clone()),
         standard_error: Some(estimate.standard_errors),
         photos: estimate.products + 1,

@@ -131,7 +131,6 @@ fn windowed(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A smooth image, scaled and shifted.
     fn waves(scale: f32, shift: f32) -> Result<Image> {
         let value = |i: usize| {
             let (x, y) = ((i % 24) as f32, (i / 24) as f32);

@@ -116,8 +116,7 @@ impl Gpu {
     }
 }
 
-/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones
-/// share them.
+/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones share them.
 #[derive(Clone)]
 pub(crate) struct Results {
     pub(crate) buffer: wgpu::Buffer,
@@ -125,7 +124,6 @@ pub(crate) struct Results {
     readback: Option<wgpu::Buffer>,
 }
 
-/// A request for results that are in flight.
 pub(crate) struct Readback {
     submission: wgpu::SubmissionIndex,
     mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
@@ -143,8 +141,7 @@ impl Results {
         })
     }
 
-    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one.
-    /// Call it within [`Gpu::guarded`].
+    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one. Call it within [`Gpu::guarded`].
     pub(crate) fn submit(
         &self,
         gpu: &Gpu,
@@ -172,8 +169,7 @@ impl Results {
         Readback { submission, mapped, bytes }
     }
 
-    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to
-    /// the buffer again.
+    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to the buffer again.
     pub(crate) fn wait(&self, gpu: &Gpu, request: Readback) -> Result<wgpu::BufferView> {
         gpu.wait(Some(request.submission))?;
         let lost =
@@ -190,7 +186,6 @@ impl Results {
         self.readable().unmap();
     }
 
-    /// The buffer that the host maps.
     fn readable(&self) -> &wgpu::Buffer {
         self.readback.as_ref().unwrap_or(&self.buffer)
     }

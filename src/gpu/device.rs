@@ -81,7 +81,6 @@ pub(crate) struct Gpu {
     /// Whether the device is the processor itself, so that the host reads results in place. (A GPU that shares its memory with the host
     /// could also do so; whether that is faster was not measured.)
     pub(crate) shares_memory: bool,
-    /// The compiled kernels, if they are kept for later processes.
     pub(crate) compiled: Option<Compiled>,
     /// The driver's reason, once the device was lost or has failed outside of [`Gpu::guarded`].
     pub(crate) failure: Arc<OnceLock<String>>,
@@ -141,7 +140,6 @@ impl Gpu {
         self.compiled = Compiled::restore(&self.device, data);
     }
 
-    /// The store of compiled kernels, for a pipeline that is being made.
     pub(crate) fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
         self.compiled.as_ref().map(Compiled::cache)
     }
@@ -193,8 +191,7 @@ impl Gpu {
     }
 }
 
-/// All adapters of this machine. The list may be empty.
-/// Fails with [`Error::Device`] if this process may use too little address space.
+/// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process may use too little address space.
 pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
     Ok(enumerate(None)?.iter().map(AdapterSummary::of).collect())
 }
@@ -203,8 +200,7 @@ pub(crate) fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 
-/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the
-/// driver grants.
+/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the driver grants.
 fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
     require_address_space(machine::address_space())?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -258,7 +254,6 @@ fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::
     })
 }
 
-/// The index of the adapter that [`choose`] takes.
 fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
     let wanted = wanted.unwrap_or_default().to_lowercase();
     let first = names.iter().find(|name| name.to_lowercase().contains(&wanted))?;
@@ -294,7 +289,6 @@ impl Compiled {
         Some(Self { cache, empty, restored: data.map(blake3::hash) })
     }
 
-    /// The store, for a pipeline that is being made.
     pub(crate) fn cache(&self) -> &wgpu::PipelineCache {
         &self.cache
     }

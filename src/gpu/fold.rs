@@ -103,7 +103,6 @@ fn is_end(statement: &Statement) -> bool {
     matches!(statement, Statement::Return { .. } | Statement::Break | Statement::Continue | Statement::Kill)
 }
 
-/// The constants known within a function.
 struct Known<'a> {
     module: &'a Module,
     returns: &'a Returns,
@@ -131,7 +130,6 @@ impl Known<'_> {
         self
     }
 
-    /// The value of an expression, if it is a constant.
     fn value(&self, expression: Handle<Expression>) -> Option<Literal> {
         match self.function.expressions[expression] {
             Expression::Literal(literal) => Some(literal),
@@ -156,7 +154,6 @@ impl Known<'_> {
     }
 }
 
-/// The result of a comparison of two `u32` constants.
 fn compare(op: BinaryOperator, left: Literal, right: Literal) -> Option<Literal> {
     let (Literal::U32(left), Literal::U32(right)) = (left, right) else { return None };
     Some(Literal::Bool(match op {
@@ -170,7 +167,6 @@ fn compare(op: BinaryOperator, left: Literal, right: Literal) -> Option<Literal>
     }))
 }
 
-/// Calls `see` with the pointer and the value of every store.
 fn stores(block: &Block, see: &mut dyn FnMut(Handle<Expression>, Handle<Expression>)) {
     for statement in block.iter() {
         match statement {
@@ -192,7 +188,6 @@ fn stores(block: &Block, see: &mut dyn FnMut(Handle<Expression>, Handle<Expressi
 mod tests {
     use super::*;
 
-    /// The folded module, checked to be valid.
     fn folded(text: &str) -> Module {
         let mut module = naga::front::wgsl::parse_str(text).expect("the test's WGSL can be parsed");
         fold(&mut module);

@@ -26,7 +26,6 @@ use crate::transport::Part;
 const SIDE: usize = 100;
 /// The largest side for which the dense decomposition of the matrix is affordable.
 const DENSE: usize = 32;
-/// Photos of both arrangements together.
 const PHOTOS: usize = 50;
 const COUNT: usize = 4;
 const PURE: f64 = 0.99;
@@ -97,7 +96,6 @@ fn arrangements(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<B
     })
 }
 
-/// The singular vectors that were found, and their comparison with the dense ones.
 struct Compared {
     found: Singular,
     checks: Vec<Check>,

@@ -172,7 +172,6 @@ fn calibration_of(rig: &Lab) -> Option<Calibration> {
     rig.rig().map(|rig| rig.calibration.clone())
 }
 
-/// A scene of the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Set {
     Zigzag,
@@ -182,7 +181,6 @@ pub(super) enum Set {
     /// The same with an equal camera lens, which makes the matrix symmetric again.
     BothDefocused,
     TwoSheets,
-    /// The two sheets behind a post.
     Post,
     FoldedSheet,
     Carton,
@@ -275,7 +273,6 @@ impl Set {
 pub(super) struct Stage {
     pub(super) set: Set,
     pub(super) resolution: Resolution,
-    /// True region of each pixel.
     pub(super) truth: Vec<u8>,
     pub(super) traced: Arc<Assembled>,
 }

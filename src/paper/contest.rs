@@ -43,7 +43,6 @@ impl TargetLight {
         norm(&misfit) / norm(&self.light)
     }
 
-    /// The target's light as the rig reads it.
     pub(super) fn wanted(&self) -> Vec<f64> {
         self.light.iter().map(|light| self.unit * light).collect()
     }
@@ -128,7 +127,6 @@ pub(super) fn enter(
     Ok(entry)
 }
 
-/// Compared methods at equal photo counts, with no compensation and the optimum as references.
 pub(super) struct Contest {
     pub(super) target_light: TargetLight,
     /// The paper's method: a Krylov method whose last answer is clamped.

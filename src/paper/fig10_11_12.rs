@@ -15,7 +15,6 @@ use crate::transport::Part;
 const SIDE_IN_FOCUS: usize = 100;
 /// Photos besides the white one.
 const PHOTOS_IN_FOCUS: usize = 5;
-/// Photos of the longer curves.
 const MORE_IN_FOCUS: usize = 10;
 /// Products with the true matrix for the optimum. No rig takes them as photos.
 const OPTIMUM_IN_FOCUS: usize = 600;

@@ -17,7 +17,6 @@ const SIDE: usize = 100;
 const PLANES: u32 = 8;
 /// The largest number of bit planes of the curves, which start at 1.
 const MOST: u32 = 10;
-/// Periods of the sinusoid across the image.
 const PERIODS: f64 = 4.0;
 /// Total exposures in seconds. White fills most of the sensor's well in `BRIGHT`, and only 1 % of the well in `DIM`.
 const BRIGHT: f64 = 0.02;
@@ -104,7 +103,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The error of the photo for each number of bit planes.
 fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Plot {
     Plot::logarithmic(
         "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read noise: more bit planes are worse \

@@ -17,13 +17,11 @@ const SIDE: usize = 100;
 /// Pixels per side for the dense eigensolver: 1024 unknowns.
 const DENSE_SIDE: usize = 32;
 const PHOTOS: usize = 50;
-/// The wanted overlap with the principal eigenvector.
 const ALIKE: f64 = 0.999;
 /// A spot is at most a thousandth of the pixels.
 const SPOT: f64 = 1e-3;
 /// The most products with the matrix itself to find the number of photos that are needed.
 const MOST: usize = 5000;
-/// Photos after which the pattern is shown.
 const SHOWN: [usize; 4] = [1, 5, 15, 50];
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -98,7 +96,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The speed of convergence of power iteration.
 struct Speed {
     /// The second eigenvalue over the first.
     ratio: f64,
@@ -148,7 +145,7 @@ fn last(patterns: &[Vec<f64>]) -> &[f64] {
     patterns.last().map_or(&[], Vec::as_slice)
 }
 
-/// One minus the overlap of the leading Ritz vector with the reference, after each photo from white. The number of photos is the same.
+/// One minus the overlap of the leading Ritz vector with the reference, after each photo from white.
 fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<(f64, f64)>> {
     let mut process = Lanczos::new(&vec![1.0; operator.cols()], &[])?;
     let mut curve = Vec::new();

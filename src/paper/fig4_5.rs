@@ -259,7 +259,6 @@ fn ranked_by_separate(found: &Segmentation, stage: &Stage, pixels: &[usize]) -> 
     pixels.iter().map(rank).fold(f64::INFINITY, f64::min)
 }
 
-/// Distances from `pixel` to all pixels in feature space.
 fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
     let square = |(other, own): (&f64, &f64)| (other - own).powi(2);
     let distance = |other: &Vec<f64>| other.iter().zip(&features[pixel]).map(square).sum::<f64>().sqrt();

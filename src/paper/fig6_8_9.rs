@@ -21,7 +21,6 @@ const PATCH_GROUPS: [usize; 3] = [2, 4, 6];
 const PURE: f64 = 0.99;
 /// Minimum size of a patch, as a share of the photo.
 const PATCH: f64 = 0.01;
-/// Regions of the scene.
 const LEFT_SHEET: u8 = 0;
 const POST: u8 = 2;
 
@@ -85,7 +84,6 @@ fn shares(labels: &[u8], stage: &Stage) -> [f64; 2] {
 
 pub(super) const SIDE: usize = 128;
 pub(super) const PHOTOS: usize = 50;
-/// The groups of the paper's figure.
 const GROUPS: usize = 10;
 const EIGENVECTORS: usize = 20;
 /// Standard deviation of the blur of patterns and photos, in pixels.
@@ -178,7 +176,6 @@ fn run(bench: &mut Bench, set: Set, side: usize, blur: f64) -> Result<(std::sync
     Ok((stage, found))
 }
 
-/// The options of the segmentation of a carton.
 fn asked_of_carton(stage: &Stage) -> SegmentOptions {
     SegmentOptions {
         photos: PHOTOS,

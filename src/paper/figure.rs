@@ -88,7 +88,6 @@ pub struct Reproduced {
 }
 
 impl Reproduced {
-    /// A figure without measurements.
     pub(super) fn of(figure: Figure, rig: Rig) -> Self {
         let (checks, panels, plots, strips) = Default::default();
         Self {
@@ -152,7 +151,6 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Lines over the axis `x_label`, with an axis `y_label`.
     pub(super) fn linear(
         caption: impl Into<String>,
         [x_label, y_label]: [&str; 2],
@@ -169,7 +167,6 @@ impl Plot {
         plot
     }
 
-    /// The plot with a mark at this value of the axis `y_label`.
     pub(super) fn marked(mut self, value: f64, name: &str) -> Self {
         self.lines.marks.push((value, name.into()));
         self

@@ -18,13 +18,9 @@ use crate::transport::Part;
 
 /// Pixels per side for the dense eigensolver: 1024 unknowns.
 const SIDE: usize = 32;
-/// The longest run.
 const PHOTOS: usize = 20;
-/// The numbers of photos whose polynomials are shown.
 const SHOWN: [usize; 4] = [1, 2, 3, 5];
-/// The number of photos whose polynomial is judged.
 const JUDGED: usize = 5;
-/// Points of a curve over the spectrum.
 const POINTS: usize = 400;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {

@@ -98,7 +98,6 @@ fn photos_to(curve: &[(f64, f64)], wanted: f64) -> f64 {
     curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
 }
 
-/// Compensation of the corner by random patterns and by MINRES.
 fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>, Vec<Check>)> {
     let stage = bench.stage(Set::Corner, side)?;
     let mut photos = bench.photos(&stage, Part::Full)?;

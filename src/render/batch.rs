@@ -47,9 +47,8 @@ impl Recorded {
 
 /// Records of consecutive paths from one endpoint of the rig.
 ///
-/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the
-/// projector stands apart from the camera, the batches of the projector's paths follow the batches of the camera's
-/// paths.
+/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the projector stands apart from the
+/// camera, the batches of the projector's paths follow the batches of the camera's paths.
 pub struct Batch<'a> {
     first_path: u64,
     layout: RecordLayout,
@@ -80,7 +79,6 @@ impl<'a> Batch<'a> {
         self.merged
     }
 
-    /// A copy of the batch that owns its records.
     pub(crate) fn recorded(&self) -> Recorded {
         Recorded { first_path: self.first_path, layout: self.layout, records: self.records.to_vec() }
     }
@@ -165,8 +163,7 @@ impl<'a> Batch<'a> {
         self.connections_from(self.pixel(index), index)
     }
 
-    /// The same as [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts
-    /// from `pixel`.
+    /// The same as [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts from `pixel`.
     pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
         let from_camera = self.layout.from_camera;
         self.ends(index).filter(|end| end.is_seen).map(move |end| {
@@ -186,7 +183,6 @@ impl<'a> Batch<'a> {
         connected.chain(gathered).map(|(k, slot)| End::new(k, slot))
     }
 
-    /// Number of rays traced for path `index`.
     pub(crate) fn rays(&self, index: usize) -> u64 {
         rays(self.slot(index, 0))
     }
@@ -217,9 +213,8 @@ pub struct Connection {
     pub projector: u32,
     /// Number of surfaces on the path, `k`.
     pub bounces: u32,
-    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera
-    /// pixel on the image plane): the contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not
-    /// yet divided by the number of samples.
+    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera pixel on the image plane): the
+    /// contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not yet divided by the number of samples.
     pub value: [f32; 3],
 }
 
@@ -228,8 +223,7 @@ pub struct Connection {
 pub(super) struct RecordLayout {
     pub(super) samples: u32,
     pub(super) max_bounces: u32,
-    /// The connection from the first surface is the direct light, which is stored in the head instead of a
-    /// slot.
+    /// The connection from the first surface is the direct light, which is stored in the head instead of a slot.
     pub(super) direct: bool,
     /// There are gathered connections, through specular chains of the other endpoint.
     pub(super) gathers: bool,
@@ -267,7 +261,6 @@ impl RecordLayout {
 pub(crate) struct End {
     /// The connection exists. Otherwise the other members have no meaning.
     pub(crate) is_seen: bool,
-    /// The pixel of the other endpoint.
     pub(crate) pixel: u32,
     /// The same as in [`Connection`].
     pub(crate) bounces: u32,
@@ -276,7 +269,6 @@ pub(crate) struct End {
 }
 
 impl End {
-    /// Reads the slot of the connection from the `k`-th surface.
     pub(super) fn new(k: u32, slot: [u32; 4]) -> Self {
         Self {
             is_seen: slot[0] != crate::render::materials::NONE,
@@ -291,7 +283,6 @@ impl End {
 const PIXEL_BITS: u32 = 28;
 pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 
-/// Number of rays traced for a path, from the head of its record.
 pub(crate) fn rays(head: [u32; 4]) -> u64 {
     u64::from(head[0] >> 8 & 0xff)
 }

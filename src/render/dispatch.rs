@@ -49,22 +49,19 @@ pub(super) fn max_paths_per_invocation(
     }
 }
 
-/// The number of cores over which software Vulkan distributes a dispatch. It is determined once, because the system reads it from
-/// files.
+/// The number of cores over which software Vulkan distributes a dispatch. It is determined once, because the system reads it from files.
 fn cores() -> u32 {
     static CORES: OnceLock<u32> = OnceLock::new();
     *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, NonZero::get) as u32)
 }
 
-/// Counts the dispatches of one tracer, and limits their size.
 #[derive(Default)]
 pub(super) struct Dispatches {
     count: u32,
 }
 
 impl Dispatches {
-    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and differs from the last 65,534
-    /// marks.
+    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and differs from the last 65,534 marks.
     pub(super) fn mark(&mut self) -> u32 {
         self.count = self.count % 0xffff + 1;
         self.count << 16
@@ -81,7 +78,6 @@ impl Dispatches {
     }
 }
 
-/// The parameters that determine, together with the kernel and its scene, how long a path takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PathWork {
     max_bounces: u32,
@@ -124,7 +120,6 @@ impl DispatchSizer {
         }
     }
 
-    /// Number of paths of the next dispatch, at most `most`.
     pub(super) fn paths(&self, most: u32) -> u32 {
         self.target.unwrap_or(Self::COLD).min(most)
     }
@@ -135,7 +130,6 @@ impl DispatchSizer {
         paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_path_each { 1 } else { most })
     }
 
-    /// Records that the driver stopped invocations with several paths.
     pub(super) fn one_path_each(&mut self) {
         self.one_path_each = true;
     }
@@ -146,7 +140,6 @@ impl DispatchSizer {
         if self.target.is_some() { 2 } else { 1 }
     }
 
-    /// Adapts the size after a dispatch of `paths` paths took `elapsed`.
     pub(super) fn adapt(&mut self, paths: u32, elapsed: Duration) {
         let Some(target) = self.target else {
             self.target = Some(Self::FIRST);

@@ -70,8 +70,7 @@ impl GpuScene {
     }
 }
 
-/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first
-/// texel of a record.
+/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first texel of a record.
 fn spread<const FROM: usize, const TO: usize>(texels: &[[u32; 4]]) -> Vec<[u32; 4]> {
     let records = texels.as_chunks::<FROM>().0.iter();
     records.flat_map(|record| (0..TO).map(|at| record.get(at).copied().unwrap_or_default())).collect()
@@ -206,12 +205,10 @@ impl Unit {
         Self { metres: 2_f64.powi(distances.power(NEAR)) }
     }
 
-    /// Converts a length from metres to units.
     pub(super) fn length(self, metres: f32) -> f32 {
         (f64::from(metres) / self.metres) as f32
     }
 
-    /// Converts a vector from metres to units.
     pub(super) fn vector(self, metres: DVec3) -> Vec3 {
         (metres / self.metres).as_vec3()
     }

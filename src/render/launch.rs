@@ -20,7 +20,6 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::{Readback, Results};
 
-/// A compiled kernel, and the sizer of its dispatches.
 pub(super) struct SizedKernel {
     pub(super) pipeline: Pipeline,
     pub(super) sizer: DispatchSizer,
@@ -41,14 +40,12 @@ struct InFlight {
 /// one block of the device's kernels.
 const CHECKED_PATHS: u32 = 2048;
 
-/// One strategy while its paths are traced.
 pub(super) struct StrategyRun<'a> {
     gpu: &'a Gpu,
     scene: &'a GpuScene,
     strategy: &'a Strategy,
     kernel: &'a mut SizedKernel,
     dispatches: &'a mut Dispatches,
-    /// One output for each dispatch that may be in flight.
     outputs: Vec<Output>,
     /// One for each output, if the device sorts and sums contributions.
     merges: Vec<DeviceMerge>,
@@ -238,7 +235,6 @@ impl<'a> StrategyRun<'a> {
         Ok(true)
     }
 
-    /// Returns the staging buffers for the next trace.
     pub(super) fn into_staging(self) -> Vec<StagingBuffers> {
         self.staging
     }
@@ -281,7 +277,6 @@ pub(super) struct Output {
 }
 
 impl Output {
-    /// Binds `scene`, the photon map `chains`, the light buffer and `staging` to `kernel`.
     pub(super) fn new(
         gpu: &Gpu,
         kernel: &Pipeline,
@@ -370,7 +365,6 @@ impl Output {
     }
 }
 
-/// Binds the resources as bindings 0, 1, and so on.
 fn bind_group<const N: usize>(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,

@@ -83,7 +83,6 @@ fn lists(pairs: &[Pair], tangent: [f32; 2], most: usize) -> Option<Vec<[u32; 4]>
     Some(raster.pack(pairs.len()))
 }
 
-/// A triangle that touches a texel.
 struct Entry {
     texel: u32,
     pair: u32,
@@ -91,9 +90,7 @@ struct Entry {
     nearest: f32,
 }
 
-/// The raster while triangles are added to it.
 struct Raster {
-    /// Texels in a row.
     side: usize,
     /// Texels per unit of the image plane.
     scale: DVec2,
@@ -144,8 +141,7 @@ impl Raster {
         self.cover(pair, &seen);
     }
 
-    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its
-    /// plane and its bounding box.
+    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its plane and its bounding box.
     fn touches_the_pinhole(&self, [a, b, c]: &[DVec3; 3]) -> bool {
         let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
         let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -242,7 +238,6 @@ fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<u
     Some(low.max(0.0) as usize..=(high as usize).min(side - 1))
 }
 
-/// A corner of a polygon on the raster.
 #[derive(Clone, Copy)]
 struct Corner {
     at: DVec2,

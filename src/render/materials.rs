@@ -42,7 +42,6 @@ struct GpuMaterial {
 }
 
 impl GpuMaterial {
-    /// A material whose textures are `begin..end` of the list.
     fn new(material: &Material, [begin, end]: [u32; 2]) -> Self {
         // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor. The shader applies
         // the minimum and the factor, because both colour and factor may have a texture.
@@ -112,7 +111,6 @@ pub(super) enum TextureRole {
 }
 
 impl TextureRole {
-    /// Whether RGB is sRGB-encoded.
     fn is_color(self) -> bool {
         matches!(
             self,
@@ -180,7 +178,6 @@ impl GpuTexture {
     }
 }
 
-/// The index of a texture's first texel in the array of [`pack_texels`].
 fn first_texel(scene: &Scene, texture: u32) -> usize {
     scene.textures[..texture as usize].iter().map(|texture| texture.texels.len()).sum()
 }

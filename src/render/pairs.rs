@@ -17,7 +17,6 @@ const EDGE_ON: f64 = 1e-4;
 /// halves of a parallelogram have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 % longer.
 const CLOSE: f64 = 0.75;
 
-/// One or two triangles of one material and region.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pair {
     /// The first triangle has corners 0, 1, 2, the second one corners 0, 2, 3. In a single triangle, corner 3
@@ -52,13 +51,11 @@ impl Pair {
         Self { corners: [a, b, c, d], first, second: Some(second) }
     }
 
-    /// The triangles of the pair, and their corners.
     pub(super) fn triangles(&self) -> impl Iterator<Item = (Rotated, [Vec3; 3])> {
         let [a, b, c, d] = self.corners;
         [Some((self.first, [a, b, c])), self.second.map(|second| (second, [a, c, d]))].into_iter().flatten()
     }
 
-    /// The bounding box: the least and the greatest coordinates.
     pub(super) fn extent(&self) -> [Vec3; 2] {
         let [a, b, c, d] = self.corners;
         [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))]
@@ -66,7 +63,6 @@ impl Pair {
 }
 
 impl Rotated {
-    /// Three values, one for each corner, in the rotated order.
     fn corners<T: Copy>(self, [a, b, c]: [T; 3]) -> [T; 3] {
         [[a, b, c], [b, c, a], [c, a, b]][self.by]
     }
@@ -135,7 +131,6 @@ fn seen_from(corners: &[Vec3; 3]) -> f64 {
     if sine.abs() < EDGE_ON { 0.0 } else { sine.signum() }
 }
 
-/// Half the surface area of a box.
 fn half_area([low, high]: [Vec3; 2]) -> f64 {
     let DVec3 { x, y, z } = (high - low).as_dvec3();
     x * y + y * z + z * x

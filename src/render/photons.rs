@@ -19,7 +19,6 @@ use crate::gpu::Gpu;
 /// The most surfaces of a chain, because their number has four bits.
 const MAX_CHAIN: u32 = 15;
 
-/// The photon map of one endpoint, on the device.
 #[derive(Clone)]
 pub(super) struct PhotonMap {
     pub(super) buffers: PhotonBuffers,
@@ -46,7 +45,6 @@ impl Default for Gather {
     }
 }
 
-/// Everything that the photon map of a given scene depends on.
 pub(super) struct ChainRequest {
     pub(super) features: Features,
     pub(super) endpoint: GpuEndpoint,
@@ -142,7 +140,6 @@ impl PhotonMap {
         Self::sort(gpu, photons, radius)
     }
 
-    /// Moves photons to the device, sorted into a grid.
     fn sort(gpu: &Gpu, photons: Vec<Photon>, radius: f32) -> Result<Self> {
         let Grid { mask, start, photons } = Grid::new(photons, inverse_cell(radius));
         let buffers = PhotonBuffers {
@@ -152,7 +149,6 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: mask, photons: photons.len() as u32, radius })
     }
 
-    /// 1 over the width of a grid cell.
     pub(super) fn inverse_cell(&self) -> f32 {
         inverse_cell(self.radius)
     }
@@ -201,7 +197,6 @@ pub(super) struct ChainCache {
 }
 
 impl ChainCache {
-    /// The map for `request`: from the cache, or by [`PhotonMap::trace`].
     pub(super) fn map(
         &mut self,
         gpu: &Gpu,

@@ -7,8 +7,7 @@ use super::photons::Gather;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that
-/// proves a path finished.
+/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that proves a path finished.
 pub const MAX_BOUNCES: u32 = 64;
 
 /// The settings of a trace.
@@ -95,8 +94,7 @@ fn check_size(option: &str, size: Resolution) -> Result<()> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampler {
-    /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in
-    /// pairs of numbers.
+    /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in pairs of numbers.
     #[default]
     Sobol,
     /// Independent numbers, the baseline for comparisons.
@@ -104,7 +102,6 @@ pub enum Sampler {
 }
 
 impl Sampler {
-    /// The constant of `shaders/shared/parameters.wgsl`.
     pub(super) fn word(self) -> u32 {
         match self {
             Self::Sobol => 0,

@@ -22,7 +22,6 @@ pub(super) struct Strategy {
     pub(super) parameters: Parameters,
     pub(super) features: Features,
     pub(super) max_paths_per_invocation: u32,
-    /// The photon map of the other endpoint's specular chains.
     pub(super) chains: PhotonMap,
     /// The light buffer of the shared pinhole, or a placeholder where no ray uses it.
     pub(super) light_buffer: wgpu::TextureView,
@@ -43,7 +42,6 @@ impl Strategy {
     }
 }
 
-/// Makes strategies from the parts of a tracer.
 pub(super) struct StrategyBuilder<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) scene: &'a GpuScene,
@@ -187,7 +185,6 @@ impl Endpoints {
         Self { camera: scene.camera.clone(), projector: scene.projector.clone(), unit }
     }
 
-    /// Whether camera and projector share one lens and one image plane, so that transport is symmetric.
     pub(super) fn coaxial(&self, settings: &TraceSettings) -> bool {
         self.projector.is_none()
             && settings.projector.is_none_or(|resolution| resolution == settings.resolution)
@@ -233,7 +230,6 @@ impl Endpoints {
     }
 }
 
-/// The rotation from the endpoint's frame to the world.
 fn axes(endpoint: &Camera) -> DMat3 {
     DMat3::from_cols(endpoint.right.as_dvec3(), endpoint.up.as_dvec3(), -endpoint.forward.as_dvec3())
 }

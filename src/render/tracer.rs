@@ -33,7 +33,6 @@ pub struct Tracer {
     light_buffers: LightBuffers,
     chains: ChainCache,
     trust: Trust,
-    /// Staging buffers of the last trace, for the next one.
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
     /// The scene in the other processes of a team, which trace parts of it.
@@ -106,12 +105,10 @@ impl Tracer {
         self.gpu.compiled.as_ref()?.data()
     }
 
-    /// Notes that the other processes of a team also have the scene.
     pub(crate) fn share(&mut self, remote: Remote) {
         self.remote = Some(Arc::new(remote));
     }
 
-    /// The scene in the other processes of a team, if they have it.
     pub(crate) fn remote(&self) -> Option<&Arc<Remote>> {
         self.remote.as_ref()
     }
@@ -130,7 +127,6 @@ impl Tracer {
         &self.gpu.summary
     }
 
-    /// The device, for other computations on it.
     pub(crate) fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -259,7 +255,6 @@ impl Tracer {
     }
 }
 
-/// Tells `observer` that `done` of `total` light paths are done.
 fn step(observer: &dyn Observer, done: u64, total: u64) -> ControlFlow<()> {
     observer.step(&Step { stage: "tracing", done, total, estimate: Estimate::None })
 }
@@ -281,8 +276,7 @@ fn kernel<'a>(
 
 impl Tracer {
     /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions); `None`
-    /// where it sees nothing.
-    /// Fails with [`crate::Error::Device`] when the device failed.
+    /// where it sees nothing. Fails with [`crate::Error::Device`] when the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         settings.check()?;

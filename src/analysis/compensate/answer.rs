@@ -17,18 +17,15 @@ pub(super) struct Answer<'a> {
     pub(super) peak: f64,
     /// The target light from the projector.
     pub(super) b: &'a [Vec<f64>],
-    /// The pattern, inside the box.
     pub(super) pattern: Planes,
     pub(super) observed: Planes,
-    /// The photo of the target itself.
     pub(super) uncompensated: Planes,
 }
 
 impl Answer<'_> {
-    /// Completes the result with the figures that the method reports.
-    /// A pattern is good in three cases: it is within the tolerance; it is no worse than no compensation and the optimum inside the box; or
-    /// it is better than no compensation, nobody asked for a tolerance, and its photos allowed no more.
-    /// Preparation and comparisons are left empty.
+    /// Completes the result with the figures that the method reports. A pattern is good in three cases: it is within the tolerance; it is
+    /// no worse than no compensation and the optimum inside the box; or it is better than no compensation, nobody asked for a tolerance,
+    /// and its photos allowed no more. Preparation and comparisons are left empty.
     pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
         let Self { target, options, peak, b, pattern, observed, uncompensated } = self;
         let scale = norm_of(b);

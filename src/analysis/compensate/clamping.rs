@@ -32,8 +32,7 @@ impl Clamping {
         self.last() > self.uncompensated + ROUNDING
     }
 
-    /// The residual after clamping divided by the residual of the box-constrained method. Undefined where the latter is mere
-    /// rounding.
+    /// The residual after clamping divided by the residual of the box-constrained method. Undefined where the latter is mere rounding.
     pub fn price(&self) -> Ratio {
         Ratio::of(self.last(), self.inside(), ROUNDING)
     }

@@ -12,8 +12,7 @@ pub struct MethodRun {
     pub method: Method,
     /// Its name on the command line.
     pub name: &'static str,
-    /// The residual of its unclipped answer after each photo, as the method computes it. Each row has the least residual so
-    /// far.
+    /// The residual of its unclipped answer after each photo, as the method computes it. Each row has the least residual so far.
     pub history: Vec<CompensationRow>,
     /// The residual of the photo of its answer after each step, clipped to the projector's range.
     pub displayed: Vec<CompensationRow>,

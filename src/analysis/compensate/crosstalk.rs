@@ -135,7 +135,6 @@ impl<O: Adjoint> Mixed<'_, O> {
     }
 }
 
-/// Splits one vector into `count` planes.
 pub(super) fn planes(vector: &[f64], count: usize) -> Vec<Vec<f64>> {
     vector.chunks(vector.len() / count.max(1)).map(<[f64]>::to_vec).collect()
 }

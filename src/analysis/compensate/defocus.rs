@@ -1,14 +1,12 @@
-//! A preconditioner for an unfocused lens: it divides by the frequency response of a Gaussian, except at frequencies that are
-//! lost.
+//! A preconditioner for an unfocused lens: it divides by the frequency response of a Gaussian, except at frequencies that are lost.
 //!
 //! ```text
 //! M = D^½ K D^½,    K = C diag(k_μ k_ν) Cᵀ,    k_μ = Σ_j κ_j cos(π j μ / N)
 //! ```
 //!
-//! `D` is the white photo. `K` is a Gaussian blur with kernel `κ` of an image mirrored at its borders. Its eigenvectors are the
-//! columns of the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745).
-//! Frequencies attenuated below a tenth are amplified by at most ten, because noise dominates them. The width is given, or
-//! estimated from one photo.
+//! `D` is the white photo. `K` is a Gaussian blur with kernel `κ` of an image mirrored at its borders. Its eigenvectors are the columns of
+//! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies attenuated
+//! below a tenth are amplified by at most ten, because noise dominates them. The width is given, or estimated from one photo.
 
 use crate::error::Result;
 use crate::image::Resolution;
@@ -20,14 +18,11 @@ const LEAST: f64 = 0.1;
 /// The widths, in pixels, that are compared with a photo.
 const WIDTHS: [f64; 14] = [0.0, 0.3, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.5, 8.0];
 
-/// The preconditioner `M⁻¹` of one channel.
 #[derive(Clone, Debug)]
 pub(super) struct Defocus {
     /// The cosines, one row per frequency, along a row and along a column of the image.
     cosines: [Vec<Vec<f64>>; 2],
-    /// The factors `k_μ k_ν`, row by row, with `μ` along rows of the image.
     kept: Vec<f64>,
-    /// The diagonal of `D^-½`.
     scaling: Vec<f64>,
 }
 
@@ -77,7 +72,6 @@ impl Defocus {
         columns(&rows, across.len(), |column| down.iter().map(|c| dot(c, column)).collect())
     }
 
-    /// The inverse transform `C x`.
     fn back(&self, x: &[f64]) -> Vec<f64> {
         let [across, down] = &self.cosines;
         let rows: Vec<f64> = x.chunks(across.len()).flat_map(|row| combined(across, row)).collect();
@@ -85,7 +79,6 @@ impl Defocus {
     }
 }
 
-/// The factors `k_μ k_ν` of a Gaussian of `width` pixels.
 fn spectrum(resolution: Resolution, width: f64) -> Vec<f64> {
     let line = |length: usize| -> Vec<f64> {
         let reach = (4.0 * width).ceil() as usize;
@@ -124,7 +117,6 @@ fn combined(cosines: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// Applies `work` to each column of an image that is `width` pixels wide.
 fn columns(picture: &[f64], width: usize, work: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
     let mut result = vec![0.0; picture.len()];
     for x in 0..width {

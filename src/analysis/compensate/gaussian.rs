@@ -22,7 +22,6 @@ impl Gaussian {
         Self { resolution, block, blur: Blur::new(blocks, width / block as f64) }
     }
 
-    /// Computes `K x`, both of length `n`.
     pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
         let Some(blur) = &self.blur else { return x.to_vec() };
         if self.block == 1 {

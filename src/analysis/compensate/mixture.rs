@@ -30,7 +30,6 @@ const RIDGE: f64 = 1e-6;
 /// Sweeps of coordinate descent per cell.
 const SWEEPS: usize = 500;
 
-/// The model `P` of one channel.
 #[derive(Clone)]
 pub(crate) struct Mixture {
     resolution: Resolution,
@@ -84,7 +83,6 @@ impl Mixture {
         (0..cells.pixels()).map(|cell| planes.iter().map(|plane| plane[cell]).collect()).collect()
     }
 
-    /// Interpolates values at the cells' centres to all pixels.
     fn between(&self, cells: Resolution, of_cells: &[f64]) -> Vec<f64> {
         let place = |pixel: usize, count: usize| {
             let at = ((pixel as f64 + 0.5) / CELL as f64 - 0.5).clamp(0.0, (count - 1) as f64);
@@ -190,8 +188,7 @@ mod tests {
         let resolution = Resolution::new(48, 40);
         let n = resolution.pixels();
         let white: Vec<f64> = (0..n).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // A member of the model's family: the sharper blur at the left, the wider one at the right, and half of each in the
-        // middle.
+        // A member of the model's family: the sharper blur at the left, the wider one at the right, and half of each in the middle.
         let truth = |x: &[f64]| -> Vec<f64> {
             let [sharp, wide] = [0.75, 2.0].map(|width| Gaussian::new(resolution, width).apply(x));
             (0..n)

@@ -206,7 +206,6 @@ impl Prior {
     }
 }
 
-/// The channels together with the crosstalk of their colours.
 struct Scene<'a, O> {
     channels: &'a mut [O],
     prior: &'a Prior,
@@ -223,7 +222,6 @@ impl<O: Adjoint> Scene<'_, O> {
         self.channels.iter_mut().zip(mixed.as_deref().unwrap_or(patterns)).map(photo).collect()
     }
 
-    /// The residuals of the photos of all answers after clipping.
     fn displayed(&mut self, answers: &[Planes], floor: f64, b: &[Vec<f64>]) -> Result<Vec<CompensationRow>> {
         // The channels take their photos one after the other, because a journal depends on the order of products.
         let size = match &*self.channels {
@@ -255,7 +253,6 @@ impl<O: Adjoint> Scene<'_, O> {
     }
 }
 
-/// The channels without their observers.
 fn unobserved<O: Adjoint>(channels: &mut [O]) -> Vec<Observed<'_, O>> {
     channels.iter_mut().map(|operator| Observed::new(operator, &())).collect()
 }

@@ -128,7 +128,6 @@ impl CompensateOptions {
         Ok(())
     }
 
-    /// The preconditioner of an unconstrained method.
     pub(super) fn unconstrained_preconditioning(&self) -> Precondition {
         self.precondition.unwrap_or(Precondition::Diagonal)
     }

@@ -22,7 +22,6 @@ const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4
 
 pub(super) type Planes = Vec<Vec<f64>>;
 
-/// The result of one method.
 pub(super) struct Solved {
     /// The method's own answer, which may leave the box.
     pub(super) patterns: Planes,
@@ -45,7 +44,6 @@ pub(super) struct Run<'a> {
     pub(super) prior: &'a Prior,
     /// Whether each product is a photo, so that long computations before the next one pay off.
     pub(super) dear: bool,
-    /// Photos taken before those of the method.
     pub(super) preparation: usize,
 }
 
@@ -254,8 +252,7 @@ fn sums(frames: &[Vec<u64>]) -> Vec<u64> {
     (0..most).map(at).collect()
 }
 
-/// Solves, and stores the answer after each photo if `keep` is set. The last result is the number of frames after each
-/// photo.
+/// Solves, and stores the answer after each photo if `keep` is set. The last result is the number of frames after each photo.
 fn kept(
     method: Method,
     operator: &mut dyn Adjoint,

@@ -14,8 +14,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// A target under `ambient` light in W/(m² sr). The ambient light has one channel per system; a gray target applies to
-    /// all channels.
+    /// A target under `ambient` light in W/(m² sr). The ambient light has one channel per system; a gray target applies to all channels.
     ///
     /// # Errors
     /// [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.

@@ -11,7 +11,6 @@ use super::points::{Assignment, BLOCK, Points};
 /// Bounds that differ by less than this share of them may be in the wrong order by rounding, because about 50 rounds add to each.
 const ROUNDING: f64 = 1e-12;
 
-/// The groups of all points between two rounds.
 struct Bounded<'a> {
     points: &'a Points<'a>,
     labels: Vec<usize>,
@@ -23,7 +22,6 @@ struct Bounded<'a> {
     sums: Vec<Vec<f64>>,
 }
 
-/// How far the centres have moved in a round.
 struct Moves {
     each: Vec<f64>,
     /// The centre that has moved farthest, its distance, and the next largest distance.
@@ -137,7 +135,6 @@ impl Change {
         Self { weights: vec![0.0; centres.len()], sums }
     }
 
-    /// Moves a point from one group to another.
     fn of(&mut self, points: &Points<'_>, point: usize, [from, to]: [usize; 2]) {
         let weight = points.weights[point];
         self.weights[from] -= weight;

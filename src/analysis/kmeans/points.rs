@@ -19,7 +19,6 @@ pub(super) struct Assignment {
     pub(super) distances: Vec<f64>,
     /// The squared distance of each point to the nearest other centre.
     pub(super) seconds: Vec<f64>,
-    /// The weight of each group.
     pub(super) weights: Vec<f64>,
     /// The weighted sum of each group's points: `K` vectors of length `d`.
     pub(super) sums: Vec<Vec<f64>>,

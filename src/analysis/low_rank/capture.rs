@@ -13,12 +13,10 @@ use crate::operator::{Operator, Product, Recorded, Symmetry};
 pub struct LowRankCapture {
     /// The number of photos of the process, which is also the rank `k` of `W Qᵀ`; at least 1.
     pub photos: usize,
-    /// The first pattern. `None` stands for all ones, which makes the white photo part of the capture and begins with smooth
-    /// patterns.
+    /// The first pattern. `None` stands for all ones, which makes the white photo part of the capture and begins with smooth patterns.
     pub start: Option<Start>,
-    /// Further start vectors of the first block, for a symmetric operator; other operators ignore them. One start finds one
-    /// vector per eigenspace. It hardly separates similar regions without exchange, such as the cups of a carton;
-    /// [`smooth_starts`] do.
+    /// Further start vectors of the first block, for a symmetric operator; other operators ignore them. One start finds one vector per
+    /// eigenspace. It hardly separates similar regions without exchange, such as the cups of a carton; [`smooth_starts`] do.
     pub beside: Vec<Vec<f64>>,
 }
 
@@ -91,9 +89,8 @@ fn run(
     Ok(process.basis().to_vec())
 }
 
-/// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1,
-/// relative to the strongest photo. The model's error falls with it. Without symmetry, the model predicts nothing for a new
-/// orthogonal pattern.
+/// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1, relative to
+/// the strongest photo. The model's error falls with it. Without symmetry, the model predicts nothing for a new orthogonal pattern.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();

@@ -115,7 +115,6 @@ pub fn rank_curve<O: Adjoint>(
     Ok((0..ranks).filter_map(row).collect())
 }
 
-/// The error of the best approximation of each rank.
 fn best_errors<O: Adjoint>(operator: &mut O, total: f64, ranks: usize) -> Result<Vec<f64>> {
     if operator.symmetry() == Symmetry::Symmetric {
         return optimal_errors(operator, total, ranks, 4 * ranks + EXTRA_PRODUCTS);

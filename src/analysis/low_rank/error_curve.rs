@@ -43,9 +43,8 @@ pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     rows
 }
 
-/// The least error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367). It follows from the
-/// eigenvalues of largest magnitude of a symmetric `G`, as far as they converge within `products` products. Fails as [`eigs`]
-/// does.
+/// The least error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367). It follows from the eigenvalues of
+/// largest magnitude of a symmetric `G`, as far as they converge within `products` products. Fails as [`eigs`] does.
 pub fn optimal_errors(
     operator: &mut dyn Operator,
     frobenius: f64,

@@ -14,8 +14,7 @@ use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
 use crate::operator::{Operator, Symmetry, block, delegate};
 
-/// Pixels with less than this share of the greatest direct light count as unlit. The other pixels account for the light that
-/// they send.
+/// Pixels with less than this share of the greatest direct light count as unlit. The other pixels account for the light that they send.
 const DARK: f64 = 1e-6;
 
 /// The result of [`cancel_interreflections`].

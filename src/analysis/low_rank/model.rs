@@ -18,8 +18,7 @@ pub struct LowRank {
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values,
-    /// or is empty.
+    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values, or is empty.
     ///
     /// # Errors
     /// [`Error::Dimension`] if sizes differ.
@@ -167,7 +166,6 @@ impl LowRank {
         sum
     }
 
-    /// The product `D x`, or `Dᵀ x` for `side` 1.
     fn direct_product(&self, x: &[f64], side: usize) -> Vec<f64> {
         if let Some(both) = &self.spread {
             let row = |row: usize| -> f64 {
@@ -182,8 +180,7 @@ impl LowRank {
         }
     }
 
-    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1). A symmetric model adds `from (toᵀ z)`, where `z = x − from (fromᵀ x)` is the
-    /// rest.
+    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1). A symmetric model adds `from (toᵀ z)`, where `z = x − from (fromᵀ x)` is the rest.
     fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
         debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
         let mut y = self.direct_product(x, side);

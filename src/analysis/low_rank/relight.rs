@@ -178,7 +178,6 @@ fn error(squares: Squares) -> f64 {
     }
 }
 
-/// Applies `product` to each channel's operator, if there are any.
 fn products<O: Adjoint>(
     operators: Option<&mut [O]>,
     mut product: impl FnMut(&mut O, usize) -> Result<Vec<f64>>,

@@ -13,8 +13,7 @@ use crate::transport::Part;
 /// Photos for the optimum, which are free on the twin.
 const OPTIMUM_PHOTOS: usize = 500;
 
-/// The optimum that trials are compared with. Residuals belong to noise-free photos of the displayed pattern, relative to the target
-/// light.
+/// The optimum that trials are compared with. Residuals belong to noise-free photos of the displayed pattern, relative to the target light.
 pub struct CompensationPlan {
     target: Image,
     ambient: Image,
@@ -78,8 +77,7 @@ impl MethodTrial {
 }
 
 impl Planner<'_> {
-    /// The best pattern with ideal devices. The peak is half the median of the white photo, the default. Fails as [`compensate`]
-    /// does.
+    /// The best pattern with ideal devices. The peak is half the median of the white photo, the default. Fails as [`compensate`] does.
     pub fn ideal_compensation(
         &self,
         target: &Image,

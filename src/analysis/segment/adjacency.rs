@@ -6,9 +6,8 @@ use crate::operator::{Operator, block, delegate};
 
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
-/// Its largest eigenvectors `v` give the smallest ones of the normalized cut without an inverse: `(D − W) u = (1 − λ) D u` with
-/// `u = D^-½ v`. The pair `λ = 1`, `v = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½
-/// x`.
+/// Its largest eigenvectors `v` give the smallest ones of the normalized cut without an inverse: `(D − W) u = (1 − λ) D u` with `u = D^-½
+/// v`. The pair `λ = 1`, `v = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½ x`.
 pub struct NormalizedAdjacency<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,

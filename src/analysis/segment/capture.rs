@@ -98,8 +98,7 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, BlockLanczos::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // The number of starts is judged after as many rounds as the default gives each start. Others never join a single
-            // start.
+            // The number of starts is judged after as many rounds as the default gives each start. Others never join a single start.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
             let status = self.take(global, stage)?.stats.status;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };
@@ -195,8 +194,7 @@ impl Capture {
         if lanczos.steps() == 0 {
             return Err(too_early());
         }
-        // The starts can find as many copies of an eigenvalue as there are starts. One more eigenvalue shows the gap after the
-        // regions.
+        // The starts can find as many copies of an eigenvalue as there are starts. One more eigenvalue shows the gap after the regions.
         let wanted = (options.eigenvectors - 1).max(lanczos.block() + 1);
         let pairs = lanczos.ritz(Which::LargestAlgebraic, wanted)?;
         let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();

@@ -1,5 +1,4 @@
-//! A view of chosen pixels as points: their distances in the space of eigenvectors. [`Embedding`](super::Embedding) gives the
-//! coordinates.
+//! A view of chosen pixels as points: their distances in the space of eigenvectors. [`Embedding`](super::Embedding) gives the coordinates.
 
 use super::Segmentation;
 use crate::error::{Error, Result};

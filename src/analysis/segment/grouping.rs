@@ -50,7 +50,6 @@ fn is_two(coordinates: &[Vec<f64>], weights: &[f64], pixels: &[usize], centre: &
     })
 }
 
-/// The axis of largest variance, by power iteration with the covariance matrix.
 fn longest_axis(coordinates: &[Vec<f64>], weights: &[f64], pixels: &[usize], centre: &[f64]) -> Vec<f64> {
     let entry = |a: usize, b: usize| -> f64 {
         let of = |axis: usize, pixel: usize| coordinates[axis][pixel] - centre[axis];

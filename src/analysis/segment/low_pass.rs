@@ -16,8 +16,7 @@ const LEFT: f64 = 0.1;
 /// The narrowest and the widest blur in pixels.
 const WIDTHS: [f64; 2] = [0.6, 4.0];
 
-/// The filter for vectors on the nodes of a graph. Eigenvectors of regions are the `known` vector times a constant on each
-/// region.
+/// The filter for vectors on the nodes of a graph. Eigenvectors of regions are the `known` vector times a constant on each region.
 pub(super) fn low_pass(graph: &Graph, known: &[f64], resolution: Resolution) -> Filter {
     let (pixels, known) = (graph.pixels().to_vec(), known.to_vec());
     Filter::new(move |rest, share| {

@@ -144,7 +144,6 @@ impl Gallery<'_> {
     }
 }
 
-/// The frames of a camera; an ideal rig takes none.
 fn frames(taken: u64) -> String {
     if taken == 0 { "–".into() } else { taken.to_string() }
 }
@@ -230,7 +229,6 @@ fn painted(panel: &Panel) -> Result<PageFigure> {
     })
 }
 
-/// The contact sheet of a figure's photos, numbered from 1, each below its pattern.
 fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
     let mut photos = ContactSheet::new([strip.resolution; 2], 1);
     strip.photos.iter().try_for_each(|photo| photos.push(0, &photo.from, &photo.to, false))?;

@@ -7,7 +7,6 @@ use serde::Serialize;
 use crate::paper::{Check, Figure, Limit, Reproduced, Rig};
 use crate::report::html::{Number, Outcome, Verdict};
 
-/// Whether a number has a bound.
 pub(super) fn is_judged(check: &Check) -> bool {
     check.limit != Limit::Stated
 }
@@ -146,12 +145,10 @@ pub(super) fn markdown(made: &[Reproduced], quick: bool, command: &str) -> Strin
     page
 }
 
-/// The figure by the ideal and by the virtual rig.
 fn rigs(made: &[Reproduced], figure: Figure) -> [Option<&Reproduced>; 2] {
     [Rig::Ideal, Rig::Virtual].map(|rig| made.iter().find(|one| one.figure == figure && one.rig == rig))
 }
 
-/// The number of bounds that are met, and the number of all bounds.
 fn met<'a>(made: impl Iterator<Item = &'a Reproduced>) -> String {
     let judged: Vec<&Check> = made.flat_map(|one| &one.checks).filter(|check| is_judged(check)).collect();
     let met = judged.iter().filter(|check| check.is_met()).count();

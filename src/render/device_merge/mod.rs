@@ -25,9 +25,7 @@ const MOST_WORDS: u64 = 1 << 25;
 
 /// The rules by which contributions become terms.
 pub(crate) struct MergeRequest<'a> {
-    /// 1 for luminance, 3 for red, green and blue.
     pub(crate) channels: usize,
-    /// The weights of red, green and blue in the luminance.
     pub(crate) luminance: [f32; 3],
     /// Whether the second bounce is class 1 and all later ones class 2. Otherwise the second and all later bounces are class 1. One bounce
     /// is class 0.
@@ -41,11 +39,9 @@ pub(crate) struct MergeRequest<'a> {
 pub(crate) struct Merged<'a> {
     words: &'a [u32],
     channels: usize,
-    /// The pixel that the first path of the dispatch starts from.
     first_pixel: u32,
 }
 
-/// A term as it comes from the device.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MergedTerm<'a> {
     /// The pixel that its paths start from.
@@ -106,9 +102,7 @@ pub(super) struct Trust {
     pub(super) asked: Option<bool>,
     /// Whether the terms of a large dispatch were compared with the host's.
     is_checked: bool,
-    /// Whether they differed.
     is_lost: bool,
-    /// The kernels, compiled when first needed.
     kernels: Option<Kernels>,
 }
 
@@ -135,7 +129,6 @@ impl Trust {
     }
 }
 
-/// A request with the device's trust, for one trace.
 pub(super) struct MergeSession<'a> {
     pub(super) request: &'a MergeRequest<'a>,
     kernels: Kernels,
@@ -148,11 +141,9 @@ pub(super) struct DeviceMerge {
     kernels: Kernels,
     buffers: Buffers,
     channels: usize,
-    /// The pixels at which paths end.
     other_pixels: u64,
 }
 
-/// The contributions of a dispatch that are being sorted and summed.
 pub(super) struct MergeInFlight {
     totals: Readback,
     first_pixel: u32,
@@ -194,7 +185,6 @@ impl DeviceMerge {
         Ok(Some(Self { kernels: kernels.clone(), buffers, channels, other_pixels }))
     }
 
-    /// Records the steps after a dispatch of `paths` paths.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
@@ -241,7 +231,6 @@ const TOGETHER: f64 = 64.0;
 /// Roundings of a contribution besides the roundings of its sum: its luminance, its weight, and the sum of both halves.
 const OTHER_ROUNDINGS: f64 = 8.0;
 
-/// A term in double precision.
 pub(super) struct HostTerm {
     start: u32,
     key: u32,

@@ -45,7 +45,6 @@ pub(super) struct MergeParameters {
     pub(super) padding: u32,
 }
 
-/// One dispatch of one kernel.
 pub(super) struct MergeStep {
     pub(super) kernel: KernelName,
     /// Whether the entries are in the second of their two buffers, and move to the first one.
@@ -285,7 +284,6 @@ impl Kernels {
     }
 }
 
-/// The bindings of `shaders/shared/merging.wgsl`.
 fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let parameters = BindingType::Buffer {
         ty: BufferBindingType::Uniform,

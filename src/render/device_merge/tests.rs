@@ -147,7 +147,6 @@ fn a_wrong_term_is_noticed() {
     }
 }
 
-/// The values of a matrix, summed by the device or by the host.
 fn traced(scene: &Scene, on_device: bool, channels: usize) -> (Vec<(u32, u32, f32)>, u32) {
     let mut tracer = tracer(scene);
     tracer.merge_on_device(on_device);

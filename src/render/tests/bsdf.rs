@@ -49,7 +49,6 @@ const BSDF: Sampler = Sampler {
         return vec3f(bsdf.opacity * vec2f(deltas.reflect, select(0.0, deltas.transmit, solid)), bsdf_pass(bsdf, wo).probability);",
 };
 
-/// The p-value of a sampler's histogram against its density.
 fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -> f64 {
     let Sampler { sample, density, deltas } = sampler;
     let head = format!("#import rng\n#import bsdf\n{READ_BSDF}");

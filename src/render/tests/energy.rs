@@ -7,8 +7,7 @@ use super::statistics::{Sphere, outgoing};
 use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in
-/// `s`.
+/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in `s`.
 const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;

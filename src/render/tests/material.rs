@@ -22,7 +22,6 @@ pub(super) struct Bsdf {
 /// Number of elements of `input` that hold a [`Bsdf`].
 pub(super) const BSDF_SIZE: usize = 5;
 
-/// WGSL that reads a [`Bsdf`] from `input`.
 pub(super) const READ_BSDF: &str = "
 fn bsdf_at(first: u32) -> Bsdf {
     let base = input[first];

@@ -15,7 +15,6 @@ use crate::render::photons::hash;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
 
-/// The method by which rays find their hits.
 #[derive(Clone, Copy)]
 struct By {
     /// Whether rays from and to the pinhole use the light buffer.
@@ -140,8 +139,7 @@ fn paths_do_not_depend_on_their_invocation() {
         (apart, false),
     ];
     for (scene, by_light_buffer) in &scenes {
-        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer
-        // paths.
+        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer paths.
         let settings = TraceSettings::new(Resolution::new(41, 30), 13);
         let one = paths_by(scene, &settings, 1, *by_light_buffer);
         assert!(one.len() >= 41 * 30 * 13);

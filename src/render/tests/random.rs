@@ -4,8 +4,7 @@ use super::statistics::{chi_square_test, threshold};
 use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
-/// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`. The layout is `[pixel · samples +
-/// sample]`.
+/// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`. The layout is `[pixel · samples + sample]`.
 fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]> {
     let source = format!(
         "#import sampler
@@ -16,8 +15,7 @@ fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]
     run(gpu, &source, &[], &[[0.0; 4]], pixels * samples)
 }
 
-/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ`
-/// points.
+/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ` points.
 fn is_net(points: &[(f32, f32)]) -> bool {
     let count = points.len();
     assert!(count.is_power_of_two());
@@ -84,8 +82,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
     const SAMPLES: usize = 6;
     let gpu = gpu();
     let vertices = [points(&gpu, PIXELS, SAMPLES, 1), points(&gpu, PIXELS, SAMPLES, 2)];
-    // The pairs are taken over the pixels, one sample each. They are independent of one another, which the χ² test
-    // needs.
+    // The pairs are taken over the pixels, one sample each. They are independent of one another, which the χ² test needs.
     let of = |vertex: usize, sample: usize| {
         vertices[vertex].iter().skip(sample).step_by(SAMPLES).copied().collect::<Vec<_>>()
     };
@@ -116,8 +113,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
             }
         }
     }
-    // Within a half, the pairs of one vertex are shuffled against each other: x of one sample says nothing about z of
-    // another.
+    // Within a half, the pairs of one vertex are shuffled against each other: x of one sample says nothing about z of another.
     let next = of(0, 2);
     for (c, d) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
         let p = pair_p_value(32, base.iter().zip(&next).map(|(a, b)| (a[c], b[d])));

@@ -155,7 +155,6 @@ impl Sphere {
     }
 }
 
-/// The unit vector at this cosine to the normal.
 pub(super) fn outgoing(cos: f64) -> [f32; 4] {
     let sin = (1.0 - cos * cos).sqrt();
     [(sin * AZIMUTH.cos()) as f32, (sin * AZIMUTH.sin()) as f32, cos as f32, 0.0]

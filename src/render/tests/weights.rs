@@ -10,7 +10,6 @@ use crate::scene::{AlphaMode, Lens, Material, Scene, Volume};
 
 const SIDE: usize = 16;
 
-/// A closed box with its front outside.
 fn block(name: &str, low: Vec3, high: Vec3, material: u32) -> Part {
     let mut part = Part::new(name, None);
     part.material = material;
@@ -30,7 +29,6 @@ fn block(name: &str, low: Vec3, high: Vec3, material: u32) -> Part {
     part
 }
 
-/// An upright sheet that faces the camera.
 fn sheet(name: &str, centre: Vec3, half: f32, material: u32) -> Part {
     let mut part = Part::new(name, None);
     part.material = material;
@@ -39,8 +37,7 @@ fn sheet(name: &str, centre: Vec3, half: f32, material: u32) -> Part {
     part
 }
 
-/// A room with one object of every material that refracts or transmits light, except mirrors and smooth
-/// glass.
+/// A room with one object of every material that refracts or transmits light, except mirrors and smooth glass.
 fn room() -> Scene {
     let camera = plane(1.0, 0.5).camera;
     let matte = Material::default();
