@@ -1,5 +1,5 @@
-//! Measures the transport matrix with one photo per column. On a small rig, this is the reference for all
-//! other methods.
+//! Measures the transport matrix with one photo per column. On a small rig, it is the reference for all other
+//! methods.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;

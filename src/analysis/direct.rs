@@ -92,8 +92,8 @@ impl Operator for WithoutDirect<'_> {
 }
 
 /// The operator `K A K` with one Gaussian `K = Kᵀ` for pattern and photo. It has the symmetry of `A`; a blur of the photo alone
-/// would break it. The blur averages the noise of neighbouring pixels. Light paths shorter than the blur are not treated as
-/// direct light. A product is one photo.
+/// would break it. The blur averages the noise of neighbouring pixels. Light paths shorter than the blur do not count as direct
+/// light. A product is one photo.
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,

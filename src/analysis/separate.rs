@@ -134,8 +134,7 @@ impl SeparateBy {
 /// Separates with `operator`, all light of a coaxial rig (`n × n`).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--by` if the operator is not symmetric (each camera pixel then sees light of another projector
-/// pixel); the errors of the method.
+/// [`Error::Option`] naming `--by` if the operator is not symmetric (a pixel then sees light of another pixel); the errors of the method.
 pub fn separate(
     operator: &mut dyn Operator,
     resolution: Resolution,

@@ -16,8 +16,7 @@ pub struct Predicted {
     pub own: f64,
     /// The norm of the errors that the answer states: a residual, or the part that its photos leave open.
     pub stated: f64,
-    /// Whether the answer was computed from a frozen matrix. The answer fits the noise of this matrix, so its errors have a part of second
-    /// order.
+    /// Whether the answer was computed from a frozen matrix. It fits the noise of this matrix, so its errors have a part of second order.
     pub is_frozen: bool,
     /// [`EstimatedProduct::signs`], where the errors of the photo are draws of its noise.
     pub signs: Option<f64>,
@@ -99,8 +98,7 @@ pub struct Grouped {
     pub explained: f64,
     /// The largest such share, in 999 of 1000 cases, for labels unrelated to the light.
     pub by_chance: f64,
-    /// The share of the pixels that the independent coordinates put into the same group, relative to the share for the answer's own
-    /// coordinates.
+    /// The share of the pixels that the independent coordinates put into the same group, relative to the share for the answer's own.
     pub agreement: f64,
 }
 
@@ -215,8 +213,8 @@ pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Op
 }
 
 /// The eigenvalues of the scene, from the eigenvalues of a matrix's normalized cut and the residuals of their eigenvectors. For each,
-/// independent light states its error by [`Question::shift`](crate::transport::Question::shift). `None` where the products state no
-/// quadratic form.
+/// independent light states its error by [`Question::shift`](crate::transport::Question::shift). `None` if the products state no quadratic
+/// form.
 pub fn cut_estimates(
     values: &[f64],
     residuals: &[f64],

@@ -18,8 +18,8 @@ const SOFTWARE: &str = "software";
 /// beyond it fails as out of memory, before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
-/// The most bytes of address space that a graphics driver reserves for a small scene. Software Vulkan has worked with 600 MiB and failed
-/// with 400 MiB.
+/// The most bytes of address space that a graphics driver reserves for a small scene. Software Vulkan worked with 600 MiB and failed with
+/// 400 MiB.
 const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.
@@ -87,8 +87,8 @@ pub(crate) struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest kind. Among several equal ones,
-    /// `turn` selects one cyclically.
+    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, one of the fastest kind. `turn` goes round among several
+    /// equal ones.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
         let adapter = choose(wanted, turn, None)?;
         // Software Vulkan uses the memory of the machine, which other programs share, so the operating system sets the limit.
@@ -105,8 +105,7 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures, light buffer and photons are storage textures: seven in the largest kernel. Every
-            // desktop driver allows eight.
+            // Geometry, textures, light buffer and photons are storage textures: seven in the largest kernel. Desktop drivers allow eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
@@ -222,8 +221,8 @@ fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
     Ok(adapters)
 }
 
-/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves. A driver that does not get it may end the process
-/// without a message.
+/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves. Otherwise the driver may end the process without a
+/// message.
 fn require_address_space(limit: Option<u64>) -> Result<()> {
     match limit {
         Some(limit) if limit < ADDRESS_SPACE => Err(Error::Device {
@@ -261,11 +260,11 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
     Some(equal[turn % equal.len()])
 }
 
-/// The kernels that a device has compiled, as bytes if the driver gives them out. A later process on an equal device need not compile them
-/// again. Clones share them.
+/// The kernels that a device has compiled, as bytes if the driver gives them out. A later process on an equal device need not compile them.
+/// Clones share them.
 ///
-/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without a pipeline cache for applications give
-/// nothing out.
+/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without an application's pipeline cache give nothing
+/// out.
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,
@@ -276,8 +275,8 @@ pub(crate) struct Compiled {
 }
 
 impl Compiled {
-    /// A store on this device. It contains the kernels in `data` if they come from an equal device and driver; others are ignored. `None`
-    /// if the driver has no such store.
+    /// A store on this device. It contains the kernels in `data` if they come from an equal device and driver. `None` if the driver has no
+    /// such store.
     ///
     /// `data` must come from [`Compiled::data`], because the driver may trust it without checks.
     pub(crate) fn restore(device: &wgpu::Device, data: Option<&[u8]>) -> Option<Self> {
@@ -303,7 +302,7 @@ impl Compiled {
 #[allow(unsafe_code, reason = "wgpu cannot know where the bytes come from; whoever keeps them checks that")]
 fn open(device: &wgpu::Device, data: Option<&[u8]>) -> wgpu::PipelineCache {
     let description = wgpu::PipelineCacheDescriptor { label: Some("krylux"), data, fallback: true };
-    // SAFETY: `data` comes from `Compiled::data`. The folder of the cache belongs to its user alone, and a checksum shows accidents. wgpu
+    // SAFETY: `data` comes from `Compiled::data`. The folder of the cache belongs to its user, and a checksum shows accidents. wgpu
     // compares device and driver.
     unsafe { device.create_pipeline_cache(&description) }
 }

@@ -1,8 +1,7 @@
-//! Constant folding of shaders removes branches that the constants rule out, and all code that only these
-//! branches use.
+//! Constant folding of shaders removes branches that the constants rule out, and all code used only there.
 //!
 //! Drivers do the same, but only after they have translated the whole shader. For a scene of plain surfaces,
-//! this took the software Vulkan driver 0.12 s, even with compiled kernels in its cache; after folding, it
+//! this took the software Vulkan driver 0.12 s, even with compiled kernels in its cache. After folding, it
 //! takes 0.03 s.
 
 use std::collections::HashMap;
@@ -107,15 +106,14 @@ struct Known<'a> {
     module: &'a Module,
     returns: &'a Returns,
     function: &'a Function,
-    /// The only stored value of each variable that holds the result of a `&&` or `||`; `None` where there are
+    /// The only stored value of each variable that holds the result of a `&&` or `||`; `None` if there are
     /// several.
     locals: HashMap<Handle<LocalVariable>, Option<Handle<Expression>>>,
 }
 
 impl Known<'_> {
     /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable. Either branch
-    /// of `if a` stores to it once before it is read. If only one of these stores is left, its value is the
-    /// variable's value.
+    /// of `if a` stores to it once before it is read. If only one store is left, its value is the variable's.
     fn with_locals(mut self, body: &Block) -> Self {
         let function = self.function;
         stores(body, &mut |pointer, value| {

@@ -1,5 +1,4 @@
-//! WGSL sources and their composition: the line `#import NAME` inserts `shaders/shared/NAME.wgsl`, at most
-//! once for each shader.
+//! WGSL sources and their composition: `#import NAME` inserts `shaders/shared/NAME.wgsl`, once per shader.
 //!
 //! With `KRYLUX_DUMP_WGSL=DIR` in the environment, every composed shader is also written to `DIR/NAME.wgsl`.
 
@@ -63,8 +62,8 @@ pub fn compose(name: &str) -> Result<String> {
     compose_source(name, source)
 }
 
-/// The same as [`compose`], errors included, for WGSL that is not one of [`SOURCES`], such as a test of a
-/// single function.
+/// The same as [`compose`], errors included, for WGSL outside [`SOURCES`], such as a test of a single
+/// function.
 pub fn compose_source(name: &str, source: &str) -> Result<String> {
     let text = assemble(name, source)?;
     validate(name, &text)?;
@@ -72,12 +71,11 @@ pub fn compose_source(name: &str, source: &str) -> Result<String> {
 }
 
 /// The entry point `name` with these values for its overrides, without the code that they rule out. Values
-/// without an override are ignored. The module is not validated here; wgpu validates it when it makes a
-/// kernel of it.
+/// without an override are ignored. The module is not validated here, but by wgpu when it makes a kernel.
 ///
 /// # Errors
-/// [`Error::Device`], which names the shader, if it or one of its imports does not exist or cannot be parsed,
-/// or if an override has no value.
+/// [`Error::Device`], which names the shader, if it or an import does not exist or cannot be parsed, or an
+/// override lacks a value.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     let text = with_constants(name, &assemble(name, source)?, constants)?;
@@ -144,8 +142,7 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
     Ok(())
 }
 
-/// Parses and validates a shader with naga, so that an error names the line before any driver sees the
-/// shader.
+/// Parses and validates a shader with naga, so that an error names the line before a driver sees the shader.
 fn validate(name: &str, text: &str) -> Result<naga::Module> {
     let module = parse(name, text)?;
     validated(text, &module).map_err(|what| fault(name, &what))?;

@@ -173,8 +173,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     Ok((Compared { found, checks, plot }, stage))
 }
 
-/// The reason why the first vectors may be turned: the error of the rig's photo of the dense vector, against the gap to the next singular
-/// value.
+/// The reason why the first vectors may be turned: the error of the rig's photo of the dense vector, against the next singular value's gap.
 fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<String> {
     let mut photo = vec![0.0; both.rows()];
     both.apply(&dense.right[0], &mut photo)?;

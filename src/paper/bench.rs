@@ -102,8 +102,7 @@ impl Bench {
         self.open(stage.set, stage.resolution)?.through_devices(known)
     }
 
-    /// The frames that virtual cameras took for photos since the last call. Frames of black, white and exposures are included; frames of
-    /// calibrations are not.
+    /// The frames that virtual cameras took for photos since the last call, including black, white and exposures but not calibrations.
     pub(super) fn frames(&mut self) -> u64 {
         self.meters.drain(..).filter_map(|rig| rig.frames()).sum()
     }
@@ -130,8 +129,7 @@ impl OpenScene {
         options: &BenchOptions,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        // One matrix and a fixed order of sums on the processor: the numbers depend neither on the memory nor on the device that
-        // multiplies.
+        // One matrix and a fixed order of sums on the processor: the numbers depend neither on the memory nor on the multiplying device.
         let settings = Settings {
             adapter: options.adapter.clone(),
             team: options.team.clone(),

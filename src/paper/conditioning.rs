@@ -118,8 +118,7 @@ fn without(known: &[f64], mut vector: Vec<f64>) -> Vec<f64> {
     vector
 }
 
-/// Patterns of norm 1 and their photos. Each pattern is the previous photo without the known vector. Also returns the last photo's relative
-/// error.
+/// Patterns of norm 1 and their photos. Each pattern is the previous photo without the known vector. Returns the last photo's error, too.
 fn projected_back(
     operator: &mut dyn Operator,
     known: &[f64],

@@ -1,5 +1,4 @@
-//! Compensation methods at equal photo counts: the paper's method with clamping, box-constrained methods, and the optimum; with their
-//! target and pictures.
+//! Compensation methods at equal photo counts: the paper's with clamping, box-constrained ones, and the optimum; their target and pictures.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -337,8 +336,7 @@ mod tests {
         let picture = picture(100);
         assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
         let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
-        // The bars alone have nine edges in each of ten rows, the staircase has five in fourteen, and disc and ring have four in most of
-        // 52.
+        // The bars alone have nine edges in each of ten rows, the staircase has five in fourteen, disc and ring have four in most of 52.
         assert!(edges > 9 * 10 + 5 * 14 + 2 * 52, "{edges} of 10,000 neighbours differ");
     }
 }

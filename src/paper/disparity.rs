@@ -36,8 +36,8 @@ const AGREE: f64 = 0.1;
 /// A method is as good as without disparity if its residual is at most this many times as large, or below a tenth of a per cent.
 const AS_GOOD: f64 = 1.5;
 const SMALL: f64 = 1e-3;
-/// Side of the cells of the projector's pixels over which codes are averaged, because codes of single camera pixels are rounded; and the
-/// least number of codes in a cell.
+/// Side of the cells of projector pixels over which codes are averaged, because single codes are rounded; and the least number of codes in
+/// a cell.
 const CELL: f64 = 4.0;
 const CODES: usize = 12;
 
@@ -190,8 +190,7 @@ fn derived(stage: &Stage, beside: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// The lengths of the displacements by the direct light of the matrix. A displacement leads to the centroid of the projector's pixels whose
-/// light a pixel sees.
+/// The lengths of the displacements by the matrix's direct light, to the centroid of the projector's pixels whose light a pixel sees.
 fn of_matrix(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     let matrix = bench.lab(stage)?.matrix(Part::Direct, 0)?;
     let width = stage.resolution.width;

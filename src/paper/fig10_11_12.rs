@@ -1,5 +1,5 @@
-//! Figures 10, 11 and 12: compensation in focus after five photos, and with a defocused projector after 8 and 12. The photos of the latter
-//! are shown in order.
+//! Figures 10, 11 and 12: compensation in focus after five photos, with a defocused projector after 8 and 12, and the latter's photos in
+//! order.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{

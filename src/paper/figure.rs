@@ -1,5 +1,4 @@
-//! The paper's figures with their statements, and their reproductions: measured numbers with bounds, and planes of values before any
-//! painting.
+//! The paper's figures with their statements, and their reproductions: measured numbers with bounds, and planes of unpainted values.
 
 use crate::image::Resolution;
 use crate::operator::Product;

@@ -8,8 +8,7 @@ use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
 
-/// The options of a segmentation that uses all its photos, from one start. With the resolution, a noisy rig can low-pass its directions, as
-/// `krylux segment` does.
+/// The options of a segmentation that uses all its photos, from one start. With the resolution, a noisy rig can low-pass its directions.
 pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> SegmentOptions {
     SegmentOptions {
         photos,
@@ -55,8 +54,8 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
 
 /// How closely groups form horizontal bands.
 pub(super) struct Bands {
-    /// Number of groups that hold the majority of some row of a region. A group narrower than half of its region in every row is not a band
-    /// and does not count.
+    /// Number of groups that hold the majority of some row of a region. A group narrower than half of its region in every row does not
+    /// count.
     pub(super) count: usize,
     /// Share of pixels in the majority group of their row and region; 1 if all borders run along the rows.
     pub(super) share: f64,
@@ -242,8 +241,7 @@ mod tests {
 
     #[test]
     fn even_light_is_shared_as_by_form_factors() {
-        // The share of light that leaves one face of an infinite fold towards the other is (1 + cos φ) / 2, the form factor of two half
-        // planes.
+        // The share of light from one face of an infinite fold towards the other is (1 + cos φ) / 2, the form factor of two half planes.
         for angle in [0.6_f64, 1.176, std::f64::consts::FRAC_PI_2] {
             let wanted = (1.0 + angle.cos()) / 2.0;
             assert!((kernel(angle, [0.0, 0.0]) - wanted).abs() < 1e-9, "quadrature at {angle}");

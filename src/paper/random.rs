@@ -233,8 +233,8 @@ fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Re
 }
 
 /// Makes the first of two vectors orthogonal to the first vectors of `known`, which are orthonormal, and scales it to norm 1. The second
-/// vector, a linear function of the first, is changed in the same way. Returns the norm of the rest of the first vector; if it is 0,
-/// nothing is scaled.
+/// vector, a linear function of the first, changes in the same way. Returns the norm of the rest of the first vector; if it is 0, nothing
+/// is scaled.
 pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]) -> f64 {
     let [vector, image] = pair;
     // The first pass leaves some of the basis by rounding.

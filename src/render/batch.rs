@@ -63,8 +63,8 @@ impl<'a> Batch<'a> {
         Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
     }
 
-    /// The batch of `paths` paths whose connections are in `merged`. `records` holds at least the first slots of the paths, and the slots
-    /// of ambient light, if there is any.
+    /// The batch of `paths` paths whose connections are in `merged`. `records` holds at least the paths' first slots, and slots of ambient
+    /// light, if any.
     pub(super) fn merged(
         first_path: u64,
         layout: RecordLayout,
@@ -152,8 +152,7 @@ impl<'a> Batch<'a> {
         self.layout.ambient
     }
 
-    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` in a scene without
-    /// emission, and for paths from the projector.
+    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` without emission, and for paths from the projector.
     pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
         self.layout.ambient.then(|| value(self.slot(index, self.layout.stride() - 1)))
     }

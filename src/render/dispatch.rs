@@ -11,8 +11,7 @@ use super::pairs::Pair;
 use crate::error::Error;
 use crate::gpu::Gpu;
 
-/// The target time of a dispatch. It is short enough for progress, cancellation and the watchdog of a GPU, and so long that the
-/// overhead does not matter.
+/// The target time of a dispatch: short enough for progress, cancellation and a GPU's watchdog, and so long that overhead does not matter.
 const TARGET: Duration = Duration::from_millis(100);
 
 /// The most bytes of records that a dispatch writes: enough paths to keep a GPU busy.
@@ -124,8 +123,8 @@ impl DispatchSizer {
         self.target.unwrap_or(Self::COLD).min(most)
     }
 
-    /// Number of paths that each invocation of a dispatch of `paths` traces, at most `most`. Each core gets
-    /// four workgroups, so that all cores end at about the same time.
+    /// Number of paths that each invocation of a dispatch of `paths` traces, at most `most`. Each core gets four workgroups, so that
+    /// all end together.
     pub(super) fn paths_per_invocation(&self, paths: u32, most: u32) -> u32 {
         paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_path_each { 1 } else { most })
     }
@@ -134,8 +133,7 @@ impl DispatchSizer {
         self.one_path_each = true;
     }
 
-    /// The most dispatches that should be in flight. Once their size has been measured, there are two, so that the device does not
-    /// wait for the host.
+    /// The most dispatches that should be in flight: two once their size has been measured, so that the device does not wait for the host.
     pub(super) fn max_in_flight(&self) -> usize {
         if self.target.is_some() { 2 } else { 1 }
     }
@@ -146,8 +144,8 @@ impl DispatchSizer {
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // A dispatch smaller than the target (the last one of a trace, or one at the capacity) is mostly overhead. It only shows
-        // whether the target is too large.
+        // A dispatch smaller than the target (the last one of a trace, or one at the capacity) is mostly overhead. It only shows a
+        // target that is too large.
         if paths < target && factor >= 1.0 {
             return;
         }

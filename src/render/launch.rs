@@ -1,5 +1,4 @@
-//! The launch of one strategy: its kernel is bound, dispatches are submitted and awaited in order, and their results are passed on as
-//! batches.
+//! The launch of one strategy: its kernel is bound, dispatches are submitted and awaited in order, and their results become batches.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -36,8 +35,8 @@ struct InFlight {
     merge: Option<MergeInFlight>,
 }
 
-/// The host also sums dispatches until one of at least this many paths agrees with the device's sums. This number of paths fills more than
-/// one block of the device's kernels.
+/// The host also sums dispatches until one of at least this many paths, which fill more than one block of the device's kernels, agrees with
+/// the device.
 const CHECKED_PATHS: u32 = 2048;
 
 pub(super) struct StrategyRun<'a> {
@@ -162,12 +161,12 @@ impl<'a> StrategyRun<'a> {
         Ok(())
     }
 
-    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`. Returns `false` without a
-    /// dispatch in flight.
+    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`. Returns `false` if there is
+    /// none.
     ///
     /// # Errors
-    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) where the driver dropped paths; [`Device`](crate::Error::Device) where it failed;
-    /// and errors of `visit`.
+    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver dropped paths; [`Device`](crate::Error::Device) if it failed;
+    /// errors of `visit`.
     pub(super) fn finish_oldest(
         &mut self,
         summary: &mut TraceSummary,
@@ -342,8 +341,7 @@ impl Output {
         Ok((self.staging.results.request(bytes, submission.clone()), submission))
     }
 
-    /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call
-    /// [`Output::release`] before the next launch.
+    /// Waits for a dispatch of this output, and returns its results. Drop the view and call [`Output::release`] before the next launch.
     pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
         self.staging.results.wait(gpu, in_flight)
     }

@@ -42,8 +42,8 @@ pub(super) struct LightBuffers {
 }
 
 impl LightBuffers {
-    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made when it is first needed. `None` for a scene
-    /// whose lists would be too long.
+    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made at its first use. `None` if a scene's lists
+    /// would be too long.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
@@ -189,8 +189,7 @@ impl Raster {
         }
     }
 
-    /// The words of all lists, without hidden triangles. Each list starts with its nearest pair and contains each of the `pairs` pairs at
-    /// most once.
+    /// The words of all lists, without hidden triangles. Each list starts with its nearest pair and contains each pair at most once.
     fn pack(mut self, pairs: usize) -> Vec<[u32; 4]> {
         self.entries.retain(|entry| entry.nearest >= self.covers[entry.texel as usize]);
         self.entries.sort_unstable_by(|a, b| {
@@ -307,8 +306,8 @@ struct InverseDepth {
 }
 
 impl InverseDepth {
-    /// The function through the corners of a polygon. A polygon that is seen edge-on gets an infinite gradient. It covers no texel, and is
-    /// nowhere nearer than its corners.
+    /// The function through the corners of a polygon. A polygon seen edge-on gets an infinite gradient. It covers no texel, and is nowhere
+    /// nearer than its corners.
     fn through(polygon: &[Corner]) -> Option<Self> {
         let first = polygon.first()?;
         let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };

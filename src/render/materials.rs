@@ -16,8 +16,7 @@ const LETS_LIGHT_THROUGH: u32 = 2;
 const BLEND: u32 = 4;
 const MASK: u32 = 8;
 
-/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, loads from
-/// storage textures are far cheaper than loads from buffers.
+/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, textures load far faster than buffers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct GpuMaterial {

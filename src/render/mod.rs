@@ -1,6 +1,4 @@
-//! The path tracer: it traces the light paths of a scene, as connections between camera pixels and projector
-//! pixels.
-//!
+//! The path tracer finds a scene's light paths, as connections between camera pixels and projector pixels.
 #![doc = include_str!("../../guide/src/right/operator.md")]
 
 mod batch;

@@ -1,5 +1,4 @@
-//! Pairs of triangles that share an edge. A ray tests both triangles of a pair at once, with four corners instead
-//! of six.
+//! Pairs of triangles that share an edge. A ray tests both at once, with four corners instead of six.
 //!
 //! Embree and ray tracing hardware take quadrilaterals from the mesh for the same purpose. Here any two
 //! neighbouring triangles can become a pair.
@@ -43,8 +42,7 @@ impl Pair {
         (index, corners, edge): (usize, [Vec3; 3], usize),
         (other, others, other_edge): (usize, [Vec3; 3], usize),
     ) -> Self {
-        // The edge runs from corner 2 to corner 0 of the first triangle, and from corner 0 to corner 1 of the
-        // second.
+        // The edge runs from corner 2 to corner 0 of the first triangle, and from corner 0 to 1 of the second.
         let (first, second) =
             (Rotated { index, by: (edge + 1) % 3 }, Rotated { index: other, by: other_edge });
         let ([a, b, c], [_, _, d]) = (first.corners(corners), second.corners(others));
@@ -82,8 +80,8 @@ impl Rotated {
 /// Pairs up the triangles of a scene. `corners` are their corners in the pinhole's frame.
 ///
 /// Each triangle is paired with the free neighbour that gives the smallest common bounding box, if that box is
-/// small relative to the boxes of both. The pinhole has to see both triangles from the same side, so that neither
-/// hides the other.
+/// small relative to both boxes. The pinhole has to see both triangles from the same side, so that neither hides
+/// the other.
 pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair> {
     let neighbours = neighbours(corners);
     let equal = |a: usize, b: usize| {
@@ -123,8 +121,7 @@ pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair
     pairs
 }
 
-/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 where it sees the triangle
-/// edge-on.
+/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 if it sees the triangle edge-on.
 fn seen_from(corners: &[Vec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let sine = a.normalize_or_zero().dot((b - a).cross(c - a).normalize_or_zero());
@@ -167,8 +164,8 @@ fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
 /// A hash of the bits of a point. It only serves to sort equal edges next to each other.
 fn hash(point: Vec3) -> u64 {
     let word = |value: f32| u64::from(value.to_bits());
-    // The multipliers are odd, from linear congruential generators (Steele and Vigna 2021). Then the upper half
-    // is folded into the lower one.
+    // The odd multipliers come from linear congruential generators (Steele and Vigna 2021). The upper half is
+    // then folded into the lower one.
     let mixed = (word(point.x).wrapping_mul(0xd134_2543_de82_ef95))
         .wrapping_add(word(point.y))
         .wrapping_mul(0xaf25_1af3_b0f0_25b5)

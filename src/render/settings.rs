@@ -110,8 +110,7 @@ impl Sampler {
     }
 }
 
-/// Consecutive pixels of each endpoint of the rig that light paths start from. In a coaxial rig all paths start from the camera, and the
-/// range of the projector is empty.
+/// Consecutive pixels of each endpoint of the rig that light paths start from. In a coaxial rig, the range of the projector is empty.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct StartPixels {
     /// Pixels of the camera.
@@ -158,8 +157,7 @@ pub struct TraceSummary {
 }
 
 impl TraceSummary {
-    /// Adds the cost of a trace that ran at the same time in another process: its paths, rays and dispatches. The time becomes the longer
-    /// of the two.
+    /// Adds the cost of a trace that ran at the same time in another process: its paths, rays and dispatches. The longer time counts.
     pub(crate) fn add_parallel(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;

@@ -66,8 +66,7 @@ impl StrategyBuilder<'_> {
         ])
     }
 
-    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are the path samples per pixel of
-    /// the two endpoints.
+    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are the path samples per pixel.
     pub(super) fn strategy(
         &mut self,
         settings: &TraceSettings,
@@ -132,8 +131,7 @@ impl StrategyBuilder<'_> {
     }
 }
 
-/// The parameters of a strategy's dispatches, without the values of its photon map. The arguments are those of
-/// [`StrategyBuilder::strategy`].
+/// The parameters of a strategy's dispatches, without its photon map. The arguments are those of [`StrategyBuilder::strategy`].
 fn parameters(
     settings: &TraceSettings,
     [start, end]: [GpuEndpoint; 2],
@@ -171,8 +169,8 @@ fn parameters(
     }
 }
 
-/// Camera and projector, the endpoints of light paths, in the camera's frame: the lens centre of the camera is the origin, and the camera
-/// looks along −z.
+/// Camera and projector, the endpoints of light paths, in the camera's frame: the camera's lens centre is the origin, and it looks along
+/// −z.
 pub(super) struct Endpoints {
     camera: Camera,
     projector: Option<Camera>,

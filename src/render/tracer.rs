@@ -48,8 +48,8 @@ impl Tracer {
         Self::open_turn(scene, adapter, 0)
     }
 
-    /// The same as [`Tracer::new`], errors included. If a machine has several adapters equal to the one that would be opened, `turn`
-    /// selects one of them cyclically.
+    /// The same as [`Tracer::new`], errors included. Among several adapters equal to the one that would be opened, `turn` selects one
+    /// cyclically.
     pub fn open_turn(scene: &Scene, adapter: Option<&str>, turn: usize) -> Result<Self> {
         Self::on(Gpu::open(adapter, turn)?, scene)
     }
@@ -275,8 +275,8 @@ fn kernel<'a>(
 }
 
 impl Tracer {
-    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions); `None`
-    /// where it sees nothing. Fails with [`crate::Error::Device`] when the device failed.
+    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions), or `None`.
+    /// Fails with [`crate::Error::Device`] when the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         settings.check()?;

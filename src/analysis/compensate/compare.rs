@@ -18,8 +18,8 @@ pub struct MethodRun {
     pub displayed: Vec<CompensationRow>,
     /// Photos taken by the method, without preparation.
     pub photos: usize,
-    /// The frames that the camera had taken for the method after each photo. Signs, bit planes, exposures, takes and sentinels
-    /// are counted. Empty where photos are computed.
+    /// The frames that the camera had taken for the method after each photo: signs, bit planes, exposures, takes and
+    /// sentinels. Empty for computed photos.
     pub frames: Vec<u64>,
     /// The relative residual of the final photo.
     pub residual: f64,

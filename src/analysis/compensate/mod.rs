@@ -85,8 +85,7 @@ pub struct Compensation {
     pub clamping: Option<Clamping>,
     /// Why the method ended. For several channels, this is the least successful status.
     pub status: Status,
-    /// Whether the pattern is within the tolerance, or the optimum inside the box, or better than no compensation when its photos allowed
-    /// no more.
+    /// Whether the pattern is within the tolerance, or the optimum inside the box, or better than none when its photos allowed no more.
     pub good: bool,
 }
 
@@ -112,8 +111,7 @@ pub struct Prior {
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// Finds the pattern whose photo is `target` times the peak. Solves `A x = b` per channel, where `b` is the target light minus ambient
-/// light.
+/// Finds the pattern whose photo is `target` times the peak. Solves `A x = b` per channel; `b` is the target light minus ambient light.
 ///
 /// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems and are solved in turn. One
 /// colour photo is one product with each operator, so the count of photos is the count of the channel that took most. The observer of each
@@ -122,8 +120,7 @@ pub struct Prior {
 ///
 /// # Errors
 /// The errors of [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if
-/// none is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no target light is
-/// left.
+/// none is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] without target light.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     target: &Target,

@@ -88,8 +88,8 @@ impl Target {
         }
     }
 
-    /// The target light from the projector: the target times `peak`, minus ambient light. It is not clipped, so it is
-    /// negative where the ambient light alone is too bright.
+    /// The target light from the projector: the target times `peak`, minus ambient light. It is not clipped, and negative
+    /// where ambient light is too bright.
     pub(super) fn light(&self, peak: f64) -> Result<Vec<Vec<f64>>> {
         let light: Vec<Vec<f64>> = self
             .target

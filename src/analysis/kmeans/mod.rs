@@ -81,8 +81,7 @@ fn best_start(points: &Points<'_>, options: &KmeansOptions, random: &mut Pcg64) 
     best
 }
 
-/// Lloyd's rounds from these centres. Most rounds look only at points near a border. The last round looks at all points and recomputes all
-/// sums.
+/// Lloyd's rounds from these centres. Most rounds look only at points near a border. The last one looks at all and recomputes all sums.
 fn lloyd(points: &Points<'_>, mut centres: Vec<Vec<f64>>, rounds: usize) -> Clusters {
     let mut assignment = points.assign(&centres);
     let mut left = rounds;

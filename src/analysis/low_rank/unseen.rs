@@ -9,7 +9,7 @@ const LAST: usize = 4;
 impl LowRank {
     /// The expected norm of the error of a product with `x` (`n` values), in the unit of the photos. It is the part of `x` outside the span
     /// of the captured patterns, times the light that a new direction sends. A Krylov process finds directions that send much light first.
-    /// The last quarter of its photos therefore shows how much the next ones send; random patterns outside send less. The photos' own noise
+    /// The last quarter of its photos therefore shows how much the next ones send; random patterns outside send less. Noise of the photos
     /// is not counted.
     pub fn error_of_rank(&self, x: &[f64]) -> f64 {
         let photos = self.photos();

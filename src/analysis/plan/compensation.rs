@@ -54,8 +54,7 @@ pub struct MethodTrial {
     pub name: &'static str,
     /// Its photos.
     pub photos: usize,
-    /// The frames of these photos. Signs, bit planes, exposures, takes and sentinels are counted; black and white are not, because
-    /// all methods share them.
+    /// The frames of these photos: signs, bit planes, exposures, takes and sentinels, but not black and white, which all methods share.
     pub frames: u64,
     /// The residual after all photos.
     pub residual: f64,
@@ -106,8 +105,8 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin with the noise of `seed`. `ideal` is the result of [`Planner::ideal_compensation`]. Fails as
-    /// [`compensate`] or the rig does.
+    /// Compensates on the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_compensation`]. Fails as [`compensate`] or
+    /// the rig does.
     pub fn compensation(
         &self,
         ideal: &CompensationPlan,
@@ -128,8 +127,8 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin by every method, each with the photos of `options`, with the noise of `seed`. Fails as
-    /// [`compare_methods`] or the rig does.
+    /// Compensates on the twin by every method, each with the photos of `options`, with this noise. Fails as [`compare_methods`] or
+    /// the rig does.
     pub fn methods(
         &self,
         ideal: &CompensationPlan,

@@ -1,8 +1,7 @@
 //! Planning predicts the cost and the accuracy of an analysis on a rig with the rig's virtual twin.
 //!
-//! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The whole
-//! measurement runs on it with the noise of several seeds. Each result is compared with the result of ideal devices.
-//! Patterns, frames and seconds are counted on the twin.
+//! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The whole measurement runs
+//! on it with the noise of several seeds. Each result is compared with that of ideal devices. Patterns, frames and seconds are the twin's.
 
 mod compensation;
 mod eigenvalues;

@@ -1,5 +1,4 @@
-//! Groups of pixels by their coordinates in the space of eigenvectors. It is decided whether a group is really two, and how sure a pixel's
-//! group is.
+//! Groups of pixels by their coordinates in the space of eigenvectors: whether a group is really two, and how sure a pixel's group is.
 
 use crate::analysis::kmeans::Clusters;
 
@@ -71,8 +70,8 @@ fn longest_axis(coordinates: &[Vec<f64>], weights: &[f64], pixels: &[usize], cen
 }
 
 /// How sure the group of each point is, from 0 to 1: its probability among all groups. The distances from the centres are assumed to follow
-/// Student's distribution with their average width. The value says how well the point fits its group rather than another, not whether the
-/// number of groups is right.
+/// Student's distribution with their average width. The value says how well the point fits its group, not whether the number of groups is
+/// right.
 pub(super) fn confidence(coordinates: &[Vec<f64>], weights: &[f64], clusters: &Clusters) -> Vec<f64> {
     let d = coordinates.len() as f64;
     let width = clusters.inertia / (weights.iter().sum::<f64>() * d);

@@ -32,8 +32,8 @@ impl Cut {
 pub struct SegmentOptions {
     /// The most photos, including those of the degree; at least 3. Default 50.
     pub photos: usize,
-    /// The numbers of groups, each from 2 to 254. By default there is a single number: the number of regions that the light shows, or two
-    /// where it shows one.
+    /// The numbers of groups, each from 2 to 254. By default there is one number: the regions that the light shows, or two where it shows
+    /// one.
     pub groups: Vec<usize>,
     /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Where no number of groups is
     /// given, there is at least one per region. Default 10.
@@ -50,8 +50,8 @@ pub struct SegmentOptions {
     pub cut: Cut,
     /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
     pub mu: f64,
-    /// The share of a region's light that the operator itself carries across its border; a blur does so. Eigenvalues count as regions even
-    /// this far from one. Default 0.
+    /// The share of a region's light that the operator itself carries across its border, as a blur does. Eigenvalues this far from one
+    /// still count. Default 0.
     pub leak: f64,
     /// Pixels with at most this share, in [0, 1), of the median degree are masked: [`Graph`](super::Graph::measure). Default 0.01.
     pub mask_below: f64,
@@ -59,8 +59,7 @@ pub struct SegmentOptions {
     pub tolerance: f64,
     /// Seed of the Lanczos start and of k-means.
     pub seed: u64,
-    /// How to confirm, by photos beyond the budget, that no region was missed. Default none: the confirmation runs by itself where photos
-    /// are free.
+    /// How to confirm, by photos beyond the budget, that no region was missed. Default none: it is confirmed by itself if photos are free.
     pub confirm: Option<Confirm>,
 }
 

@@ -176,7 +176,7 @@ impl Regions {
     }
 }
 
-/// Counts clusters of values with gaps of at most `tolerance` standard deviations. A cluster needs two or more pixels and a group's least
+/// Counts clusters of values with gaps of at most `tolerance` standard deviations. A cluster has two or more pixels and a group's least
 /// light.
 fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
     let all = degrees.iter().sum::<f64>();

@@ -17,8 +17,7 @@ const MOST_GROUPS: usize = 254;
 /// The label of a masked pixel.
 pub const MASKED: u8 = 255;
 
-/// An eigenvalue is at most as large as the largest row sum. A larger excess is a fault of the photos; rounding or a little noise does not
-/// explain it.
+/// An eigenvalue is at most the largest row sum. A larger excess is a fault of the photos; rounding or a little noise does not explain it.
 const IMPOSSIBLE: f64 = 0.05;
 
 /// A label of at least this confidence is sure.
@@ -87,8 +86,8 @@ impl Segmentation {
         Some(confidence.iter().filter(|value| **value >= SURE).count() as f64 / seen.max(1) as f64)
     }
 
-    /// Whether light can have these eigenvalues: those of `D^-½ G D^-½` are at most 1 in size, and those of `D − G` lie between 0 and twice
-    /// the largest degree.
+    /// Whether light can have these eigenvalues: at most 1 in size for `D^-½ G D^-½`, and between 0 and twice the largest degree for `D −
+    /// G`.
     pub fn findings(&self) -> Vec<Finding> {
         let values = self.eigenvalues.iter().copied();
         // Each eigenvalue becomes its distance from the middle of its range, relative to half of the range.

@@ -42,8 +42,7 @@ pub(super) fn number(check: &Check) -> Number {
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
 }
 
-/// A reproduced figure as JSON, with its members in the order of their names. Values that are not finite become
-/// null.
+/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite become null.
 #[derive(Serialize)]
 pub(super) struct FigureRecord<'a> {
     checks: Vec<CheckRecord<'a>>,
@@ -106,8 +105,7 @@ fn digits(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// The page. `quick` says that the figures are smaller than the paper's; `command` is the command that made
-/// them.
+/// The page. `quick` says that the figures are smaller than the paper's; `command` is the command of the run.
 pub(super) fn markdown(made: &[Reproduced], quick: bool, command: &str) -> String {
     let mut page = String::from("# The paper's figures, held to bounds\n\n");
     let version = env!("CARGO_PKG_VERSION");

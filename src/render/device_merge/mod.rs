@@ -27,8 +27,7 @@ const MOST_WORDS: u64 = 1 << 25;
 pub(crate) struct MergeRequest<'a> {
     pub(crate) channels: usize,
     pub(crate) luminance: [f32; 3],
-    /// Whether the second bounce is class 1 and all later ones class 2. Otherwise the second and all later bounces are class 1. One bounce
-    /// is class 0.
+    /// Whether the second bounce is class 1 and all later ones class 2; otherwise they are all class 1. One bounce is class 0.
     pub(crate) split: bool,
     /// For a number of paths from each pixel: the weight of a sample in the mean, and the weights of samples of both halves in its error.
     pub(crate) weights: &'a dyn Fn(u32) -> [f64; 3],
@@ -224,8 +223,7 @@ impl DeviceMerge {
     }
 }
 
-/// The number of contributions that the device sums before it adds their sum to the sum of the others; `TOGETHER` of
-/// `shaders/merge_sums.wgsl`.
+/// The number of contributions that the device sums before it adds their sum to the rest; `TOGETHER` of `shaders/merge_sums.wgsl`.
 const TOGETHER: f64 = 64.0;
 
 /// Roundings of a contribution besides the roundings of its sum: its luminance, its weight, and the sum of both halves.

@@ -18,8 +18,8 @@ const CELLS: usize = 16;
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| BINS.midpoints(CELLS));
 
 /// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. The fourth component of a
-/// sample is its kind: the kind of a delta lobe, `-1` for no sample, and `REGULAR` for the samples that the
-/// density describes.
+/// sample is its kind: a delta lobe, `-1` for no sample, or `REGULAR` for the samples that the density
+/// describes.
 struct Sampler {
     sample: &'static str,
     density: &'static str,

@@ -1,5 +1,4 @@
-//! Tests of whole traces: paths are equal for every search and every number of paths of an invocation; photons, the observer, and kept
-//! kernels.
+//! Tests of whole traces: equal paths for every search and every number of paths of an invocation, photons, the observer, kept kernels.
 
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};

@@ -5,8 +5,7 @@ use std::f64::consts::{PI, TAU};
 /// The probability that at least one test of a family rejects a correct program.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The p-value below which one of `tests` independent tests fails (Šidák), so that the family keeps the
-/// significance.
+/// The p-value below which one of `tests` independent tests fails (Šidák). The family keeps the significance.
 pub(super) fn threshold(tests: usize) -> f64 {
     1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
 }
@@ -83,8 +82,7 @@ fn ln_gamma(a: f64) -> f64 {
 
 #[test]
 fn survival_has_its_closed_forms() {
-    // Two degrees of freedom give exp(−x/2), and four give exp(−x/2)(1 + x/2). Both branches of the
-    // evaluation are used.
+    // Two degrees of freedom give exp(−x/2); four give exp(−x/2)(1 + x/2). Both branches are used.
     for x in [0.1, 1.0, 3.0, 10.0, 40.0] {
         let two = (-x / 2.0_f64).exp();
         assert!((chi_square_survival(x, 2.0) / two - 1.0).abs() < 1e-13, "{x}");

@@ -170,7 +170,7 @@ fn each_texture_multiplies_its_own_factor() {
     assert!((found.transmission - 0.5 * 0.4).abs() < tolerance, "{found:?}");
     assert!((found.diffuse_transmission - 0.5 * 0.8).abs() < tolerance, "{found:?}");
     assert_close(found.diffuse_transmission_color, vec3(1.0, 0.5, half), tolerance);
-    // Half of the light is left after 1 m. The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::geometry`).
+    // Half of the light is left after 1 m. The triangle is 2 m to 4 m away, so that the unit of length is 2 m (`render::geometry`).
     assert_close(found.absorption, Vec3::splat(2.0 * 2.0_f32.ln()), tolerance);
 }
 
@@ -218,7 +218,7 @@ fn media_lie_behind_the_front() {
     let found = look(&gpu, &scene(solid.clone()), &[FRONT, BACK]);
     assert_eq!((found[0].eta, found[1].eta), ([1.0, 1.25], [1.25, 1.0]));
     for side in found {
-        // The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::geometry`).
+        // The triangle is 2 m to 4 m away, so that the unit of length is 2 m (`render::geometry`).
         assert_eq!((side.ior, side.absorption), (1.25, 2.0 * volume.absorption()));
     }
     for thin in [Material { volume: None, ..solid.clone() }, Material { transmission: 0.0, ..solid }] {

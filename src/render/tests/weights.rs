@@ -148,8 +148,7 @@ fn photos(
     seeds.map(&mut one).collect()
 }
 
-/// Compares two sets of photos. Returns the root mean square over the pixels of the difference's z, and the z of the difference of the
-/// sums.
+/// Compares two sets of photos. Returns the rms of the difference's z over the pixels, and the z of the difference of the sums.
 fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let moments = |values: Vec<f64>| {
         let n = values.len() as f64;
