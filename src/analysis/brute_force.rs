@@ -7,7 +7,6 @@ use crate::operator::{Operator, each_product};
 use crate::sparse::Csr;
 use crate::transport::Channels;
 
-/// The number of photos allowed by default.
 const PHOTOS: usize = 4096;
 
 /// Refuses a measurement that would take more photos than allowed, with [`Error::Option`] naming `--photos`.

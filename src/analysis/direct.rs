@@ -45,10 +45,7 @@ pub struct WithoutDirect<'a> {
 }
 
 impl<'a> WithoutDirect<'a> {
-    /// The operator for `A` (`n × n`) and `d` (`n`).
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if the sizes differ.
+    /// The operator for `A` (`n × n`) and `d` (`n`). Fails with [`Error::Dimension`] if the sizes differ.
     pub fn new(operator: &'a mut dyn Operator, direct: &'a [f64]) -> Result<Self> {
         if [operator.rows(), operator.cols()].iter().any(|&side| side != direct.len()) {
             return Err(Error::Dimension {
@@ -101,10 +98,7 @@ pub struct Blurred<'a> {
 }
 
 impl<'a> Blurred<'a> {
-    /// The operator for `A` (`n × n`).
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if the blur has another number of pixels.
+    /// The operator for `A` (`n × n`). Fails with [`Error::Dimension`] if the blur has another number of pixels.
     pub fn new(operator: &'a mut dyn Operator, blur: Blur) -> Result<Self> {
         let pixels = blur.resolution().pixels();
         if [operator.rows(), operator.cols()].iter().any(|&side| side != pixels) {

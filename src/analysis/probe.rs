@@ -52,10 +52,7 @@ impl Probing {
         }
     }
 
-    /// Checks the value of `sigma` before any photo is taken.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--sigma`.
+    /// Checks the value of `sigma` before any photo is taken. Fails with [`Error::Option`] naming `--sigma`.
     pub fn check(self) -> Result<()> {
         let sigma = self.sigma();
         // A Gaussian far wider than any projector lets all light through.

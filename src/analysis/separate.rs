@@ -117,10 +117,7 @@ impl SeparateBy {
 }
 
 impl SeparateBy {
-    /// Refuses settings that the method cannot use, before any photo is taken.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option.
+    /// Refuses settings that the method cannot use, before any photo is taken, with [`Error::Option`] naming the option.
     pub fn check(self) -> Result<()> {
         match self {
             Self::Checkerboards { square, shifts } => check_checkerboards(square, shifts),
@@ -194,9 +191,7 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
 /// the diagonal of `Q Qᵀ`, it estimates the diagonal of `A` with no photo but the white one. It works like [`random_patterns`] as
 /// far as the patterns are random between neighbouring pixels: use [`Start::Rademacher`](crate::krylov::Start). More photos
 /// hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat (in a room with a
-/// mirror ball, a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`].
-///
-/// # Errors
+/// mirror ball, a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`]. Fails with
 /// [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
 pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let n = model.cols();
@@ -222,10 +217,8 @@ pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
 }
 
 
-/// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers.
-///
-/// # Errors
-/// The errors of [`TransportMatrix::layers`]; none for a well-formed matrix in one process.
+/// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers. Fails as
+/// [`TransportMatrix::layers`] does; a well-formed matrix in one process gives no error.
 pub fn second_and_rest(matrix: &TransportMatrix) -> Result<[Planes; 2]> {
     let (rows, count) = (matrix.resolution().pixels(), matrix.channels().count());
     let mut found = [Bounces::Two, Bounces::Rest].map(|_| vec![vec![0.0; rows]; count]);

@@ -52,7 +52,6 @@ impl Gpu {
         self.texel_rows(label, texels, TEXTURE_WIDTH)
     }
 
-    /// The most bytes of a [`Gpu::texel_array`].
     pub(crate) fn texel_bytes(&self) -> u64 {
         u64::from(self.device.limits().max_texture_dimension_2d) * u64::from(TEXTURE_WIDTH) * 16
     }

@@ -12,7 +12,6 @@ use naga::{
     TypeInner, UnaryOperator,
 };
 
-/// The return values of the functions that return a constant.
 type Returns = HashMap<Handle<Function>, Literal>;
 
 /// Removes all code that `module` cannot execute. The module must be valid, and computes the same afterwards.

@@ -53,10 +53,8 @@ shaders! {
     "shared" / "warp",
 }
 
-/// The complete WGSL of the entry point `name`, with its imports resolved.
-///
-/// # Errors
-/// [`Error::Device`], which names the shader, if it or one of its imports does not exist or is not valid.
+/// The complete WGSL of the entry point `name`, with its imports resolved. Fails with [`Error::Device`],
+/// which names the shader, if it or one of its imports does not exist or is not valid.
 pub fn compose(name: &str) -> Result<String> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     compose_source(name, source)
@@ -72,10 +70,8 @@ pub fn compose_source(name: &str, source: &str) -> Result<String> {
 
 /// The entry point `name` with these values for its overrides, without the code that they rule out. Values
 /// without an override are ignored. The module is not validated here, but by wgpu when it makes a kernel.
-///
-/// # Errors
-/// [`Error::Device`], which names the shader, if it or an import does not exist or cannot be parsed, or an
-/// override lacks a value.
+/// Fails with [`Error::Device`], which names the shader, if it or an import does not exist or cannot be
+/// parsed, or an override lacks a value.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     let text = with_constants(name, &assemble(name, source)?, constants)?;

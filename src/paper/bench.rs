@@ -90,7 +90,6 @@ impl Bench {
         }
     }
 
-    /// The scene through the virtual devices, calibrated.
     pub(super) fn devices(&mut self, stage: &Stage) -> Result<Lab> {
         let known = match stage.set.is_coaxial() {
             true => None,

@@ -278,7 +278,6 @@ pub(super) fn at_equal_costs(
     plots
 }
 
-/// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
 fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
     Plot::logarithmic(
         "Relative residual by the light itself, at equal photos (the white one not counted).",

@@ -11,7 +11,7 @@ pub(super) struct Spectrum {
     pub(super) vectors: Vec<Vec<f64>>,
 }
 
-/// The spectrum by a dense eigensolver. It needs `16 n²` bytes and O(`n³`) operations.
+/// The spectrum by a dense eigensolver, with `16 n²` bytes and O(`n³`) operations.
 pub(super) fn spectrum(matrix: &Csr) -> Result<Spectrum> {
     let n = matrix.rows();
     let mut dense = Mat::<f64>::zeros(n, n);

@@ -216,7 +216,6 @@ fn panels(stage: &Stage, patterns: &[Vec<f64>], reference: &[f64]) -> Vec<Panel>
     panels
 }
 
-/// A pattern whose brightest pixel is shown as white, so that a spot of few pixels is visible.
 fn as_light(pattern: &[f64]) -> Content {
     let white = pattern.iter().copied().fold(0.0, f64::max);
     Content::Light { values: pattern.iter().map(|value| value.max(0.0)).collect(), white: Some(white) }

@@ -87,7 +87,6 @@ pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Marks the captions of group images as images of the folded sheets.
 fn folded(mut panel: Panel) -> Panel {
     if matches!(panel.content, Content::Labels(_)) {
         panel.caption += " of folded sheets";
@@ -150,7 +149,6 @@ fn segment_step_by_step(
     Ok((found, curve))
 }
 
-/// The eigenvalues of both kinds of sheets, and the derived edge of a sharp crease's spectrum.
 fn spectra(folded: &Segmentation, bent: &Segmentation, edge: f64) -> Plot {
     let [quarter, half] = [0.25, 0.5].map(|frequency| continuous(OPENING, frequency));
     Plot::linear(format!(
@@ -244,7 +242,6 @@ pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The edge of the continuous spectrum of the zigzag's creases.
 fn edge() -> f64 {
     continuous(OPENING, 0.0)
 }

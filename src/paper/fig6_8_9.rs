@@ -187,7 +187,6 @@ fn asked_of_carton(stage: &Stage) -> SegmentOptions {
     }
 }
 
-/// The panels of one carton, with its name and caption prefixed.
 fn panels_of(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> impl Iterator<Item = Panel> {
     panels(stage, found, 0).into_iter().map(move |panel| Panel {
         name: format!("{name}-{}", panel.name),

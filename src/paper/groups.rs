@@ -147,7 +147,6 @@ pub(super) fn components(labels: &[u8], label: u8, resolution: Resolution) -> Ve
     parts
 }
 
-/// The albedo of the scenes' paper.
 const ALBEDO: f64 = 0.8;
 /// Bounces between the faces. A path of six surfaces has five; the first of them is the second bounce of the path.
 const BOUNCES: i32 = 5;

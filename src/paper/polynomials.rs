@@ -16,7 +16,6 @@ use crate::operator::Operator;
 use crate::report::plot::Series;
 use crate::transport::Part;
 
-/// Pixels per side for the dense eigensolver: 1024 unknowns.
 const SIDE: usize = 32;
 const PHOTOS: usize = 20;
 const SHOWN: [usize; 4] = [1, 2, 3, 5];

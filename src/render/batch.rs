@@ -9,9 +9,9 @@ use super::device_merge::Merged;
 /// The paths of a batch that start from one pixel and belong to the same half of its samples.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The pixel of the camera or of the projector at which the paths start.
+    /// The pixel of the camera or projector at which the paths start.
     pub pixel: u32,
-    /// Which of the two independent halves of the samples: 0 or 1.
+    /// The half of the samples, 0 or 1. The halves are independent.
     pub half: usize,
     /// Their indices within the batch.
     pub paths: Range<usize>,
@@ -58,7 +58,6 @@ pub struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    /// The batch of the paths from number `first_path` on, with their records.
     pub(super) fn new(first_path: u64, layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
         Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
     }
@@ -115,7 +114,7 @@ impl<'a> Batch<'a> {
         })
     }
 
-    /// The pixel of the camera or of the projector at which path `index` of the batch starts.
+    /// The pixel of the camera or projector at which path `index` of the batch starts.
     pub fn pixel(&self, index: usize) -> u32 {
         ((self.first_path + index as u64) / u64::from(self.layout.samples)) as u32
     }

@@ -48,7 +48,7 @@ pub(super) fn max_paths_per_invocation(
     }
 }
 
-/// The number of cores over which software Vulkan distributes a dispatch. It is determined once, because the system reads it from files.
+/// The number of cores over which software Vulkan distributes a dispatch. The system reads it from files, so it is determined only once.
 fn cores() -> u32 {
     static CORES: OnceLock<u32> = OnceLock::new();
     *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, NonZero::get) as u32)

@@ -62,7 +62,6 @@ impl Pipeline {
     }
 }
 
-/// The photon map of an endpoint's specular chains, as the shaders read it.
 #[derive(Clone)]
 pub(super) struct PhotonBuffers {
     pub(super) photons: wgpu::TextureView,
@@ -99,7 +98,6 @@ fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::Bin
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-/// The values of the overrides of `shaders/shared/features.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Features {
     pub(super) scene: SceneFeatures,

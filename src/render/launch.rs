@@ -134,7 +134,6 @@ impl<'a> StrategyRun<'a> {
         let first_path = left.start;
         let mut paths = u64::from(sizer.paths(self.capacity));
         if merging.is_some() {
-            // All paths of each pixel.
             paths = (paths / samples * samples).max(samples);
         }
         let paths = paths.min(left.end - first_path) as u32;
@@ -162,11 +161,8 @@ impl<'a> StrategyRun<'a> {
     }
 
     /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`. Returns `false` if there is
-    /// none.
-    ///
-    /// # Errors
-    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver dropped paths; [`Device`](crate::Error::Device) if it failed;
-    /// errors of `visit`.
+    /// none. Fails with [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver dropped paths, with
+    /// [`Device`](crate::Error::Device) if it failed, or as `visit` does.
     pub(super) fn finish_oldest(
         &mut self,
         summary: &mut TraceSummary,

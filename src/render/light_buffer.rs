@@ -35,7 +35,6 @@ pub(super) fn light_buffer_side(pairs: usize) -> u32 {
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
 }
 
-/// The light buffers of one scene on the device, by field of view.
 #[derive(Default)]
 pub(super) struct LightBuffers {
     made: HashMap<[u32; 2], Option<wgpu::TextureView>>,

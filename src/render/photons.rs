@@ -25,7 +25,6 @@ pub(super) struct PhotonMap {
     /// Number of buckets minus 1; 0 without photons.
     pub(super) bucket_mask: u32,
     pub(super) photons: u32,
-    /// Radius of gathering, in units of length.
     pub(super) radius: f32,
 }
 
@@ -49,7 +48,6 @@ pub(super) struct ChainRequest {
     pub(super) features: Features,
     pub(super) endpoint: GpuEndpoint,
     pub(super) gather: Gather,
-    /// The parameters of the paths that gather: number of bounces, seed and so on.
     pub(super) base: Parameters,
 }
 
@@ -69,10 +67,8 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: 0, photons: 0, radius: 1.0 })
     }
 
-    /// Traces the chains of `request` and sorts their photons.
-    ///
-    /// # Errors
-    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) where the driver dropped paths; [`Device`](crate::Error::Device) where it failed.
+    /// Traces the chains of `request` and sorts their photons. Fails with [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver
+    /// dropped paths, and with [`Device`](crate::Error::Device) if it failed.
     pub(super) fn trace(
         gpu: &Gpu,
         scene: &GpuScene,
@@ -259,7 +255,6 @@ impl Grid {
     }
 }
 
-/// Appends an even selection of at most [`MAX_BUCKET`] photons of a bucket, with the total power of all.
 fn thin(run: &[(u32, Photon)], sorted: &mut Vec<Photon>) {
     let kept = run.len().min(MAX_BUCKET);
     let share = run.len() as f32 / kept as f32;

@@ -40,10 +40,8 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to it.
-    ///
-    /// # Errors
-    /// [`Error::NoAdapter`] without a Vulkan driver; [`Error::Device`] when the scene does not fit.
+    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to it. Fails with
+    /// [`Error::NoAdapter`] without a Vulkan driver, and with [`Error::Device`] when the scene does not fit.
     pub fn new(scene: &Scene, adapter: Option<&str>) -> Result<Self> {
         Self::open_turn(scene, adapter, 0)
     }
@@ -54,8 +52,8 @@ impl Tracer {
         Self::on(Gpu::open(adapter, turn)?, scene)
     }
 
-    /// The same as [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being opened.
-    /// Fails with the errors of `load` and of [`Tracer::new`].
+    /// The same as [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being opened. Fails as
+    /// `load` or [`Tracer::new`] does.
     pub fn open<E: From<Error>>(
         adapter: Option<&str>,
         load: impl FnOnce() -> std::result::Result<Scene, E>,
@@ -259,7 +257,6 @@ fn step(observer: &dyn Observer, done: u64, total: u64) -> ControlFlow<()> {
     observer.step(&Step { stage: "tracing", done, total, estimate: Estimate::None })
 }
 
-/// The kernel for paths with these features, compiled at its first use.
 fn kernel<'a>(
     gpu: &Gpu,
     kernels: &'a mut HashMap<Features, SizedKernel>,

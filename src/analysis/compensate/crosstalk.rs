@@ -19,10 +19,8 @@ pub struct Crosstalk {
 }
 
 impl Crosstalk {
-    /// The crosstalk of the matrix `M`, one row per camera channel, to be solved as one system.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
+    /// The crosstalk of the matrix `M`, one row per camera channel, to be solved as one system. Fails with [`Error::Option`]
+    /// naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
     pub fn new(matrix: [[f64; 3]; 3]) -> Result<Self> {
         let refuse = |fault: &str, help: &str| {
             Err(Error::Option { option: "--crosstalk".into(), fault: fault.into(), help: help.into() })

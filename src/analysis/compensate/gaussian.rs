@@ -15,7 +15,6 @@ pub(super) struct Gaussian {
 }
 
 impl Gaussian {
-    /// A blur with a standard deviation of `width` pixels.
     pub(super) fn new(resolution: Resolution, width: f64) -> Self {
         let block = ((width / WIDEST).ceil() as usize).max(1);
         let blocks = Resolution::new(resolution.width.div_ceil(block), resolution.height.div_ceil(block));

@@ -87,10 +87,7 @@ impl CompensateOptions {
         }
     }
 
-    /// Checks all values before any photo is taken.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--photos`, `--rtol`, `--floor`, `--lift`, `--peak`, `--defocus` or `--precondition`.
+    /// Checks all values before any photo is taken. Fails with [`Error::Option`] naming the option.
     pub fn check(&self) -> Result<()> {
         let refuse = |option: &str, fault: String, help: &str| {
             Err(Error::Option { option: option.into(), fault, help: help.into() })

@@ -25,7 +25,6 @@ pub(super) type Planes = Vec<Vec<f64>>;
 pub(super) struct Solved {
     /// The method's own answer, which may leave the box.
     pub(super) patterns: Planes,
-    /// The residual of that answer, as the method computes it.
     pub(super) residual: f64,
     pub(super) history: Vec<CompensationRow>,
     pub(super) photos: usize,
@@ -208,7 +207,6 @@ impl Run<'_> {
         })
     }
 
-    /// Combines the relative residuals of all systems into one, relative to the whole target light.
     fn total(&self, residuals: impl Iterator<Item = f64>) -> f64 {
         if self.prior.crosstalk.as_ref().is_some_and(|crosstalk| crosstalk.coupled) {
             return residuals.fold(0.0, f64::max);

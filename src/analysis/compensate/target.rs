@@ -15,9 +15,7 @@ pub struct Target {
 
 impl Target {
     /// A target under `ambient` light in W/(m² sr). The ambient light has one channel per system; a gray target applies to all channels.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.
+    /// Fails with [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.
     pub fn new(target: &Image, ambient: &Image) -> Result<Self> {
         let resolution = ambient.resolution();
         if target.resolution() != resolution {
@@ -57,7 +55,6 @@ impl Target {
         self.resolution.pixels()
     }
 
-    /// Checks that there is one operator (`n × n`) per channel.
     pub(super) fn fits<O: Adjoint>(&self, channels: &[O]) -> Result<()> {
         let mismatch = |what, expected: usize, found: usize| {
             Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })

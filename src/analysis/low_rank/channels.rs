@@ -50,9 +50,7 @@ pub fn capture_channels<O: Adjoint>(
 }
 
 /// Measures the direct light of one channel by products with white and with random signs, which reveal any matrix but a diagonal.
-///
-/// # Errors
-/// [`Error::Option`] if it is not a diagonal; any error of the products.
+/// Fails with [`Error::Option`] if it is not a diagonal, or as the products do.
 pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     let n = direct.cols();
     let mut product = |x: &[f64]| -> Result<Vec<f64>> {

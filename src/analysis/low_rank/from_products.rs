@@ -9,10 +9,8 @@ use crate::operator::Product;
 const NEW: f64 = 1e-3;
 
 /// The model of products `G x`, in the order in which they were taken; `G` is all light but the direct part. The patterns need
-/// not be orthogonal. `direct` has the meaning that it has in [`LowRank::new`].
-///
-/// # Errors
-/// [`Error::Numerical`] if all patterns are dark; [`Error::Dimension`] if lengths differ.
+/// not be orthogonal. `direct` has the meaning that it has in [`LowRank::new`]. Fails with [`Error::Numerical`] if all patterns
+/// are dark, and with [`Error::Dimension`] if lengths differ.
 pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) -> Result<LowRank> {
     let (mut basis, mut photos): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for Product { from: mut pattern, to: mut photo } in products {

@@ -18,10 +18,8 @@ pub struct LowRank {
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values, or is empty.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if sizes differ.
+    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values,
+    /// or is empty. Fails with [`Error::Dimension`] if sizes differ.
     pub fn new(
         basis: Vec<Vec<f64>>,
         photos: Vec<Vec<f64>>,
@@ -43,10 +41,8 @@ impl LowRank {
         Ok(Self { basis, photos, direct, spread: None, symmetric })
     }
 
-    /// The same model with a direct part that is not a diagonal, for an open lens or a projector apart from the camera.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if it is not `n × n`.
+    /// The same model with a direct part that is not a diagonal, for an open lens or a projector apart from the camera. Fails
+    /// with [`Error::Dimension`] if it is not `n × n`.
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
         let n = self.cols();
         if (direct.rows(), direct.cols()) != (n, n) {

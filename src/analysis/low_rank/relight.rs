@@ -118,10 +118,8 @@ impl SavedModel {
     }
 
     /// Removes the interreflections from `photo`, which has no ambient light. `global`, if known, holds the true operators of the light of
-    /// two and more bounces, one per channel.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--inverse` if a channel's direct light is not a diagonal; the errors of [`cancel_interreflections`].
+    /// two and more bounces, one per channel. Fails with [`Error::Option`] naming `--inverse` if a channel's direct light is not a
+    /// diagonal, or as [`cancel_interreflections`] does.
     pub fn reduce<O: Adjoint>(
         &self,
         name: String,

@@ -35,10 +35,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// A capture without photos.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
+    /// A capture without photos. Fails with [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
     pub fn new(options: SegmentOptions) -> Result<Self> {
         options.check()?;
         Ok(Self {
@@ -167,18 +164,13 @@ impl Capture {
     }
 
     /// The segmentation from the photos taken so far, without further photos or any change of the capture. An observer may stop a
-    /// capture that continues later. At each stop, the result equals that of a capture with that many photos.
-    ///
-    /// # Errors
+    /// capture that continues later. At each stop, the result equals that of a capture with that many photos. Fails with
     /// [`Error::Numerical`] if there is no eigenvector yet (fewer than three photos, or a scene of one pixel).
     pub fn segmentation(&self) -> Result<Segmentation> {
         self.answer(&self.options)
     }
 
-    /// The segmentation for other numbers of groups.
-    ///
-    /// # Errors
-    /// The errors of [`Capture::segmentation`]; [`Error::Option`] naming `--groups` for invalid numbers.
+    /// The segmentation for other numbers of groups. Fails as [`Capture::segmentation`] does, and with [`Error::Option`] naming `--groups`.
     pub fn regrouped(&self, groups: &[usize]) -> Result<Segmentation> {
         let options = SegmentOptions { groups: groups.to_vec(), ..self.options.clone() };
         options.check()?;

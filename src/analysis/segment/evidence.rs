@@ -30,10 +30,8 @@ impl Evidence {
     }
 }
 
-/// Lights each group of `labels` (`n`; 255 is masked and dark) alone, with one photo each by `operator`.
-///
-/// # Errors
-/// [`Error::Dimension`] if there is not one label per pixel; any error of the operator.
+/// Lights each group of `labels` (`n`; 255 is masked and dark) alone, with one photo each by `operator`. Fails with
+/// [`Error::Dimension`] if there is not one label per pixel, or as the operator does.
 pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> {
     if labels.len() != operator.cols() || labels.len() != operator.rows() {
         return Err(Error::Dimension {

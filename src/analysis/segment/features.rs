@@ -16,10 +16,8 @@ pub struct FeatureView {
     pub distances: Vec<Vec<f64>>,
 }
 
-/// Computes the coordinates and distances of pixels, given by column and row.
-///
-/// # Errors
-/// [`Error::Option`] naming `--features` for a pixel that lies outside the raster or is masked and so has no coordinates.
+/// Computes the coordinates and distances of pixels, given by column and row. Fails with [`Error::Option`] naming `--features`
+/// for a pixel that lies outside the raster or is masked and so has no coordinates.
 pub fn feature_view(
     found: &Segmentation,
     resolution: Resolution,

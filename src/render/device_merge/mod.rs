@@ -3,8 +3,7 @@
 //!
 //! The key of a contribution is the pixel at the other end of its path and the class of its bounces. A radix sort orders the contributions
 //! of all paths from a pixel by key. Contributions of equal keys are summed in path order, in single precision. The host sums in double
-//! precision, so its terms differ by rounding alone ([`agree`]). Both sum the first large dispatch of a tracer, to detect a device that
-//! computes wrong sums.
+//! precision, so its terms differ by rounding alone ([`agree`]). Both sum the first large dispatch of a tracer, to detect wrong sums.
 //!
 //! A device that is the processor itself gains nothing: it reads records in place, and its sort would run on the same cores.
 

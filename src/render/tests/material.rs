@@ -2,7 +2,6 @@
 
 use glam::{Vec3, vec3};
 
-/// `Bsdf` of `shaders/shared/lobes.wgsl`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bsdf {
     pub(super) base_color: Vec3,
@@ -19,7 +18,6 @@ pub(super) struct Bsdf {
     pub(super) shading: Vec3,
 }
 
-/// Number of elements of `input` that hold a [`Bsdf`].
 pub(super) const BSDF_SIZE: usize = 5;
 
 pub(super) const READ_BSDF: &str = "
