@@ -1,5 +1,5 @@
-//! Measures the transport matrix with one photo per column. On a small rig, it is the reference for all other
-//! methods.
+//! Measures the transport matrix with one photo per column, as a reference for all other methods on a small
+//! rig.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;

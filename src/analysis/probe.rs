@@ -29,12 +29,12 @@ pub enum Probing {
     },
     /// All paths but `Near`.
     Far {
-        /// As for `Near`.
+        /// The same as for `Near`.
         sigma: f64,
     },
     /// Indirect light from nearby: `Near` minus `Direct`, from the same random signs.
     NearIndirect {
-        /// As for `Near`.
+        /// The same as for `Near`.
         sigma: f64,
     },
 }

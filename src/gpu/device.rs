@@ -18,8 +18,8 @@ const SOFTWARE: &str = "software";
 /// beyond it fails as out of memory, before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
-/// The most bytes of address space that a graphics driver reserves for a small scene. Software Vulkan worked with 600 MiB and failed with
-/// 400 MiB.
+/// The most address space, in bytes, that a graphics driver reserves for a small scene. Software Vulkan worked with 600 MiB and failed with
+/// 400.
 const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.
@@ -87,7 +87,7 @@ pub(crate) struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, one of the fastest kind. `turn` goes round among several
+    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, one of the fastest kind. `turn` selects one of several
     /// equal ones.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
         let adapter = choose(wanted, turn, None)?;
@@ -221,8 +221,7 @@ fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
     Ok(adapters)
 }
 
-/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves. Otherwise the driver may end the process without a
-/// message.
+/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves. Otherwise it may end the process without a message.
 fn require_address_space(limit: Option<u64>) -> Result<()> {
     match limit {
         Some(limit) if limit < ADDRESS_SPACE => Err(Error::Device {
@@ -263,8 +262,7 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
 /// The kernels that a device has compiled, as bytes if the driver gives them out. A later process on an equal device need not compile them.
 /// Clones share them.
 ///
-/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without an application's pipeline cache give nothing
-/// out.
+/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without an application's cache give nothing out.
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,
@@ -275,8 +273,8 @@ pub(crate) struct Compiled {
 }
 
 impl Compiled {
-    /// A store on this device. It contains the kernels in `data` if they come from an equal device and driver. `None` if the driver has no
-    /// such store.
+    /// A store on this device, with the kernels in `data` if they come from an equal device and driver. `None` if the driver has no such
+    /// store.
     ///
     /// `data` must come from [`Compiled::data`], because the driver may trust it without checks.
     pub(crate) fn restore(device: &wgpu::Device, data: Option<&[u8]>) -> Option<Self> {

@@ -60,8 +60,7 @@ pub fn compose(name: &str) -> Result<String> {
     compose_source(name, source)
 }
 
-/// The same as [`compose`], errors included, for WGSL outside [`SOURCES`], such as a test of a single
-/// function.
+/// The same as [`compose`], errors included, for WGSL outside [`SOURCES`], for example a single function.
 pub fn compose_source(name: &str, source: &str) -> Result<String> {
     let text = assemble(name, source)?;
     validate(name, &text)?;
@@ -156,8 +155,8 @@ fn parse(name: &str, text: &str) -> Result<naga::Module> {
     naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))
 }
 
-/// The composed shader `name` as a naga module, for example to compare its layouts with the host's. Fails as
-/// [`compose`] does.
+/// The composed shader `name` as a naga module, to compare its layouts with the host's. Fails as [`compose`]
+/// does.
 pub fn module(name: &str) -> Result<naga::Module> {
     validate(name, &compose(name)?)
 }

@@ -36,8 +36,8 @@ const AGREE: f64 = 0.1;
 /// A method is as good as without disparity if its residual is at most this many times as large, or below a tenth of a per cent.
 const AS_GOOD: f64 = 1.5;
 const SMALL: f64 = 1e-3;
-/// Side of the cells of projector pixels over which codes are averaged, because single codes are rounded; and the least number of codes in
-/// a cell.
+/// Side of the cells of projector pixels over which codes are averaged, because single codes are rounded; and a cell's least number of
+/// codes.
 const CELL: f64 = 4.0;
 const CODES: usize = 12;
 

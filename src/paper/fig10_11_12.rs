@@ -1,5 +1,4 @@
-//! Figures 10, 11 and 12: compensation in focus after five photos, with a defocused projector after 8 and 12, and the latter's photos in
-//! order.
+//! Figures 10, 11 and 12: compensation in focus after five photos, defocused after 8 and 12, and the latter's photos in order.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{

@@ -262,8 +262,7 @@ fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
     features.iter().map(distance).collect()
 }
 
-/// The probability that a random pixel of `pixel`'s region is nearer to it than one of another region (area under the ROC curve;
-/// Mann–Whitney statistic).
+/// The probability that a random pixel of `pixel`'s region is nearer to it than one of another region (area under the ROC curve).
 fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     order.sort_by(|&a, &b| distances[a].total_cmp(&distances[b]));

@@ -54,8 +54,8 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
 
 /// How closely groups form horizontal bands.
 pub(super) struct Bands {
-    /// Number of groups that hold the majority of some row of a region. A group narrower than half of its region in every row does not
-    /// count.
+    /// Number of groups that hold the majority of some row of a region. A group that is narrower than half of its region in each row does
+    /// not count.
     pub(super) count: usize,
     /// Share of pixels in the majority group of their row and region; 1 if all borders run along the rows.
     pub(super) share: f64,

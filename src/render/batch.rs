@@ -62,8 +62,8 @@ impl<'a> Batch<'a> {
         Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
     }
 
-    /// The batch of `paths` paths whose connections are in `merged`. `records` holds at least the paths' first slots, and slots of ambient
-    /// light, if any.
+    /// The batch of `paths` paths whose connections are in `merged`. `records` holds the paths' first slots at least, and those of ambient
+    /// light.
     pub(super) fn merged(
         first_path: u64,
         layout: RecordLayout,

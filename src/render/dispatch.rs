@@ -123,8 +123,7 @@ impl DispatchSizer {
         self.target.unwrap_or(Self::COLD).min(most)
     }
 
-    /// Number of paths that each invocation of a dispatch of `paths` traces, at most `most`. Each core gets four workgroups, so that
-    /// all end together.
+    /// Number of paths per invocation of a dispatch of `paths`, at most `most`. Each core gets four workgroups, so that all end together.
     pub(super) fn paths_per_invocation(&self, paths: u32, most: u32) -> u32 {
         paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_path_each { 1 } else { most })
     }
@@ -144,8 +143,8 @@ impl DispatchSizer {
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // A dispatch smaller than the target (the last one of a trace, or one at the capacity) is mostly overhead. It only shows a
-        // target that is too large.
+        // A dispatch smaller than the target (a trace's last one, or one at the capacity) is mostly overhead. It only reveals a target
+        // that is too large.
         if paths < target && factor >= 1.0 {
             return;
         }

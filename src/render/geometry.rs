@@ -100,8 +100,7 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     }
 }
 
-/// The camera's frame, in units: the camera is at the origin and looks along −z. The change of frame is computed in `f64`, so that it does
-/// not round twice.
+/// The camera's frame, in units: the camera is at the origin and looks along −z. It is computed in `f64`, so that it does not round twice.
 struct CameraFrame {
     rotation: DMat3,
     origin: DVec3,
@@ -198,7 +197,7 @@ impl Unit {
             let corners = triangle.positions.map(|corner| corner.as_dvec3() - camera);
             let [a, b, c] = corners;
             let (area, middle) = (0.5 * (b - a).cross(c - a).length(), (a + b + c) / 3.0);
-            // The solid angle, without the slope: at most that of the sphere.
+            // The solid angle without the slope is at most that of the whole sphere.
             let angle = (area / middle.length_squared()).min(4.0 * std::f64::consts::PI);
             corners.iter().for_each(|corner| distances.add(corner.length(), angle));
         }

@@ -41,8 +41,8 @@ pub(super) struct LightBuffers {
 }
 
 impl LightBuffers {
-    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made at its first use. `None` if a scene's lists
-    /// would be too long.
+    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made at its first use. `None` if lists would be too
+    /// long.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
@@ -305,8 +305,7 @@ struct InverseDepth {
 }
 
 impl InverseDepth {
-    /// The function through the corners of a polygon. A polygon seen edge-on gets an infinite gradient. It covers no texel, and is nowhere
-    /// nearer than its corners.
+    /// The function through the corners of a polygon. If it is seen edge-on, its gradient is infinite and it covers no texel.
     fn through(polygon: &[Corner]) -> Option<Self> {
         let first = polygon.first()?;
         let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };

@@ -42,7 +42,7 @@ impl Pair {
         (index, corners, edge): (usize, [Vec3; 3], usize),
         (other, others, other_edge): (usize, [Vec3; 3], usize),
     ) -> Self {
-        // The edge runs from corner 2 to corner 0 of the first triangle, and from corner 0 to 1 of the second.
+        // The edge runs from corner 2 to corner 0 of the first triangle, and from 0 to 1 of the second.
         let (first, second) =
             (Rotated { index, by: (edge + 1) % 3 }, Rotated { index: other, by: other_edge });
         let ([a, b, c], [_, _, d]) = (first.corners(corners), second.corners(others));

@@ -169,8 +169,7 @@ fn parameters(
     }
 }
 
-/// Camera and projector, the endpoints of light paths, in the camera's frame: the camera's lens centre is the origin, and it looks along
-/// −z.
+/// Camera and projector, the endpoints of light paths, in the camera's frame: the camera is at the origin and looks along −z.
 pub(super) struct Endpoints {
     camera: Camera,
     projector: Option<Camera>,

@@ -46,8 +46,7 @@ impl Tracer {
         Self::open_turn(scene, adapter, 0)
     }
 
-    /// The same as [`Tracer::new`], errors included. Among several adapters equal to the one that would be opened, `turn` selects one
-    /// cyclically.
+    /// The same as [`Tracer::new`], errors included. Among adapters equal to the one that would be opened, `turn` selects one.
     pub fn open_turn(scene: &Scene, adapter: Option<&str>, turn: usize) -> Result<Self> {
         Self::on(Gpu::open(adapter, turn)?, scene)
     }

@@ -19,7 +19,7 @@ pub struct MethodRun {
     /// Photos taken by the method, without preparation.
     pub photos: usize,
     /// The frames that the camera had taken for the method after each photo: signs, bit planes, exposures, takes and
-    /// sentinels. Empty for computed photos.
+    /// sentinels. Empty where photos are computed.
     pub frames: Vec<u64>,
     /// The relative residual of the final photo.
     pub residual: f64,

@@ -85,8 +85,8 @@ impl Target {
         }
     }
 
-    /// The target light from the projector: the target times `peak`, minus ambient light. It is not clipped, and negative
-    /// where ambient light is too bright.
+    /// The target light from the projector: the target times `peak`, minus ambient light. It is negative where ambient light
+    /// is too bright; nothing is clipped.
     pub(super) fn light(&self, peak: f64) -> Result<Vec<Vec<f64>>> {
         let light: Vec<Vec<f64>> = self
             .target

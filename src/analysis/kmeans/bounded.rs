@@ -83,8 +83,7 @@ impl Bounded<'_> {
         Some(Moves { each, farthest })
     }
 
-    /// Assigns each point to its nearest centre. No centre is farther than `moves` from its earlier place. Returns whether any group
-    /// changed.
+    /// Assigns each point to its nearest centre. No centre is farther than `moves` from its last place. Returns whether any group changed.
     fn assign(&mut self, centres: &[Vec<f64>], moves: &Moves) -> bool {
         let points = self.points;
         let bounds = self.upper.par_chunks_mut(BLOCK).zip(self.lower.par_chunks_mut(BLOCK));

@@ -120,8 +120,7 @@ impl Points<'_> {
         total
     }
 
-    /// The nearest centre of one point, and the squared distances to it and to the nearest other one: the same numbers as
-    /// [`Self::assign`]'s.
+    /// The nearest centre of one point, and the squared distances to it and to the nearest other one, equal to [`Self::assign`]'s.
     pub(super) fn nearest(&self, point: usize, centres: &[Vec<f64>]) -> (usize, f64, f64) {
         let (mut label, mut distance, mut second) = (0, f64::INFINITY, f64::INFINITY);
         for (cluster, centre) in centres.iter().enumerate() {

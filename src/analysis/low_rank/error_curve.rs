@@ -19,8 +19,8 @@ pub struct ErrorRow {
 
 /// The error of each rank up to the model's, given `‖G‖_F` of the captured matrix (without direct light).
 ///
-/// It needs no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`; if `G` is symmetric and `T = QᵀW`, `‖G − G_k‖² =
-/// ‖G‖² − 2‖W‖² + ‖T‖²`.
+/// It needs no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`; for symmetric `G` and `T = QᵀW`, `‖G − G_k‖² = ‖G‖²
+/// − 2‖W‖² + ‖T‖²`.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
     // Without global light the model is exact.

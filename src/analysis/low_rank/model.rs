@@ -119,7 +119,7 @@ impl LowRank {
     /// The dual photograph `Aᵀ y`: the scene seen from the projector and lit from the camera by `y`.
     ///
     /// # Panics
-    /// As [`LowRank::relight`].
+    /// The same as [`LowRank::relight`].
     pub fn dual(&self, pattern: &[f64]) -> Vec<f64> {
         if self.symmetric {
             return self.relight(pattern);

@@ -25,7 +25,7 @@ pub struct SavedModel {
 }
 
 impl SavedModel {
-    /// The number of photos of the capture: the largest rank of the channels. A colour photo counts once for all.
+    /// The number of photos of the capture: the largest rank of the channels. A colour photo counts once.
     pub fn rank(&self) -> usize {
         self.channels.iter().map(LowRank::rank).max().unwrap_or(0)
     }

@@ -127,7 +127,7 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin by every method, each with the photos of `options`, with this noise. Fails as [`compare_methods`] or
+    /// Compensates on the twin by every method with the photos of `options` and the noise of `seed`. Fails as [`compare_methods`] or
     /// the rig does.
     pub fn methods(
         &self,

@@ -11,8 +11,8 @@ use crate::transport::Part;
 pub struct EigenvaluesTrial {
     /// Their cost.
     pub cost: Cost,
-    /// The difference of each eigenvalue from the one with ideal devices, relative to the largest. The norms of the white
-    /// photos convert the units.
+    /// The difference of each eigenvalue from the ideal devices' one, relative to the largest. The norms of the white photos
+    /// convert the units.
     pub errors: Vec<f64>,
 }
 
@@ -22,8 +22,7 @@ impl Planner<'_> {
         eigs(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// The eigenpairs of the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_eigenpairs`]. Fails as [`eigs`]
-    /// or the rig does.
+    /// The eigenpairs with the noise of `seed`. `ideal` is from [`Planner::ideal_eigenpairs`]. Fails as [`eigs`] or the rig does.
     pub fn eigenvalues(
         &self,
         part: Part,

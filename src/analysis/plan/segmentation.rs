@@ -24,8 +24,8 @@ impl Planner<'_> {
         segment(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// Segments the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are the true labels.
-    /// Fails as [`segment`] or the rig does.
+    /// Segments with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are true. Fails as
+    /// [`segment`] or the rig does.
     pub fn segmentation(
         &self,
         part: Part,

@@ -32,8 +32,7 @@ impl Cut {
 pub struct SegmentOptions {
     /// The most photos, including those of the degree; at least 3. Default 50.
     pub photos: usize,
-    /// The numbers of groups, each from 2 to 254. By default there is one number: the regions that the light shows, or two where it shows
-    /// one.
+    /// The numbers of groups, each from 2 to 254. By default there is one: the regions that the light shows, or two where it shows one.
     pub groups: Vec<usize>,
     /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Where no number of groups is
     /// given, there is at least one per region. Default 10.

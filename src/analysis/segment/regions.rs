@@ -176,8 +176,7 @@ impl Regions {
     }
 }
 
-/// Counts clusters of values with gaps of at most `tolerance` standard deviations. A cluster has two or more pixels and a group's least
-/// light.
+/// Counts clusters of values with gaps of at most `tolerance` standard deviations. Each has two or more pixels and a group's least light.
 fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
     let all = degrees.iter().sum::<f64>();
     let apart = tolerance / all.sqrt();

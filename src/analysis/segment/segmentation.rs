@@ -86,8 +86,7 @@ impl Segmentation {
         Some(confidence.iter().filter(|value| **value >= SURE).count() as f64 / seen.max(1) as f64)
     }
 
-    /// Whether light can have these eigenvalues: at most 1 in size for `D^-½ G D^-½`, and between 0 and twice the largest degree for `D −
-    /// G`.
+    /// Whether light can have these eigenvalues: at most 1 in size for `D^-½ G D^-½`, between 0 and twice the largest degree for `D − G`.
     pub fn findings(&self) -> Vec<Finding> {
         let values = self.eigenvalues.iter().copied();
         // Each eigenvalue becomes its distance from the middle of its range, relative to half of the range.

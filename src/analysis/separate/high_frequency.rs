@@ -308,7 +308,7 @@ mod tests {
             squares[1] += global.zip(&errors[1]).map(square).sum::<f64>();
         }
         for square in squares {
-            // Student's t of 14 degrees of freedom has the variance 14/12. Its rms over 4800 draws is known to 1.2 %; four times that is
+            // Student's t of 14 degrees of freedom has the variance 14/12. Its rms over 4800 draws is known to 1.2 %; four such are
             // allowed.
             let rms = (square / (96 * runs) as f64).sqrt();
             assert!((rms - (14.0_f64 / 12.0).sqrt()).abs() < 0.05, "{rms}");
@@ -357,8 +357,7 @@ mod tests {
         let found = separated(16)?;
         assert_eq!(found.photos, 16);
         let [error, stated] = off(&found);
-        // Each of four neighbours sends 0.2, which cancels. The even light is 1 from 168 pixels: 0.006 from each of some 11 with equal
-        // codes.
+        // Each of four neighbours sends 0.2, which cancels. The even light is 1 from 168 pixels: 0.006 each from some 11 with equal codes.
         assert!(error < 0.03 && error < 3.0 * stated, "{error}, stated {stated}");
         Ok(())
     }

@@ -34,8 +34,8 @@ pub struct Gallery<'a> {
 }
 
 impl Gallery<'_> {
-    /// Writes `report.html`, `figures.json`, the table `figures.md` and every picture into `folder`; returns their names. `seconds` is the
-    /// run's duration.
+    /// Writes `report.html`, `figures.json`, the table `figures.md` and every picture into `folder`; returns their names. The run took
+    /// `seconds` so far.
     ///
     /// # Errors
     /// [`Error::Write`] naming the file; [`Error::Dimension`] when a picture's values do not match its resolution.
@@ -67,7 +67,7 @@ impl Gallery<'_> {
         Ok(files.names)
     }
 
-    /// Writes the same into the folder of an open run, and notes the photos and time of each figure. Returns the page. Fails as
+    /// Writes the same into the folder of an open run, with the photos and time of each figure. Returns the page. Fails as
     /// [`Gallery::write`] does.
     pub fn write_into(&self, run: &mut RunFolder) -> Result<PathBuf> {
         for made in self.made {

@@ -42,7 +42,7 @@ pub(super) fn number(check: &Check) -> Number {
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
 }
 
-/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite become null.
+/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite are null.
 #[derive(Serialize)]
 pub(super) struct FigureRecord<'a> {
     checks: Vec<CheckRecord<'a>>,

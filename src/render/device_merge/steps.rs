@@ -220,7 +220,7 @@ impl Buffers {
     }
 }
 
-/// The kernels; a value is the index in [`Kernels`].
+/// The kernels, in the order in which `Kernels` keeps them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum KernelName {
     CountContributions,

@@ -12,8 +12,8 @@ const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;
 
-/// The directional albedo of a gray material, regular and delta lobes together: by quadrature over `K`, and from the weights
-/// of samples, with standard error.
+/// The directional albedo of a gray material, regular and delta lobes together: by quadrature over `K`, and by samples, with
+/// standard error.
 struct Albedo {
     integral: f64,
     sampled: f64,
@@ -74,7 +74,7 @@ fn lambertian_albedo_is_its_colour() {
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
         let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
-        // cosθ/π cancels against the density up to rounding, so there is no Monte Carlo error. The midpoint rule's relative
+        // cosθ/π cancels against the density up to rounding: there is no Monte Carlo error. The midpoint rule's relative
         // error is dt²/2 − ds²/4.
         assert!(
             error < 1e-7 && (sampled - color).abs() < 4e-7 * color,
@@ -111,7 +111,7 @@ fn sampling_and_quadrature_find_one_albedo() {
         for cos_o in COSINES {
             let Albedo { integral, sampled, error } = albedo(&gpu, &bsdf, cos_o, count as usize);
             // This is the quadrature's own error; see the Lambertian. If light is bent, facets on edge end a lobe with a
-            // jump, which cells on either side round.
+            // jump, which cells round.
             let quadrature = if bsdf.eta_o == bsdf.eta_t { 1e-5 } else { 3e-4 };
             let z = (sampled - integral) / error.hypot(quadrature);
             (worst, squares, count) = (worst.max(z.abs()), squares + z * z, count + 1.0);

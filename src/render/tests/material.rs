@@ -101,8 +101,7 @@ impl Bsdf {
     }
 }
 
-/// WGSL for random materials of all kinds: white if `white`, smooth if `smooth_ones`, with a tilted shading
-/// normal if `tilted`.
+/// WGSL for random materials of all kinds: white if `white`, smooth if `smooth_ones`, tilted if `tilted`.
 pub(super) const RANDOM_BSDF: &str = "
 fn random_bsdf(index: u32, white: bool, smooth_ones: bool, tilted: bool) -> Bsdf {
     let color = select(mix(vec4f(0.02), vec4f(1.0), random4(index, 0u, 1u, 3u)), vec4f(1.0), white);
