@@ -143,8 +143,8 @@ impl DispatchSizer {
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // A dispatch smaller than the target (a trace's last one, or one at the capacity) is mostly overhead. It only reveals a target
-        // that is too large.
+        // A dispatch smaller than the target (a trace's last one, or one at the capacity) is mostly overhead. It only shows whether
+        // the target is too large.
         if paths < target && factor >= 1.0 {
             return;
         }

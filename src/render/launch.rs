@@ -35,8 +35,8 @@ struct InFlight {
     merge: Option<MergeInFlight>,
 }
 
-/// The host also sums dispatches until one of at least this many paths agrees with the device. They fill more than one of its kernels'
-/// blocks.
+/// The host also sums dispatches until one of at least this many paths, which fill more than one block of its kernels, agrees with the
+/// device.
 const CHECKED_PATHS: u32 = 2048;
 
 pub(super) struct StrategyRun<'a> {

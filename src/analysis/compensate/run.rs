@@ -31,7 +31,7 @@ pub(super) struct Solved {
     pub(super) status: Status,
     /// The answers after each photo, if they are to be stored.
     pub(super) answers: Vec<Planes>,
-    /// The frames that the camera had taken for the method after each photo; none where photos are computed.
+    /// The frames that the camera had taken for the method after each photo; empty where photos are computed.
     pub(super) frames: Vec<u64>,
 }
 

@@ -32,8 +32,8 @@ pub struct RankRow {
     pub optimal: Option<f64>,
 }
 
-/// Captures every channel. `global` holds operators of the light of two and more bounces (`n × n`), `direct` the rest. Fails as
-/// [`capture()`] does.
+/// Captures every channel. `global` holds operators of the light of two and more bounces (`n × n`), `direct` their direct light.
+/// Fails as [`capture()`] does.
 pub fn capture_channels<O: Adjoint>(
     global: &mut [O],
     direct: Vec<DirectPart>,

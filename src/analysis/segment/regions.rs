@@ -34,9 +34,9 @@ pub struct Regions {
     pub count: usize,
     /// Eigenvalues before the largest gap, with the known 1 and without those of localized eigenvectors.
     pub at_one: usize,
-    /// The distance from 1 of the last of them.
+    /// The distance from 1 of the last of these eigenvalues.
     pub last: f64,
-    /// The distance from 1 of the eigenvalue after the gap, or a lower bound; none if the capture ends before it.
+    /// The distance from 1 of the eigenvalue after the gap, or a lower bound; `None` if the capture ends before it.
     pub next: Option<f64>,
     /// The ratio of `next` to `last`. `last` counts as at least 0.001, or as the share that a blur carries across a border.
     pub ratio: Option<f64>,
