@@ -19,7 +19,7 @@ const SOFTWARE: &str = "software";
 const MEMORY_SHARE: u8 = 80;
 
 /// The most address space, in bytes, that a graphics driver reserves for a small scene. Software Vulkan worked with 600 MiB and failed with
-/// 400.
+/// 400 MiB.
 const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.

@@ -105,8 +105,7 @@ struct Known<'a> {
     module: &'a Module,
     returns: &'a Returns,
     function: &'a Function,
-    /// The only stored value of each variable that holds the result of `&&` or `||`; `None` if there are
-    /// several.
+    /// The only stored value of each variable that holds a `&&` or `||`; `None` if there are several.
     locals: HashMap<Handle<LocalVariable>, Option<Handle<Expression>>>,
 }
 

@@ -13,7 +13,7 @@ pub struct Run {
     pub pixel: u32,
     /// The half of the samples, 0 or 1. The halves are independent.
     pub half: usize,
-    /// Their indices within the batch.
+    /// The indices of these paths within the batch.
     pub paths: Range<usize>,
 }
 

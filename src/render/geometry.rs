@@ -100,7 +100,8 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     }
 }
 
-/// The camera's frame, in units: the camera is at the origin and looks along −z. It is computed in `f64`, so that it does not round twice.
+/// The camera's frame, in units: the camera is at the origin and looks along −z. The change of frame is computed in `f64` and so rounds
+/// only once.
 struct CameraFrame {
     rotation: DMat3,
     origin: DVec3,

@@ -35,8 +35,8 @@ struct InFlight {
     merge: Option<MergeInFlight>,
 }
 
-/// The host also sums dispatches until one of at least this many paths, which fill more than one block of its kernels, agrees with the
-/// device.
+/// The host also sums dispatches until a dispatch of at least this many paths agrees with the device. Such a dispatch fills more than one
+/// block of the device's kernels.
 const CHECKED_PATHS: u32 = 2048;
 
 pub(super) struct StrategyRun<'a> {

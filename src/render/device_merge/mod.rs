@@ -1,5 +1,5 @@
-//! Contributions to the matrix, sorted and summed on the device. A dispatch then returns a list of terms in place of the records of its
-//! paths, which are several times as long.
+//! Contributions to the matrix, sorted and summed on the device. A dispatch then returns a list of terms. The records of its paths would be
+//! several times as long.
 //!
 //! The key of a contribution is the pixel at the other end of its path and the class of its bounces. A radix sort orders the contributions
 //! of all paths from a pixel by key. Contributions of equal keys are summed in path order, in single precision. The host sums in double
@@ -42,9 +42,9 @@ pub(crate) struct Merged<'a> {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MergedTerm<'a> {
-    /// The pixel that its paths start from.
+    /// The pixel that the paths of this term start from.
     pub(crate) start: u32,
-    /// The pixel at their other end, times four, plus the class of bounces.
+    /// The pixel at the other end of these paths, times four, plus the class of bounces.
     pub(crate) key: u32,
     mean: &'a [u32],
     error: &'a [u32],
