@@ -85,7 +85,7 @@ fn lists(pairs: &[Pair], tangent: [f32; 2], most: usize) -> Option<Vec<[u32; 4]>
 struct Entry {
     texel: u32,
     pair: u32,
-    /// An upper bound of 1 over its depth there.
+    /// An upper bound of 1 over the triangle's depth in the texel.
     nearest: f32,
 }
 
@@ -239,7 +239,7 @@ fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<u
 #[derive(Clone, Copy)]
 struct Corner {
     at: DVec2,
-    /// 1 over its depth, which is linear over the image of a plane.
+    /// 1 over the depth of the corner, which is linear over the image of a plane.
     inverse: f64,
 }
 

@@ -133,8 +133,8 @@ fn half_area([low, high]: [Vec3; 2]) -> f64 {
     x * y + y * z + z * x
 }
 
-/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. Edge 3 · triangle
-/// + corner runs from this corner to the next corner of the triangle.
+/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. The edge of index
+/// `3 · triangle + corner` runs from this corner to the next corner of the triangle.
 fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     let ends = |edge: u32| {
         let (corners, from) = (corners[edge as usize / 3], edge as usize % 3);

@@ -187,7 +187,7 @@ impl Endpoints {
             && settings.projector.is_none_or(|resolution| resolution == settings.resolution)
     }
 
-    /// Whether they share a pinhole, so that light can return along its own path.
+    /// Whether camera and projector share a pinhole, so that light can return along its own path.
     pub(super) fn coaxial_pinhole(&self, settings: &TraceSettings) -> bool {
         self.coaxial(settings) && self.camera.lens.radius == 0.0
     }
