@@ -1,4 +1,5 @@
-//! The transport matrix by one photo per column: on a small rig, the reference for all other methods.
+//! Measures the transport matrix with one photo per column, as a reference for all other methods on a small
+//! rig.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -6,13 +7,9 @@ use crate::operator::{Operator, each_product};
 use crate::sparse::Csr;
 use crate::transport::Channels;
 
-/// The number of photos allowed by default.
 const PHOTOS: usize = 4096;
 
-/// Refuses a measurement that would take more photos than allowed.
-///
-/// # Errors
-/// [`Error::Option`] naming `--photos`.
+/// Refuses a measurement that would take more photos than allowed, with [`Error::Option`] naming `--photos`.
 pub fn check_photos(resolution: Resolution, channels: Channels, allowed: Option<usize>) -> Result<()> {
     let needed = resolution.pixels() * channels.count();
     let allowed = allowed.unwrap_or(PHOTOS);
@@ -29,9 +26,6 @@ pub fn check_photos(resolution: Resolution, channels: Channels, allowed: Option<
 }
 
 /// Measures the matrix column by column. Every entry that is not exactly 0 is stored, noise included.
-///
-/// # Errors
-/// Any error of taking a photo.
 pub fn columns(operator: &mut dyn Operator) -> Result<Csr> {
     let (rows, count) = (operator.rows(), operator.cols());
     let mut entries: Vec<Vec<(u32, f64)>> = vec![Vec::new(); rows];

@@ -1,6 +1,6 @@
-//! The operator of an analysis: all of the light, or without its direct part, blurred or not.
+//! The operator of an analysis: all light, or all light but the direct part, with or without blur.
 //!
-//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract.
+//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract it.
 
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use crate::operator::{Operator, block, block_mut, delegate};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DirectMethod {
     /// Nayar's checkerboards with squares of `square` pixels, shifted to `shifts²` places, one photo each ([`checkerboards`]).
-    /// The direct light is overestimated where global light resolves the squares.
+    /// They overestimate the direct light where global light resolves the squares.
     Checkerboards {
         /// Side of a square in pixels.
         square: usize,
@@ -25,10 +25,7 @@ pub enum DirectMethod {
     },
 }
 
-/// Measures the direct light of `operator` (`n × n`, all of the light).
-///
-/// # Errors
-/// As [`checkerboards`] and [`random_patterns`].
+/// Measures the direct light of `operator` (`n × n`, all light). Fails as [`checkerboards`] and [`random_patterns`] do.
 pub fn measure_direct(
     operator: &mut dyn Operator,
     resolution: Resolution,
@@ -48,10 +45,7 @@ pub struct WithoutDirect<'a> {
 }
 
 impl<'a> WithoutDirect<'a> {
-    /// The operator for `A` (`n × n`) and `d` (`n`).
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if the sizes differ.
+    /// The operator for `A` (`n × n`) and `d` (`n`). Fails with [`Error::Dimension`] if the sizes differ.
     pub fn new(operator: &'a mut dyn Operator, direct: &'a [f64]) -> Result<Self> {
         if [operator.rows(), operator.cols()].iter().any(|&side| side != direct.len()) {
             return Err(Error::Dimension {
@@ -63,7 +57,6 @@ impl<'a> WithoutDirect<'a> {
         Ok(Self { operator, direct })
     }
 
-    /// `y ← y − d ∘ x`.
     fn subtract(&self, x: &[f64], y: &mut [f64]) {
         for ((y, x), direct) in y.iter_mut().zip(x).zip(self.direct) {
             *y -= direct * x;
@@ -95,9 +88,9 @@ impl Operator for WithoutDirect<'_> {
     }
 }
 
-/// The operator `K A K` with one Gaussian `K = Kᵀ` for pattern and photo. It has the symmetry of `A`, which a blur of the photo
-/// alone would break. The blur averages neighbouring pixels, and so their noise; light paths shorter than the blur are not
-/// treated as direct light. A product is one photo.
+/// The operator `K A K` with one Gaussian `K = Kᵀ` for pattern and photo. It has the symmetry of `A`; a blur of the photo alone
+/// would break it. The blur averages the noise of neighbouring pixels. Light paths shorter than the blur do not count as direct
+/// light. A product is one photo.
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,
@@ -105,10 +98,7 @@ pub struct Blurred<'a> {
 }
 
 impl<'a> Blurred<'a> {
-    /// The operator for `A` (`n × n`).
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if the blur has another number of pixels.
+    /// The operator for `A` (`n × n`). Fails with [`Error::Dimension`] if the blur has another number of pixels.
     pub fn new(operator: &'a mut dyn Operator, blur: Blur) -> Result<Self> {
         let pixels = blur.resolution().pixels();
         if [operator.rows(), operator.cols()].iter().any(|&side| side != pixels) {
@@ -149,7 +139,7 @@ impl Operator for Blurred<'_> {
         Ok(())
     }
 
-    /// Those of the photos, reduced by the blur as if their noise were the same in all pixels.
+    /// The standard errors of the photos, reduced by the blur as if their noise were the same in all pixels.
     fn standard_errors(&self) -> Vec<f64> {
         let errors = self.operator.standard_errors();
         if errors.is_empty() {
@@ -214,7 +204,7 @@ mod tests {
         let columns = (0..12).map(|j| column(&mut blurred, j)).collect::<Result<Vec<_>>>()?;
         for (i, column) in columns.iter().enumerate() {
             for (j, row) in columns.iter().enumerate() {
-                // Entries are below 121; the error is that of a hundred roundings.
+                // Entries are below 121, and the error is about a hundred roundings.
                 assert!((column[j] - row[i]).abs() < 1e-12);
             }
         }

@@ -1,8 +1,8 @@
 //! Probing: the photo of a scene by a selection of its light paths.
 //!
 //! A probing matrix `Π` (`n × n`) weights each path by its first projector pixel and its last camera pixel; the photo is `(Π ∘ A)
-//! 1`. For random patterns `r` of mean zero with the correlation `E[r_i r_j] = h(i − j)`, the mean of `r ∘ A r` is this photo for
-//! `Π_ij = h(i − j)`: `r` is projected, and its signed values multiply the photo as a mask. No column of `A` is ever measured.
+//! 1`. Let random patterns `r` have mean zero and the correlation `E[r_i r_j] = h(i − j)`. The mean of `r ∘ A r` is then this photo
+//! for `Π_ij = h(i − j)`: `r` is projected, and its signed values multiply the photo as a mask. No column of `A` is ever measured.
 //! Here `h` is a Gaussian of the distance in pixels, with `h(0) = 1`.
 //!
 //! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
@@ -29,17 +29,17 @@ pub enum Probing {
     },
     /// All paths but `Near`.
     Far {
-        /// As for `Near`.
+        /// The same as for `Near`.
         sigma: f64,
     },
     /// Indirect light from nearby: `Near` minus `Direct`, from the same random signs.
     NearIndirect {
-        /// As for `Near`.
+        /// The same as for `Near`.
         sigma: f64,
     },
 }
 
-/// How far light counts as near unless it is said otherwise: a Gaussian of a sixteenth of the width, in pixels, and of at least one.
+/// The default distance, in pixels, within which light counts as near: a Gaussian of a sixteenth of the width, and at least one pixel.
 pub fn default_sigma(resolution: Resolution) -> f64 {
     (resolution.width as f64 / 16.0).max(1.0)
 }
@@ -52,13 +52,10 @@ impl Probing {
         }
     }
 
-    /// Checks the value of `sigma` before any photo is taken.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--sigma`.
+    /// Checks the value of `sigma` before any photo is taken. Fails with [`Error::Option`] naming `--sigma`.
     pub fn check(self) -> Result<()> {
         let sigma = self.sigma();
-        // A Gaussian far wider than any projector lets everything through.
+        // A Gaussian far wider than any projector lets all light through.
         if (0.0..=4096.0).contains(&sigma) && (sigma > 0.0 || matches!(self, Self::Direct | Self::Indirect)) {
             return Ok(());
         }
@@ -117,16 +114,16 @@ impl Probing {
 /// A probed photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Probed {
-    /// The estimate of `(Π ∘ A) 1` (`n`), without bias.
+    /// The unbiased estimate of `(Π ∘ A) 1` (`n`).
     pub values: Vec<f64>,
     /// The standard error of each value, from the spread of the samples (`n`).
     pub standard_errors: Vec<f64>,
-    /// Photos taken: products with signed patterns, and the white one if it is needed.
+    /// Photos taken: products with signed patterns, and the white photo if it is needed.
     pub photos: usize,
 }
 
-/// Probes with `photos ≥ 2` random patterns at one product with `operator` (`n × n`) each. [`Probing::NearIndirect`] takes two
-/// each, and [`Probing::Indirect`] and [`Probing::Far`] one more of white, from which they subtract.
+/// Probes with `photos ≥ 2` random patterns; each costs one product with `operator` (`n × n`). [`Probing::NearIndirect`] takes two
+/// products per pattern. [`Probing::Indirect`] and [`Probing::Far`] take one more of white, from which they subtract.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos` or `--sigma`; [`Error::Dimension`] if sizes differ; any error of the operator.
@@ -162,7 +159,7 @@ pub fn probe(
         let mut sample = correlation(operator, &signs.smoothed(&kernel))?;
         products += 1;
         if let Probing::NearIndirect { .. } = probing {
-            // The same signs in both patterns cancel their common noise in the difference.
+            // Both patterns use the same signs, so that their common noise cancels in the difference.
             let direct = correlation(operator, &signs.smoothed(&[1.0]))?;
             products += 1;
             sample.iter_mut().zip(direct).for_each(|(near, direct)| *near -= direct);
@@ -191,14 +188,13 @@ pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, 
     (0..count).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel)).collect()
 }
 
-/// The sample `r ∘ A r`.
 fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
     let mut photo = vec![0.0; pattern.len()];
     operator.apply(pattern, &mut photo)?;
     Ok(photo.iter().zip(pattern).map(|(photo, mask)| photo * mask).collect())
 }
 
-/// A Gaussian of standard deviation `σ/√2`, whose autocorrelation is one of `σ`; its squares add up to 1.
+/// A Gaussian of standard deviation `σ/√2`; its autocorrelation is a Gaussian of `σ`. Its squares add up to 1.
 fn kernel(sigma: f64) -> Vec<f64> {
     let own = sigma / std::f64::consts::SQRT_2;
     let reach = (4.0 * own).ceil() as i64;
@@ -209,7 +205,7 @@ fn kernel(sigma: f64) -> Vec<f64> {
     values.iter().map(|value| value / length).collect()
 }
 
-/// Random signs on a raster with a margin, which makes the patterns as random at the edge as elsewhere.
+/// Random signs on a raster with a margin. The margin makes the patterns at the edge as random as elsewhere.
 struct Signs {
     resolution: Resolution,
     margin: usize,
@@ -261,8 +257,8 @@ mod tests {
         for (pixel, sum) in sums.iter().enumerate() {
             let (x, y) = (pixel % resolution.width, pixel / resolution.width);
             let expected = Probing::Near { sigma }.weight(((x * x + y * y) as f64).sqrt());
-            // The product of two such values has a variance of at most 3: 4.5 standard errors, plus the errors of the kernel's
-            // sampling and of its truncation at four deviations.
+            // The product of two such values has a variance of at most 3. The tolerance is 4.5 standard errors, plus the errors of
+            // the kernel's sampling and of its truncation at four deviations.
             let error = (sum / f64::from(draws) - expected).abs();
             assert!(error < 4.5 * (3.0 / f64::from(draws)).sqrt() + 1e-3, "({x}, {y}): {error}");
         }

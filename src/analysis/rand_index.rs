@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use super::MASKED;
 use crate::error::{Error, Result};
 
-/// The adjusted Rand index of two labellings: 1 if they are equal up to label names, 0 on average for random labels, and negative
-/// below that. Pixels labelled 255 (masked) in either are ignored. At most one pixel, or one group in both, gives 1.
+/// The adjusted Rand index of two labellings: 1 if they are equal up to label names, 0 on average for random labels, and negative below
+/// that. Pixels labelled 255 (masked) in either are ignored. The index is 1 for at most one pixel, or for one group in both.
 ///
 /// With `n_ij` pixels in group `i` of the first and `j` of the second labelling, group sizes `a` and `b`, and `C(x) = x(x−1)/2`:
 ///

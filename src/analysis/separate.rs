@@ -9,7 +9,7 @@
 //! | [`from_capture`] | the white one | approximate, from the photos of a Krylov capture |
 //!
 //! The first two are by Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using
-//! high frequency illumination* (2006), doi:10.1145/1141911.1141977; they fail where global light is sharp, as with a mirror. The
+//! high frequency illumination* (2006), doi:10.1145/1141911.1141977. They fail where global light is sharp, as with a mirror. The
 //! others estimate the diagonal of `A`, the direct light of a coaxial rig, and so handle mirrors. A simulator stores each bounce
 //! and needs no separation: [`crate::transport::Part`], [`crate::transport::Layer`].
 
@@ -43,7 +43,6 @@ pub struct Separation {
     pub photos: usize,
 }
 
-// Separation by any of the methods, selected by a value.
 
 /// A method, with its photos, to separate direct from global light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +71,7 @@ pub enum SeparateBy {
         /// Photos besides the white one.
         photos: usize,
     },
-    /// [`from_capture`], of a capture that starts from random signs.
+    /// [`from_capture`], with a capture that starts from random signs.
     Capture {
         /// Photos besides the white one.
         photos: usize,
@@ -118,10 +117,7 @@ impl SeparateBy {
 }
 
 impl SeparateBy {
-    /// Refuses settings that the method cannot use, before any photo is taken.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option.
+    /// Refuses settings that the method cannot use, before any photo is taken, with [`Error::Option`] naming the option.
     pub fn check(self) -> Result<()> {
         match self {
             Self::Checkerboards { square, shifts } => check_checkerboards(square, shifts),
@@ -132,10 +128,10 @@ impl SeparateBy {
     }
 }
 
-/// Separates with `operator`, all of the light of a coaxial rig (`n × n`).
+/// Separates with `operator`, all light of a coaxial rig (`n × n`).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--by` if the operator is not symmetric (another pixel then lights what a pixel sees); as the method.
+/// [`Error::Option`] naming `--by` if the operator is not symmetric (a pixel then sees light of another pixel); the errors of the method.
 pub fn separate(
     operator: &mut dyn Operator,
     resolution: Resolution,
@@ -171,10 +167,10 @@ pub fn separate(
     }
 }
 
-// Separation by estimating the diagonal of `A`: for coaxial pinholes the direct light, plus the global light that returns to its
-// own pixel (4 % of it in a zigzag at 64×64, most of that along the folds; less with more pixels).
+// Separation by estimating the diagonal of `A`. For coaxial pinholes, the diagonal is the direct light plus the global light that returns
+// to its own pixel. In a zigzag at 64×64, that is 4 % of the global light, mostly along the folds; it is less with more pixels.
 
-/// Separates with `photos ≥ 2` patterns of random signs and the white one; a signed pattern is one product with `operator` (`n ×
+/// Separates with `photos ≥ 2` patterns of random signs and the white one. A signed pattern is one product with `operator` (`n ×
 /// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
 pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) -> Result<Separation> {
     let estimate = diagonal(operator, photos, seed)?;
@@ -184,20 +180,18 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
     Ok(Separation {
         direct: estimate.values,
         global,
-        // The white photo has the noise of one photo, the direct light that of all patterns as far as they do not explain it.
+        // The white photo has the noise of one photo. The direct light has the noise of all patterns, as far as they do not explain it.
         global_error: Some(estimate.standard_errors.clone()),
         standard_error: Some(estimate.standard_errors),
         photos: estimate.products + 1,
     })
 }
 
-/// Separates with the photos `W = A Q` of a Krylov process on all of the light. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`;
-/// divided by that of `Q Qᵀ`, it estimates the diagonal of `A` with no photo but the white one. It works like [`random_patterns`]
-/// as far as the patterns are random between neighbouring pixels: use [`Start::Rademacher`](crate::krylov::Start). More photos
+/// Separates with the photos `W = A Q` of a Krylov process on all light. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`. Divided by
+/// the diagonal of `Q Qᵀ`, it estimates the diagonal of `A` with no photo but the white one. It works like [`random_patterns`] as
+/// far as the patterns are random between neighbouring pixels: use [`Start::Rademacher`](crate::krylov::Start). More photos
 /// hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat (in a room with a
-/// mirror ball, a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`].
-///
-/// # Errors
+/// mirror ball, a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`]. Fails with
 /// [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
 pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let n = model.cols();
@@ -215,19 +209,16 @@ pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
             squares[i] += pattern[i] * pattern[i];
         }
     }
-    // A pixel that no pattern lit counts as without direct light.
+    // A pixel that no pattern lit counts as a pixel without direct light.
     let direct: Vec<f64> =
         products.iter().zip(&squares).map(|(p, s)| if *s > 0.0 { p / s } else { 0.0 }).collect();
     let global = white.iter().zip(&direct).map(|(white, direct)| white - direct).collect();
     Ok(Separation { direct, global, standard_error: None, global_error: None, photos: model.rank() + 1 })
 }
 
-// The light of each bounce of a known matrix.
 
-/// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers.
-///
-/// # Errors
-/// None for a well-formed matrix in one process; those of [`TransportMatrix::layers`].
+/// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers. Fails as
+/// [`TransportMatrix::layers`] does; a well-formed matrix in one process gives no error.
 pub fn second_and_rest(matrix: &TransportMatrix) -> Result<[Planes; 2]> {
     let (rows, count) = (matrix.resolution().pixels(), matrix.channels().count());
     let mut found = [Bounces::Two, Bounces::Rest].map(|_| vec![vec![0.0; rows]; count]);

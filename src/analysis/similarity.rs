@@ -5,11 +5,10 @@
 //! SSIM = mean over windows of (2 μa μb + C₁)(2 σab + C₂) / ((μa² + μb² + C₁)(σa² + σb² + C₂)),  C₁ = (0.01 L)², C₂ = (0.03 L)²
 //! ```
 //!
-//! with the data range `L`, and Gaussian windows of 11×11 pixels, σ 1.5, wholly inside the image. Colour images give the mean
-//! over channels. Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to structural similarity*
-//! (2004), doi:10.1109/TIP.2003.819861.
-//!
-//! SSIM is implemented here for floating-point radiance: `image-compare` takes 8-bit images, in windows of 8×8 pixels.
+//! `L` is the data range. The windows are Gaussian, 11×11 pixels with σ 1.5, wholly inside the image. Colour images give the
+//! mean over channels. Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to structural
+//! similarity* (2004), doi:10.1109/TIP.2003.819861. SSIM is implemented here for floating-point radiance, because
+//! `image-compare` takes 8-bit images, in windows of 8×8 pixels.
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
@@ -23,7 +22,7 @@ const SIGMA: f64 = 1.5;
 pub struct Similarity {
     /// The root mean square difference over all pixels and channels.
     pub rmse: f64,
-    /// The same relative to the reference's root mean square; infinite if only the reference is black.
+    /// The RMSE divided by the reference's root mean square; infinite if only the reference is black.
     pub relative_rmse: f64,
     /// The largest absolute difference.
     pub largest: f64,
@@ -72,7 +71,7 @@ pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Simila
     })
 }
 
-/// The largest minus the smallest value of the reference, or 1 if all are equal: `L` if no better value is known.
+/// The largest minus the smallest value of the reference, or 1 if all are equal. Use it as `L` if no better value is known.
 pub fn data_range(reference: &Image) -> f64 {
     let extend = |(low, high): (f32, f32), &value: &f32| (low.min(value), high.max(value));
     let (low, high) = reference.samples().iter().fold((f32::INFINITY, f32::NEG_INFINITY), extend);
@@ -132,7 +131,6 @@ fn windowed(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A smooth image, scaled and shifted.
     fn waves(scale: f32, shift: f32) -> Result<Image> {
         let value = |i: usize| {
             let (x, y) = ((i % 24) as f32, (i / 24) as f32);

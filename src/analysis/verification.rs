@@ -1,8 +1,8 @@
-//! How good an answer is, by light that it was not computed from.
+//! The quality of an answer, judged by light that it was not computed from.
 //!
-//! The answers of a scene are computed with a matrix from a finite number of light paths, and its noise is frozen: an eigenvector fits the noise of
-//! its matrix as well as the light. The same matrix therefore cannot tell how good the eigenvector is. Light paths of another seed can
-//! ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)); on a rig, a photo that was not used.
+//! The answers of a scene are computed with a matrix from a finite number of light paths. Its noise is frozen: an eigenvector fits the
+//! noise of its matrix as well as the light. The same matrix therefore cannot tell how good the eigenvector is. Light paths of another seed
+//! can ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, an unused photo can.
 
 use crate::krylov::{Eigs, temple_kato};
 use crate::transport::{EstimatedProduct, Squares};
@@ -10,13 +10,13 @@ use crate::transport::{EstimatedProduct, Squares};
 /// One predicted photo beside the independent one.
 #[derive(Clone, Copy, Debug)]
 pub struct Predicted {
-    /// How far they are apart.
+    /// The difference between the two photos.
     pub squares: Squares,
-    /// The variance of the prediction's own noise, relative to that of the independent photo.
+    /// The variance of the prediction's own noise, relative to the variance of the independent photo.
     pub own: f64,
-    /// The norm of the errors that the answer states: a residual, or what its photos leave open.
+    /// The norm of the errors that the answer states: a residual, or the part that its photos leave open.
     pub stated: f64,
-    /// Whether the answer was computed from a frozen matrix, whose noise it fits: its errors have a part of second order.
+    /// Whether the answer was computed from a frozen matrix. It fits the noise of this matrix, so its errors have a part of second order.
     pub is_frozen: bool,
     /// [`EstimatedProduct::signs`], where the errors of the photo are draws of its noise.
     pub signs: Option<f64>,
@@ -25,46 +25,45 @@ pub struct Predicted {
 impl Predicted {
     /// The norm of the errors that the prediction may have beside noise.
     ///
-    /// An answer that fits the noise of its matrix, of the relative size `ε`, has more of it than another vector has, by about `ε²`. Twice as much is
-    /// allowed: with 24×24 pixels and 64 light paths that covers vectors of `ε = 0.3`.
+    /// An answer that fits the noise of its matrix, of the relative size `ε`, has more noise than another vector by about `ε²`. Twice this
+    /// excess is allowed: with 24×24 pixels and 64 light paths that covers vectors of `ε = 0.3`.
     pub fn allowed(&self) -> f64 {
         let size = (self.squares.product - self.squares.noise).max(f64::MIN_POSITIVE).sqrt();
         let fitted = if self.is_frozen { 2.0 * self.squares.noise / size } else { 0.0 };
         self.stated.hypot(fitted)
     }
 
-    /// The larger excess of both tests: one of the sum of squares, one of signs. The first sees errors of a few pixels, the second errors of
-    /// many pixels behind the noise of a few.
+    /// The larger excess of two tests, one on the sum of squares and one on signs. The first sees errors of a few pixels. The second sees
+    /// errors of many pixels behind the noise of a few.
     pub fn excess(&self) -> f64 {
         self.squares.excess(self.own, self.allowed()).max(self.signs.unwrap_or(f64::NEG_INFINITY))
     }
 }
 
-/// What the comparison of an answer's photos says: the largest excess, its place, the chance of any as large if the answer is right, and the
-/// relative error that all together would have shown in 99 of 100 cases.
+/// The outcome of comparing an answer's photos with independent ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
     /// The largest excess, in standard errors.
     pub statistic: f64,
-    /// Which photo has it.
+    /// The index of the photo with this excess.
     pub at: usize,
-    /// The chance, times the number of tests (Bonferroni).
+    /// The chance of an excess at least this large if the answer is right, times the number of tests (Bonferroni).
     pub p_value: f64,
-    /// The relative error that would have been seen.
+    /// The relative error that all photos together would have shown in 99 of 100 cases.
     pub resolution: f64,
 }
 
-/// An excess of 3.1 has a chance of 0.001. An error whose excess is expected to be 2.3 more is found in 99 of 100 cases.
+/// An excess of 3.1 has a chance of 0.001. An error whose expected excess is 2.3 more is found in 99 of 100 cases.
 const SEEN: f64 = 3.1 + 2.3;
 
-/// Judges all photos of an answer. `None` without any.
+/// Judges all photos of an answer; `None` without photos.
 pub fn judge(photos: &[Predicted]) -> Option<Judged> {
     let each = photos.iter().map(Predicted::excess).enumerate();
     let (at, statistic) = each.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let own = photos.iter().map(|photo| photo.own).fold(0.0, f64::max);
     let all: Squares = photos.iter().map(|photo| photo.squares).sum();
     let p_value = (2.0 * photos.len() as f64 * upper_tail(statistic)).min(1.0);
-    // Errors that the answer states itself hide others as noise does.
+    // Errors that the answer itself states hide other errors as noise does.
     let stated = photos.iter().map(|photo| photo.allowed().powi(2)).sum::<f64>() / (all.product - all.noise);
     let resolution =
         if stated >= 0.0 { all.resolution(own, SEEN).hypot(stated.sqrt()) } else { f64::INFINITY };
@@ -92,21 +91,21 @@ fn upper_tail(z: f64) -> f64 {
     if z >= 0.0 { above } else { 1.0 - above }
 }
 
-/// What independent light says of the groups of a segmentation.
+/// The judgement of independent light on the groups of a segmentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grouped {
     /// The share of the variance of the coordinates by independent light that lies between the groups.
     pub explained: f64,
-    /// That of labels that have nothing to do with the light, in 999 of 1000 cases at most.
+    /// The largest such share, in 999 of 1000 cases, for labels unrelated to the light.
     pub by_chance: f64,
-    /// The share of the pixels that the independent coordinates put into the same group, relative to that by the answer's own.
+    /// The share of the pixels that the independent coordinates put into the same group, relative to the share for the answer's own.
     pub agreement: f64,
 }
 
 impl Grouped {
-    /// The comparison of `labels` (`None` is masked) with the coordinates `claimed` by the answer and those `seen` by independent light, each with
-    /// one value for each pixel, of these `weights`. Groups that hold no more of the variance than shuffled labels would say nothing of the
-    /// light (an analysis of variance).
+    /// Compares `labels` (`None` is masked) with the coordinates `claimed` by the answer and the coordinates `seen` by independent light.
+    /// Each coordinate has one value per pixel, and `weights` weight the pixels. Groups that hold no more of the variance than shuffled
+    /// labels would say nothing about the light (an analysis of variance).
     pub fn new(labels: &[Option<usize>], weights: &[f64], claimed: &[Vec<f64>], seen: &[Vec<f64>]) -> Self {
         let groups = labels.iter().flatten().max().map_or(0, |last| last + 1);
         let pixels = labels.iter().flatten().count();
@@ -158,42 +157,43 @@ impl Grouped {
         }
     }
 
-    /// Whether the groups say no more of the light than chance.
+    /// Whether the groups say no more about the light than chance does.
     pub fn is_refuted(&self) -> bool {
         self.explained <= self.by_chance
     }
 }
 
-/// An eigenpair of the scene itself, as opposed to that of a matrix with noise.
+/// An eigenpair of the scene itself, as opposed to an eigenpair of a matrix with noise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct EigenpairEstimate {
     /// The eigenvalue: the mean of the matrix's own, `θ = uᵀ Â u`, and of `q = uᵀ A' u` by independent light. `u` fits the noise `E` of
-    /// `Â`, so that `θ` is too large by about `Σ_k (u_kᵀ E u)² / (λ − λ_k)`, and `q` is too small by as much: their mean has no error of
-    /// second order.
+    /// `Â`, so that `θ` is too large by about `Σ_k (u_kᵀ E u)² / (λ − λ_k)`, and `q` is too small by the same amount. Their mean has no
+    /// error of second order.
     pub value: f64,
-    /// Its standard error. It counts what more photos would change, too.
+    /// Its standard error. It also counts changes that more photos would bring.
     pub standard_error: f64,
-    /// `q`, with its standard error by the noise of the independent light alone: how much of its light the eigenvector really keeps.
+    /// `q`, with its standard error by the noise of the independent light alone. It says how much of its light the eigenvector really
+    /// keeps.
     pub quotient: [f64; 2],
-    /// `‖A u − q u‖` by independent light, without the noise of the latter: there is an eigenvalue of the scene within this distance of `q`, and
-    /// a photo of `u` differs from `q u` by this much. `None` where it was not asked for.
+    /// `‖A u − q u‖` by independent light, without the noise of the latter. The scene has an eigenvalue within this distance of `q`, and a
+    /// photo of `u` differs from `q u` by this much. `None` where it was not asked for.
     pub residual: Option<f64>,
 }
 
 impl EigenpairEstimate {
-    /// How far the matrix's own eigenvalue may be from that of the scene: what is known of its bias, with the standard error.
+    /// How far the matrix's own eigenvalue may be from the scene's: the known part of its bias, with the standard error.
     pub fn error_of(&self, theta: f64) -> f64 {
         self.standard_error.hypot(theta - self.value)
     }
 }
 
-/// The part of half the difference `θ − q` that counts as an error of their mean where eigenvalues are nearer to each other than that: their errors
-/// of second order do then not cancel. The part was chosen on the scenes zigzag and cornell; `cargo bench --bench stated_errors`
-/// judges it on others.
+/// A part of half the difference `θ − q` that counts as an error of their mean. It applies where eigenvalues are nearer to each other than
+/// this half, because their errors of second order then do not cancel. The part was chosen on the scenes zigzag and cornell; `cargo bench
+/// --bench stated_errors` judges it on others.
 const NOT_CANCELLED: f64 = 2.0 / 3.0;
 
-/// The eigenpairs of the scene from those of a symmetric matrix and the independent products of their eigenvectors, one for each. `None`
-/// where pairs are complex or the products state no quadratic form.
+/// The eigenpairs of the scene, from the eigenpairs of a symmetric matrix and one independent product per eigenvector. `None` where pairs
+/// are complex or the products state no quadratic form.
 pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>> {
     if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.len() != independent.len() {
         return None;
@@ -212,8 +212,9 @@ pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Op
     independent.iter().enumerate().map(of).collect()
 }
 
-/// The eigenvalues of the scene from those of the normalized cut of a matrix, with the residuals of their eigenvectors; of each, independent light says by
-/// [`Question::shift`](crate::transport::Question::shift) what it is off. `None` where the products state no quadratic form.
+/// The eigenvalues of the scene, from the eigenvalues of a matrix's normalized cut and the residuals of their eigenvectors. For each,
+/// independent light states its error by [`Question::shift`](crate::transport::Question::shift). `None` if the products state no quadratic
+/// form.
 pub fn cut_estimates(
     values: &[f64],
     residuals: &[f64],
@@ -226,8 +227,8 @@ pub fn cut_estimates(
     independent.iter().enumerate().map(of).collect()
 }
 
-/// The estimate of the eigenvalue `index` among `values` of a matrix, which more photos would change by about `unconverged`; independent light
-/// says with a standard error how much its own quotient is above it. The residual is not known.
+/// The estimate of the eigenvalue `index` among `values` of a matrix. More photos would change this eigenvalue by about `unconverged`.
+/// Independent light says, with a standard error, how far its own quotient is above it. The residual is not known.
 fn eigenvalue_estimate(
     values: &[f64],
     index: usize,
@@ -247,7 +248,7 @@ fn eigenvalue_estimate(
     }
 }
 
-/// The distance from one value to the nearest other: infinite where there is none, and never 0.
+/// The distance from one value to the nearest other; infinite without another value, and never 0.
 fn gap(values: &[f64], index: usize) -> f64 {
     let others = values.iter().enumerate().filter(|(other, _)| *other != index);
     let distances = others.map(|(_, value)| (value - values[index]).abs());
@@ -272,7 +273,7 @@ mod tests {
         assert!(judge(&[]).is_none());
     }
 
-    /// A photo of even light with noise, of its prediction too, that is heavy in its tails; the prediction is off by `wrong` times the noise.
+    /// A photo of even light. It and its prediction have noise with heavy tails. The prediction is off by `wrong` times the noise.
     fn photo(random: &mut Pcg64, wrong: f64) -> Predicted {
         let mut normal = || random.sample::<f64, _>(StandardNormal);
         // Noise whose size differs between pixels by a factor of a hundred.
@@ -293,12 +294,12 @@ mod tests {
             let judged = (0..300).filter_map(|_| judge(&[photo(&mut random, wrong)]));
             judged.filter(|judged| judged.p_value < 1e-3).count()
         };
-        // Of 300, three or more have a chance of 0.003 at 0.001 each.
+        // Each has a chance of 0.001, so three or more of 300 have a chance of 0.003.
         assert!(refuted(0.0) <= 2, "right ones");
         assert_eq!(refuted(2.0), 300, "wrong ones");
     }
 
-    /// An error of one part of the picture is no more than half of the pixels: the sum of squares sees it.
+    /// An error of one part of the picture affects at most half of the pixels. The sum of squares sees it.
     #[test]
     fn an_error_of_few_pixels_is_seen() {
         let product = EstimatedProduct { product: vec![1.0; 900], error: vec![0.05; 900], quadratic: None };
@@ -312,7 +313,7 @@ mod tests {
             signs: Some(signs),
         };
         assert!(signs < 0.0 && photo.excess() > 5.0, "{signs} {}", photo.excess());
-        // What the answer states is no error of it.
+        // A difference that the answer states does not count as an error.
         assert!(Predicted { stated: 0.5 * 60.0_f64.sqrt(), ..photo }.excess() < 0.0);
     }
 
@@ -330,7 +331,7 @@ mod tests {
             let right: Vec<Option<usize>> = truth.iter().copied().map(Some).collect();
             let shuffled: Vec<Option<usize>> = (0..600).map(|_| Some(random.random_range(0..3))).collect();
             let of_right = Grouped::new(&right, &weights, &claimed, &seen);
-            // Half of a unit of noise takes a pixel to the next group in a third of all cases, and in half as many at either end.
+            // Half a unit of noise takes a pixel to the next group in a third of all cases, and half as often at either end.
             assert!((0.7..0.85).contains(&of_right.agreement), "{of_right:?}");
             refuted[0] += usize::from(of_right.is_refuted());
             refuted[1] += usize::from(Grouped::new(&shuffled, &weights, &claimed, &seen).is_refuted());

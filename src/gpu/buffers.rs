@@ -15,12 +15,9 @@ const PIECE: usize = 32 << 20;
 pub(crate) const TEXTURE_WIDTH: u32 = 4096;
 
 impl Gpu {
-    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that little memory is
-    /// needed for pieces in flight. An empty slice becomes one element of zeros, since a binding may not be
-    /// empty.
-    ///
-    /// # Errors
-    /// [`Error::Device`] where the device has too little memory.
+    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that pieces in flight need little memory. An
+    /// empty slice becomes one element of zeros, because a binding may not be empty.
+    /// Fails with [`Error::Device`] if the device has too little memory.
     pub(crate) fn storage<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len().max(size_of::<T>()) as u64;
@@ -38,7 +35,6 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// An uninitialized buffer of `bytes`.
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buffer> {
         self.check_size(label, bytes)?;
         self.guarded(&format!("{label} ({:.1} MiB)", bytes as f64 / 1048576.0), || {
@@ -56,7 +52,6 @@ impl Gpu {
         self.texel_rows(label, texels, TEXTURE_WIDTH)
     }
 
-    /// The most bytes of a [`Gpu::texel_array`].
     pub(crate) fn texel_bytes(&self) -> u64 {
         u64::from(self.device.limits().max_texture_dimension_2d) * u64::from(TEXTURE_WIDTH) * 16
     }
@@ -102,13 +97,11 @@ impl Gpu {
         })
     }
 
-    /// Refuses a buffer that exceeds the device's limits.
     fn check_size(&self, label: &str, bytes: u64) -> Result<()> {
         let limit = self.summary.max_storage_binding.min(self.summary.max_buffer);
         if bytes > limit { Err(self.too_large(label, bytes, limit)) } else { Ok(()) }
     }
 
-    /// The error for data that exceeds the device's limits.
     fn too_large(&self, label: &str, bytes: u64, limit: u64) -> Error {
         Error::Device {
             fault: format!(
@@ -122,17 +115,14 @@ impl Gpu {
     }
 }
 
-/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones
-/// share them.
+/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones share them.
 #[derive(Clone)]
 pub(crate) struct Results {
-    /// The buffer to which the kernel writes.
     pub(crate) buffer: wgpu::Buffer,
     /// The staging buffer; `None` where the host reads results in place (see [`Gpu::shares_memory`]).
     readback: Option<wgpu::Buffer>,
 }
 
-/// A request for results that are in flight.
 pub(crate) struct Readback {
     submission: wgpu::SubmissionIndex,
     mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
@@ -140,7 +130,6 @@ pub(crate) struct Readback {
 }
 
 impl Results {
-    /// Allocates `bytes` for results.
     pub(crate) fn new(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
         let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
         let readback = (!gpu.shares_memory)
@@ -151,8 +140,7 @@ impl Results {
         })
     }
 
-    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one.
-    /// Call it within [`Gpu::guarded`].
+    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one. Call it within [`Gpu::guarded`].
     pub(crate) fn submit(
         &self,
         gpu: &Gpu,
@@ -174,14 +162,13 @@ impl Results {
     pub(crate) fn request(&self, bytes: u64, submission: wgpu::SubmissionIndex) -> Readback {
         let (sender, mapped) = std::sync::mpsc::channel();
         self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // After an interruption nothing receives this.
+            // After an interruption, the receiver no longer exists.
             let _ = sender.send(outcome);
         });
         Readback { submission, mapped, bytes }
     }
 
-    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to
-    /// the buffer again.
+    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to the buffer again.
     pub(crate) fn wait(&self, gpu: &Gpu, request: Readback) -> Result<wgpu::BufferView> {
         gpu.wait(Some(request.submission))?;
         let lost =
@@ -193,12 +180,11 @@ impl Results {
         }
     }
 
-    /// Makes the results writable again for the device.
+    /// Makes the results writable for the device again.
     pub(crate) fn release(&self) {
         self.readable().unmap();
     }
 
-    /// The buffer that the host maps.
     fn readable(&self) -> &wgpu::Buffer {
         self.readback.as_ref().unwrap_or(&self.buffer)
     }

@@ -7,10 +7,8 @@ use crate::machine;
 
 const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-get install -y --no-install-recommends mesa-vulkan-drivers";
 
-/// The advice about a lack of the device's memory.
 const OUT_OF_MEMORY: &str = "use a smaller --size, fewer --spp, a simpler scene or another --adapter, or close other programs that use the device; --memory bounds the memory of the machine, which is another";
 
-/// The advice about a device that is lost.
 const LOST: &str = "run it again: the driver has reset the device, or its memory is used up. With --resume a run goes on, and no photo of its journal is taken again. If it happens again, use a smaller --size or another --adapter";
 
 /// The kind of an adapter that is the processor itself.
@@ -20,7 +18,7 @@ const SOFTWARE: &str = "software";
 /// beyond it fails as out of memory, before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
-/// Bytes of address space that a graphics driver reserves at most for a small scene. Software Vulkan has worked with 600 MiB and failed with
+/// The most address space, in bytes, that a graphics driver reserves for a small scene. Software Vulkan worked with 600 MiB and failed with
 /// 400 MiB.
 const ADDRESS_SPACE: u64 = 1 << 30;
 
@@ -80,22 +78,20 @@ pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) summary: AdapterSummary,
-    /// The device is the processor itself, so that the host reads results in place. (A GPU that shares its
-    /// memory with the host could do so, too; whether that is faster was not measured.)
+    /// Whether the device is the processor itself, so that the host reads results in place. (A GPU that shares its memory with the host
+    /// could also do so; whether that is faster was not measured.)
     pub(crate) shares_memory: bool,
-    /// The kernels that it has compiled, if somebody keeps them for later processes.
     pub(crate) compiled: Option<Compiled>,
-    /// The reason of the driver once the device was lost, or has failed outside of [`Gpu::guarded`].
+    /// The driver's reason, once the device was lost or has failed outside of [`Gpu::guarded`].
     pub(crate) failure: Arc<OnceLock<String>>,
 }
 
 impl Gpu {
-    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest
-    /// kind. Where there are several equal ones, `turn` goes round among them.
+    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, one of the fastest kind. `turn` selects one of several
+    /// equal ones.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
         let adapter = choose(wanted, turn, None)?;
-        // Software Vulkan uses the memory of the machine, which other programs share: there the operating
-        // system sets the limit.
+        // Software Vulkan uses the memory of the machine, which other programs share, so the operating system sets the limit.
         if AdapterSummary::of(&adapter).is_processor() {
             return Self::on(&adapter);
         }
@@ -109,8 +105,7 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures, light buffer and photons are storage textures: seven in the largest kernel. Every
-            // desktop driver allows eight.
+            // Geometry, textures, light buffer and photons are storage textures: seven in the largest kernel. Desktop drivers allow eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
@@ -131,7 +126,7 @@ impl Gpu {
                 fault: format!("{} cannot be opened: {e}", summary.name),
                 help: "close other programs that use it, or choose another with --adapter; `krylux info` lists them. A limit of processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it".into(),
             })?;
-        // Without these two, wgpu tells nobody of a loss, and ends the process where an error has no scope.
+        // Without these two callbacks, wgpu reports no loss to krylux, and ends the process at an error that has no scope.
         let failure = Arc::new(OnceLock::new());
         let (lost, failed) = (Arc::clone(&failure), Arc::clone(&failure));
         device.set_device_lost_callback(move |_, reason| drop(lost.set(reason)));
@@ -139,12 +134,11 @@ impl Gpu {
         Ok(Self { device, queue, summary, shares_memory, compiled: None, failure })
     }
 
-    /// From now on kernels are compiled with the help of `data`, which an earlier process got of [`Gpu::compiled`] for this device.
+    /// Compiles kernels from now on with the help of `data`, which an earlier process got from [`Gpu::compiled`] for this device.
     pub(crate) fn restore_compiled(&mut self, data: Option<&[u8]>) {
         self.compiled = Compiled::restore(&self.device, data);
     }
 
-    /// The store of compiled kernels, for a pipeline that is being made.
     pub(crate) fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
         self.compiled.as_ref().map(Compiled::cache)
     }
@@ -156,7 +150,7 @@ impl Gpu {
         let result = work();
         let popped = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
         let faults: Vec<wgpu::Error> = popped.flatten().collect();
-        // A lost device and a lack of memory make what was asked for invalid as well.
+        // A lost device and a lack of memory also make the requested object invalid.
         self.require_working()?;
         let short = faults.iter().any(|fault| matches!(fault, wgpu::Error::OutOfMemory { .. }));
         match faults.first() {
@@ -173,10 +167,10 @@ impl Gpu {
         }
     }
 
-    /// Waits until `submission` is done; for `None`, until everything submitted is done.
+    /// Waits until `submission` is done; for `None`, until all submissions are done.
     pub(crate) fn wait(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<()> {
         let until = wgpu::PollType::Wait { submission_index: submission, timeout: None };
-        // wgpu panics where the driver says here that the device is lost.
+        // wgpu panics if the driver reports here that the device is lost.
         let outcome = machine::unless_panics(|| self.device.poll(until));
         self.require_working()?;
         match outcome {
@@ -186,33 +180,26 @@ impl Gpu {
         }
     }
 
-    /// Fails if the device was lost.
     pub(crate) fn require_working(&self) -> Result<()> {
         self.failure.get().map_or(Ok(()), |why| Err(self.lost(why)))
     }
 
-    /// The error for a lost device.
     pub(super) fn lost(&self, why: &str) -> Error {
         let why = why.trim().trim_end_matches('.');
         Error::Device { fault: format!("{} was lost: {why}", self.summary.name), help: LOST.into() }
     }
 }
 
-/// All adapters of this machine. The list may be empty.
-///
-/// # Errors
-/// [`Error::Device`] where this process may use too little address space.
+/// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process may use too little address space.
 pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
     Ok(enumerate(None)?.iter().map(AdapterSummary::of).collect())
 }
 
-/// The error for a machine without any adapter.
 pub(crate) fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 
-/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the
-/// driver grants.
+/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the driver grants.
 fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
     require_address_space(machine::address_space())?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -234,8 +221,7 @@ fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
     Ok(adapters)
 }
 
-/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves: a driver that does not get it may end the process
-/// without a message.
+/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves. Otherwise it may end the process without a message.
 fn require_address_space(limit: Option<u64>) -> Result<()> {
     match limit {
         Some(limit) if limit < ADDRESS_SPACE => Err(Error::Device {
@@ -252,7 +238,7 @@ fn require_address_space(limit: Option<u64>) -> Result<()> {
     }
 }
 
-/// The adapter whose name contains `wanted`; for `None`, the first one. Where there are several of its name, `turn` goes round among them.
+/// The adapter whose name contains `wanted`; for `None`, the first one. Among several with its name, `turn` selects one cyclically.
 fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::Adapter> {
     let adapters = enumerate(share)?;
     if adapters.is_empty() {
@@ -266,7 +252,6 @@ fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::
     })
 }
 
-/// The place of the adapter that [`choose`] takes.
 fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
     let wanted = wanted.unwrap_or_default().to_lowercase();
     let first = names.iter().find(|name| name.to_lowercase().contains(&wanted))?;
@@ -274,24 +259,24 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
     Some(equal[turn % equal.len()])
 }
 
-/// The kernels that a device has compiled, as bytes where the driver gives them out: a later process on an equal device need not compile them
-/// again. Clones share them.
+/// The kernels that a device has compiled, as bytes if the driver gives them out. A later process on an equal device need not compile them.
+/// Clones share them.
 ///
-/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without such a store of the application give nothing out.
+/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without an application's cache give nothing out.
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,
-    /// Bytes of a store without kernels: a driver that never gives out more has nothing to keep.
+    /// Bytes of a store without kernels. A driver that never gives out more has nothing to keep.
     empty: usize,
-    /// Hash of what was restored, so that only news are kept.
+    /// Hash of the restored kernels, so that only new ones are kept.
     restored: Option<blake3::Hash>,
 }
 
 impl Compiled {
-    /// A store on this device, with the kernels in `data` if these are of an equal device and driver; others are ignored. `None` where the
-    /// driver has no such store.
+    /// A store on this device, with the kernels in `data` if they come from an equal device and driver. `None` if the driver has no such
+    /// store.
     ///
-    /// `data` comes from [`Compiled::data`]: the driver may trust it without looking.
+    /// `data` must come from [`Compiled::data`], because the driver may trust it without checks.
     pub(crate) fn restore(device: &wgpu::Device, data: Option<&[u8]>) -> Option<Self> {
         if !device.features().contains(wgpu::Features::PIPELINE_CACHE) {
             return None;
@@ -301,12 +286,11 @@ impl Compiled {
         Some(Self { cache, empty, restored: data.map(blake3::hash) })
     }
 
-    /// The store, for a pipeline that is being made.
     pub(crate) fn cache(&self) -> &wgpu::PipelineCache {
         &self.cache
     }
 
-    /// All kernels so far as bytes; `None` where there is nothing to keep that was not restored.
+    /// All kernels so far as bytes; `None` if nothing but restored kernels could be kept.
     pub(crate) fn data(&self) -> Option<Vec<u8>> {
         let data = self.cache.get_data()?;
         (data.len() > self.empty && Some(blake3::hash(&data)) != self.restored).then_some(data)
@@ -316,7 +300,7 @@ impl Compiled {
 #[allow(unsafe_code, reason = "wgpu cannot know where the bytes come from; whoever keeps them checks that")]
 fn open(device: &wgpu::Device, data: Option<&[u8]>) -> wgpu::PipelineCache {
     let description = wgpu::PipelineCacheDescriptor { label: Some("krylux"), data, fallback: true };
-    // SAFETY: `data` is what `Compiled::data` gave out: the folder of the cache is its user's alone, and a checksum shows accidents. wgpu
+    // SAFETY: `data` comes from `Compiled::data`. The folder of the cache belongs to its user, and a checksum shows accidents. wgpu
     // compares device and driver.
     unsafe { device.create_pipeline_cache(&description) }
 }

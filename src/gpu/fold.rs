@@ -1,8 +1,8 @@
-//! Constant folding of shaders: it removes branches that the constants rule out, and everything that only
-//! these branches use.
+//! Constant folding of shaders removes branches that the constants rule out, and all code used only there.
 //!
-//! Drivers do the same, but only after they have translated the whole shader. For a scene of plain surfaces
-//! that took the software Vulkan driver 0.12 s, even with compiled kernels in its cache; now it takes 0.03 s.
+//! Drivers do the same, but only after they have translated the whole shader. For a scene of plain surfaces,
+//! this took the software Vulkan driver 0.12 s, even with compiled kernels in its cache. After folding, it
+//! takes 0.03 s.
 
 use std::collections::HashMap;
 
@@ -12,11 +12,9 @@ use naga::{
     TypeInner, UnaryOperator,
 };
 
-/// The return values of the functions that return a constant.
 type Returns = HashMap<Handle<Function>, Literal>;
 
-/// Removes everything that `module` cannot execute. The module must be valid, and computes the same
-/// afterwards.
+/// Removes all code that `module` cannot execute. The module must be valid, and computes the same afterwards.
 pub(super) fn fold(module: &mut Module) {
     let mut returns = Returns::new();
     // In a valid module, a function comes after the functions that it calls.
@@ -103,20 +101,17 @@ fn is_end(statement: &Statement) -> bool {
     matches!(statement, Statement::Return { .. } | Statement::Break | Statement::Continue | Statement::Kill)
 }
 
-/// The constants known within a function.
 struct Known<'a> {
     module: &'a Module,
     returns: &'a Returns,
     function: &'a Function,
-    /// The only stored value of each variable that holds the result of a `&&` or `||`; `None` where there are
-    /// several.
+    /// The only stored value of each variable that holds a `&&` or `||`; `None` if there are several.
     locals: HashMap<Handle<LocalVariable>, Option<Handle<Expression>>>,
 }
 
 impl Known<'_> {
-    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable, to which
-    /// either branch of `if a` stores once before it is read. Where only one of these stores is left, its
-    /// value is the variable's value.
+    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable. Either branch
+    /// of `if a` stores to it once before it is read. If only one store is left, its value is the variable's.
     fn with_locals(mut self, body: &Block) -> Self {
         let function = self.function;
         stores(body, &mut |pointer, value| {
@@ -131,7 +126,6 @@ impl Known<'_> {
         self
     }
 
-    /// The value of an expression, if it is a constant.
     fn value(&self, expression: Handle<Expression>) -> Option<Literal> {
         match self.function.expressions[expression] {
             Expression::Literal(literal) => Some(literal),
@@ -156,7 +150,6 @@ impl Known<'_> {
     }
 }
 
-/// The result of a comparison of two `u32` constants.
 fn compare(op: BinaryOperator, left: Literal, right: Literal) -> Option<Literal> {
     let (Literal::U32(left), Literal::U32(right)) = (left, right) else { return None };
     Some(Literal::Bool(match op {
@@ -170,7 +163,6 @@ fn compare(op: BinaryOperator, left: Literal, right: Literal) -> Option<Literal>
     }))
 }
 
-/// Calls `see` with the pointer and the value of every store.
 fn stores(block: &Block, see: &mut dyn FnMut(Handle<Expression>, Handle<Expression>)) {
     for statement in block.iter() {
         match statement {
@@ -192,7 +184,6 @@ fn stores(block: &Block, see: &mut dyn FnMut(Handle<Expression>, Handle<Expressi
 mod tests {
     use super::*;
 
-    /// The folded module, checked to be valid.
     fn folded(text: &str) -> Module {
         let mut module = naga::front::wgsl::parse_str(text).expect("the test's WGSL can be parsed");
         fold(&mut module);

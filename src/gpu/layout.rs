@@ -1,7 +1,6 @@
 //! Assertions for tests: shaders and host agree on the layout of structures and on constants.
 
-/// Asserts that the WGSL struct `name` of shader `shader` has exactly these members at these offsets, and
-/// this size.
+/// Asserts that the WGSL struct `name` of shader `shader` has exactly these members, offsets and size.
 pub(crate) fn assert_layout(shader: &str, name: &str, members: &[(&str, usize)], size: usize) {
     let module = super::shader::module(shader).unwrap_or_else(|e| unreachable!("{e}"));
     let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {

@@ -1,5 +1,4 @@
-//! WGSL sources and their composition: the line `#import NAME` inserts `shaders/shared/NAME.wgsl`, at most
-//! once for each shader.
+//! WGSL sources and their composition: `#import NAME` inserts `shaders/shared/NAME.wgsl`, once per shader.
 //!
 //! With `KRYLUX_DUMP_WGSL=DIR` in the environment, every composed shader is also written to `DIR/NAME.wgsl`.
 
@@ -54,19 +53,14 @@ shaders! {
     "shared" / "warp",
 }
 
-/// The complete WGSL of the entry point `name`, with its imports resolved.
-///
-/// # Errors
-/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or is not valid.
+/// The complete WGSL of the entry point `name`, with its imports resolved. Fails with [`Error::Device`],
+/// which names the shader, if it or one of its imports does not exist or is not valid.
 pub fn compose(name: &str) -> Result<String> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     compose_source(name, source)
 }
 
-/// The same as [`compose`], for WGSL that is not one of [`SOURCES`], such as a test of a single function.
-///
-/// # Errors
-/// The errors of [`compose`].
+/// The same as [`compose`], errors included, for WGSL outside [`SOURCES`], for example a single function.
 pub fn compose_source(name: &str, source: &str) -> Result<String> {
     let text = assemble(name, source)?;
     validate(name, &text)?;
@@ -74,12 +68,9 @@ pub fn compose_source(name: &str, source: &str) -> Result<String> {
 }
 
 /// The entry point `name` with these values for its overrides, without the code that they rule out. Values
-/// without an override are ignored. The module is not validated here; wgpu validates it when it makes a
-/// kernel of it.
-///
-/// # Errors
-/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or cannot be
-/// parsed, or where an override has no value.
+/// without an override are ignored. The module is not validated here, but by wgpu when it makes a kernel.
+/// Fails with [`Error::Device`], which names the shader, if it or an import does not exist or cannot be
+/// parsed, or an override lacks a value.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     let text = with_constants(name, &assemble(name, source)?, constants)?;
@@ -88,8 +79,8 @@ pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Modu
     Ok(module)
 }
 
-/// `text` with its overrides replaced by constants. Each override has its own line. Constants in the
-/// text spare a second pass over the module, which overrides would need.
+/// `text` with its overrides replaced by constants. Each override has its own line. Constants in the text
+/// avoid the second pass over the module that overrides would need.
 fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<String> {
     let mut out = String::with_capacity(text.len());
     for line in text.lines() {
@@ -112,7 +103,7 @@ fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<S
     Ok(out)
 }
 
-/// The text of a shader with its imports resolved. It is also dumped, if the environment asks for that.
+/// The text of a shader with its imports resolved. It is also dumped if the environment asks for that.
 fn assemble(name: &str, source: &str) -> Result<String> {
     let mut text = String::new();
     append(name, source, &mut Vec::new(), &mut text)?;
@@ -123,7 +114,6 @@ fn assemble(name: &str, source: &str) -> Result<String> {
     Ok(text)
 }
 
-/// The source of this name.
 fn lookup(name: &str) -> Option<&'static str> {
     SOURCES.iter().find(|(known, _)| *known == name).map(|(_, source)| *source)
 }
@@ -147,8 +137,7 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
     Ok(())
 }
 
-/// Parses and validates a shader with naga, so that an error names the line before any driver sees the
-/// shader.
+/// Parses and validates a shader with naga, so that an error names the line before a driver sees the shader.
 fn validate(name: &str, text: &str) -> Result<naga::Module> {
     let module = parse(name, text)?;
     validated(text, &module).map_err(|what| fault(name, &what))?;
@@ -166,15 +155,12 @@ fn parse(name: &str, text: &str) -> Result<naga::Module> {
     naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))
 }
 
-/// The composed shader `name` as a naga module, for example to compare its layouts with the host's.
-///
-/// # Errors
-/// The errors of [`compose`].
+/// The composed shader `name` as a naga module, to compare its layouts with the host's. Fails as [`compose`]
+/// does.
 pub fn module(name: &str) -> Result<naga::Module> {
     validate(name, &compose(name)?)
 }
 
-/// An error in a shader.
 fn fault(name: &str, what: &str) -> Error {
     Error::Device {
         fault: format!("shader {name}: {what}"),

@@ -1,15 +1,15 @@
 //! Camera and projector apart: the transpose is photographed with the two exchanged.
 //!
-//! With the projector beside the camera `A` is not symmetric, and no photo of that arrangement is one of `Aᵀ`. By Helmholtz reciprocity the
-//! exchanged arrangement photographs it: a projector where the camera was, and a camera where the projector was. So each step takes two photos,
-//! one of either. Golub–Kahan bidiagonalization finds the singular vectors of `A` from them. `A Aᵀ` and `AᵀA` are symmetric, and pixels are
-//! grouped by their graphs: the camera's by the first, the projector's by the second. Two pixels are neighbours in these graphs
-//! where the same light reaches both.
+//! With the projector beside the camera, `A` is not symmetric, and no photo of that arrangement shows `Aᵀ`. By Helmholtz reciprocity, the
+//! exchanged arrangement photographs it: a projector where the camera was, and a camera where the projector was. Each step therefore takes
+//! two photos, one of either arrangement. Golub–Kahan bidiagonalization finds the singular vectors of `A` from them. `A Aᵀ` and `AᵀA` are
+//! symmetric, and their graphs group pixels: the first groups the camera's, the second the projector's. Two pixels are neighbours in these
+//! graphs if the same light reaches both.
 //!
-//! Direct light is kept: it is on no diagonal here, so that no photo tells it apart. It connects no regions.
+//! Direct light is kept. It is not on a diagonal here, so photos cannot separate it. It connects no regions.
 //!
-//! The virtual rig cannot exchange its devices by itself: a second one stands in front of the scene as traced with camera and projector
-//! exchanged, by light paths of its own. How far the two traced scenes are from transposes of each other is stated.
+//! The virtual rig cannot exchange its devices by itself. A second rig therefore stands in front of the scene as traced with camera and
+//! projector exchanged, by other light paths. The deviation of the two traced scenes from transposes of each other is stated.
 
 use super::bench::{APART, Bench, Set, Stage};
 use super::contest::line;
@@ -24,9 +24,8 @@ use crate::operator::{Adjoint, Exchanged, Gram, Operator};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
-/// The side at which the dense decomposition of the matrix is affordable.
+/// The largest side for which the dense decomposition of the matrix is affordable.
 const DENSE: usize = 32;
-/// Photos of either arrangement together.
 const PHOTOS: usize = 50;
 const COUNT: usize = 4;
 const PURE: f64 = 0.99;
@@ -86,7 +85,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Photos of both arrangements: of a matrix and its transpose by an ideal rig, otherwise by two pairs of devices.
+/// Photos of both arrangements: from a matrix and its transpose for an ideal rig, otherwise from two pairs of devices.
 fn arrangements(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<Box<dyn Adjoint>> {
     Ok(match bench.rig() {
         Rig::Ideal => Box::new(bench.truth(stage, Part::Full)?),
@@ -97,7 +96,6 @@ fn arrangements(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<B
     })
 }
 
-/// The singular vectors that were found, and their comparison with the dense ones.
 struct Compared {
     found: Singular,
     checks: Vec<Check>,
@@ -109,7 +107,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let (stage, exchanged) = (bench.stage(Set::Apart, side)?, bench.stage(Set::Exchanged, side)?);
     let dense = singular_triplets(&bench.lab(&stage)?.matrix(Part::Full, 0)?, PHOTOS)?;
     let mut both = arrangements(bench, &stage, &exchanged)?;
-    // The rig's unit, by which its values are compared with the matrix's.
+    // The rig's unit, which relates its values to the matrix's.
     let white = vec![1.0; stage.pixels()];
     let mut photo = white.clone();
     both.apply(&white, &mut photo)?;
@@ -125,7 +123,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let values: Vec<f64> = found.values.iter().map(|value| value / unit).collect();
     let off = |(found, dense): (&f64, &f64)| (found - dense).abs() / dense;
     let worst = values.iter().zip(&dense.values).map(off).fold(0.0, f64::max);
-    // The light of the best `COUNT` patterns that are orthogonal to each other, and that of the patterns found.
+    // The light of the best `COUNT` patterns that are orthogonal to each other, and the light of the patterns found.
     let mut light = bench.truth(&stage, Part::Full)?;
     let mut carried = 0.0;
     for pattern in &found.right {
@@ -175,7 +173,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     Ok((Compared { found, checks, plot }, stage))
 }
 
-/// Why the first vectors may be turned: the error of the rig's photo of the dense one, against the gap to the next singular value.
+/// The reason why the first vectors may be turned: the error of the rig's photo of the dense vector, against the next singular value's gap.
 fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<String> {
     let mut photo = vec![0.0; both.rows()];
     both.apply(&dense.right[0], &mut photo)?;
@@ -189,7 +187,7 @@ fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<St
     ))
 }
 
-/// `‖B x − Aᵀx‖ / ‖Aᵀx‖` for random signs `x`, with the matrix `A` of the scene and that `B` of the scene with the devices exchanged.
+/// `‖B x − Aᵀx‖ / ‖Aᵀx‖` for random signs `x`. `A` is the matrix of the scene, and `B` the matrix with the devices exchanged.
 fn traced_apart(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<f64> {
     let signs = Start::default().vector(stage.pixels());
     let (mut transposed, mut anew) = (signs.clone(), signs.clone());
@@ -199,7 +197,7 @@ fn traced_apart(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<f
     Ok(norm(&off) / norm(&transposed))
 }
 
-/// The true regions without the pixels whose neighbour to the left or right is of another region.
+/// The true regions without the pixels whose left or right neighbour is in another region.
 fn without_border(truth: &[u8], width: usize) -> Vec<u8> {
     let is_inside = |at: usize| {
         let (row, column) = (at / width * width, at % width);
@@ -209,7 +207,6 @@ fn without_border(truth: &[u8], width: usize) -> Vec<u8> {
     (0..truth.len()).map(|at| if is_inside(at) { truth[at] } else { MASKED }).collect()
 }
 
-/// The light that a device sees, and the groups of its pixels.
 fn groups(stage: &Stage, found: &Segmentation, whose: &str) -> Vec<Panel> {
     let seen = Content::Light { values: stage.white(), white: None };
     let mut panels = vec![stage.panel(
@@ -228,7 +225,6 @@ fn groups(stage: &Stage, found: &Segmentation, whose: &str) -> Vec<Panel> {
     panels
 }
 
-/// The first two pairs of singular vectors.
 fn pictures(stage: &Stage, found: &Singular) -> Vec<Panel> {
     let two = |list: &[Vec<f64>], name: &str, what: &str| -> Vec<Panel> {
         let one = |(k, vector): (usize, &Vec<f64>)| {

@@ -34,15 +34,14 @@ pub struct Bench {
     options: BenchOptions,
     observer: SharedObserver,
     scenes: Vec<OpenScene>,
-    /// Operators of the rigs that took photos since [`Bench::frames`] was asked last.
+    /// Operators of the rigs that took photos since the last call of [`Bench::frames`].
     meters: Vec<LabOperator>,
 }
 
-/// A traced scene.
 struct OpenScene {
     stage: Arc<Stage>,
     lab: Lab,
-    /// The calibration of the virtual devices in front of it, from the first time that they are used.
+    /// The calibration of the virtual devices in front of it, from their first use.
     calibration: Option<Calibration>,
 }
 
@@ -62,17 +61,15 @@ impl Bench {
         if self.options.quick { side / 3 } else { side }
     }
 
-    /// The traced scene at `side × side` pixels.
     pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Arc<Stage>> {
         Ok(Arc::clone(&self.open(set, Resolution::new(side, side))?.stage))
     }
 
-    /// The laboratory around a traced scene.
     pub(super) fn lab(&mut self, stage: &Stage) -> Result<&mut Lab> {
         Ok(&mut self.open(stage.set, stage.resolution)?.lab)
     }
 
-    /// Products with the traced matrix. Answers are evaluated with it, whichever rig took the photos.
+    /// Products with the traced matrix. They evaluate answers, whichever rig took the photos.
     pub(super) fn truth(&mut self, stage: &Stage, part: Part) -> Result<LabOperator> {
         Ok(self.lab(stage)?.reference_operators(part)?.swap_remove(0))
     }
@@ -93,25 +90,23 @@ impl Bench {
         }
     }
 
-    /// The scene through the virtual devices, calibrated.
     pub(super) fn devices(&mut self, stage: &Stage) -> Result<Lab> {
         let known = match stage.set.is_coaxial() {
             true => None,
-            // The devices are the same in front of each scene. They are calibrated before the projector's lens is opened, or before it is moved:
-            // stripes that are out of focus tell few pixels apart (of the corner by a lens of 70 mm, Gray codes lose 63 %), and the
-            // symmetry of the light transport tells the devices' uneven brightness.
+            // The devices are the same in front of each scene. They are calibrated before the projector's lens is opened, or before it is
+            // moved. Stripes that are out of focus distinguish few pixels (for the corner and a lens of 70 mm, Gray codes lose 63 %). The
+            // symmetry of the light transport reveals the devices' uneven brightness.
             false => calibration_of(&self.open(Set::Corner, stage.resolution)?.through_devices(None)?),
         };
         self.open(stage.set, stage.resolution)?.through_devices(known)
     }
 
-    /// The frames that virtual cameras took for photos since this was asked last, frames of black, white and exposures included and frames of
-    /// calibrations not.
+    /// The frames that virtual cameras took for photos since the last call, including black, white and exposures but not calibrations.
     pub(super) fn frames(&mut self) -> u64 {
         self.meters.drain(..).filter_map(|rig| rig.frames()).sum()
     }
 
-    /// The scene, traced now if it is not.
+    /// Returns the scene, and traces it first if necessary.
     fn open(&mut self, set: Set, resolution: Resolution) -> Result<&mut OpenScene> {
         let is_open = |scene: &OpenScene| (scene.stage.set, scene.stage.resolution) == (set, resolution);
         let at = match self.scenes.iter().position(is_open) {
@@ -133,7 +128,7 @@ impl OpenScene {
         options: &BenchOptions,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        // One matrix, and the order of sums on the processor: the numbers do not depend on the memory or on the device of products.
+        // One matrix and a fixed order of sums on the processor: the numbers depend neither on the memory nor on the multiplying device.
         let settings = Settings {
             adapter: options.adapter.clone(),
             team: options.team.clone(),
@@ -154,8 +149,8 @@ impl OpenScene {
         Ok(Self { stage, lab, calibration: None })
     }
 
-    /// The scene through virtual devices, whose calibration is `known`, or is measured from captures alone the first time; their uneven
-    /// brightness is then measured by a sheet.
+    /// The scene through virtual devices. Their calibration is `known`, or is measured from captures alone the first time. A sheet then
+    /// serves to measure their uneven brightness.
     fn through_devices(&mut self, known: Option<Calibration>) -> Result<Lab> {
         let mut rig = self.lab.through_rig(realistic(self.stage.resolution)?)?;
         match known.or(self.calibration.take()) {
@@ -170,12 +165,10 @@ impl OpenScene {
     }
 }
 
-/// The calibration of the devices of a rig.
 fn calibration_of(rig: &Lab) -> Option<Calibration> {
     rig.rig().map(|rig| rig.calibration.clone())
 }
 
-/// A scene of the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Set {
     Zigzag,
@@ -185,7 +178,6 @@ pub(super) enum Set {
     /// The same with an equal camera lens, which makes the matrix symmetric again.
     BothDefocused,
     TwoSheets,
-    /// The two sheets behind a post.
     Post,
     FoldedSheet,
     Carton,
@@ -194,18 +186,18 @@ pub(super) enum Set {
     Apart,
     /// The same with projector and camera exchanged.
     Exchanged,
-    /// The corner with the projector this number of tenths of a millimetre to the right of the camera, and turned towards the point of the corner
-    /// that the camera looks at.
+    /// The corner with the projector this number of tenths of a millimetre to the right of the camera. The projector is turned towards the
+    /// point of the corner that the camera looks at.
     Beside(u32),
 }
 
-/// How far the projector of [`Set::Apart`] stands from the camera, in metres.
+/// The distance between the projector of [`Set::Apart`] and the camera, in metres.
 pub(super) const APART: f32 = 0.1;
 
-/// The distance of the corner's edge from the camera, in metres: where the projector of [`Set::Beside`] looks.
+/// The distance of the corner's edge from the camera, in metres. The projector of [`Set::Beside`] looks at this edge.
 pub(super) const EDGE: f32 = 1.2;
 
-/// Walls at 0.6 to 1.2 m are blurred at 128 pixels per side by discs of radius 2.6 to 7.7 pixels.
+/// Discs with a radius of 2.6 to 7.7 pixels blur walls at 0.6 to 1.2 m at 128 pixels per side.
 const DEFOCUSED: Lens = Lens { radius: 0.035, focus: 2.4 };
 
 impl Set {
@@ -218,9 +210,9 @@ impl Set {
         !matches!(self, Self::Defocused | Self::Apart | Self::Exchanged | Self::Beside(1..))
     }
 
-    /// Light paths per pixel. With an open lens, direct light is sampled as well. At 256 paths the optimal pattern exploits the
-    /// noise in the fixed matrix, a gain of five per cent that methods with few products cannot reach. Devices that are exchanged are traced a second
-    /// time, with other paths, and both are to be the same scene.
+    /// Light paths per pixel. With an open lens, direct light is also sampled. At 256 paths, the optimal pattern exploits the noise in the
+    /// fixed matrix; it gains five per cent that methods with few products cannot reach. Exchanged devices are traced a second time, with
+    /// other paths, and both must be the same scene.
     fn samples(self) -> u32 {
         match self {
             Self::Defocused | Self::BothDefocused | Self::Apart | Self::Exchanged => 1024,
@@ -275,11 +267,9 @@ impl Set {
     }
 }
 
-/// A traced scene.
 pub(super) struct Stage {
     pub(super) set: Set,
     pub(super) resolution: Resolution,
-    /// True region of each pixel.
     pub(super) truth: Vec<u8>,
     pub(super) traced: Arc<Assembled>,
 }
@@ -296,12 +286,10 @@ impl Stage {
         photo
     }
 
-    /// The photo under white.
     pub(super) fn white(&self) -> Vec<f64> {
         self.photo(&vec![1.0; self.pixels()])
     }
 
-    /// A picture of the scene's size.
     pub(super) fn panel(
         &self,
         name: impl Into<String>,
@@ -315,7 +303,7 @@ impl Stage {
 const REALISTIC: &[u8] = include_bytes!("../../assets/rigs/realistic.toml");
 const ONE_BIT: &[u8] = include_bytes!("../../assets/rigs/one-bit.toml");
 
-/// Captures averaged per pattern; the virtual rig runs unattended.
+/// Captures averaged per pattern. There can be several, because the virtual rig runs unattended.
 const TAKES: u32 = 2;
 
 /// An 8-bit projector of this size with gamma 2.2 and a 14-bit camera, both with realistic errors.
@@ -325,12 +313,12 @@ pub(super) fn realistic(resolution: Resolution) -> Result<RigFile> {
     Ok(RigFile { kind: RigKind::Virtual(rig), ..file })
 }
 
-/// A projector of one bit and this size, and a camera of the same size: the rig file, and the devices to be put into it.
+/// A one-bit projector of this size and a camera of the same size: the rig file, and the devices to be put into it.
 pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
     shipped("one-bit.toml", ONE_BIT, resolution, 1.0)
 }
 
-/// A shipped rig file, and its devices with `finer` times as many pixels per side of the camera as the projector has.
+/// A shipped rig file and its devices. The camera has `finer` times as many pixels per side as the projector.
 fn shipped(name: &str, bytes: &[u8], resolution: Resolution, finer: f64) -> Result<(RigFile, VirtualRig)> {
     let file = RigFile::from_bytes(Path::new(name), bytes)?;
     let RigKind::Virtual(mut rig) = file.kind.clone() else {

@@ -1,8 +1,8 @@
-//! Photos that are projected back as they are, beside patterns that are made orthogonal: how independent they are, and what that costs.
+//! Compares photos that are projected back unchanged with patterns that are made orthogonal: their independence, and its cost.
 //!
-//! `x, N x, N² x, …` turn towards the principal eigenvector. The condition number of the first `k` of them grows by a factor with each photo,
-//! and what an answer takes from their differences, it takes with the photos' errors times that number. Patterns of the Lanczos process span the
-//! same space, and have the condition number 1.
+//! `x, N x, N² x, …` turn towards the principal eigenvector. The condition number of the first `k` of them grows by a factor with each
+//! photo. An answer that uses their differences multiplies the photos' errors by that number. Patterns of the Lanczos process span the same
+//! space, and have the condition number 1.
 
 use super::bench::{Bench, Set};
 use super::contest::line;
@@ -18,9 +18,9 @@ use crate::transport::Part;
 
 const SIDE: usize = 100;
 const PHOTOS: usize = 30;
-/// The number of photos that is judged, …
+/// The number of photos at which the condition numbers are judged.
 const JUDGED: usize = 20;
-/// … by this factor between the condition numbers.
+/// The required factor between the condition numbers.
 const WORSE: f64 = 100.0;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -39,7 +39,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     for _ in 0..PHOTOS {
         let mut photo = vec![0.0; known.len()];
         process.expand(cut)?;
-        // The photo of the last pattern, from the coefficients that the process keeps: no product.
+        // The photo of the last pattern follows from the coefficients that the process keeps, without a product.
         let last = process.steps() - 1;
         for (row, vector) in process.basis().iter().chain(process.expansion().waiting()).enumerate() {
             let share = process.expansion().entry(row, last);
@@ -91,7 +91,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The value after this number of photos.
 fn at(values: &[f64], photos: usize) -> f64 {
     values.get(photos - 1).copied().unwrap_or(f64::NAN)
 }
@@ -110,7 +109,7 @@ fn second_eigenvalue(light: &mut dyn Operator) -> Result<f64> {
     Ok(found.values.first().copied().unwrap_or(f64::NAN))
 }
 
-/// `vector` without what it has of `known`, at norm 1.
+/// `vector` without its component along `known`, scaled to norm 1.
 fn without(known: &[f64], mut vector: Vec<f64>) -> Vec<f64> {
     let share = dot(known, &vector) / dot(known, known);
     vector.iter_mut().zip(known).for_each(|(value, known)| *value -= share * known);
@@ -119,7 +118,7 @@ fn without(known: &[f64], mut vector: Vec<f64>) -> Vec<f64> {
     vector
 }
 
-/// Patterns of norm 1 and their photos, each pattern the photo before without the known vector, and the last photo's error relative to it.
+/// Patterns of norm 1 and their photos. Each pattern is the previous photo without the known vector. Returns the last photo's error, too.
 fn projected_back(
     operator: &mut dyn Operator,
     known: &[f64],
@@ -137,8 +136,8 @@ fn projected_back(
     Ok((pairs, noise))
 }
 
-/// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R` the photos of `Q` are the photos of
-/// `X` times `R⁻¹`, and so are their errors.
+/// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R`, the photos of `Q` are
+/// the photos of `X` times `R⁻¹`, and so are their errors.
 fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Vec<(f64, f64)>> {
     let mut basis: Vec<[Vec<f64>; 2]> = Vec::new();
     let mut found = Vec::new();
@@ -197,7 +196,7 @@ mod tests {
             y.iter_mut().zip(x).enumerate().for_each(|(i, (y, x))| *y = 0.7_f64.powi(i as i32) * x);
             Ok(())
         });
-        // The known vector is the first eigenvector, and 0.7 the second eigenvalue.
+        // The known vector is the first eigenvector, and 0.7 is the second eigenvalue.
         let known: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == 0))).collect();
         let start = without(&known, vec![1.0; n]);
         let (pairs, noise) = projected_back(&mut light, &known, &start)?;
@@ -207,7 +206,7 @@ mod tests {
         }
         let [power, lanczos] = [errors_by_power(&pairs, 0.7)?, errors_by_lanczos(&process, 0.7)?];
         assert_eq!(noise, 0.0);
-        // Three exact photos leave the same by either basis; rounding is 1e-16 times a small condition number.
+        // Three exact photos give the same error by either basis. Rounding is 1e-16 times a small condition number.
         assert!((power[2].1 - lanczos[2].1).abs() < 1e-10, "{:?} {:?}", power[2], lanczos[2]);
         assert!(lanczos[7].1 < 1e-6, "eight photos of a geometric spectrum: {lanczos:?}");
         Ok(())

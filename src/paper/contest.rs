@@ -1,5 +1,4 @@
-//! Compensation methods at equal photo counts: the paper's method with clamping, box-constrained methods, and the optimum; their target and their
-//! pictures.
+//! Compensation methods at equal photo counts: the paper's with clamping, box-constrained ones, and the optimum; their target and pictures.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -24,7 +23,7 @@ pub(super) struct TargetLight {
 }
 
 impl TargetLight {
-    /// Scales `target` (values in [0, 1]) by half the median of the white photo: all but its brightest parts are feasible.
+    /// Scales `target` (values in [0, 1]) by half the median of the white photo, so that all but its brightest parts are feasible.
     pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
         let mut white = vec![0.0; target.len()];
         operator.apply(&vec![1.0; target.len()], &mut white)?;
@@ -43,7 +42,6 @@ impl TargetLight {
         norm(&misfit) / norm(&self.light)
     }
 
-    /// The target's light as the rig reads it.
     pub(super) fn wanted(&self) -> Vec<f64> {
         self.light.iter().map(|light| self.unit * light).collect()
     }
@@ -55,7 +53,6 @@ impl TargetLight {
     }
 }
 
-/// The run of one method.
 #[derive(Default)]
 pub(super) struct MethodRun {
     /// Residual of the method's answer after each photo.
@@ -64,9 +61,8 @@ pub(super) struct MethodRun {
     pub(super) displayed: Vec<f64>,
     /// The last answer, not clamped.
     pub(super) pattern: Vec<f64>,
-    /// The photos in order.
     pub(super) shots: Vec<Product>,
-    /// The frames that the camera had taken for the method after each photo; none by an ideal rig.
+    /// The frames that the camera had taken for the method after each photo; empty for an ideal rig.
     pub(super) frames: Vec<u64>,
 }
 
@@ -76,12 +72,12 @@ impl MethodRun {
         at(&self.displayed, photos)
     }
 
-    /// The least residual of the answers, not clamped, after any number of photos; infinite where there is none.
+    /// The least residual of the answers, not clamped, after any number of photos; infinite without answers.
     pub(super) fn least_answered(&self) -> f64 {
         self.answered.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// The residual of the answer that is not clamped, as [`MethodRun::displayed_at`].
+    /// The residual of the answer that is not clamped, otherwise as [`MethodRun::displayed_at`].
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
     }
@@ -115,7 +111,7 @@ pub(super) fn enter(
     let observer = OnStep::new(|step: &Step<'_>| {
         let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
         let answer = iterate();
-        // A step may take no photo; in methods of photo pairs a step takes two.
+        // A step may take no photo. In methods of photo pairs, a step takes two.
         while (entry.answered.len() as u64) < step.done {
             entry.answered.push(target_light.residual(stage, &answer));
             entry.displayed.push(target_light.residual(stage, &clamped(&answer)));
@@ -130,7 +126,6 @@ pub(super) fn enter(
     Ok(entry)
 }
 
-/// Compared methods at equal photo counts, with no compensation and the optimum as references.
 pub(super) struct Contest {
     pub(super) target_light: TargetLight,
     /// The paper's method: a Krylov method whose last answer is clamped.
@@ -170,15 +165,14 @@ impl Contest {
     }
 }
 
-/// The pattern as a projector displays it.
 pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
     pattern.iter().map(|value| value.clamp(0.0, 1.0)).collect()
 }
 
 /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
 ///
-/// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
-/// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only how tight the bound is.
+/// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`. The minimum of the right side over the box is a sum over pixels (the Frank–Wolfe
+/// gap). `x` comes from accelerated gradients; its accuracy affects only the tightness of the bound.
 pub(super) fn optimum(
     operator: &mut dyn Adjoint,
     stage: &Stage,
@@ -198,7 +192,7 @@ pub(super) fn optimum(
     Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
 }
 
-/// Curves of displayed residuals over the frames that they took; none by an ideal rig, which takes none.
+/// Curves of displayed residuals over the frames taken; none for an ideal rig, which takes no frames.
 pub(super) fn over_frames(entries: &[(&str, &MethodRun)]) -> Vec<Series> {
     let line = |(name, entry): &(&str, &MethodRun)| Series {
         name: (*name).into(),
@@ -213,7 +207,7 @@ pub(super) fn over_frames(entries: &[(&str, &MethodRun)]) -> Vec<Series> {
     if lines.iter().all(|line| line.points.is_empty()) { Vec::new() } else { lines }
 }
 
-/// The frames of each method's first `photos` photos, as numbers without a bound; none by an ideal rig.
+/// The frames of each method's first `photos` photos, as numbers without a bound; none for an ideal rig.
 pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec<Check> {
     let taken = |(name, entry): &(&str, &MethodRun)| {
         let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
@@ -222,7 +216,6 @@ pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec
     entries.iter().filter_map(taken).collect()
 }
 
-/// A curve of residuals over photos.
 pub(super) fn line(name: &str, residuals: &[f64]) -> Series {
     let points = residuals.iter().enumerate().map(|(index, &residual)| (index as f64 + 1.0, residual));
     Series { name: name.into(), points: points.collect() }
@@ -232,7 +225,7 @@ pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
+/// Panels of the target, photos with and without compensation, the projected pattern, and errors. All photos share one exposure.
 pub(super) fn panels(
     stage: &Stage,
     target_light: &TargetLight,
@@ -285,7 +278,6 @@ pub(super) fn at_equal_costs(
     plots
 }
 
-/// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
 fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
     Plot::logarithmic(
         "Relative residual by the light itself, at equal photos (the white one not counted).",
@@ -318,7 +310,6 @@ fn value(x: f64, y: f64) -> f64 {
         return 0.02;
     }
     if y > 0.86 {
-        // Six steps of gray.
         return 0.02 + 0.19 * (6.0 * x).floor().min(5.0);
     }
     if (0.72..0.82).contains(&y) {
@@ -344,7 +335,7 @@ mod tests {
         let picture = picture(100);
         assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
         let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
-        // The bars alone have nine edges in each of ten rows, the staircase five in fourteen, disc and ring four in most of 52.
+        // The bars alone have nine edges in each of ten rows, the staircase has five in fourteen, disc and ring have four in most of 52.
         assert!(edges > 9 * 10 + 5 * 14 + 2 * 52, "{edges} of 10,000 neighbours differ");
     }
 }

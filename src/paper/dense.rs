@@ -11,7 +11,7 @@ pub(super) struct Spectrum {
     pub(super) vectors: Vec<Vec<f64>>,
 }
 
-/// The spectrum by a dense eigensolver. It needs `16 n²` bytes and O(`n³`) operations.
+/// The spectrum by a dense eigensolver, with `16 n²` bytes and O(`n³`) operations.
 pub(super) fn spectrum(matrix: &Csr) -> Result<Spectrum> {
     let n = matrix.rows();
     let mut dense = Mat::<f64>::zeros(n, n);
@@ -19,7 +19,7 @@ pub(super) fn spectrum(matrix: &Csr) -> Result<Spectrum> {
     of_dense(&dense)
 }
 
-/// The spectrum of the symmetric part of a small matrix that is given by its rows.
+/// The spectrum of the symmetric part of a small matrix, given by its rows.
 pub(super) fn spectrum_of_rows(rows: &[Vec<f64>]) -> Result<Spectrum> {
     let half = |i: usize, j: usize| 0.5 * (rows[i][j] + rows[j][i]);
     of_dense(&Mat::from_fn(rows.len(), rows.len(), half))
@@ -57,8 +57,8 @@ pub(super) fn singular_triplets(matrix: &Csr, count: usize) -> Result<DenseTripl
     })
 }
 
-/// The condition number `σ_max / σ_min` of the matrix of the first `k` of these vectors, each scaled to norm 1, for `k` from 1 to all; infinite
-/// where they depend on each other.
+/// The condition number `σ_max / σ_min` of the matrix of the first `k` of these vectors, each scaled to norm 1, for `k` from 1 to all.
+/// Infinite if they are linearly dependent.
 pub(super) fn conditions(vectors: &[Vec<f64>]) -> Result<Vec<f64>> {
     let (rows, columns) = (vectors.first().map_or(0, Vec::len), vectors.len());
     let norms: Vec<f64> = vectors.iter().map(|vector| crate::krylov::norm(vector)).collect();
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn singular_triplets_of_a_shear() -> Result<()> {
-        // [[0, 2], [0, 0]] turns the second pixel of the projector to the first of the camera.
+        // [[0, 2], [0, 0]] sends light from the projector's second pixel to the camera's first.
         let found = singular_triplets(&Csr::new(2, vec![0, 1, 1], vec![1], vec![2.0])?, 5)?;
         assert_eq!(found.values.len(), 2);
         assert!((found.values[0] - 2.0).abs() < 1e-15 && found.values[1].abs() < 1e-15, "{:?}", found.values);

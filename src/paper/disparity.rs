@@ -1,13 +1,13 @@
-//! A rig that is not quite coaxial: the disparity that is left, and its effect on methods for symmetric matrices.
+//! A rig that is not quite coaxial: the remaining disparity, and its effect on methods for symmetric matrices.
 //!
-//! The devices are calibrated while they share one viewpoint. Then the projector is moved to the right and turned, so that it still looks at the
-//! point of the corner's edge that the camera looks at. Surfaces in front of that point are displaced in its view against the camera's. For a corner
-//! whose walls are at the depth `z = d/(1 + |x|/z)` the displacement follows from geometry alone; a camera finds it by structured light, and a
-//! matrix by the direct light in it.
+//! The devices are calibrated while they share one viewpoint. Then the projector is moved to the right and turned, so that it still looks
+//! at the point of the corner's edge that the camera looks at. The projector sees surfaces in front of that point displaced relative to the
+//! camera's view. For a corner whose walls are at the depth `z = d/(1 + |x|/z)`, the displacement follows from geometry alone. A camera
+//! finds it by structured light, and a matrix by its direct light.
 //!
-//! Nothing is corrected for the disparity. MINRES and Lanczos are told that the matrix is symmetric, as on a coaxial rig, and are compared with
-//! GMRES, which does not rely on it, and with what they do without disparity. MINRES ends as soon as its products are less symmetric than their
-//! stated errors allow: by an ideal rig, whose products have none, that is at once.
+//! Nothing is corrected for the disparity. MINRES and Lanczos treat the matrix as symmetric, as on a coaxial rig. They are compared with
+//! GMRES, which does not rely on symmetry, and with their own results without disparity. MINRES ends as soon as its products are less
+//! symmetric than their stated errors allow. With an ideal rig, whose products have no errors, it ends at once.
 
 use std::collections::BTreeMap;
 
@@ -26,25 +26,24 @@ use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
-/// How far the projector stands to the right of the camera, in tenths of a millimetre.
+/// The distances of the projector to the right of the camera, in tenths of a millimetre.
 const BESIDE: [u32; 6] = [0, 10, 50, 100, 200, 500];
 /// Photos of a compensation besides the white one, and of eigenvalues.
 const PHOTOS: usize = 10;
 const OF_EIGENVALUES: usize = 20;
-/// Pixels within which the measured disparity must agree with geometry: what calibration promises for a map.
+/// The measured disparity must agree with geometry within this number of pixels, the accuracy that calibration promises for a map.
 const AGREE: f64 = 0.1;
-/// A method is as good as without disparity where its residual is at most this many times as large, or below a tenth of a per cent.
+/// A method is as good as without disparity if its residual is at most this many times as large, or below a tenth of a per cent.
 const AS_GOOD: f64 = 1.5;
 const SMALL: f64 = 1e-3;
-/// Side of the cells of the projector's pixels over which codes are averaged, since codes of single camera pixels are rounded, and the least number of
-/// codes in one.
+/// Side of the cells of projector pixels over which codes are averaged, because single codes are rounded; and a cell's least number of
+/// codes.
 const CELL: f64 = 4.0;
 const CODES: usize = 12;
 
-/// The measurements with the projector this far aside.
 struct Row {
     millimetres: f64,
-    /// The median displacement over the picture, and the 95th percentile, by geometry and as measured, in pixels.
+    /// The median displacement over the picture and the 95th percentile in pixels, by geometry and as measured.
     derived: [f64; 2],
     measured: [f64; 2],
     /// `‖H − Hᵀ‖/‖H‖` as Lanczos sees it.
@@ -142,7 +141,7 @@ fn checks(rows: &[Row]) -> Vec<Check> {
     checks
 }
 
-/// An operator that is taken for symmetric, as the rig would be if it were coaxial.
+/// An operator that is treated as symmetric, as it would be on a coaxial rig.
 struct AsIfCoaxial(LabOperator);
 
 impl Operator for AsIfCoaxial {
@@ -159,8 +158,8 @@ impl Adjoint for AsIfCoaxial {
     }
 }
 
-/// The displacement at each pixel of the camera: where the projector's raster, moved and turned, has the point that the pixel sees, less the pixel's
-/// own place.
+/// The displacement at each pixel of the camera. It is the place of the point that the pixel sees in the raster of the moved and turned
+/// projector, minus the pixel's own place.
 fn derived(stage: &Stage, beside: f64) -> Vec<[f64; 2]> {
     let side = stage.resolution.width as f64;
     let scene = Set::Corner.scene();
@@ -181,7 +180,7 @@ fn derived(stage: &Stage, beside: f64) -> Vec<[f64; 2]> {
         .map(|(column, row)| {
             let [u, v] = [column, row].map(|at| at as f64 + 0.5);
             let [x, y] = [(2.0 * u / side - 1.0) * tan_half, (1.0 - 2.0 * v / side) * tan_half];
-            // The wall that a ray (x, y, −1) meets is at |X| = d − Z.
+            // A ray (x, y, −1) meets the wall at |X| = d − Z.
             let depth = f64::from(EDGE) / (1.0 + x.abs());
             let at = [x * depth, y * depth, -depth];
             let [right, up, ahead] = [moved.right, moved.up, moved.forward].map(|axis| along(axis, at));
@@ -191,7 +190,7 @@ fn derived(stage: &Stage, beside: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// The lengths of the displacements that the direct light of the matrix has: the centroid of the projector's pixels whose light a pixel sees.
+/// The lengths of the displacements by the matrix's direct light, to the centroid of the projector's pixels whose light a pixel sees.
 fn of_matrix(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     let matrix = bench.lab(stage)?.matrix(Part::Direct, 0)?;
     let width = stage.resolution.width;
@@ -205,7 +204,7 @@ fn of_matrix(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     Ok(sums.iter().filter(|sum| sum[0] > 0.0).map(|sum| (sum[1] / sum[0]).hypot(sum[2] / sum[0])).collect())
 }
 
-/// The lengths of the displacements from the calibrated map that structured light has.
+/// The lengths of the displacements by structured light, relative to the calibrated map.
 fn of_codes(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     let lab = bench.devices(stage)?;
     let missing = || Error::Numerical("the virtual devices have no calibrated map of the lens".into());
@@ -216,7 +215,7 @@ fn of_codes(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     let border = decoded.step as f64;
     let side = stage.resolution.width as f64;
     let far = |seen: &[f64; 2]| seen.iter().all(|&at| at > border && at < side - border);
-    // The mean displacement of each cell. A pixel that looks across the field's border is lit only in part, which shifts its centroid.
+    // The mean displacement of each cell. A pixel that looks across the field's border is only partly lit, which shifts its centroid.
     let mut cells: BTreeMap<[u64; 2], (usize, [f64; 2])> = BTreeMap::new();
     for seen in decoded.all().filter(|seen| far(&seen.at)) {
         let at = [seen.pixel % map.camera.width, seen.pixel / map.camera.width].map(|at| at as f64 + 0.5);
@@ -229,7 +228,7 @@ fn of_codes(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     Ok(whole.map(|(count, sum)| sum[0].hypot(sum[1]) / count as f64).collect())
 }
 
-/// The median and the 95th percentile; NaN of nothing.
+/// The median and the 95th percentile; NaN without values.
 fn spread(lengths: impl IntoIterator<Item = f64>) -> [f64; 2] {
     let lengths: Vec<f64> = lengths.into_iter().collect();
     let at =
@@ -237,7 +236,6 @@ fn spread(lengths: impl IntoIterator<Item = f64>) -> [f64; 2] {
     [0.5, 0.95].map(at)
 }
 
-/// The derived displacement of the last row, as a picture.
 fn map(stage: &Stage) -> Panel {
     let beside = stage.set.scene().projector.map_or(0.0, |projector| f64::from(projector.position.x));
     let lengths = derived(stage, beside).into_iter().map(|[x, y]| x.hypot(y)).collect();

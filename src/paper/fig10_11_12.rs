@@ -1,4 +1,4 @@
-//! Figures 10, 11 and 12: compensation in focus after five photos, with a defocused projector after 8 and 12, and the photos of the latter in order.
+//! Figures 10, 11 and 12: compensation in focus after five photos, defocused after 8 and 12, and the latter's photos in order.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{
@@ -14,9 +14,8 @@ use crate::transport::Part;
 const SIDE_IN_FOCUS: usize = 100;
 /// Photos besides the white one.
 const PHOTOS_IN_FOCUS: usize = 5;
-/// Photos of the longer curves.
 const MORE_IN_FOCUS: usize = 10;
-/// Products with the true matrix for the optimum; no rig takes them as photos.
+/// Products with the true matrix for the optimum. No rig takes them as photos.
 const OPTIMUM_IN_FOCUS: usize = 600;
 
 pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
@@ -76,11 +75,11 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
 pub(super) const SIDE: usize = 128;
 /// Photos besides the white one.
 pub(super) const PHOTOS: usize = 12;
-/// Photos by which it is seen whether more of them would do.
+/// Photos that show whether more of them would suffice.
 const MORE: usize = 36;
-/// The wanted residual over the optimum.
+/// The wanted ratio of the residual to the optimum.
 const NEARLY: f64 = 1.05;
-/// Products with matrix and transpose for the optimum; it converges slowly out of focus.
+/// Products with matrix and transpose for the optimum, which converges slowly out of focus.
 const OPTIMUM: usize = 2000;
 
 pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
@@ -163,7 +162,8 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Why twelve photos may not be enough, by runs on the matrix itself: as many products, more of them, and as many with the transpose, too.
+/// The reason why twelve photos may not be enough, by runs on the matrix itself: with the same number of products, with more, and with the
+/// same number that includes the transpose.
 fn transpose_is_missing(bench: &mut Bench, stage: &Stage, target: &[f64], bound: f64) -> Result<String> {
     let operator = &mut bench.truth(stage, Part::Full)?;
     let light = TargetLight::new(stage, operator, target)?;
@@ -182,7 +182,7 @@ fn transpose_is_missing(bench: &mut Bench, stage: &Stage, target: &[f64], bound:
     ))
 }
 
-/// Ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
+/// The ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
 fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
     let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
     let operator = &mut bench.photos(&stage, Part::Full)?;
@@ -204,9 +204,9 @@ fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
     (squares / count.max(1) as f64).sqrt() / mean
 }
 
-/// The photos of the paper's shorter run, which are to suffice.
+/// The photos of the paper's shorter run, which must suffice.
 const FEWER: usize = 8;
-/// A residual that is at most this share above that of all photos is as good as theirs.
+/// A residual counts as good if it is at most this share above the residual after all photos.
 const ENOUGH: f64 = 0.05;
 
 pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
@@ -252,7 +252,7 @@ pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The number of photos from which on the displayed residual is nearly that of all.
+/// The number of photos from which the displayed residual is nearly that of all photos.
 fn enough(entry: &MethodRun) -> usize {
     let wanted = (1.0 + ENOUGH) * entry.displayed_at(PHOTOS);
     let worse =

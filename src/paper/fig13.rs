@@ -15,11 +15,10 @@ use crate::rig::VirtualRig;
 const SIDE: usize = 100;
 /// Bit planes of the shown result.
 const PLANES: u32 = 8;
-/// The curves cover 1 to this many bit planes.
+/// The largest number of bit planes of the curves, which start at 1.
 const MOST: u32 = 10;
-/// Periods of the sinusoid across the image.
 const PERIODS: f64 = 4.0;
-/// Total exposures in seconds: white fills most of the sensor's well in `BRIGHT`, and only 1 % of that in `DIM`.
+/// Total exposures in seconds. White fills most of the sensor's well in `BRIGHT`, and only 1 % of the well in `DIM`.
 const BRIGHT: f64 = 0.02;
 const DIM: f64 = 2e-4;
 
@@ -27,13 +26,13 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
     let (file, mut noisy) = one_bit(stage.resolution)?;
-    // Any exposure time is allowed: the figure compares photos at equal total exposure.
+    // Any exposure time is allowed, because the figure compares photos at equal total exposure.
     noisy.camera.exposure_step = 0.0;
     noisy.camera.exposures = [1e-7, 10.0];
     let mut exact = noisy.clone();
     exact.camera.shot_noise = false;
     exact.camera.read_noise = 0.0;
-    // Quantization is not the subject of this figure: without noise to dither it, it is made fine.
+    // Quantization is not the subject of this figure. There is no noise to dither it, so it is made fine.
     exact.camera.bits = 16;
     exact.projector.black_level = 0.0;
     let rig = if bench.rig() == Rig::Ideal { &exact } else { &noisy };
@@ -43,7 +42,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let lab = &*bench.lab(&stage)?;
     let take = |rig: &VirtualRig, planes: u32, seconds: f64| -> Result<Vec<f64>> {
         let (counts, _) = photo(lab, &file, rig, &pattern, (planes, seconds))?;
-        // Counts per second for 1 W/(m² sr); the sensor's gain is set by the noise-free white photo.
+        // This is in counts per second for 1 W/(m² sr). The noise-free white photo sets the sensor's gain.
         let unit = counts_per_light(rig, &stage);
         Ok(counts.into_iter().map(|count| count / unit).collect())
     };
@@ -57,7 +56,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
         dim.push((f64::from(planes), off(&take(&noisy, planes, DIM)?)));
     }
-    // Equal frames with and without read noise; their difference is the noise.
+    // The frames are equal with and without read noise. Their difference is the noise.
     let mut read_only = noisy.clone();
     read_only.camera.shot_noise = false;
     read_only.camera.bits = 16;
@@ -104,7 +103,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The error of the photo for each number of bit planes.
 fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Plot {
     Plot::logarithmic(
         "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read noise: more bit planes are worse \
@@ -143,7 +141,7 @@ fn photo(
     };
     let file = RigFile { measurement, kind: RigKind::Virtual(rig.clone()), ..file.clone() };
     let mut lab = lab.through_rig(file)?;
-    // In dim light noise hides white at most pixels, which is what the figure shows.
+    // In dim light, noise hides white at most pixels, and the figure shows this.
     lab.unexamined();
     let pattern = Image::from_planes(lab.resolution(), &[pattern.to_vec()])?;
     // A rig has devices, and its photos are measured.
@@ -157,7 +155,7 @@ fn photo(
     Ok((photo.planes.swap_remove(0).values, frames))
 }
 
-/// The calibration that follows from the rig's own description: one of two levels, from captures, would add little.
+/// The calibration that follows from the rig's own description. A calibration of two levels from captures would add little.
 fn known(rig: &VirtualRig) -> Calibration {
     let mut calibration = Calibration::ideal(&rig.projector_info(), &rig.camera_info());
     let camera = &mut calibration.camera;

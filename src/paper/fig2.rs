@@ -1,8 +1,8 @@
 //! Figure 2: the principal eigenvector by optical power iteration.
 //!
-//! On a sheet that leans, direct light is brightest in one spot, and the photos shrink to it. How fast they do is the ratio of the two
-//! largest eigenvalues: `tan θ_k ≤ (λ₂/λ₁)^k tan θ_0` for the angle `θ_k` to the principal eigenvector. The brightest pixels are neighbours,
-//! and nearly equally bright, so that the ratio is close to 1. The Krylov space of the same photos holds a far better vector.
+//! On a leaning sheet, direct light is brightest in one spot, and the photos shrink to it. The ratio of the two largest eigenvalues sets
+//! the speed: `tan θ_k ≤ (λ₂/λ₁)^k tan θ_0` for the angle `θ_k` to the principal eigenvector. The brightest pixels are neighbours, and
+//! nearly equally bright, so the ratio is close to 1. The Krylov space of the same photos holds a far better vector.
 
 use super::bench::{Bench, Set, Stage};
 use super::dense::{Spectrum, spectrum};
@@ -17,13 +17,11 @@ const SIDE: usize = 100;
 /// Pixels per side for the dense eigensolver: 1024 unknowns.
 const DENSE_SIDE: usize = 32;
 const PHOTOS: usize = 50;
-/// The wanted overlap with the principal eigenvector.
 const ALIKE: f64 = 0.999;
 /// A spot is at most a thousandth of the pixels.
 const SPOT: f64 = 1e-3;
-/// The matrix itself is multiplied no more often than this to see how many photos are needed.
+/// The most products with the matrix itself to find the number of photos that are needed.
 const MOST: usize = 5000;
-/// Photos after which the pattern is shown.
 const SHOWN: [usize; 4] = [1, 5, 15, 50];
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -98,11 +96,10 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// How fast power iteration converges.
 struct Speed {
     /// The second eigenvalue over the first.
     ratio: f64,
-    /// The photos from white until the overlap is as wanted, according to the ratio.
+    /// The photos from white until the overlap is as wanted, predicted from the ratio.
     photos: f64,
 }
 
@@ -148,7 +145,7 @@ fn last(patterns: &[Vec<f64>]) -> &[f64] {
     patterns.last().map_or(&[], Vec::as_slice)
 }
 
-/// One less the overlap of the leading Ritz vector with the reference, after each of as many photos from white.
+/// One minus the overlap of the leading Ritz vector with the reference, after each photo from white.
 fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<(f64, f64)>> {
     let mut process = Lanczos::new(&vec![1.0; operator.cols()], &[])?;
     let mut curve = Vec::new();
@@ -188,12 +185,11 @@ fn overlap(x: &[f64], y: &[f64]) -> f64 {
     dot(x, y).abs() / (norm(x) * norm(y))
 }
 
-/// The sine of an angle of this cosine.
 fn sine(overlap: f64) -> f64 {
     (1.0 - overlap * overlap).max(0.0).sqrt()
 }
 
-/// The number of pixels that share the light of a pattern, `(Σ x²)² / Σ x⁴`: 1 for a single pixel, and all of them for an even pattern.
+/// The number of pixels that share the light of a pattern, `(Σ x²)² / Σ x⁴`: 1 for a single pixel, and all pixels for an even pattern.
 fn sharing(pattern: &[f64]) -> f64 {
     let squares: Vec<f64> = pattern.iter().map(|value| value * value).collect();
     squares.iter().sum::<f64>().powi(2) / dot(&squares, &squares)
@@ -220,7 +216,6 @@ fn panels(stage: &Stage, patterns: &[Vec<f64>], reference: &[f64]) -> Vec<Panel>
     panels
 }
 
-/// A pattern whose brightest pixel is shown as white, so that a spot of few pixels is seen as one.
 fn as_light(pattern: &[f64]) -> Content {
     let white = pattern.iter().copied().fold(0.0, f64::max);
     Content::Light { values: pattern.iter().map(|value| value.max(0.0)).collect(), white: Some(white) }
@@ -238,7 +233,7 @@ mod tests {
 
     #[test]
     fn the_ratio_of_eigenvalues_tells_the_photos_needed() {
-        // diag(1, ½) from (1, 1): tan θ is 1, and halves with each photo until it is tan arccos 0.999 = 0.0447, between 2^-4 and 2^-5.
+        // For diag(1, ½) from (1, 1), tan θ is 1 and halves with each photo until it is tan arccos 0.999 = 0.0447, between 2^-4 and 2^-5.
         let speed = Speed::of(&[1.0, 0.5], 2, &[1.0, 0.0]);
         assert!((4.0..5.0).contains(&speed.photos), "{}", speed.photos);
     }

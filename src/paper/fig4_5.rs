@@ -2,9 +2,9 @@
 //!
 //! Figure 4 has two groups that exchange no light, and horizontal cuts at six and ten groups.
 //!
-//! The folded sheets are the zigzag's, whose creases are sharp at every scale. There the light has only four separated eigenvalues: two
-//! groups, each cut in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands ([`continuous`]); the
-//! value of the cut measures that. Bent sheets, as paper is where one looks closely, are cut into bands.
+//! The folded sheets of the zigzag have creases that are sharp at every scale. Their light has only four separated eigenvalues: two
+//! groups, each cut in halves. With more groups, it is cheaper to cut off the tips of the creases than to form bands ([`continuous`]);
+//! the value of the cut measures this. Bent sheets, which resemble real paper in close-up, are cut into bands.
 
 use std::ops::ControlFlow;
 
@@ -23,9 +23,9 @@ use crate::transport::Part;
 pub(super) const SIDE: usize = 100;
 pub(super) const PHOTOS: usize = 50;
 const PURE: f64 = 0.99;
-/// Required share of pixels in their row's majority group: borders are noisy and may be bent.
+/// Required share of pixels in their row's majority group. Borders are noisy and may be bent.
 const HORIZONTAL: f64 = 0.9;
-/// Group counts for the zigzag: the paper's, and four for its halves.
+/// Group counts for the zigzag: the paper's counts, and four for the halves.
 const FOLDED: [usize; 4] = [2, 4, 6, 10];
 const BENT: [usize; 2] = [6, 10];
 /// The angle between the faces of one of the zigzag's folds, in radians: 0.2 m to the side on 0.3 m of depth.
@@ -87,7 +87,6 @@ pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Marks the captions of group images as images of the folded sheets.
 fn folded(mut panel: Panel) -> Panel {
     if matches!(panel.content, Content::Labels(_)) {
         panel.caption += " of folded sheets";
@@ -112,7 +111,7 @@ fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Sta
     ]
 }
 
-/// Checks that the groups solve the stated problem: their cut costs no more than the cut of straight bands.
+/// Checks that the groups solve the stated problem: their cut costs no more than a cut into straight bands.
 fn is_cheap(
     what: &str,
     groups: usize,
@@ -125,8 +124,8 @@ fn is_cheap(
     Ok(Check::at_most(format!("{what}: the cut of {groups} groups over that of straight bands"), ratio, 1.0))
 }
 
-/// The segmentation at the full number of photos, and the purity of two groups after 4 to 20 photos and at the end. All come from
-/// one capture that is interrupted, evaluated and continued.
+/// The segmentation at the full number of photos, and the purity of two groups after 4 to 20 photos and at the end. A single capture is
+/// interrupted, evaluated and continued.
 fn segment_step_by_step(
     operator: &mut dyn Operator,
     stage: &Stage,
@@ -150,7 +149,6 @@ fn segment_step_by_step(
     Ok((found, curve))
 }
 
-/// The eigenvalues of both kinds of sheets, and the derivation of a sharp crease's.
 fn spectra(folded: &Segmentation, bent: &Segmentation, edge: f64) -> Plot {
     let [quarter, half] = [0.25, 0.5].map(|frequency| continuous(OPENING, frequency));
     Plot::linear(format!(
@@ -164,7 +162,7 @@ fn spectra(folded: &Segmentation, bent: &Segmentation, edge: f64) -> Plot {
         ), ["eigenvector", "eigenvalue λ"], vec![line("folded sheets", &folded.eigenvalues), line("bent sheets", &bent.eigenvalues)]).marked(edge, "edge of a sharp crease")
 }
 
-/// The smallest number of photos from which on the purity stays sufficient; infinite if the last one is insufficient.
+/// The smallest number of photos from which the purity stays sufficient; infinite if the last purity is insufficient.
 fn fewest(curve: &[(f64, f64)]) -> f64 {
     let from = curve.iter().rposition(|&(_, purity)| purity.is_nan() || purity < PURE).map_or(0, |at| at + 1);
     curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
@@ -244,14 +242,13 @@ pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The edge of the continuous spectrum of the zigzag's creases.
 fn edge() -> f64 {
     continuous(OPENING, 0.0)
 }
 
 /// The least rank of the pixels by the coordinates of separate eigenvalues only.
 fn ranked_by_separate(found: &Segmentation, stage: &Stage, pixels: &[usize]) -> f64 {
-    // The first eigenvector is the same in all pixels and no coordinate.
+    // The first eigenvector is equal in all pixels and so not a coordinate.
     let count = found.eigenvalues.iter().skip(1).filter(|value| **value > edge()).count();
     let feature = |pixel| found.feature(pixel).into_iter().take(count).collect();
     let features: Vec<Vec<f64>> = (0..stage.pixels()).map(feature).collect();
@@ -259,15 +256,13 @@ fn ranked_by_separate(found: &Segmentation, stage: &Stage, pixels: &[usize]) -> 
     pixels.iter().map(rank).fold(f64::INFINITY, f64::min)
 }
 
-/// Distances from `pixel` to all pixels in feature space.
 fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
     let square = |(other, own): (&f64, &f64)| (other - own).powi(2);
     let distance = |other: &Vec<f64>| other.iter().zip(&features[pixel]).map(square).sum::<f64>().sqrt();
     features.iter().map(distance).collect()
 }
 
-/// The probability that a random pixel of `pixel`'s region is nearer to it than a random pixel of another region (area under the
-/// ROC curve; Mann–Whitney statistic).
+/// The probability that a random pixel of `pixel`'s region is nearer to it than one of another region (area under the ROC curve).
 fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     order.sort_by(|&a, &b| distances[a].total_cmp(&distances[b]));
@@ -288,7 +283,7 @@ fn distance_maps(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]
         let caption = format!("Distance of each pixel from {name}");
         stage.panel(format!("from-{}", &name[..1].to_lowercase()), caption, Content::Amounts(from.clone()))
     });
-    // The chosen pixels are marked in the photo by values above its brightest one.
+    // Values above the photo's brightest one mark the chosen pixels.
     let white = stage.white();
     let brightest = white.iter().copied().fold(0.0, f64::max);
     let mut marked: Vec<f64> = white.iter().map(|value| 0.6 * value).collect();

@@ -1,9 +1,8 @@
 //! Figures 6, 8 and 9: sheets behind a post, an egg carton, and the photos of its segmentation.
 //!
-//! In figure 6, patches that are occluded from each other are groups of their own, and patches that are apart in the photo share one.
-//!
-//! The two sheets are occluded from each other by their rims, so that they exchange no light. A black post in front of the left sheet divides
-//! it into two patches in the photo, behind which light passes.
+//! In figure 6, patches that are occluded from each other are separate groups, and patches that are apart in the photo share one. The rims
+//! of the two sheets occlude them from each other, so that they exchange no light. A black post in front of the left sheet divides it into
+//! two patches in the photo. Light passes behind the post.
 //!
 //! Figure 8 divides an egg carton, empty and with eggs, into ten groups from 50 photos that are blurred on both sides.
 
@@ -22,7 +21,6 @@ const PATCH_GROUPS: [usize; 3] = [2, 4, 6];
 const PURE: f64 = 0.99;
 /// Minimum size of a patch, as a share of the photo.
 const PATCH: f64 = 0.01;
-/// Regions of the scene.
 const LEFT_SHEET: u8 = 0;
 const POST: u8 = 2;
 
@@ -86,7 +84,6 @@ fn shares(labels: &[u8], stage: &Stage) -> [f64; 2] {
 
 pub(super) const SIDE: usize = 128;
 pub(super) const PHOTOS: usize = 50;
-/// The groups of the paper's figure.
 const GROUPS: usize = 10;
 const EIGENVECTORS: usize = 20;
 /// Standard deviation of the blur of patterns and photos, in pixels.
@@ -102,7 +99,7 @@ pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
     let (egg_stage, eggs) = run(bench, Set::CartonEggs, side, BLUR)?;
     let (without, with) = (labels(&empty, GROUPS), labels(&eggs, GROUPS));
     let (nine_without, nine_with) = (labels(&empty, CELLS), labels(&eggs, CELLS));
-    // Flat spots where rims meet exchange light among two or three pixels only. They add eigenvalues at one, which are excluded.
+    // Flat spots where rims meet exchange light among only two or three pixels. They add eigenvalues at one, which are excluded.
     let ones = |found: &Segmentation| {
         let at_one = found.eigenvalues.iter().enumerate().filter(|(_, value)| **value >= ONE);
         at_one.filter(|(index, _)| !found.embedding.is_local(*index)).count() as f64
@@ -179,7 +176,6 @@ fn run(bench: &mut Bench, set: Set, side: usize, blur: f64) -> Result<(std::sync
     Ok((stage, found))
 }
 
-/// The question to the photos of a carton.
 fn asked_of_carton(stage: &Stage) -> SegmentOptions {
     SegmentOptions {
         photos: PHOTOS,
@@ -191,7 +187,6 @@ fn asked_of_carton(stage: &Stage) -> SegmentOptions {
     }
 }
 
-/// The panels of one carton, with its name and caption prefixed.
 fn panels_of(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> impl Iterator<Item = Panel> {
     panels(stage, found, 0).into_iter().map(move |panel| Panel {
         name: format!("{name}-{}", panel.name),
@@ -203,7 +198,7 @@ fn panels_of(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> imp
 pub(super) fn fig9(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Carton, bench.side(SIDE))?;
     let mut operator = bench.photos(&stage, Part::Global)?;
-    // Recorded is what is really projected, and its photo before that is blurred in turn.
+    // The recorder sees the pattern that is really projected, and its photo before the second blur.
     let mut recorded = Recorded::new(&mut operator);
     let blur = Blur::new(stage.resolution, BLUR).ok_or(Error::Interrupted)?;
     let found = segment(&mut Blurred::new(&mut recorded, blur)?, &asked_of_carton(&stage))?;

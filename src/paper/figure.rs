@@ -1,4 +1,4 @@
-//! The paper's figures with their statements, and their reproductions: measured numbers with bounds, and planes of values before any painting.
+//! The paper's figures with their statements, and their reproductions: measured numbers with bounds, and planes of unpainted values.
 
 use crate::image::Resolution;
 use crate::operator::Product;
@@ -27,20 +27,20 @@ pub enum Figure {
     Fig12,
     /// Bit planes.
     Fig13,
-    /// Random patterns beside the patterns of Krylov methods.
+    /// Random patterns compared with the patterns of Krylov methods.
     Random,
-    /// How independent photos are.
+    /// The independence of photos.
     Conditioning,
     /// The polynomials behind the methods.
     Polynomials,
     /// Camera and projector apart: the transpose by exchanging them.
     Apart,
-    /// The disparity that is left of a coaxial pair.
+    /// The disparity that remains in a coaxial pair.
     Disparity,
 }
 
 impl Figure {
-    /// All figures in order; arguments of the paper that it does not show come last.
+    /// All figures in order. Arguments of the paper that it does not show come last.
     pub const ALL: [Self; 15] = [
         Self::Fig2,
         Self::Fig4,
@@ -79,15 +79,14 @@ pub struct Reproduced {
     pub strips: Vec<Strip>,
     /// Number of photos of the result: products with the light transport matrix.
     pub photos: usize,
-    /// Frames that the virtual camera took for all products of the figure, comparisons with other methods among them; calibration is not.
-    /// 0 by an ideal rig, which takes none.
+    /// Frames that the virtual camera took for all products of the figure, including comparisons with other methods but not calibration. 0
+    /// for an ideal rig, which takes no frames.
     pub frames: u64,
     /// Wall-clock time, in seconds.
     pub seconds: f64,
 }
 
 impl Reproduced {
-    /// A figure in front of which nothing has been measured yet.
     pub(super) fn of(figure: Figure, rig: Rig) -> Self {
         let (checks, panels, plots, strips) = Default::default();
         Self {
@@ -151,7 +150,6 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Lines over the axis `x_label`, with an axis `y_label`.
     pub(super) fn linear(
         caption: impl Into<String>,
         [x_label, y_label]: [&str; 2],
@@ -168,7 +166,6 @@ impl Plot {
         plot
     }
 
-    /// The plot with a mark at this value of the axis `y_label`.
     pub(super) fn marked(mut self, value: f64, name: &str) -> Self {
         self.lines.marks.push((value, name.into()));
         self
@@ -182,7 +179,7 @@ pub struct Strip {
     pub caption: String,
     /// Resolution of each pattern and photo.
     pub resolution: Resolution,
-    /// The patterns and their photos, as the method requested and received them; either may be signed.
+    /// The patterns and their photos, as the method requested and received them. Either may be signed.
     pub photos: Vec<Product>,
 }
 
@@ -192,7 +189,7 @@ impl Figure {
         WORDS[self as usize][0]
     }
 
-    /// Number and subject: `Figure 2: power iteration`. What the paper does not show has no number.
+    /// Number and subject, for example `Figure 2: power iteration`. Arguments that the paper does not show have no number.
     pub fn title(self) -> &'static str {
         WORDS[self as usize][1]
     }
@@ -336,7 +333,7 @@ pub struct Check {
     pub value: f64,
     /// The bound.
     pub limit: Limit,
-    /// Why the number misses its bound where it does; empty where nothing is known of that.
+    /// The reason why the number misses its bound, if it does; empty if no reason is known.
     pub cause: String,
 }
 
@@ -356,13 +353,13 @@ impl Check {
         Self { what: what.into(), value, limit: Limit::Stated, cause: String::new() }
     }
 
-    /// The same number, and why it misses its bound if it does.
+    /// The same number, with the reason why it misses its bound if it does.
     #[must_use]
     pub fn because(self, cause: impl Into<String>) -> Self {
         Self { cause: cause.into(), ..self }
     }
 
-    /// The cause of a missed bound; empty where it is met, or where no cause is known.
+    /// The cause of a missed bound; empty if the bound is met or no cause is known.
     pub fn cause(&self) -> &str {
         if self.is_met() { "" } else { &self.cause }
     }

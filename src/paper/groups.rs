@@ -8,8 +8,7 @@ use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
 
-/// The options of a segmentation that uses all its photos, from one start. The resolution lets a noisy rig low-pass its directions, as
-/// `krylux segment` does.
+/// The options of a segmentation that uses all its photos, from one start. With the resolution, a noisy rig can low-pass its directions.
 pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> SegmentOptions {
     SegmentOptions {
         photos,
@@ -21,7 +20,7 @@ pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> 
     }
 }
 
-/// The labels of this number of groups; empty where they were not asked for.
+/// The labels of this number of groups; empty if they were not asked for.
 pub(super) fn labels(found: &Segmentation, groups: usize) -> &[u8] {
     found.labels.iter().find(|(of, _)| *of == groups).map_or(&[], |(_, labels)| labels)
 }
@@ -55,8 +54,8 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
 
 /// How closely groups form horizontal bands.
 pub(super) struct Bands {
-    /// Number of groups that hold the majority of some row of a region. Groups narrower than half of their region in every row
-    /// are no bands and do not count.
+    /// Number of groups that hold the majority of some row of a region. A group that is narrower than half of its region in each row does
+    /// not count.
     pub(super) count: usize,
     /// Share of pixels in the majority group of their row and region; 1 if all borders run along the rows.
     pub(super) share: f64,
@@ -104,7 +103,7 @@ pub(super) fn straight_bands(
         for row in 0..resolution.height {
             let pixels = row * resolution.width..(row + 1) * resolution.width;
             let here: f64 = pixels.clone().filter(inside).map(|pixel| light[pixel]).sum();
-            // The band that contains the middle of this row's light.
+            // This is the band that contains the middle of this row's light.
             let band = ((above + here / 2.0) / all * bands as f64) as usize;
             for pixel in pixels.filter(inside) {
                 labels[pixel] = (index * bands + band.min(bands - 1)) as u8;
@@ -148,9 +147,8 @@ pub(super) fn components(labels: &[u8], label: u8, resolution: Resolution) -> Ve
     parts
 }
 
-/// The albedo of the scenes' paper.
 const ALBEDO: f64 = 0.8;
-/// Bounces between the faces: a path of six surfaces has five, the first of which is direct light's second.
+/// Bounces between the faces. A path of six surfaces has five; the first of them is the second bounce of the path.
 const BOUNCES: i32 = 5;
 
 /// `κ(a)` at `a = real + i·imaginary`; its imaginary part vanishes on `real = ½`, and for real `a`.
@@ -169,23 +167,24 @@ fn kernel(angle: f64, [real, imaginary]: [f64; 2]) -> f64 {
     step * (0..=STEPS).map(at).sum::<f64>()
 }
 
-/// `g(κ)`.
 fn bounced(kernel: f64) -> f64 {
     (1..=BOUNCES).map(|bounce| ALBEDO.powi(bounce - 1) * kernel.powi(bounce)).sum()
 }
 
-/// The eigenvalue of the normalized cut at `a = ½ + iω` of a fold with this opening angle that is sharp at every scale; the edge of its spectrum
-/// is at `ω = 0`.
+/// The eigenvalue of the normalized cut at `a = ½ + iω` of a fold with this opening angle that is sharp at every scale. The edge of its
+/// spectrum is at `ω = 0`.
 ///
-/// From a strip at distance `s` from the crease on one face, this share goes to the strip at `t` on the other, for the opening angle `φ`:
+/// A strip at distance `s` from the crease on one face sends this share of its light to the strip at `t` on the other, for the opening
+/// angle `φ`:
 ///
 /// ```text
 /// K(s, t) dt = s t sin²φ / (2 (s² + t² − 2 s t cos φ)^{3/2}) dt
 /// ```
 ///
-/// `K` is homogeneous of degree −1, so that `s^{-a}` is an eigenfunction on the half line, of the eigenvalue `κ(a) = ∫ K(1, t) t^{-a} dt`. All
-/// `a = ½ + iω` fill a continuous spectrum. Global light of albedo `ρ` and up to six bounces is the polynomial `g(κ) = Σ ρ^{b−1} κ^b`, `b` from 1
-/// to 5, and the normalized cut divides it by that of even light, `g(κ(0))`. `guide/src/concepts/segmentation.md` tells what follows.
+/// `K` is homogeneous of degree −1, so that `s^{-a}` is an eigenfunction on the half line, with the eigenvalue `κ(a) = ∫ K(1, t) t^{-a}
+/// dt`. All `a = ½ + iω` fill a continuous spectrum. Global light of albedo `ρ` and up to six bounces is the polynomial `g(κ) = Σ ρ^{b−1}
+/// κ^b`, `b` from 1 to 5. The normalized cut divides it by the value for even light, `g(κ(0))`. `guide/src/concepts/segmentation.md`
+/// explains the consequences.
 pub(super) fn continuous(angle: f64, frequency: f64) -> f64 {
     bounced(kernel(angle, [0.5, frequency])) / bounced(kernel(angle, [0.0, 0.0]))
 }
@@ -211,7 +210,7 @@ mod tests {
         // One region with a spot of one pixel.
         let found = bands(&[0, 7, 0, 0, 0, 0, 0, 0], &[0; 8], resolution);
         assert_eq!((found.count, found.share), (1, 0.875));
-        // Left and right halves are no bands.
+        // Left and right halves are not bands.
         assert_eq!(bands(&[0, 0, 1, 1, 0, 0, 1, 1], &[0; 8], resolution).count, 0);
     }
 
@@ -241,7 +240,7 @@ mod tests {
 
     #[test]
     fn even_light_is_shared_as_by_form_factors() {
-        // All that leaves one face of an infinite fold towards the other: (1 + cos φ) / 2, the form factor of two half planes.
+        // The share of light from one face of an infinite fold towards the other is (1 + cos φ) / 2, the form factor of two half planes.
         for angle in [0.6_f64, 1.176, std::f64::consts::FRAC_PI_2] {
             let wanted = (1.0 + angle.cos()) / 2.0;
             assert!((kernel(angle, [0.0, 0.0]) - wanted).abs() < 1e-9, "quadrature at {angle}");

@@ -47,10 +47,8 @@ pub use bench::{Bench, BenchOptions};
 pub use figure::{Check, Content, Figure, Limit, Panel, Plot, Reproduced, Rig, Strip};
 pub use gallery::Gallery;
 
-/// Reproduces `figure` on `bench`.
-///
-/// # Errors
-/// Errors of tracing, photos and methods; [`crate::Error::Interrupted`] when the bench's observer stops the run.
+/// Reproduces `figure` on `bench`. Fails as tracing, photos and methods do, and with [`crate::Error::Interrupted`] when the
+/// bench's observer stops it.
 pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     let start = std::time::Instant::now();
     let mut made = match figure {
@@ -75,10 +73,8 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     Ok(made)
 }
 
-/// Reproduces `figures` on one bench after the other. `made` is told of each figure as soon as it is there.
-///
-/// # Errors
-/// The errors of [`reproduce`] and of `made`.
+/// Reproduces `figures` on one bench, one after the other, and calls `made` with each figure as soon as it exists. Fails as
+/// [`reproduce`] and `made` do.
 pub fn reproduce_all(
     figures: &[Figure],
     benches: impl IntoIterator<Item = BenchOptions>,

@@ -1,9 +1,9 @@
-//! The polynomials of the paper's equations 1 to 3: what `k` photos of a Krylov method can tell of a matrix.
+//! The polynomials of the paper's equations 1 to 3: the information about a matrix in `k` photos of a Krylov method.
 //!
-//! Every vector of the space `span{b, A b, …, A^{k−1} b}` is `q(A) b` for a polynomial `q`. The residual that MINRES and GMRES leave is
-//! `p(A) b` with `p(0) = 1`, of degree `k`, the one of least norm: `‖p(A) b‖² = Σ p(λ_i)² (u_iᵀ b)²`. The process ends where a polynomial
-//! vanishes on all eigenvalues that `b` has a part of: the minimal polynomial of `A` for `b`. The monic one of least norm after `k` photos has
-//! the Ritz values for its zeros.
+//! Every vector of the space `span{b, A b, …, A^{k−1} b}` is `q(A) b` for a polynomial `q`. The residual of MINRES and GMRES is `p(A) b`
+//! with `p(0) = 1` and degree `k`. Among such polynomials, `p` gives the least norm: `‖p(A) b‖² = Σ p(λ_i)² (u_iᵀ b)²`. The process ends
+//! when a polynomial vanishes on all eigenvalues that `b` has a part of. This is the minimal polynomial of `A` for `b`. The monic
+//! polynomial of least norm after `k` photos has the Ritz values as its zeros.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{TargetLight, percent, picture};
@@ -16,15 +16,10 @@ use crate::operator::Operator;
 use crate::report::plot::Series;
 use crate::transport::Part;
 
-/// Pixels per side for the dense eigensolver: 1024 unknowns.
 const SIDE: usize = 32;
-/// The longest run.
 const PHOTOS: usize = 20;
-/// The photos whose polynomials are shown, …
 const SHOWN: [usize; 4] = [1, 2, 3, 5];
-/// … and judged.
 const JUDGED: usize = 5;
-/// Points of a curve over the spectrum.
 const POINTS: usize = 400;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -88,13 +83,12 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Values of a function between two ends.
 fn curve(name: String, [low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Series {
     let at = |index: usize| low + (high - low) * index as f64 / (POINTS - 1) as f64;
     Series { name, points: (0..POINTS).map(|index| (at(index), of(at(index)))).collect() }
 }
 
-/// The residual that the devices add to an answer's, by one more photo of it.
+/// The residual that the devices add to an answer's, measured by one more photo of it.
 fn devices(
     operator: &mut dyn Operator,
     target_light: &TargetLight,
@@ -128,7 +122,7 @@ fn residual_plot(run: &Run, ends: [f64; 2]) -> Plot {
                   at its eigenvalue. They are small where the target has its light, which the next plot shows.", ["eigenvalue λ, W/(m² sr)", "p(λ)"], SHOWN.map(line).into()).marked(0.0, "")
 }
 
-/// The share of the target's light in eigenvectors of at most an eigenvalue, and the share of the eigenvalues themselves.
+/// The share of the target's light in eigenvectors with eigenvalues up to each value, and the share of the eigenvalues themselves.
 fn share_plot(exact: &Spectrum, shares: &[f64], scale: f64) -> Plot {
     let steps = |name: &str, of: &dyn Fn(usize) -> f64| {
         let mut sum = 0.0;
@@ -190,7 +184,7 @@ struct Run {
 }
 
 impl Run {
-    /// The process of this number of photos from `b`, as a rig reads them that gives `unit` for 1 W/(m² sr).
+    /// The process of this number of photos from `b`, read by a rig that gives `unit` for 1 W/(m² sr).
     fn of(operator: &mut dyn Operator, b: &[f64], (photos, unit): (usize, f64)) -> Result<Self> {
         let mut process = Lanczos::new(b, &[])?;
         for _ in 0..photos {
@@ -201,7 +195,7 @@ impl Run {
         Ok(Self { length: norm(b), alphas, betas, basis: process.basis().to_vec(), unit })
     }
 
-    /// The coefficients `y` of MINRES' answer `V y` after `k` photos: least squares of `‖b‖ e₁ − T y` with `T` of `(k + 1) × k`.
+    /// The coefficients `y` of MINRES' answer `V y` after `k` photos: least squares of `‖b‖ e₁ − T y` with `T` of size `(k + 1) × k`.
     fn coefficients(&self, k: usize) -> Vec<f64> {
         let rows = faer::Mat::from_fn(k + 1, k, |row, column| match row as isize - column as isize {
             -1 => self.betas[row],
@@ -214,7 +208,6 @@ impl Run {
         (0..k).map(|row| found[(row, 0)]).collect()
     }
 
-    /// MINRES' answer after `k` photos, a pattern.
     fn answer(&self, k: usize) -> Vec<f64> {
         let mut answer = vec![0.0; self.basis[0].len()];
         for (share, vector) in self.coefficients(k).iter().zip(&self.basis) {
@@ -242,7 +235,7 @@ impl Run {
         }
     }
 
-    /// The monic polynomial of degree `k` whose zeros are the Ritz values: `β_1 … β_k φ_{k+1}`.
+    /// The monic polynomial of degree `k` with the Ritz values as zeros: `β_1 … β_k φ_{k+1}`.
     fn monic(&self, k: usize, value: f64) -> f64 {
         let scale: f64 = self.betas[..k].iter().product();
         scale * self.basis_polynomials(k, value)[k]
@@ -270,8 +263,8 @@ impl Run {
     }
 }
 
-/// The largest value on `[smallest, largest]` of the residual polynomial of degree `k` that is least there, by Chebyshev: what `k` photos
-/// promise if nothing but the interval of the spectrum is known. 1 where the interval holds 0.
+/// The largest value on `[smallest, largest]` of the residual polynomial of degree `k` that is least there, by Chebyshev. It is the
+/// guarantee of `k` photos if only the interval of the spectrum is known. 1 if the interval holds 0.
 fn chebyshev_bound(largest: f64, smallest: f64, k: usize) -> f64 {
     if smallest <= 0.0 {
         return 1.0;
@@ -285,7 +278,7 @@ mod tests {
     use super::*;
     use crate::operator::{Closure, Symmetry};
 
-    /// `diag(1, 2, 4)` from `(1, 1, 1)`, read by a rig of 10 counts for a unit.
+    /// `diag(1, 2, 4)` from `(1, 1, 1)`, read by a rig with 10 counts per unit.
     fn three_values(photos: usize) -> Result<Run> {
         let mut light = Closure::new(3, 3, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
             y.iter_mut().zip(x).zip([10.0, 20.0, 40.0]).for_each(|((y, x), value)| *y = value * x);
@@ -309,7 +302,7 @@ mod tests {
                 );
             }
         }
-        // One photo of MINRES: p = 1 − λ Σλ / Σλ² = 1 − λ/3.
+        // One photo of MINRES gives p = 1 − λ Σλ / Σλ² = 1 − λ/3.
         assert!((run.residual_polynomial(1)(3.0)).abs() < 1e-12);
         Ok(())
     }
@@ -320,7 +313,7 @@ mod tests {
         for value in run.ritz_values(2)? {
             assert!(run.monic(2, value).abs() < 1e-12, "{value}");
         }
-        // λ² + …: its second difference is 2.
+        // The polynomial is λ² + …, and its second difference is 2.
         let second = run.monic(2, 3.0) - 2.0 * run.monic(2, 2.0) + run.monic(2, 1.0);
         assert!((second - 2.0).abs() < 1e-12, "{second}");
         Ok(())
@@ -329,7 +322,7 @@ mod tests {
     #[test]
     fn the_interval_promises_nothing_where_it_holds_zero() {
         assert_eq!(chebyshev_bound(1.0, 0.0, 5), 1.0);
-        // Degree 1 on [1, 3]: 1 − λ/2 is at most ½.
+        // The polynomial of degree 1 on [1, 3] is 1 − λ/2, at most ½.
         assert!((chebyshev_bound(3.0, 1.0, 1) - 0.5).abs() < 1e-15);
     }
 }

@@ -1,9 +1,9 @@
-//! Random patterns at equal photos: what Krylov methods gain by making each pattern from the photos before.
+//! Random patterns at equal photos: the gain of Krylov methods from making each pattern from the earlier photos.
 //!
-//! Two questions are asked of as many photos. *Which vector parts the sheets of the zigzag?* Random patterns `ω` give photos `y = N ω` that
-//! span a space; an orthonormal basis `Q` of it is photographed in turn, and the leading eigenvector of `Qᵀ N Q` answers (Halko, Martinsson
-//! and Tropp, doi:10.1137/090771806), two photos for each random pattern. *What makes the corner look like the picture?* The combination of
-//! random patterns whose photos add up to the target's light with least squares.
+//! The same number of photos is used for two questions. *Which vector parts the sheets of the zigzag?* Random patterns `ω` give photos `y =
+//! N ω` that span a space. An orthonormal basis `Q` of it is photographed in turn, and the leading eigenvector of `Qᵀ N Q` is the answer
+//! (Halko, Martinsson and Tropp, doi:10.1137/090771806). Each random pattern costs two photos. *Which pattern makes the corner look like
+//! the picture?* The answer is the combination of random patterns whose photos add up to the target's light with least squares.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{MethodRun, TargetLight, clamped, enter, line, over_frames, percent, picture};
@@ -40,7 +40,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// How far the vector that parts the sheets is from the true one, by random patterns and by Lanczos.
+/// The distance between the vector that parts the sheets and the true one, by random patterns and by Lanczos.
 fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
     let stage = bench.stage(Set::Zigzag, side)?;
     let reference = {
@@ -92,13 +92,12 @@ fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
     Ok((plot, checks))
 }
 
-/// The first number of photos from which on a curve is down to `wanted`; infinite if it is not at its end.
+/// The first number of photos from which a curve stays at or below `wanted`; infinite if its end is above.
 fn photos_to(curve: &[(f64, f64)], wanted: f64) -> f64 {
     let from = curve.iter().rposition(|&(_, apart)| apart.is_nan() || apart > wanted).map_or(0, |at| at + 1);
     curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
 }
 
-/// Compensation of the corner by random patterns and by MINRES.
 fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>, Vec<Check>)> {
     let stage = bench.stage(Set::Corner, side)?;
     let mut photos = bench.photos(&stage, Part::Full)?;
@@ -154,10 +153,10 @@ fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>
     Ok((plots, panels, checks))
 }
 
-/// Runs of more photos than this are wanted at their end only.
+/// Runs of more photos than this only need their end.
 const EACH: usize = 50;
 
-/// A photo that depends on those before has some 1e-16 of its norm left once they are removed: less than this share is rounding.
+/// A photo that depends on the earlier ones keeps some 1e-16 of its norm once they are removed. Less than this share is rounding.
 const ROUNDING: f64 = 1e-10;
 
 /// The graph of exchanged light, by one or two photos.
@@ -184,7 +183,7 @@ pub(super) fn lanczos(
     let mut found = Vec::new();
     for photo in 1..=photos {
         process.expand(&mut cut)?;
-        // The vectors of a long run are wanted at its end only.
+        // A long run only needs the vectors at its end.
         if (photos <= EACH || photo == photos)
             && let Some(pair) = process.ritz(Which::LargestAlgebraic, 1)?.first()
         {
@@ -194,13 +193,13 @@ pub(super) fn lanczos(
     Ok(found)
 }
 
-/// The same by random patterns (on all pixels), after each two photos: that of a pattern, and that of what it adds to the basis.
+/// The same by random patterns (on all pixels), after every two photos: the photo of a pattern, and the photo of its new basis vector.
 fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Result<Vec<(f64, Vec<f64>)>> {
     let known = NormalizedAdjacency::known_vector(graph);
     let length = norm(&known);
     let known: Vec<f64> = known.iter().map(|value| value / length).collect();
     let mut cut = NormalizedAdjacency::new(global, graph);
-    // The vectors of an orthonormal basis. None has an image: a photo is taken of each once it is made.
+    // The vectors of an orthonormal basis. Each has no image at first; its photo is taken once the vector is made.
     let mut basis = vec![[known, Vec::new()]];
     let mut products: Vec<Vec<f64>> = Vec::new();
     let mut found = Vec::new();
@@ -233,11 +232,12 @@ fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Re
     Ok(found)
 }
 
-/// Makes the first of two vectors orthogonal to the first ones of `known`, which are orthonormal, and scales it to norm 1. The second one, which is a
-/// linear function of the first, is changed alike. Returns the norm of what was left of the first; where it is 0, nothing is scaled.
+/// Makes the first of two vectors orthogonal to the first vectors of `known`, which are orthonormal, and scales it to norm 1. The second
+/// vector, a linear function of the first, changes in the same way. Returns the norm of the rest of the first vector; if it is 0, nothing
+/// is scaled.
 pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]) -> f64 {
     let [vector, image] = pair;
-    // Rounding leaves some of the basis the first time.
+    // The first pass leaves some of the basis by rounding.
     for _ in 0..2 {
         for [of, image_of] in known {
             let share = dot(of, vector);
@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn a_sketch_of_all_directions_finds_what_lanczos_does() -> Result<()> {
-        // Two pairs of pixels that exchange light within each, and a little between them.
+        // Two pairs of pixels exchange light within each pair, and a little between the pairs.
         let mut light = Closure::new(4, 4, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
             let pairs = [1, 0, 3, 2];
             let far = [2, 3, 0, 1];
@@ -310,7 +310,7 @@ mod tests {
             unreachable!("patterns are given")
         };
         assert!((dot(&a, &b).abs() - 1.0).abs() < 1e-10, "rounding: {a:?} {b:?}");
-        // It is +½ on one pair and −½ on the other.
+        // The vector is +½ on one pair and −½ on the other.
         assert!((a[0] - a[1]).abs() < 1e-10 && (a[0] + a[2]).abs() < 1e-10, "{a:?}");
         Ok(())
     }

@@ -9,11 +9,11 @@ use super::device_merge::Merged;
 /// The paths of a batch that start from one pixel and belong to the same half of its samples.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The pixel of the camera or of the projector at which the paths start.
+    /// The pixel of the camera or projector at which the paths start.
     pub pixel: u32,
-    /// Which of the two independent halves of the samples: 0 or 1.
+    /// The half of the samples, 0 or 1. The halves are independent.
     pub half: usize,
-    /// Their indices within the batch.
+    /// The indices of these paths within the batch.
     pub paths: Range<usize>,
 }
 
@@ -26,7 +26,7 @@ pub(crate) struct Recorded {
     records: Vec<[u32; 4]>,
 }
 
-/// Records as the bytes that they are. Word by word, they would take an eighth more processor time of a photo that two processes trace.
+/// Stores records as raw bytes. Word by word, serialization would take an eighth more processor time for a photo that two processes trace.
 mod as_bytes {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -47,9 +47,8 @@ impl Recorded {
 
 /// Records of consecutive paths from one endpoint of the rig.
 ///
-/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the
-/// projector stands apart from the camera, the batches of the projector's paths follow the batches of the camera's
-/// paths.
+/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the projector stands apart from the
+/// camera, the batches of the projector's paths follow the batches of the camera's paths.
 pub struct Batch<'a> {
     first_path: u64,
     layout: RecordLayout,
@@ -59,13 +58,12 @@ pub struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    /// The batch of the paths from number `first_path` on, with their records.
     pub(super) fn new(first_path: u64, layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
         Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
     }
 
-    /// The batch of this number of paths whose connections are in `merged`. `records` hold at least the first slots of the paths, and the slots of
-    /// ambient light, if there is any.
+    /// The batch of `paths` paths whose connections are in `merged`. `records` holds the paths' first slots at least, and those of ambient
+    /// light.
     pub(super) fn merged(
         first_path: u64,
         layout: RecordLayout,
@@ -75,12 +73,11 @@ impl<'a> Batch<'a> {
         Self { first_path, layout, paths, records, merged }
     }
 
-    /// The terms that the device made of the connections, if it did. Then no path has connections of its own here.
+    /// The terms that the device made of the connections, if it did. The paths then have no connections here.
     pub(crate) fn terms(&self) -> Option<Merged<'a>> {
         self.merged
     }
 
-    /// The batch with records of its own.
     pub(crate) fn recorded(&self) -> Recorded {
         Recorded { first_path: self.first_path, layout: self.layout, records: self.records.to_vec() }
     }
@@ -117,7 +114,7 @@ impl<'a> Batch<'a> {
         })
     }
 
-    /// The pixel of the camera or of the projector at which path `index` of the batch starts.
+    /// The pixel of the camera or projector at which path `index` of the batch starts.
     pub fn pixel(&self, index: usize) -> u32 {
         ((self.first_path + index as u64) / u64::from(self.layout.samples)) as u32
     }
@@ -128,7 +125,7 @@ impl<'a> Batch<'a> {
         self.layout.symmetric
     }
 
-    /// Whether the paths start at the camera; else they start at a projector that stands apart.
+    /// Whether the paths start at the camera. Otherwise they start at a projector that stands apart.
     pub fn from_camera(&self) -> bool {
         self.layout.from_camera
     }
@@ -143,9 +140,8 @@ impl<'a> Batch<'a> {
         self.layout.samples
     }
 
-    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and
-    /// through glass. It is zero where the ray met nothing, and in rigs with lenses or with a projector that
-    /// stands apart.
+    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and through glass. It is zero
+    /// where the ray met nothing, in rigs with lenses, and in rigs with a projector that stands apart.
     pub fn direct(&self, index: usize) -> [f32; 3] {
         value(self.slot(index, 0))
     }
@@ -155,8 +151,7 @@ impl<'a> Batch<'a> {
         self.layout.ambient
     }
 
-    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` in a scene without
-    /// emission, and for paths from the projector.
+    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` without emission, and for paths from the projector.
     pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
         self.layout.ambient.then(|| value(self.slot(index, self.layout.stride() - 1)))
     }
@@ -166,8 +161,7 @@ impl<'a> Batch<'a> {
         self.connections_from(self.pixel(index), index)
     }
 
-    /// The same as [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts
-    /// from `pixel`.
+    /// The same as [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts from `pixel`.
     pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
         let from_camera = self.layout.from_camera;
         self.ends(index).filter(|end| end.is_seen).map(move |end| {
@@ -187,13 +181,11 @@ impl<'a> Batch<'a> {
         connected.chain(gathered).map(|(k, slot)| End::new(k, slot))
     }
 
-    /// Number of rays traced for path `index`.
     pub(crate) fn rays(&self, index: usize) -> u64 {
         rays(self.slot(index, 0))
     }
 
-    /// The number of paths whose records do not carry `mark`, which the device never finished; and the number
-    /// of rays of all paths.
+    /// The number of paths that the device never finished, because their records do not carry `mark`; and the number of rays of all paths.
     pub(super) fn unfinished_and_rays(&self, mark: u32) -> (u64, u64) {
         let count = |heads: &[[u32; 4]]| {
             heads.iter().fold((0, 0), |(unfinished, sum), head| {
@@ -219,23 +211,20 @@ pub struct Connection {
     pub projector: u32,
     /// Number of surfaces on the path, `k`.
     pub bounces: u32,
-    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera
-    /// pixel on the image plane): the contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not
-    /// yet divided by the number of samples.
+    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera pixel on the image plane): the
+    /// contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not yet divided by the number of samples.
     pub value: [f32; 3],
 }
 
-/// Which slots the record of a path has.
+/// The slots in the record of a path.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct RecordLayout {
     pub(super) samples: u32,
     pub(super) max_bounces: u32,
-    /// The connection from the first surface is the direct light, which is stored in the head instead of a
-    /// slot.
+    /// The connection from the first surface is the direct light, which is stored in the head instead of a slot.
     pub(super) direct: bool,
     /// There are gathered connections, through specular chains of the other endpoint.
     pub(super) gathers: bool,
-    /// There is a slot for ambient light.
     pub(super) ambient: bool,
     /// The rig is coaxial: camera and projector are one lens.
     pub(super) symmetric: bool,
@@ -270,16 +259,14 @@ impl RecordLayout {
 pub(crate) struct End {
     /// The connection exists. Otherwise the other members have no meaning.
     pub(crate) is_seen: bool,
-    /// The pixel of the other endpoint.
     pub(crate) pixel: u32,
-    /// As in [`Connection`].
+    /// The same as in [`Connection`].
     pub(crate) bounces: u32,
-    /// As in [`Connection`].
+    /// The same as in [`Connection`].
     pub(crate) value: [f32; 3],
 }
 
 impl End {
-    /// Reads the slot of the connection from the `k`-th surface.
     pub(super) fn new(k: u32, slot: [u32; 4]) -> Self {
         Self {
             is_seen: slot[0] != crate::render::materials::NONE,
@@ -292,15 +279,12 @@ impl End {
 
 /// Bits of a word that hold a pixel. The other bits hold the number of surfaces of the far chain.
 const PIXEL_BITS: u32 = 28;
-/// Masks those bits.
 pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 
-/// Number of rays traced for a path, from the head of its record.
 pub(crate) fn rays(head: [u32; 4]) -> u64 {
     u64::from(head[0] >> 8 & 0xff)
 }
 
-/// The light in a slot, in RGB.
 pub(super) fn value(slot: [u32; 4]) -> [f32; 3] {
     [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
 }
@@ -329,10 +313,10 @@ mod tests {
 
     fn records() -> [[u32; 4]; 8] {
         [
-            // Four rays and two surfaces; five and three.
+            // The first path has four rays and two surfaces; the second has five rays and three surfaces.
             [MARK | 4 << 8 | 2, ONE, 0, 0],
             [MARK | 5 << 8 | 3, 0, 0, 0],
-            // The connections from the second surfaces. That of the second path is outside the field of view.
+            // The connections from the second surfaces. The second path's connection is outside the field of view.
             [6, 0, ONE, 0],
             [crate::render::materials::NONE, 0, 0, 0],
             // The connections from the third surfaces: only the second path has one.

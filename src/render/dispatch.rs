@@ -11,33 +11,30 @@ use super::pairs::Pair;
 use crate::error::Error;
 use crate::gpu::Gpu;
 
-/// The time that a dispatch should take: short enough for progress, cancellation and the watchdog of a GPU,
-/// and so long that its overhead does not matter.
+/// The target time of a dispatch: short enough for progress, cancellation and a GPU's watchdog, and so long that overhead does not matter.
 const TARGET: Duration = Duration::from_millis(100);
 
 /// The most bytes of records that a dispatch writes: enough paths to keep a GPU busy.
 const RECORD_BYTES: u64 = 64 << 20;
 
-/// The same where the device is the processor itself: then the records should stay in its caches.
+/// The same where the device is the processor itself, whose caches should hold the records.
 const RECORD_BYTES_IN_CACHE: u64 = 8 << 20;
 
 /// The most paths of one dispatch: 65,535 workgroups of 64.
 pub(super) const MAX_PATHS: u32 = 65_535 * 64;
 
-/// The most surfaces that all paths of one invocation meet together. Software Vulkan stops an invocation
-/// after 65,535 loop iterations; in a scene of a million triangles, an invocation still met a thousand
-/// surfaces.
+/// The most surfaces that all paths of one invocation meet together. Software Vulkan stops an invocation after 65,535 loop iterations.
+/// In a scene of a million triangles, an invocation still met a thousand surfaces.
 const SURFACES_OF_INVOCATION: u32 = 384;
 
 const MAX_PATHS_PER_INVOCATION: u32 = 64;
 
 /// The most paths that one invocation may trace, one after the other.
 ///
-/// Software Vulkan executes eight invocations in lockstep. With one path each, all would wait for the longest
-/// of eight paths; with several paths each, an invocation starts its next path instead. One path each is
-/// faster in three cases: where paths gather photons, since lanes of one pixel then read the same ones; where
-/// rays test each of a few triangles, since compiling takes longer than it saves; and on a GPU, which
-/// switches to other invocations while one waits. Measured: see guide/src/right/speed.md.
+/// Software Vulkan executes eight invocations in lockstep. With one path each, all would wait for the longest of eight paths. With
+/// several paths each, an invocation starts its next path instead. One path each is faster in three cases: where paths gather photons,
+/// since lanes of one pixel then read the same ones; where rays test each of a few triangles, since compiling takes longer than it
+/// saves; and on a GPU, which switches to other invocations while one waits. Measurements: guide/src/right/speed.md.
 pub(super) fn max_paths_per_invocation(
     gpu: &Gpu,
     scene: &SceneFeatures,
@@ -51,30 +48,26 @@ pub(super) fn max_paths_per_invocation(
     }
 }
 
-/// The number of cores over which software Vulkan distributes a dispatch. It is determined once, since the
-/// system reads it from files.
+/// The number of cores over which software Vulkan distributes a dispatch. The system reads it from files, so it is determined only once.
 fn cores() -> u32 {
     static CORES: OnceLock<u32> = OnceLock::new();
     *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, NonZero::get) as u32)
 }
 
-/// Counts the dispatches of one tracer, and limits their size.
 #[derive(Default)]
 pub(super) struct Dispatches {
     count: u32,
 }
 
 impl Dispatches {
-    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and differs from the last 65,534
-    /// marks.
+    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and differs from the last 65,534 marks.
     pub(super) fn mark(&mut self) -> u32 {
         self.count = self.count % 0xffff + 1;
         self.count << 16
     }
 
-    /// The most paths of one dispatch, of `total` paths, where each path has `stride` slots of 16 bytes and
-    /// each invocation traces up to `per_invocation` paths. On a processor all cores get the same number of
-    /// workgroups, if there is at least one for each.
+    /// The most paths of one dispatch, of `total` paths. Each path has `stride` slots of 16 bytes, and each invocation traces up to
+    /// `per_invocation` paths. On a processor, all cores get the same number of workgroups, if there is at least one for each.
     pub(super) fn capacity(&self, gpu: &Gpu, stride: u64, per_invocation: u32, total: u64) -> u32 {
         let target = if gpu.shares_memory { RECORD_BYTES_IN_CACHE } else { RECORD_BYTES };
         let bytes = target.min(gpu.summary.max_storage_binding).min(gpu.summary.max_buffer);
@@ -84,7 +77,6 @@ impl Dispatches {
     }
 }
 
-/// The parameters that decide, together with the kernel and its scene, how long a path takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PathWork {
     max_bounces: u32,
@@ -100,28 +92,26 @@ impl PathWork {
     }
 }
 
-/// Sizes the dispatches of one kernel: from the measured time of a dispatch follows the number of paths of
-/// the next one. A tracer keeps the sizer between traces, so that only the first trace has to find the size.
+/// Sizes the dispatches of one kernel: the measured time of a dispatch determines the number of paths of the next one. A tracer keeps
+/// the sizer between traces, so that only the first trace has to find the size.
 #[derive(Debug, Default)]
 pub(super) struct DispatchSizer {
-    /// Target number of paths; `None` before the first dispatch. That one compiles the pipeline, so that its
-    /// time says nothing.
+    /// Target number of paths; `None` before the first dispatch, whose time says nothing because it compiles the pipeline.
     target: Option<u32>,
     work: Option<PathWork>,
-    /// The driver stopped invocations with several paths, so that each invocation traces one.
+    /// Whether each invocation traces one path, because the driver stopped invocations with several.
     one_path_each: bool,
 }
 
 impl DispatchSizer {
-    /// Paths of the dispatch that compiles the pipeline.
+    /// Number of paths of the dispatch that compiles the pipeline.
     const COLD: u32 = 64;
-    /// Paths of the first dispatch whose time is a measure.
+    /// Number of paths of the first dispatch whose time counts.
     const FIRST: u32 = 4096;
-    /// The largest factor by which one measurement increases the size, since the next paths may take longer.
+    /// The largest factor by which one measurement increases the size. It is limited because the next paths may take longer.
     const GROWTH: f64 = 16.0;
 
-    /// Prepares for a trace of such paths. Where they differ from the paths of the last trace, the size starts
-    /// anew.
+    /// Prepares for a trace of such paths. If they differ from the paths of the last trace, the search for the size starts again.
     pub(super) fn begin(&mut self, work: PathWork) {
         if self.work.replace(work) != Some(work) {
             self.one_path_each = false;
@@ -129,37 +119,32 @@ impl DispatchSizer {
         }
     }
 
-    /// Number of paths of the next dispatch, at most `most`.
     pub(super) fn paths(&self, most: u32) -> u32 {
         self.target.unwrap_or(Self::COLD).min(most)
     }
 
-    /// Number of paths that each invocation of a dispatch of `paths` traces, at most `most`. Each core gets
-    /// four workgroups, so that all cores end at about the same time.
+    /// Number of paths per invocation of a dispatch of `paths`, at most `most`. Each core gets four workgroups, so that all end together.
     pub(super) fn paths_per_invocation(&self, paths: u32, most: u32) -> u32 {
         paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_path_each { 1 } else { most })
     }
 
-    /// Records that the driver stopped invocations with several paths.
     pub(super) fn one_path_each(&mut self) {
         self.one_path_each = true;
     }
 
-    /// The most dispatches that should be in flight. As soon as their size has been measured there are two,
-    /// so that the device does not wait for the host.
+    /// The most dispatches that should be in flight: two once their size has been measured, so that the device does not wait for the host.
     pub(super) fn max_in_flight(&self) -> usize {
         if self.target.is_some() { 2 } else { 1 }
     }
 
-    /// Adapts the size after a dispatch of `paths` paths took `elapsed`.
     pub(super) fn adapt(&mut self, paths: u32, elapsed: Duration) {
         let Some(target) = self.target else {
             self.target = Some(Self::FIRST);
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // A dispatch smaller than the target (the last one of a trace, or one at the capacity) is mostly
-        // overhead: it only shows whether the target is too large.
+        // A dispatch smaller than the target (a trace's last one, or one at the capacity) is mostly overhead. It only shows whether
+        // the target is too large.
         if paths < target && factor >= 1.0 {
             return;
         }
@@ -171,13 +156,13 @@ impl DispatchSizer {
 /// The number of loop iterations after which software Vulkan ends an invocation without an error.
 const MAX_ITERATIONS: usize = 65_535;
 
-/// The least number of triangles in one place that may be the reason: a path of several bounces meets the place several times.
+/// The least number of triangles in one place that may be the reason. A path of several bounces meets the place several times.
 const PILE: usize = MAX_ITERATIONS / 16;
 
-/// How many cells as wide as the difference of two places the scene's diagonal has.
+/// The scene's diagonal divided by the smallest difference between two places.
 const CELLS: f32 = 1000.0;
 
-/// The error about light paths that never finished. It tells the reason as far as the scene shows it: triangles piled up in one place.
+/// The error for light paths that never finished. It names the reason if the scene shows it: triangles piled up in one place.
 pub(super) fn unfinished_paths(unfinished: u64, total: u64, scene: &GpuScene) -> Error {
     let (pile, size) = highest(&scene.pairs_in_order);
     let size = size * scene.unit.metres;
@@ -192,7 +177,7 @@ pub(super) fn unfinished_paths(unfinished: u64, total: u64, scene: &GpuScene) ->
     Error::UnfinishedPaths { unfinished, total, help }
 }
 
-/// The largest number of triangles whose boxes are equal but for a thousandth of the scene's size, and the diagonal of that box.
+/// The largest number of triangles whose boxes are equal up to a thousandth of the scene's size, and the diagonal of that box.
 fn highest(pairs: &[Pair]) -> (usize, f64) {
     let all = pairs.iter().map(Pair::extent).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
     let cell = all.map_or(1.0, |[low, high]| low.distance(high) / CELLS).max(f32::MIN_POSITIVE);

@@ -12,8 +12,7 @@ use crate::scene::bvh::Bvh;
 use crate::scene::place::Distances;
 use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
-/// The most triangles of a scene that is traced without a search tree: visiting a node costs as much as
-/// testing several triangles.
+/// The most triangles of a scene that is traced without a search tree. Visiting a node costs as much as testing several triangles.
 const FEW_TRIANGLES: usize = 8;
 
 /// A scene on the device. The first seven members are bindings 1 to 7 of group 0, in this order.
@@ -27,19 +26,13 @@ pub(super) struct GpuScene {
     pub(super) srgb_table: wgpu::Buffer,
     /// The triangles in the camera's frame, in the order of the tree's leaves.
     pub(super) pairs_in_order: Vec<Pair>,
-    /// The unit of their coordinates.
     pub(super) unit: Unit,
-    /// Whether any surface emits light.
     pub(super) ambient: bool,
-    /// The features that a kernel for these surfaces needs.
     pub(super) features: SceneFeatures,
 }
 
 impl GpuScene {
-    /// Builds the search tree, and moves the scene to the device.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`] where the scene does not fit.
+    /// Builds the search tree and moves the scene to the device. Fails with [`crate::Error::Device`] where the scene does not fit.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let unit = Unit::of(scene);
         let frame = CameraFrame::of(&scene.camera, unit);
@@ -57,7 +50,7 @@ impl GpuScene {
         if spread_out <= gpu.summary.max_texture_side as usize {
             features.small_tree = true;
             nodes = spread::<5, 8>(&nodes);
-            // At most the device's limit, which has 32 bits.
+            // The value is at most the device's limit, which has 32 bits.
             row = spread_out as u32;
         }
 
@@ -77,14 +70,12 @@ impl GpuScene {
     }
 }
 
-/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first
-/// texel of a record.
+/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first texel of a record.
 fn spread<const FROM: usize, const TO: usize>(texels: &[[u32; 4]]) -> Vec<[u32; 4]> {
     let records = texels.as_chunks::<FROM>().0.iter();
     records.flat_map(|record| (0..TO).map(|at| record.get(at).copied().unwrap_or_default())).collect()
 }
 
-/// The features that the surfaces of a scene need.
 fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     let mirrors = |m: &Material| {
         (m.metallic > 0.0 || m.specular > 0.0 || m.transmission > 0.0) && m.may_be_smoother_than(MIN_ALPHA)
@@ -93,7 +84,7 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
         m.metallic == 0.0 && m.specular == 0.0 && !m.lets_light_through() && m.alpha_mode == AlphaMode::Opaque
     };
     let transmits = scene.materials.iter().any(Material::lets_light_through);
-    // A turned normal or a medium makes microfacets of any rough surface. A texture only makes it smoother.
+    // A rough surface has microfacets if its normal is turned or it borders on a medium. A texture only makes it smoother.
     let facets = |m: &Material| m.roughness * m.roughness >= MIN_ALPHA && (corners || transmits || !matte(m));
     SceneFeatures {
         // Normals at the corners turn even a Lambertian surface's shading normal.
@@ -109,8 +100,8 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     }
 }
 
-/// The camera's frame: the camera at the origin, looking along −z, with coordinates in units. The change of frame is computed in `f64`, so
-/// that it does not round twice.
+/// The camera's frame, in units: the camera is at the origin and looks along −z. The change of frame is computed in `f64` and so rounds
+/// only once.
 struct CameraFrame {
     rotation: DMat3,
     origin: DVec3,
@@ -133,8 +124,8 @@ impl CameraFrame {
     }
 }
 
-/// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are
-/// white, and its normals are the plane's, to the precision of 16-bit coordinates.
+/// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are white, and its normals equal the
+/// plane's, to the precision of 16-bit coordinates.
 fn is_plain(triangle: &Triangle) -> bool {
     // Single precision cannot hold the square of a small area.
     let [a, b, c] = triangle.positions.map(|corner| corner.as_dvec3());
@@ -143,8 +134,7 @@ fn is_plain(triangle: &Triangle) -> bool {
     triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
 }
 
-/// The texels of all pairs, as `shaders/shared/pairs.wgsl` reads them, and the texels of their corner
-/// attributes, for those pairs that have any.
+/// The texels of all pairs, as `shaders/shared/pairs.wgsl` reads them, and the texels of the corner attributes of pairs that have any.
 fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
     let textured: Vec<bool> =
         scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
@@ -153,11 +143,10 @@ fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 
     for pair in pairs {
         let triangles: Vec<Triangle> =
             pair.triangles().map(|(rotated, _)| rotated.of(&scene.triangles)).collect();
-        // Both triangles of a pair have the same.
+        // Both triangles of a pair have the same values.
         let Triangle { material, region, .. } = triangles[0];
         let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);
-        // There are six texels for each triangle. The size limit of the array is far below u32::MAX, and is
-        // checked when it is made.
+        // There are six texels for each triangle. The size limit of the array is far below u32::MAX, and is checked when the array is made.
         let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
         if needs_corners {
             corners.extend(triangles.iter().flat_map(|triangle| pack_corners(triangle, frame)).flatten());
@@ -187,23 +176,21 @@ fn pack_corners(triangle: &Triangle, frame: &CameraFrame) -> [[[u32; 4]; 2]; 3] 
     })
 }
 
-/// The share of what the camera sees within whose distance the unit is.
+/// The unit follows from the distance within which this share of the camera's view lies.
 const NEAR: f64 = 0.25;
 
 /// The unit of length of the tracer, a power of two of metres.
 ///
-/// Offsets of rays, products of lengths and hidden thresholds suit distances of about 1. Therefore all geometry on the device is in units of the
-/// power of two of the distance within which a quarter of the surfaces lies, as the camera sees them. Far surfaces are offset by their own
-/// coordinates, so that they bear a small unit, and near ones would not bear a large one. Photos of a scene that is `2^k` times as large have the
-/// same bits, times `2^-2k`.
+/// Offsets of rays, products of lengths and hidden thresholds suit distances of about 1. Therefore all geometry on the device is in a unit
+/// that suits the scene. A quarter of the surfaces, as the camera sees them, lies within some distance, and the unit is the power of two of
+/// that distance. Far surfaces are offset by their own coordinates, so a small unit does not harm them; a large unit would harm near ones.
+/// Photos of a scene that is `2^k` times as large have the same bits, times `2^-2k`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Unit {
-    /// The length of the unit in metres.
     pub(super) metres: f64,
 }
 
 impl Unit {
-    /// The unit for a scene.
     pub(super) fn of(scene: &Scene) -> Self {
         let camera = scene.camera.position.as_dvec3();
         let mut distances = Distances::new();
@@ -211,24 +198,22 @@ impl Unit {
             let corners = triangle.positions.map(|corner| corner.as_dvec3() - camera);
             let [a, b, c] = corners;
             let (area, middle) = (0.5 * (b - a).cross(c - a).length(), (a + b + c) / 3.0);
-            // The solid angle, without the slope: at most that of the sphere.
+            // The solid angle without the slope is at most that of the whole sphere.
             let angle = (area / middle.length_squared()).min(4.0 * std::f64::consts::PI);
             corners.iter().for_each(|corner| distances.add(corner.length(), angle));
         }
         Self { metres: 2_f64.powi(distances.power(NEAR)) }
     }
 
-    /// A length in units, from metres.
     pub(super) fn length(self, metres: f32) -> f32 {
         (f64::from(metres) / self.metres) as f32
     }
 
-    /// A vector in units, from metres.
     pub(super) fn vector(self, metres: DVec3) -> Vec3 {
         (metres / self.metres).as_vec3()
     }
 
-    /// Radiance in W/(m² sr), from that in W/(unit² sr).
+    /// Converts radiance from W/(unit² sr) to W/(m² sr).
     pub(super) fn radiance(self) -> f32 {
         self.metres.powi(-2) as f32
     }

@@ -8,8 +8,7 @@ use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, ShaderStages};
 use crate::error::Result;
 use crate::gpu::{Gpu, shader};
 
-/// A compiled kernel. Bind group 0 holds parameters and scene; group 1 holds the results, the photon map and
-/// the light buffer.
+/// A compiled kernel. Bind group 0 holds parameters and scene; group 1 holds the results, the photon map and the light buffer.
 pub(super) struct Pipeline {
     pub(super) pipeline: wgpu::ComputePipeline,
     pub(super) scene_layout: wgpu::BindGroupLayout,
@@ -17,8 +16,7 @@ pub(super) struct Pipeline {
 }
 
 impl Pipeline {
-    /// Composes and compiles the shader `name` for a scene and rig with these features. Its entry point has
-    /// the same name.
+    /// Composes and compiles the shader `name` for a scene and rig with these features. The entry point has the same name.
     pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
         let kernel = shader::kernel(name, &features.constants())?;
         gpu.guarded(name, || {
@@ -64,7 +62,6 @@ impl Pipeline {
     }
 }
 
-/// The photon map of an endpoint's specular chains, as the shaders read it.
 #[derive(Clone)]
 pub(super) struct PhotonBuffers {
     pub(super) photons: wgpu::TextureView,
@@ -78,7 +75,6 @@ pub(super) const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
     view_dimension: wgpu::TextureViewDimension::D2,
 };
 
-/// A storage buffer.
 fn storage(read_only: bool) -> BindingType {
     BindingType::Buffer {
         ty: BufferBindingType::Storage { read_only },
@@ -87,8 +83,7 @@ fn storage(read_only: bool) -> BindingType {
     }
 }
 
-/// The layout with these bindings. It is explicit, because an automatic layout omits the bindings that a
-/// kernel does not use.
+/// The layout with these bindings. It is explicit, because an automatic layout omits bindings that a kernel does not use.
 fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = (0..)
         .zip(types)
@@ -103,26 +98,22 @@ fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::Bin
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-/// The values of the overrides of `shaders/shared/features.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Features {
     pub(super) scene: SceneFeatures,
-    /// The scene emits light, and the paths record it.
+    /// Whether the scene emits light, which the paths then record.
     pub(super) ambient: bool,
     /// The camera or the projector has an aperture.
     pub(super) lenses: bool,
     /// Camera and projector are one pinhole.
     pub(super) coaxial_pinhole: bool,
-    /// Paths may end by Russian roulette.
     pub(super) roulette: bool,
-    /// Texels in a row of the light buffer, where rays from and to the pinhole use it
-    /// ([`crate::render::light_buffer`]); else 0.
+    /// Texels in a row of the light buffer, if rays from and to the pinhole use it ([`crate::render::light_buffer`]); otherwise 0.
     pub(super) light_buffer_side: u32,
-    /// One invocation traces several paths, one after the other.
+    /// Whether one invocation traces several paths, one after the other.
     pub(super) several_paths: bool,
 }
 
-/// The features that the scene's surfaces decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct SceneFeatures {
     /// Every surface is plain Lambertian.
@@ -131,7 +122,6 @@ pub(super) struct SceneFeatures {
     pub(super) corners: bool,
     /// Some surfaces are rough, and neither plain Lambertian nor smooth.
     pub(super) facets: bool,
-    /// Some surfaces transmit light.
     pub(super) transmits: bool,
     /// Some surfaces reflect or refract into single directions.
     pub(super) chains: bool,
@@ -139,15 +129,13 @@ pub(super) struct SceneFeatures {
     pub(super) passable: bool,
     /// Some surfaces border on a medium.
     pub(super) media: bool,
-    /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for
-    /// a node's index.
+    /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for a node's index.
     pub(super) small_tree: bool,
-    /// The number of pairs of triangles, where rays test each of them; 0 where rays traverse the search tree.
+    /// The number of pairs of triangles, if rays test each of them; 0 if rays traverse the search tree.
     pub(super) few_pairs: u32,
 }
 
 impl Features {
-    /// The values by the names of the shader's overrides.
     fn constants(&self) -> [(&'static str, f64); 15] {
         let SceneFeatures {
             matte,

@@ -1,4 +1,4 @@
-//! The launch of one strategy: its kernel is bound, dispatches are submitted, awaited in their order, and handed on as batches.
+//! The launch of one strategy: its kernel is bound, dispatches are submitted and awaited in order, and their results become batches.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -19,53 +19,48 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::{Readback, Results};
 
-/// A compiled kernel, and the sizer of its dispatches.
 pub(super) struct SizedKernel {
     pub(super) pipeline: Pipeline,
     pub(super) sizer: DispatchSizer,
 }
 
-/// A dispatch in flight: the device has it, and its results have not been read yet.
+/// A dispatch that the device has, and whose results have not been read yet.
 struct InFlight {
-    /// Index of its output.
     output: usize,
     readback: Readback,
     start: Instant,
     first_path: u64,
     parameters: Parameters,
-    /// Its contributions are being sorted and summed.
+    /// The state of sorting and summing its contributions, if that is done.
     merge: Option<MergeInFlight>,
 }
 
-/// The host sums dispatches as well, until one of at least this many paths agrees with the device's sums. So many paths fill more than one block of
-/// the device's kernels.
+/// The host also sums dispatches until a dispatch of at least this many paths agrees with the device. Such a dispatch fills more than one
+/// block of the device's kernels.
 const CHECKED_PATHS: u32 = 2048;
 
-/// One strategy while its paths are traced.
 pub(super) struct StrategyRun<'a> {
     gpu: &'a Gpu,
     scene: &'a GpuScene,
     strategy: &'a Strategy,
     kernel: &'a mut SizedKernel,
     dispatches: &'a mut Dispatches,
-    /// One for each dispatch that may be in flight.
     outputs: Vec<Output>,
-    /// The device sorts and sums contributions: one for each output.
+    /// One for each output, if the device sorts and sums contributions.
     merges: Vec<DeviceMerge>,
     merging: Option<MergeSession<'a>>,
     staging: Vec<StagingBuffers>,
-    /// The most paths of one dispatch.
     capacity: u32,
-    /// The oldest first.
+    /// The dispatches in flight, oldest first.
     in_flight: VecDeque<InFlight>,
     /// The numbers of the paths that are not launched yet.
     left: Range<u64>,
-    /// When the dispatch before the oldest one was done.
+    /// The time when the dispatch before the oldest one was done.
     idle_since: Instant,
 }
 
 impl<'a> StrategyRun<'a> {
-    /// Prepares buffers and bindings for the paths of these numbers. The buffers of `staging` that are large enough are used again.
+    /// Prepares buffers and bindings for the paths with these numbers. Buffers of `staging` that are large enough are used again.
     pub(super) fn new(
         gpu: &'a Gpu,
         scene: &'a GpuScene,
@@ -80,10 +75,9 @@ impl<'a> StrategyRun<'a> {
         let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, total);
         let bytes = record_bytes(&strategy.parameters, capacity);
         kernel.sizer.begin(PathWork::of(&strategy.parameters));
-        // While the host reads the records of one dispatch, the device writes the records of the next one to a
-        // second buffer. Where the device is the processor itself, one buffer is faster: the host then has
-        // all cores while it reads. A dispatch in flight would keep them busy: the driver gives each core an
-        // equal part of it, and all would wait for the core that the host uses, too.
+        // While the host reads the records of one dispatch, the device writes the records of the next one to a second buffer. If the device
+        // is the processor itself, one buffer is faster, because the host then has all cores while it reads. A dispatch in flight would
+        // keep them busy: the driver gives each core an equal part of it, and all would wait for the core that the host also uses.
         let wanted = if gpu.shares_memory { 1 } else { 2 };
         staging.retain(|buffers| buffers.bytes() >= bytes);
         staging.truncate(wanted);
@@ -100,7 +94,7 @@ impl<'a> StrategyRun<'a> {
             let of = (&strategy.layout, strategy.parameters.end.pixels());
             let merge =
                 |buffers: &StagingBuffers| DeviceMerge::new(gpu, merging, of, capacity, buffers.buffer());
-            // If the device lacks the room for it, the host sorts and sums.
+            // If the device lacks the room, the host sorts and sums.
             let made: Result<Option<Vec<DeviceMerge>>> = staging.iter().map(merge).collect();
             merges = made.ok().flatten().unwrap_or_default();
         }
@@ -126,22 +120,20 @@ impl<'a> StrategyRun<'a> {
         })
     }
 
-    /// Whether paths are left to be launched, and the device should have one more dispatch.
+    /// Whether paths are left to be launched, and the device can take one more dispatch.
     pub(super) fn can_launch(&self) -> bool {
         let most = self.kernel.sizer.max_in_flight().min(self.outputs.len());
         !self.left.is_empty() && self.in_flight.len() < most
     }
 
-    /// Launches the next dispatch.
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
         let Self { strategy, left, kernel: SizedKernel { pipeline, sizer }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
         let merging = self.merging.as_ref().filter(|merging| !*merging.is_lost);
-        // Not more than the capacity, which has 32 bits.
+        // At most the capacity, which has 32 bits.
         let first_path = left.start;
         let mut paths = u64::from(sizer.paths(self.capacity));
         if merging.is_some() {
-            // All paths of each pixel.
             paths = (paths / samples * samples).max(samples);
         }
         let paths = paths.min(left.end - first_path) as u32;
@@ -155,7 +147,7 @@ impl<'a> StrategyRun<'a> {
         };
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
-        // The host reads only the heads of the records of merged paths, and ambient light, which is at their end.
+        // For merged paths, the host reads only the heads of the records, and ambient light, which is at their end.
         let needs_all = merging.is_none_or(|merging| !*merging.is_checked) || strategy.layout.ambient;
         let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
         let merge = merging.map(|merging| (&self.merges[output], merging.request, &strategy.layout));
@@ -168,12 +160,9 @@ impl<'a> StrategyRun<'a> {
         Ok(())
     }
 
-    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`.
-    /// Returns `false` where no dispatch is in flight.
-    ///
-    /// # Errors
-    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) where the driver dropped paths; [`Device`](crate::Error::Device) where it failed; and
-    /// errors of `visit`.
+    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`. Returns `false` if there is
+    /// none. Fails with [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver dropped paths, with
+    /// [`Device`](crate::Error::Device) if it failed, or as `visit` does.
     pub(super) fn finish_oldest(
         &mut self,
         summary: &mut TraceSummary,
@@ -191,8 +180,7 @@ impl<'a> StrategyRun<'a> {
         };
         let (mut unfinished, mut rays) = counted(&view, parameters.mark);
         if unfinished > 0 && parameters.paths_per_invocation > 1 {
-            // The invocations looped more often than the driver allows: trace the paths again, one for each
-            // invocation.
+            // The invocations looped more often than the driver allows, so the paths are traced again with one path per invocation.
             self.kernel.sizer.one_path_each();
             parameters = Parameters { paths_per_invocation: 1, mark: self.dispatches.mark(), ..parameters };
             drop(view);
@@ -200,7 +188,7 @@ impl<'a> StrategyRun<'a> {
             let bytes = record_bytes(&parameters, parameters.paths);
             view = output.run(self.gpu, &self.kernel.pipeline, &parameters, bytes)?;
             (unfinished, rays) = counted(&view, parameters.mark);
-            // The host sums what was traced again.
+            // The host sums paths that were traced again.
             if let Some(merge) = merge.take() {
                 drop(self.merges[index].wait(self.gpu, merge)?);
                 self.merges[index].release();
@@ -210,7 +198,7 @@ impl<'a> StrategyRun<'a> {
             return Err(unfinished_paths(unfinished, paths as u64, self.scene));
         }
         let merged = merge.map(|merge| self.merges[index].wait(self.gpu, merge)).transpose()?;
-        // A dispatch that waited for the one before it began when that was done.
+        // A dispatch that waited for an earlier one began when the earlier one was done.
         let elapsed = start.max(self.idle_since).elapsed();
         self.idle_since = Instant::now();
         let records = bytemuck::cast_slice(&view);
@@ -242,13 +230,11 @@ impl<'a> StrategyRun<'a> {
         Ok(true)
     }
 
-    /// The staging buffers, for the next trace.
     pub(super) fn into_staging(self) -> Vec<StagingBuffers> {
         self.staging
     }
 }
 
-/// Bytes of the records of this number of paths.
 fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
     u64::from(paths) * u64::from(parameters.stride) * 16
 }
@@ -261,7 +247,6 @@ pub(super) struct StagingBuffers {
 }
 
 impl StagingBuffers {
-    /// Room for `bytes` of results.
     pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
         let results = Results::new(gpu, "path records", bytes)?;
         let uniform_bytes = size_of::<Parameters>() as u64;
@@ -270,19 +255,16 @@ impl StagingBuffers {
         Ok(Self { parameters, results })
     }
 
-    /// The buffer of the results.
     pub(super) fn buffer(&self) -> &wgpu::Buffer {
         &self.results.buffer
     }
 
-    /// The room for results, in bytes.
     pub(super) fn bytes(&self) -> u64 {
         self.results.buffer.size()
     }
 }
 
-/// The bindings of a kernel: its staging buffers, and everything that it reads. It serves one dispatch at a
-/// time.
+/// The bindings of a kernel: its staging buffers and all its inputs. It serves one dispatch at a time.
 pub(super) struct Output {
     staging: StagingBuffers,
     scene_group: wgpu::BindGroup,
@@ -290,7 +272,6 @@ pub(super) struct Output {
 }
 
 impl Output {
-    /// Binds `scene`, the photon map `chains`, the light buffer and `staging` to `kernel`.
     pub(super) fn new(
         gpu: &Gpu,
         kernel: &Pipeline,
@@ -329,8 +310,8 @@ impl Output {
         })
     }
 
-    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each
-    /// invocation, and requests the first `bytes` of its results. With `merge`, their contributions become terms.
+    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each invocation, and requests the first
+    /// `bytes` of its results. With `merge`, their contributions become terms.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
@@ -356,13 +337,11 @@ impl Output {
         Ok((self.staging.results.request(bytes, submission.clone()), submission))
     }
 
-    /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call
-    /// [`Output::release`] before the next launch.
+    /// Waits for a dispatch of this output, and returns its results. Drop the view and call [`Output::release`] before the next launch.
     pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
         self.staging.results.wait(gpu, in_flight)
     }
 
-    /// Launches a dispatch and waits for it.
     pub(super) fn run(
         &self,
         gpu: &Gpu,
@@ -374,13 +353,12 @@ impl Output {
         self.wait(gpu, readback)
     }
 
-    /// Makes the results writable again for the device, after their view has been dropped.
+    /// Makes the results writable for the device again, after their view has been dropped.
     pub(super) fn release(&self) {
         self.staging.results.release();
     }
 }
 
-/// The resources as bindings 0, 1, and so on.
 fn bind_group<const N: usize>(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,

@@ -1,13 +1,11 @@
-//! The light buffer: which pairs of triangles the pinhole that camera and projector share can see, as lists
-//! over a raster of the image plane.
+//! The light buffer lists the pairs of triangles that are visible from the pinhole that camera and projector share. The lists belong to the
+//! texels of a raster of the image plane.
 //!
-//! The list of a texel holds the pairs of all triangles that a ray between the pinhole and a point behind
-//! that texel could meet, up to the nearest triangle that covers the whole texel: nothing behind that one is
-//! visible or lit. The lists are conservative, with margins far above rounding errors, so that a ray finds
-//! exactly the same hit as with the search tree.
+//! The list of a texel holds the pairs of all triangles that a ray between the pinhole and a point behind that texel could meet, up to the
+//! nearest triangle that covers the whole texel. Nothing behind that triangle is visible or lit. The lists are conservative, with margins
+//! far above rounding errors, so that a ray finds exactly the same hit as with the search tree.
 //!
-//! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986),
-//! doi:10.1109/MCG.1986.276832.
+//! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986), doi:10.1109/MCG.1986.276832.
 
 use std::collections::HashMap;
 
@@ -18,34 +16,33 @@ use super::pairs::Pair;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// Marks a word of the raster that is the index of a list, and each word of a list but its last. It is
+/// This bit marks a word of the raster that is the index of a list, and each word of a list except the last. It is
 /// `LIST_CONTINUES` in `shaders/shared/light_buffer.wgsl`.
 const LIST_CONTINUES: u32 = 1 << 31;
 /// Margin around a texel, in texels: rays within it count as rays through the texel.
 const MARGIN: f64 = 1.0 / 32.0;
-/// Relative margin of depths: a triangle that lies behind another one by less is not hidden.
+/// Relative margin of depths. A triangle that lies behind another one by less is not hidden.
 const DEPTH_MARGIN: f64 = 1e-4;
 
-/// The most texels of all triangles together for which lists are made: a few seconds. Scenes with more have thousands of triangles behind each
-/// other, and a search tree serves them better than such long lists.
+/// Lists are made if all triangles together touch at most this number of texels, which takes a few seconds. Scenes with more have thousands
+/// of triangles behind each other, and a search tree serves them better than such long lists.
 const MAX_TOUCHED: usize = 1 << 26;
 
-/// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond
-/// the field of view. A fine raster has short lists; a coarse one stays in the cache.
+/// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond the field of view. A fine raster
+/// has short lists; a coarse one stays in the cache.
 pub(super) fn light_buffer_side(pairs: usize) -> u32 {
-    // Measured on software Vulkan: see guide/src/right/speed.md.
+    // Measurements on software Vulkan: guide/src/right/speed.md.
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
 }
 
-/// The light buffers of one scene on the device, by field of view.
 #[derive(Default)]
 pub(super) struct LightBuffers {
     made: HashMap<[u32; 2], Option<wgpu::TextureView>>,
 }
 
 impl LightBuffers {
-    /// The light buffer for half the extent `tangent` of the image plane at distance 1. It is made when it is
-    /// first needed. `None` for a scene whose lists would be too long.
+    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made at its first use. `None` if lists would be too
+    /// long.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
@@ -69,9 +66,9 @@ pub(super) fn no_light_buffer(gpu: &Gpu) -> Result<wgpu::TextureView> {
     gpu.texel_array("empty light buffer", &[])
 }
 
-/// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the
-/// pinhole's frame, which looks along −z, and in the order of the search tree's leaves. `tangent` is half the
-/// extent of the image plane at distance 1. `None` where triangles touch more than `most` texels in all.
+/// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the pinhole's frame, which looks along −z,
+/// and in the order of the search tree's leaves. `tangent` is half the extent of the image plane at distance 1. `None` if triangles touch
+/// more than `most` texels in total.
 fn lists(pairs: &[Pair], tangent: [f32; 2], most: usize) -> Option<Vec<[u32; 4]>> {
     let mut raster = Raster::new(pairs, tangent);
     for (index, pair) in (0..).zip(pairs) {
@@ -85,26 +82,22 @@ fn lists(pairs: &[Pair], tangent: [f32; 2], most: usize) -> Option<Vec<[u32; 4]>
     Some(raster.pack(pairs.len()))
 }
 
-/// A triangle that touches a texel.
 struct Entry {
     texel: u32,
     pair: u32,
-    /// An upper bound of 1 over its depth there.
+    /// An upper bound of 1 over the triangle's depth in the texel.
     nearest: f32,
 }
 
-/// The raster while triangles are added.
 struct Raster {
-    /// Texels in a row.
     side: usize,
     /// Texels per unit of the image plane.
     scale: DVec2,
-    /// Depth of the near plane.
     near: f64,
     /// A triangle that comes closer to the pinhole than this may be visible in any texel.
     around: f64,
     entries: Vec<Entry>,
-    /// The texels that triangles have touched so far, each counted once for every triangle.
+    /// The number of texels that triangles have touched so far. A texel counts once for every triangle.
     touched: usize,
     /// Pairs that belong to the lists of all texels.
     everywhere: Vec<u32>,
@@ -113,7 +106,6 @@ struct Raster {
 }
 
 impl Raster {
-    /// The empty raster for a scene.
     fn new(pairs: &[Pair], tangent: [f32; 2]) -> Self {
         let corners = pairs.iter().flat_map(|pair| pair.corners);
         let extent = corners.map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
@@ -132,7 +124,6 @@ impl Raster {
         }
     }
 
-    /// Adds a triangle of pair `pair`.
     fn add(&mut self, pair: u32, corners: &[DVec3; 3]) {
         if corners.iter().all(|corner| corner.z > -self.near) {
             if self.touches_the_pinhole(corners) {
@@ -149,8 +140,7 @@ impl Raster {
         self.cover(pair, &seen);
     }
 
-    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its
-    /// plane and its bounding box.
+    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its plane and its bounding box.
     fn touches_the_pinhole(&self, [a, b, c]: &[DVec3; 3]) -> bool {
         let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
         let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -159,7 +149,6 @@ impl Raster {
         boxed && normal.dot(*a).abs() <= self.around
     }
 
-    /// The image of a point on the raster.
     fn project(&self, point: DVec3) -> Corner {
         let inverse = -1.0 / point.z;
         let image = DVec2::new(point.x, point.y) * inverse;
@@ -199,8 +188,7 @@ impl Raster {
         }
     }
 
-    /// The words of all lists, without hidden triangles. Each list has its nearest pair first, and each of
-    /// the scene's `pairs` pairs once.
+    /// The words of all lists, without hidden triangles. Each list starts with its nearest pair and contains each pair at most once.
     fn pack(mut self, pairs: usize) -> Vec<[u32; 4]> {
         self.entries.retain(|entry| entry.nearest >= self.covers[entry.texel as usize]);
         self.entries.sort_unstable_by(|a, b| {
@@ -226,7 +214,7 @@ impl Raster {
                 [] => LIST_CONTINUES,
                 [only] => only,
                 [ref others @ .., last] => {
-                    // The size limit of the texture is far below 2³¹ words, and is checked when it is made.
+                    // The size limit of the texture is far below 2³¹ words, and is checked when the texture is made.
                     let begin = words.len() as u32;
                     words.extend(others.iter().map(|pair| pair | LIST_CONTINUES));
                     words.push(last);
@@ -239,8 +227,7 @@ impl Raster {
     }
 }
 
-/// The texels along one axis that an interval touches, with the margin; `None` where it lies outside the
-/// raster.
+/// The texels along one axis that an interval touches, with the margin; `None` if it lies outside the raster.
 fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<usize>> {
     let (low, high) = (low - MARGIN, high + MARGIN);
     if !(low < side as f64 && high >= 0.0) {
@@ -249,12 +236,10 @@ fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<u
     Some(low.max(0.0) as usize..=(high as usize).min(side - 1))
 }
 
-/// A corner of a polygon on the raster.
 #[derive(Clone, Copy)]
 struct Corner {
-    /// Position in texels.
     at: DVec2,
-    /// 1 over its depth, which is linear over the image of a plane.
+    /// 1 over the depth of the corner, which is linear over the image of a plane.
     inverse: f64,
 }
 
@@ -274,8 +259,7 @@ fn clip(corners: &[DVec3; 3], near: f64) -> Vec<DVec3> {
     kept
 }
 
-/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` where it does not reach
-/// that band.
+/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` if it does not reach that band.
 fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<(f64, f64)> {
     let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut reach = |x: f64| {
@@ -321,8 +305,7 @@ struct InverseDepth {
 }
 
 impl InverseDepth {
-    /// The function through the corners of a polygon. A polygon that is seen edge-on gets an infinite
-    /// gradient: it covers no texel, and is nowhere nearer than its corners.
+    /// The function through the corners of a polygon. If it is seen edge-on, its gradient is infinite and it covers no texel.
     fn through(polygon: &[Corner]) -> Option<Self> {
         let first = polygon.first()?;
         let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };
@@ -337,8 +320,7 @@ impl InverseDepth {
             }
         }
         if largest < 1e-9 || !best.gradient.is_finite() {
-            // The polygon is seen nearly edge-on, and its gradient has no meaning. Everywhere its nearest
-            // corner counts.
+            // The polygon is seen nearly edge-on, and its gradient has no meaning. Its nearest corner counts everywhere.
             best.gradient = DVec2::splat(f64::INFINITY);
         }
         Some(best)

@@ -8,8 +8,7 @@ use crate::scene::{AlphaMode, Material, Scene, TextureRef, Wrap};
 /// A surface with a smaller microfacet width `α` counts as smooth.
 pub const MIN_ALPHA: f32 = 1e-3;
 
-/// The index that stands for no pixel, triangle, region, and so on; `NONE` in
-/// `shaders/shared/parameters.wgsl`.
+/// The index that stands for the absence of a pixel, triangle, region, and so on; `NONE` in `shaders/shared/parameters.wgsl`.
 pub(super) const NONE: u32 = u32::MAX;
 
 const DOUBLE_SIDED: u32 = 1;
@@ -17,8 +16,7 @@ const LETS_LIGHT_THROUGH: u32 = 2;
 const BLEND: u32 = 4;
 const MASK: u32 = 8;
 
-/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, loads from
-/// storage textures are far cheaper than loads from buffers.
+/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, textures load far faster than buffers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct GpuMaterial {
@@ -43,14 +41,12 @@ struct GpuMaterial {
 }
 
 impl GpuMaterial {
-    /// A material whose textures are `begin..end` of the list.
     fn new(material: &Material, [begin, end]: [u32; 2]) -> Self {
-        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ =
-        // factor. The shader applies the minimum and the factor, since both colour and factor may have a
-        // texture.
+        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor. The shader applies
+        // the minimum and the factor, because both colour and factor may have a texture.
         let normal_incidence = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
         let through = material.lets_light_through();
-        // Light does not enter an opaque surface, so that it has no medium.
+        // Light does not enter an opaque surface, so it has no medium.
         let volume = material.volume.filter(|_| through);
         let (mode, cutoff) = match material.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),
@@ -70,7 +66,7 @@ impl GpuMaterial {
             absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
             transmission: material.transmission,
             cutoff,
-            // In glTF an index of 0 means a Fresnel term of 1: no light enters, and none is refracted.
+            // In glTF, an index of 0 means a Fresnel term of 1: light does not enter and is not refracted.
             ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
             normal_scale: material.normal_scale,
             padding: 0,
@@ -99,8 +95,7 @@ pub(super) fn pack_materials(scene: &Scene, unit: Unit) -> (Vec<[u32; 4]>, Vec<G
     (bytemuck::cast_slice(&materials).to_vec(), textures)
 }
 
-/// The factor of the material that a texture multiplies. The numbers are defined in
-/// `shaders/shared/texture.wgsl`.
+/// The factor of the material that a texture multiplies. `shaders/shared/texture.wgsl` defines the numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum TextureRole {
     BaseColor,
@@ -115,7 +110,6 @@ pub(super) enum TextureRole {
 }
 
 impl TextureRole {
-    /// Whether RGB is sRGB-encoded.
     fn is_color(self) -> bool {
         matches!(
             self,
@@ -139,7 +133,6 @@ pub(super) struct GpuTexture {
 }
 
 impl GpuTexture {
-    /// All textures of one material.
     pub(super) fn of(scene: &Scene, material: &Material) -> Vec<Self> {
         [
             (&material.base_color_texture, TextureRole::BaseColor),
@@ -157,7 +150,6 @@ impl GpuTexture {
         .collect()
     }
 
-    /// One use of a texture.
     pub(super) fn new(scene: &Scene, reference: &TextureRef, role: TextureRole) -> Self {
         let texture = &scene.textures[reference.texture as usize];
         let wrap = texture.wrap.map(|wrap| match wrap {
@@ -169,7 +161,7 @@ impl GpuTexture {
         let offset = reference.transform.translation;
         Self {
             u: Vec3::new(x.x, y.x, offset.x),
-            // The texture array's size limit is far below u32::MAX texels, and is checked when it is made.
+            // The texture array's size limit is far below u32::MAX texels, and is checked when the array is made.
             first_texel: first_texel(scene, reference.texture) as u32,
             v: Vec3::new(x.y, y.y, offset.y),
             width: texture.width,
@@ -185,12 +177,11 @@ impl GpuTexture {
     }
 }
 
-/// The index of a texture's first texel in the array of [`pack_texels`].
 fn first_texel(scene: &Scene, texture: u32) -> usize {
     scene.textures[..texture as usize].iter().map(|texture| texture.texels.len()).sum()
 }
 
-/// The texels of all textures, one texture after the other, with four texels in each element.
+/// The texels of all textures, one texture after the other. Each element holds four texels.
 pub(super) fn pack_texels(scene: &Scene) -> Vec<[u32; 4]> {
     let total: usize = scene.textures.iter().map(|texture| texture.texels.len()).sum();
     let mut packed = vec![[0; 4]; total.div_ceil(4)];
@@ -212,9 +203,8 @@ pub(super) fn srgb_table() -> Vec<f32> {
     (0..256).map(|byte| decode(byte) as f32).collect()
 }
 
-/// A direction in 32 bits: octahedral coordinates (Cigolla et al., "A Survey of Efficient Representations for
-/// Independent Unit Vectors", JCGT 3(2), 2014), 16 bits each. The zero vector, for a corner without a normal,
-/// has its own word.
+/// A direction in 32 bits: octahedral coordinates (Cigolla et al., "A Survey of Efficient Representations for Independent Unit Vectors",
+/// JCGT 3(2), 2014), 16 bits each. The zero vector, for a corner without a normal, has its own word.
 pub(super) fn pack_normal(normal: Vec3) -> u32 {
     let sum = normal.abs().element_sum();
     if sum.is_nan() || sum <= 0.0 {

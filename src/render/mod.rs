@@ -1,6 +1,4 @@
-//! The path tracer: it traces the light paths of a scene, as connections between camera pixels and projector
-//! pixels.
-//!
+//! The path tracer finds a scene's light paths, as connections between camera pixels and projector pixels.
 #![doc = include_str!("../../guide/src/right/operator.md")]
 
 mod batch;
@@ -30,14 +28,12 @@ pub use tracer::Tracer;
 pub use crate::gpu::AdapterSummary;
 
 /// All graphics adapters of this machine that can trace. The list may be empty.
-///
-/// # Errors
-/// [`crate::Error::Device`] where `ulimit -v` leaves no room for a driver.
+/// Fails with [`crate::Error::Device`] where `ulimit -v` leaves no room for a driver.
 pub fn adapters() -> crate::Result<Vec<AdapterSummary>> {
     crate::gpu::device::adapters()
 }
 
-/// The error for a machine without any adapter. It says what to install.
+/// The error for a machine without any adapter. It says which packages to install.
 pub fn no_adapter() -> crate::Error {
     crate::gpu::device::no_adapter()
 }

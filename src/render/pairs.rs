@@ -1,34 +1,31 @@
-//! Pairs of triangles that share an edge. A ray tests both triangles of a pair at once, with four corners
-//! instead of six.
+//! Pairs of triangles that share an edge. A ray tests both at once, with four corners instead of six.
 //!
-//! Embree and ray tracing hardware have quadrilaterals for the same purpose, which they take from the mesh.
-//! Here any two neighbouring triangles can become a pair.
+//! Embree and ray tracing hardware take quadrilaterals from the mesh for the same purpose. Here any two
+//! neighbouring triangles can become a pair.
 
 use glam::{DVec3, Vec3};
 
 use super::materials::NONE;
 use crate::scene::Triangle;
 
-/// The sine of the angle between the line of light_buffer and a triangle's plane below which the pinhole sees the
-/// triangle edge-on: then rounding decides which side it sees.
+/// The pinhole sees a triangle edge-on if the sine of the angle between the line of sight and the triangle's
+/// plane is below this value. Rounding then decides which side it sees.
 const EDGE_ON: f64 = 1e-4;
 
-/// The largest surface of a box around a pair, relative to the sum of the surfaces of both triangles' boxes.
-/// The halves of a parallelogram have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 %
-/// longer.
+/// The largest surface of a box around a pair, relative to the sum of the surfaces of both triangles' boxes. The
+/// halves of a parallelogram have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 % longer.
 const CLOSE: f64 = 0.75;
 
-/// One or two triangles of one material and region.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// The first triangle has corners 0, 1, 2, the second one corners 0, 2, 3. A single triangle has corner 3
-    /// equal to corner 0: its second triangle has no area, and no ray meets it.
+    /// The first triangle has corners 0, 1, 2, the second one corners 0, 2, 3. In a single triangle, corner 3
+    /// equals corner 0; its second triangle has no area, and no ray meets it.
     pub(super) corners: [Vec3; 4],
     first: Rotated,
     second: Option<Rotated>,
 }
 
-/// A triangle of the scene with its corners rotated: `by` is the corner that comes first.
+/// A triangle of the scene with its corners rotated. Corner `by` comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Rotated {
     pub(super) index: usize,
@@ -36,7 +33,6 @@ pub(super) struct Rotated {
 }
 
 impl Pair {
-    /// A single triangle.
     pub(super) fn alone(index: usize, [a, b, c]: [Vec3; 3]) -> Self {
         Self { corners: [a, b, c, a], first: Rotated { index, by: 0 }, second: None }
     }
@@ -46,20 +42,18 @@ impl Pair {
         (index, corners, edge): (usize, [Vec3; 3], usize),
         (other, others, other_edge): (usize, [Vec3; 3], usize),
     ) -> Self {
-        // The edge runs from corner 2 to corner 0 of the first, from corner 0 to corner 1 of the second.
+        // The edge runs from corner 2 to corner 0 of the first triangle, and from 0 to 1 of the second.
         let (first, second) =
             (Rotated { index, by: (edge + 1) % 3 }, Rotated { index: other, by: other_edge });
         let ([a, b, c], [_, _, d]) = (first.corners(corners), second.corners(others));
         Self { corners: [a, b, c, d], first, second: Some(second) }
     }
 
-    /// The triangles of the pair, and their corners.
     pub(super) fn triangles(&self) -> impl Iterator<Item = (Rotated, [Vec3; 3])> {
         let [a, b, c, d] = self.corners;
         [Some((self.first, [a, b, c])), self.second.map(|second| (second, [a, c, d]))].into_iter().flatten()
     }
 
-    /// The bounding box: the least and the greatest coordinates.
     pub(super) fn extent(&self) -> [Vec3; 2] {
         let [a, b, c, d] = self.corners;
         [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))]
@@ -67,12 +61,10 @@ impl Pair {
 }
 
 impl Rotated {
-    /// Three values, one for each corner, in the rotated order.
     fn corners<T: Copy>(self, [a, b, c]: [T; 3]) -> [T; 3] {
         [[a, b, c], [b, c, a], [c, a, b]][self.by]
     }
 
-    /// The triangle with its corners in the rotated order.
     pub(super) fn of(self, triangles: &[Triangle]) -> Triangle {
         let triangle = triangles[self.index];
         Triangle {
@@ -87,9 +79,9 @@ impl Rotated {
 
 /// Pairs up the triangles of a scene. `corners` are their corners in the pinhole's frame.
 ///
-/// Each triangle is paired with the free neighbour with which its common bounding box is smallest, if that
-/// box is small relative to the boxes of both. The pinhole has to see both triangles from the same side: then
-/// neither hides the other from it.
+/// Each triangle is paired with the free neighbour that gives the smallest common bounding box, if that box is
+/// small relative to both boxes. The pinhole has to see both triangles from the same side, so that neither hides
+/// the other.
 pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair> {
     let neighbours = neighbours(corners);
     let equal = |a: usize, b: usize| {
@@ -129,22 +121,20 @@ pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair
     pairs
 }
 
-/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 where it sees the triangle
-/// edge-on.
+/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 if it sees the triangle edge-on.
 fn seen_from(corners: &[Vec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let sine = a.normalize_or_zero().dot((b - a).cross(c - a).normalize_or_zero());
     if sine.abs() < EDGE_ON { 0.0 } else { sine.signum() }
 }
 
-/// Half the surface area of a box.
 fn half_area([low, high]: [Vec3; 2]) -> f64 {
     let DVec3 { x, y, z } = (high - low).as_dvec3();
     x * y + y * z + z * x
 }
 
-/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. Edge 3 ·
-/// triangle + corner runs from this corner to the next corner of the triangle.
+/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. The edge of index
+/// `3 · triangle + corner` runs from this corner to the next corner of the triangle.
 fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     let ends = |edge: u32| {
         let (corners, from) = (corners[edge as usize / 3], edge as usize % 3);
@@ -171,11 +161,11 @@ fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     neighbours
 }
 
-/// A hash of the bits of a point. Its only purpose is to sort equal edges next to each other.
+/// A hash of the bits of a point. It only serves to sort equal edges next to each other.
 fn hash(point: Vec3) -> u64 {
     let word = |value: f32| u64::from(value.to_bits());
-    // Odd multipliers of linear congruential generators (Steele and Vigna 2021); then the upper half is
-    // folded into the lower one.
+    // The odd multipliers come from linear congruential generators (Steele and Vigna 2021). The upper half is
+    // then folded into the lower one.
     let mixed = (word(point.x).wrapping_mul(0xd134_2543_de82_ef95))
         .wrapping_add(word(point.y))
         .wrapping_mul(0xaf25_1af3_b0f0_25b5)

@@ -1,12 +1,9 @@
-//! The photon map of an endpoint's specular chains: which of its pixels see a surface point through mirrors
-//! and glass.
+//! The photon map of an endpoint's specular chains. It tells which pixels of the endpoint see a surface point through mirrors and glass.
 //!
-//! A path that is specular at both ends (camera → mirror → wall → wall → mirror → projector) cannot be
-//! sampled by connecting surface points to an endpoint. Therefore the chains of the far endpoint are traced
-//! once, from its pixels to the first surfaces that scatter, and their ends are stored as photons. A path
-//! gathers the photons within a radius around its own points. This is a density estimate (Jensen, "Global
-//! Illumination using Photon Maps", EGWR 1996); its bias depends on how much transport changes within the
-//! radius.
+//! A path that is specular at both ends (camera → mirror → wall → wall → mirror → projector) cannot be sampled by connecting surface points
+//! to an endpoint. Therefore the chains of the far endpoint are traced once, from its pixels to the first surfaces that scatter, and their
+//! ends are stored as photons. A path gathers the photons within a radius around its own points. This is a density estimate (Jensen,
+//! "Global Illumination using Photon Maps", EGWR 1996). Its bias depends on how much transport changes within the radius.
 
 use rayon::prelude::*;
 
@@ -19,29 +16,25 @@ use super::materials::NONE;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// The most surfaces of a chain: their number has four bits.
+/// The most surfaces of a chain, because their number has four bits.
 const MAX_CHAIN: u32 = 15;
 
-/// The photon map of one endpoint, on the device.
 #[derive(Clone)]
 pub(super) struct PhotonMap {
     pub(super) buffers: PhotonBuffers,
     /// Number of buckets minus 1; 0 without photons.
     pub(super) bucket_mask: u32,
-    /// Number of photons.
     pub(super) photons: u32,
-    /// Radius of gathering, in units of length.
     pub(super) radius: f32,
 }
 
-/// How densely specular chains are sampled, and the radius within which their photons are gathered.
+/// The density with which specular chains are sampled, and the radius within which their photons are gathered.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Gather {
     /// Number of chains traced from each pixel.
     pub photons: u32,
-    /// Radius of the density estimate, relative to that of a disc with the area of a pixel's footprint
-    /// through its chain, in the median over all photons. A smaller radius reduces the bias and increases the
-    /// variance.
+    /// Radius of the density estimate. Its unit is the median, over all photons, of the radius of a disc with the area of a pixel's
+    /// footprint through its chain. A smaller radius reduces the bias and increases the variance.
     pub radius: f32,
 }
 
@@ -51,12 +44,10 @@ impl Default for Gather {
     }
 }
 
-/// Everything that the photon map of a given scene depends on.
 pub(super) struct ChainRequest {
     pub(super) features: Features,
     pub(super) endpoint: GpuEndpoint,
     pub(super) gather: Gather,
-    /// The parameters of the paths that gather: number of bounces, seed and so on.
     pub(super) base: Parameters,
 }
 
@@ -68,7 +59,6 @@ impl PartialEq for ChainRequest {
 }
 
 impl PhotonMap {
-    /// A map without photons.
     pub(super) fn empty(gpu: &Gpu) -> Result<Self> {
         let buffers = PhotonBuffers {
             photons: gpu.texel_array("photons", &[])?,
@@ -77,10 +67,8 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: 0, photons: 0, radius: 1.0 })
     }
 
-    /// Traces the chains of `request` and sorts their photons.
-    ///
-    /// # Errors
-    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) where the driver dropped paths; [`Device`](crate::Error::Device) where it failed.
+    /// Traces the chains of `request` and sorts their photons. Fails with [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver
+    /// dropped paths, and with [`Device`](crate::Error::Device) if it failed.
     pub(super) fn trace(
         gpu: &Gpu,
         scene: &GpuScene,
@@ -88,7 +76,7 @@ impl PhotonMap {
         dispatches: &mut Dispatches,
     ) -> Result<Self> {
         let ChainRequest { features, endpoint, gather, base } = *request;
-        // At least the first and the last of a path's surfaces that scatter do not belong to this chain.
+        // At least the first and the last scattering surface of a path do not belong to this chain.
         let chain = base.max_bounces.saturating_sub(2).min(MAX_CHAIN);
         if chain == 0 || gather.photons == 0 {
             return Self::empty(gpu);
@@ -112,7 +100,7 @@ impl PhotonMap {
                 first_sample: (done % u64::from(gather.photons)) as u32,
                 paths,
                 samples: gather.photons,
-                // Random numbers independent of the numbers of the gathering paths.
+                // The random numbers are independent of those of the gathering paths.
                 seed: base.seed ^ 0x5eed_f00d,
                 mark: dispatches.mark(),
                 scale: (endpoint.image_area() / total as f64) as f32,
@@ -140,7 +128,7 @@ impl PhotonMap {
         }
         let bytes = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer);
         let each = size_of::<Photon>() as u64;
-        // The photons of one bucket are there twice.
+        // The photons of one bucket are stored twice.
         let room = (bytes / each).min(gpu.texel_bytes() / each - MAX_BUCKET as u64);
         let photons = fitting(photons, room as usize);
         let pixel_area = endpoint.image_area() / endpoint.pixels() as f64;
@@ -148,7 +136,6 @@ impl PhotonMap {
         Self::sort(gpu, photons, radius)
     }
 
-    /// Moves photons to the device, sorted into a grid.
     fn sort(gpu: &Gpu, photons: Vec<Photon>, radius: f32) -> Result<Self> {
         let Grid { mask, start, photons } = Grid::new(photons, inverse_cell(radius));
         let buffers = PhotonBuffers {
@@ -158,14 +145,13 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: mask, photons: photons.len() as u32, radius })
     }
 
-    /// 1 over the width of a grid cell.
     pub(super) fn inverse_cell(&self) -> f32 {
         inverse_cell(self.radius)
     }
 }
 
-/// The photons in the order in which the shader reads them: the first texels of all, by which it finds those
-/// that are near; then the three other texels of each.
+/// The photons in the order in which the shader reads them. The first texels of all photons come first, because the shader finds near
+/// photons by them. The three other texels of each photon follow.
 fn texels(photons: &[Photon]) -> Vec<[u32; 4]> {
     let mut texels = Vec::with_capacity(4 * photons.len());
     texels.extend(photons.iter().map(|photon| photon[0]));
@@ -173,8 +159,7 @@ fn texels(photons: &[Photon]) -> Vec<[u32; 4]> {
     texels
 }
 
-/// An even selection of at most `room` photons, the most that fit the device. Their power is increased, so
-/// that the total power stays the same.
+/// An even selection of at most `room` photons, the most that fit the device. Their power is increased to keep the total power.
 fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
     let step = photons.len().div_ceil(room.max(1)).max(1);
     if step == 1 {
@@ -190,8 +175,7 @@ fn inverse_cell(radius: f32) -> f32 {
     0.5 / radius
 }
 
-/// The radius of a disc with the area of a pixel's footprint through its chain, in the median over the
-/// photons.
+/// The median over the photons of the radius of a disc with the area of a pixel's footprint through its chain.
 fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
     let mut densities: Vec<f32> = photons.iter().map(|photon| f32::from_bits(photon[1][0])).collect();
     let middle = densities.len() / 2;
@@ -199,17 +183,16 @@ fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
     (pixel_area / f64::from(median) / std::f64::consts::PI).sqrt() as f32
 }
 
-/// Maps kept at a time: a rig with a separate projector needs one for each endpoint.
+/// The number of maps that are kept. A rig with a separate projector needs one for each endpoint.
 const CAPACITY: usize = 2;
 
-/// The photon maps of one scene that were traced last, on the device; the newest is the last.
+/// The photon maps of one scene that were traced last, on the device. The newest is the last.
 #[derive(Default)]
 pub(super) struct ChainCache {
     maps: Vec<(ChainRequest, PhotonMap)>,
 }
 
 impl ChainCache {
-    /// The map for `request`: from the cache, or by [`PhotonMap::trace`].
     pub(super) fn map(
         &mut self,
         gpu: &Gpu,
@@ -232,11 +215,11 @@ impl ChainCache {
 /// A photon as `trace_photons` records it: four texels, which `shaders/shared/photons.wgsl` describes.
 pub(super) type Photon = [[u32; 4]; 4];
 
-/// The most photons in one bucket, so that no invocation loops longer than the driver allows. In fuller
-/// buckets an even selection of photons is kept, and their power is increased accordingly.
+/// The most photons in one bucket, so that no invocation loops longer than the driver allows. Fuller buckets keep an even selection of
+/// photons, whose power is increased accordingly.
 const MAX_BUCKET: usize = 512;
 
-/// Photons in the buckets of a hash grid: the photons of a cell lie side by side, and so do the photons of two neighbouring cells along x.
+/// Photons in the buckets of a hash grid. The photons of a cell lie side by side, and so do the photons of two neighbouring cells along x.
 struct Grid {
     /// Number of buckets, a power of two, minus 1.
     mask: u32,
@@ -246,7 +229,6 @@ struct Grid {
 }
 
 impl Grid {
-    /// Sorts `photons` by the buckets of their cells.
     fn new(photons: Vec<Photon>, inverse_cell: f32) -> Self {
         let buckets = photons.len().next_power_of_two().max(2);
         let mask = buckets as u32 - 1;
@@ -254,7 +236,7 @@ impl Grid {
             .into_par_iter()
             .map(|photon| (hash(cell(&photon, inverse_cell)) & mask, photon))
             .collect();
-        // The sort is stable: photons of one bucket stay in the order of their paths.
+        // The sort is stable, so that photons of one bucket stay in the order of their paths.
         keyed.par_sort_by_key(|&(bucket, _)| bucket);
         let mut start = Vec::with_capacity(buckets + 2);
         let mut photons: Vec<Photon> = Vec::with_capacity(keyed.len());
@@ -266,22 +248,19 @@ impl Grid {
             }
         }
         start.push(photons.len() as u32);
-        // The first bucket comes once more behind the last one, so that the photons of two neighbouring cells
-        // along x always lie side by side.
+        // The first bucket is repeated behind the last one, so that the photons of two neighbouring cells along x always lie side by side.
         photons.extend_from_within(..start[1] as usize);
         start.push(photons.len() as u32);
         Self { mask, start, photons }
     }
 }
 
-/// Appends an even selection of at most [`MAX_BUCKET`] photons of a bucket, with the total power of all.
 fn thin(run: &[(u32, Photon)], sorted: &mut Vec<Photon>) {
     let kept = run.len().min(MAX_BUCKET);
     let share = run.len() as f32 / kept as f32;
     sorted.extend((0..kept).map(|index| brightened(run[index * run.len() / kept].1, share)));
 }
 
-/// The photon with its power multiplied by `share`.
 fn brightened(mut photon: Photon, share: f32) -> Photon {
     for power in &mut photon[1][1..] {
         *power = (f32::from_bits(*power) * share).to_bits();
@@ -289,12 +268,11 @@ fn brightened(mut photon: Photon, share: f32) -> Photon {
     photon
 }
 
-/// The grid cell of a photon's position.
 fn cell(photon: &Photon, inverse_cell: f32) -> [i32; 3] {
     [1, 2, 3].map(|axis| (f32::from_bits(photon[0][axis]) * inverse_cell).floor() as i32)
 }
 
-/// The hash of a grid cell, as `photon_hash` in `shaders/shared/photons.wgsl`.
+/// The hash of a grid cell; `photon_hash` in `shaders/shared/photons.wgsl`.
 pub(super) fn hash(cell: [i32; 3]) -> u32 {
     let [x, y, z] = cell.map(i32::cast_unsigned);
     let mixed = (y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791)).wrapping_mul(0x9e37_79b1);

@@ -7,8 +7,7 @@ use super::photons::Gather;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that
-/// proves a path finished.
+/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that proves a path finished.
 pub const MAX_BOUNCES: u32 = 64;
 
 /// The settings of a trace.
@@ -16,7 +15,7 @@ pub const MAX_BOUNCES: u32 = 64;
 pub struct TraceSettings {
     /// Pixels of the camera, and of a projector whose resolution is not given.
     pub resolution: Resolution,
-    /// Pixels of the projector; `None` for as many as the camera has.
+    /// Pixels of the projector; `None` for the same number as the camera has.
     pub projector: Option<Resolution>,
     /// Light paths per camera pixel, at least 1.
     pub samples: u32,
@@ -26,8 +25,7 @@ pub struct TraceSettings {
     pub seed: u32,
     /// The kind of random numbers.
     pub sampler: Sampler,
-    /// Ends dim paths at random (Russian roulette). At six bounces this costs more variance than it saves
-    /// time.
+    /// Whether dim paths end at random (Russian roulette). At six bounces this costs more variance than it saves time.
     pub russian_roulette: bool,
     /// Sampling of the specular chains, in scenes that have any.
     pub gather: Gather,
@@ -48,10 +46,7 @@ impl TraceSettings {
         }
     }
 
-    /// Checks the limits of the settings.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option of the command line.
+    /// Checks the limits of the settings. Fails with [`Error::Option`] naming the option of the command line.
     pub fn check(&self) -> Result<()> {
         check_size("--size", self.resolution)?;
         if let Some(projector) = self.projector {
@@ -94,14 +89,12 @@ fn check_size(option: &str, size: Resolution) -> Result<()> {
     Ok(())
 }
 
-/// The kind of random numbers that decide the light paths. Either kind is a hash of pixel, sample, vertex and
-/// seed. So any path can be traced on its own, and the two halves of a pixel's samples ([`crate::render::Run::half`])
-/// are independent of each other.
+/// The kind of random numbers that decide the light paths. Either kind is a hash of pixel, sample, vertex and seed. Any path can therefore
+/// be traced alone, and the two halves of a pixel's samples ([`crate::render::Run::half`]) are independent of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampler {
-    /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in
-    /// pairs of numbers.
+    /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in pairs of numbers.
     #[default]
     Sobol,
     /// Independent numbers, the baseline for comparisons.
@@ -109,7 +102,6 @@ pub enum Sampler {
 }
 
 impl Sampler {
-    /// The constant of `shaders/shared/parameters.wgsl`.
     pub(super) fn word(self) -> u32 {
         match self {
             Self::Sobol => 0,
@@ -118,8 +110,7 @@ impl Sampler {
     }
 }
 
-/// Consecutive pixels of each endpoint of the rig that light paths start from. In a coaxial rig all paths start from the camera, and the range
-/// of the projector is empty.
+/// Consecutive pixels of each endpoint of the rig that light paths start from. In a coaxial rig, the range of the projector is empty.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct StartPixels {
     /// Pixels of the camera.
@@ -134,15 +125,14 @@ impl StartPixels {
         self.camera.is_empty() && self.projector.is_empty()
     }
 
-    /// These pixels cut into `parts` ranges of each endpoint, whose lengths differ by one pixel at most. The parts are in the order of the pixels,
-    /// and cover each pixel once; some are empty where there are fewer pixels than parts.
+    /// Cuts these pixels into `parts` ranges of each endpoint, whose lengths differ by at most one pixel. The parts are in the order of the
+    /// pixels and cover each pixel once. Some are empty if there are fewer pixels than parts.
     pub fn split(&self, parts: usize) -> Vec<Self> {
         let [camera, projector] = [&self.camera, &self.projector].map(|pixels| cut(pixels, parts));
         camera.into_iter().zip(projector).map(|(camera, projector)| Self { camera, projector }).collect()
     }
 }
 
-/// A range cut into `parts` ranges of about equal length.
 fn cut(pixels: &Range<usize>, parts: usize) -> Vec<Range<usize>> {
     let at = |part: usize| pixels.start + (pixels.len() as u128 * part as u128 / parts as u128) as usize;
     (0..parts).map(|part| at(part)..at(part + 1)).collect()
@@ -153,22 +143,21 @@ fn cut(pixels: &Range<usize>, parts: usize) -> Vec<Range<usize>> {
 pub struct TraceSummary {
     /// Light paths traced.
     pub paths: u64,
-    /// Rays traced for them: to the next surface, and to the other endpoint.
+    /// Rays traced for these paths: to the next surface, and to the other endpoint.
     pub rays: u64,
     /// Number of dispatches.
     pub dispatches: u32,
-    /// Number of those whose contributions the device sorted and summed.
+    /// Number of dispatches whose contributions the device sorted and summed.
     pub merged: u32,
-    /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for
-    /// another one starts when that one was done. The host may notice the end of a dispatch late, while it
-    /// reads the records of another one.
+    /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for another one starts when the other
+    /// one was done. The host may notice the end of a dispatch late, while it reads the records of another one.
     pub longest: Duration,
     /// The sum of these times over all dispatches.
     pub tracing: Duration,
 }
 
 impl TraceSummary {
-    /// Adds the cost of a trace that ran at the same time in another process: its paths, rays and dispatches; the time is that of the longer one.
+    /// Adds the cost of a trace that ran at the same time in another process: its paths, rays and dispatches. The longer time counts.
     pub(crate) fn add_parallel(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;

@@ -16,15 +16,12 @@ use crate::gpu::Gpu;
 use crate::image::Resolution;
 use crate::scene::{Camera, Scene};
 
-/// One sampling strategy: the paths that start at one endpoint of the rig, with everything that their kernel
-/// needs.
+/// One sampling strategy: the paths that start at one endpoint of the rig, and all inputs of their kernel.
 pub(super) struct Strategy {
     /// The parameters of its dispatches; each dispatch sets which paths it traces.
     pub(super) parameters: Parameters,
     pub(super) features: Features,
-    /// The most paths of one invocation.
     pub(super) max_paths_per_invocation: u32,
-    /// The photon map of the other endpoint's specular chains.
     pub(super) chains: PhotonMap,
     /// The light buffer of the shared pinhole, or a placeholder where no ray uses it.
     pub(super) light_buffer: wgpu::TextureView,
@@ -32,13 +29,12 @@ pub(super) struct Strategy {
 }
 
 impl Strategy {
-    /// Number of its paths.
     #[cfg(test)]
     pub(super) fn paths(&self) -> u64 {
         self.parameters.start.pixels() * u64::from(self.parameters.samples)
     }
 
-    /// The numbers of its paths that start from these pixels.
+    /// The numbers of the strategy's paths that start from these pixels.
     pub(super) fn paths_from(&self, pixels: &StartPixels) -> Range<u64> {
         let samples = u64::from(self.parameters.samples);
         let own = if self.layout.from_camera { &pixels.camera } else { &pixels.projector };
@@ -46,7 +42,6 @@ impl Strategy {
     }
 }
 
-/// Makes strategies from the parts of a tracer.
 pub(super) struct StrategyBuilder<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) scene: &'a GpuScene,
@@ -71,8 +66,7 @@ impl StrategyBuilder<'_> {
         ])
     }
 
-    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are
-    /// the path samples per pixel of either endpoint.
+    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are the path samples per pixel.
     pub(super) fn strategy(
         &mut self,
         settings: &TraceSettings,
@@ -83,8 +77,7 @@ impl StrategyBuilder<'_> {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        // If light may pass straight through a surface, a ray needs all its hits in order, which the light
-        // buffer does not give.
+        // If light may pass straight through a surface, a ray needs all its hits in order, and the light buffer does not give them.
         let lists = if coaxial_pinhole && !self.scene.features.passable {
             self.light_buffers.lists(self.gpu, self.scene, start.tangent)?
         } else {
@@ -138,8 +131,7 @@ impl StrategyBuilder<'_> {
     }
 }
 
-/// The parameters of a strategy's dispatches, without the values of its photon map. The arguments are those of
-/// [`StrategyBuilder::strategy`].
+/// The parameters of a strategy's dispatches, without its photon map. The arguments are those of [`StrategyBuilder::strategy`].
 fn parameters(
     settings: &TraceSettings,
     [start, end]: [GpuEndpoint; 2],
@@ -177,8 +169,7 @@ fn parameters(
     }
 }
 
-/// Camera and projector, the endpoints of light paths, in the camera's frame: the lens centre of the camera is the origin, and the camera looks
-/// along −z.
+/// Camera and projector, the endpoints of light paths, in the camera's frame: the camera is at the origin and looks along −z.
 pub(super) struct Endpoints {
     camera: Camera,
     projector: Option<Camera>,
@@ -191,23 +182,20 @@ impl Endpoints {
         Self { camera: scene.camera.clone(), projector: scene.projector.clone(), unit }
     }
 
-    /// Whether camera and projector share one lens and one image plane, so that transport is symmetric.
     pub(super) fn coaxial(&self, settings: &TraceSettings) -> bool {
         self.projector.is_none()
             && settings.projector.is_none_or(|resolution| resolution == settings.resolution)
     }
 
-    /// Whether they share a pinhole, so that light can return along its own path.
+    /// Whether camera and projector share a pinhole, so that light can return along its own path.
     pub(super) fn coaxial_pinhole(&self, settings: &TraceSettings) -> bool {
         self.coaxial(settings) && self.camera.lens.radius == 0.0
     }
 
-    /// The camera as an endpoint.
     pub(super) fn camera(&self, settings: &TraceSettings) -> GpuEndpoint {
         self.endpoint(&self.camera, settings.resolution)
     }
 
-    /// The projector as an endpoint.
     pub(super) fn projector(&self, settings: &TraceSettings) -> GpuEndpoint {
         let resolution = settings.projector.unwrap_or(settings.resolution);
         self.endpoint(self.projector.as_ref().unwrap_or(&self.camera), resolution)
@@ -216,7 +204,7 @@ impl Endpoints {
     fn endpoint(&self, endpoint: &Camera, resolution: Resolution) -> GpuEndpoint {
         let to_camera = axes(&self.camera).transpose();
         let [right, up, back] = if *endpoint == self.camera {
-            // Exact axes, without rounding.
+            // The axes are exact, without rounding.
             [Vec3::X, Vec3::Y, Vec3::Z]
         } else {
             let turned = to_camera * axes(endpoint);
@@ -239,13 +227,11 @@ impl Endpoints {
     }
 }
 
-/// The rotation from the endpoint's frame to the world.
 fn axes(endpoint: &Camera) -> DMat3 {
     DMat3::from_cols(endpoint.right.as_dvec3(), endpoint.up.as_dvec3(), -endpoint.forward.as_dvec3())
 }
 
 impl GpuEndpoint {
-    /// Number of pixels.
     pub(super) fn pixels(&self) -> u64 {
         u64::from(self.resolution[0]) * u64::from(self.resolution[1])
     }

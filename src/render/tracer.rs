@@ -28,14 +28,11 @@ pub struct Tracer {
     gpu: Gpu,
     scene: GpuScene,
     rig: Endpoints,
-    /// The kernels compiled so far.
     kernels: HashMap<Features, SizedKernel>,
     dispatches: Dispatches,
     light_buffers: LightBuffers,
     chains: ChainCache,
-    /// Whether the device sorts and sums contributions.
     trust: Trust,
-    /// Staging buffers of the last trace, for the next one.
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
     /// The scene in the other processes of a team, which trace parts of it.
@@ -43,28 +40,19 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to
-    /// it.
-    ///
-    /// # Errors
-    /// [`Error::NoAdapter`] without a Vulkan driver; [`Error::Device`] when the scene does not fit.
+    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to it. Fails with
+    /// [`Error::NoAdapter`] without a Vulkan driver, and with [`Error::Device`] when the scene does not fit.
     pub fn new(scene: &Scene, adapter: Option<&str>) -> Result<Self> {
         Self::open_turn(scene, adapter, 0)
     }
 
-    /// The same as [`Tracer::new`]. Where a machine has several adapters that are equal to the one that would be opened, `turn` goes round among them.
-    ///
-    /// # Errors
-    /// The errors of [`Tracer::new`].
+    /// The same as [`Tracer::new`], errors included. Among adapters equal to the one that would be opened, `turn` selects one.
     pub fn open_turn(scene: &Scene, adapter: Option<&str>, turn: usize) -> Result<Self> {
         Self::on(Gpu::open(adapter, turn)?, scene)
     }
 
-    /// The same as [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being
-    /// opened.
-    ///
-    /// # Errors
-    /// Errors of `load`; else as [`Tracer::new`].
+    /// The same as [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being opened. Fails as
+    /// `load` or [`Tracer::new`] does.
     pub fn open<E: From<Error>>(
         adapter: Option<&str>,
         load: impl FnOnce() -> std::result::Result<Scene, E>,
@@ -102,35 +90,31 @@ impl Tracer {
         })
     }
 
-    /// From now on kernels are compiled with the help of `kept`, which an earlier process got of [`Tracer::compiled_kernels`] for the same adapter.
-    /// Kernels of another device, driver or version are ignored. To be called before anything is traced.
+    /// Compiles kernels from now on with the help of `kept`, which an earlier process got from [`Tracer::compiled_kernels`] for the same
+    /// adapter. Kernels of another device, driver or version are ignored. Call it before anything is traced.
     pub fn restore_kernels(&mut self, kept: Option<&[u8]>) {
         self.gpu.restore_compiled(kept);
     }
 
-    /// The kernels that were compiled since [`Tracer::restore_kernels`] and before, for later processes. `None` where there are no new ones, or
-    /// where the driver gives none out: software Vulkan keeps them on disk itself.
+    /// All compiled kernels, including those of [`Tracer::restore_kernels`], for later processes. `None` if there are no new ones, or if
+    /// the driver gives none out; software Vulkan keeps them on disk itself.
     pub fn compiled_kernels(&self) -> Option<Vec<u8>> {
         self.gpu.compiled.as_ref()?.data()
     }
 
-    /// Notes that the other processes of a team have the scene as well.
     pub(crate) fn share(&mut self, remote: Remote) {
         self.remote = Some(Arc::new(remote));
     }
 
-    /// The scene in the other processes of a team, if they have it.
     pub(crate) fn remote(&self) -> Option<&Arc<Remote>> {
         self.remote.as_ref()
     }
 
-    /// The observer of every trace.
     pub(crate) fn observer(&self) -> Arc<dyn Observer + Send + Sync> {
         Arc::clone(&self.observer)
     }
 
-    /// Lets `observer` watch every trace from now on, and stop it. The observer that a new tracer has, `()`,
-    /// does nothing.
+    /// Lets `observer` watch every trace from now on, and stop it. The observer of a new tracer, `()`, does nothing.
     pub fn observe(&mut self, observer: Arc<dyn Observer + Send + Sync>) {
         self.observer = observer;
     }
@@ -140,7 +124,6 @@ impl Tracer {
         &self.gpu.summary
     }
 
-    /// The device, for other computations on it.
     pub(crate) fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -155,23 +138,21 @@ impl Tracer {
         settings.projector.unwrap_or(settings.resolution)
     }
 
-    /// All pixels that paths start from: the camera's, and the pixels of a projector that stands apart.
+    /// All pixels that paths start from: the camera's pixels, and the pixels of a projector that stands apart.
     pub fn start_pixels(&self, settings: &TraceSettings) -> StartPixels {
         let apart = !self.symmetric(settings);
         let projector = if apart { self.projector_resolution(settings).pixels() } else { 0 };
         StartPixels { camera: 0..settings.resolution.pixels(), projector: 0..projector }
     }
 
-    /// Traces `settings.samples` paths per camera pixel, and about the same number in all from a projector
-    /// that stands apart. It shows them to `visit` batch by batch, in path order. The sizes of the batches
-    /// depend on the speed of the machine; sums in path order do not.
+    /// Traces `settings.samples` paths per camera pixel, and about the same total number from a projector that stands apart. It shows them
+    /// to `visit` batch by batch, in path order. The sizes of the batches depend on the speed of the machine; sums in path order do not.
     ///
-    /// The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in light paths, and one
-    /// at the end.
+    /// The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in light paths, and one at the end.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] where the observer breaks, within two dispatches; [`Error::UnfinishedPaths`]
-    /// where the driver dropped paths; [`Error::Device`] where it failed; and errors of `visit`.
+    /// [`Error::Interrupted`] where the observer breaks, within two dispatches; [`Error::UnfinishedPaths`] where the driver dropped paths;
+    /// [`Error::Device`] where it failed; and errors of `visit`.
     pub fn trace(
         &mut self,
         settings: &TraceSettings,
@@ -180,10 +161,7 @@ impl Tracer {
         self.trace_from(settings, &self.start_pixels(settings), visit)
     }
 
-    /// The same as [`Tracer::trace`], for the paths that start from these pixels only.
-    ///
-    /// # Errors
-    /// The errors of [`Tracer::trace`].
+    /// The same as [`Tracer::trace`], errors included, for only the paths that start from these pixels.
     pub fn trace_from(
         &mut self,
         settings: &TraceSettings,
@@ -193,10 +171,8 @@ impl Tracer {
         self.trace_merged(settings, pixels, None, visit)
     }
 
-    /// The same as [`Tracer::trace_from`]. Where the device sorts and sums contributions, batches have terms as `request` asks for them, in place of connections.
-    ///
-    /// # Errors
-    /// The errors of [`Tracer::trace`].
+    /// The same as [`Tracer::trace_from`], errors included. If the device sorts and sums contributions, batches have the terms that
+    /// `request` asks for, in place of connections.
     pub(crate) fn trace_merged(
         &mut self,
         settings: &TraceSettings,
@@ -217,9 +193,9 @@ impl Tracer {
         Ok(summary)
     }
 
-    /// Whether the device sorts and sums contributions to a matrix, so that fewer bytes come back. By default it does unless it is the processor itself,
-    /// which would gain nothing. The sums are rounded to single precision in another order than the host's. A device that does not agree with
-    /// the host is not used for that: [`TraceSummary::merged`] tells.
+    /// Whether the device sorts and sums contributions to a matrix, so that fewer bytes come back. By default, it does unless it is the
+    /// processor itself, which would gain nothing. The sums are rounded to single precision in another order than the host's. A device that
+    /// does not agree with the host is not used for this; [`TraceSummary::merged`] shows it.
     pub fn merge_on_device(&mut self, asked: bool) {
         self.trust.asked = Some(asked);
     }
@@ -252,12 +228,12 @@ impl Tracer {
     ) -> Result<()> {
         let Self { gpu, scene, kernels, dispatches, staging, observer, trust, .. } = self;
         let merging = match request.filter(|_| trust.merges(gpu)) {
-            // A device that cannot compile these kernels leaves the work to the host.
+            // If a device cannot compile these kernels, the host does the work.
             Some(request) => trust.merging(gpu, request).ok(),
             None => None,
         };
         let kernel = kernel(gpu, kernels, &strategy.features)?;
-        // Buffers of the last trace serve again, unless that trace was interrupted: then it dropped them.
+        // Buffers of the last trace serve again. An interrupted trace has dropped them.
         let buffers = std::mem::take(staging);
         let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, (buffers, merging))?;
         loop {
@@ -276,12 +252,10 @@ impl Tracer {
     }
 }
 
-/// Tells `observer` that `done` of `total` light paths are done.
 fn step(observer: &dyn Observer, done: u64, total: u64) -> ControlFlow<()> {
     observer.step(&Step { stage: "tracing", done, total, estimate: Estimate::None })
 }
 
-/// The kernel for paths with these features, compiled at its first use.
 fn kernel<'a>(
     gpu: &Gpu,
     kernels: &'a mut HashMap<Features, SizedKernel>,
@@ -297,11 +271,8 @@ fn kernel<'a>(
 }
 
 impl Tracer {
-    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions); `None`
-    /// where it sees nothing.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`] when the device failed.
+    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions), or `None`.
+    /// Fails with [`crate::Error::Device`] when the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         settings.check()?;

@@ -7,27 +7,25 @@ use crate::analysis::similarity::similarity;
 use crate::error::Result;
 use crate::krylov::{Constraint, Status};
 
-/// Residuals that differ by less are equal: patterns and photos of numbers of single precision tell no more.
+/// Residuals that differ by less are equal, because patterns and photos are stored in single precision.
 pub(super) const ROUNDING: f64 = 1e-6;
 
-/// A projected pattern and the photos that it gives, taken or modelled; one plane per channel, without ambient light.
+/// A projected pattern and its photos, taken or modelled. Each has one plane per channel, and photos are without ambient light.
 pub(super) struct Answer<'a> {
     pub(super) target: &'a Target,
     pub(super) options: &'a CompensateOptions,
     pub(super) peak: f64,
     /// The target light from the projector.
     pub(super) b: &'a [Vec<f64>],
-    /// The pattern, inside the box.
     pub(super) pattern: Planes,
     pub(super) observed: Planes,
-    /// The photo of the target itself.
     pub(super) uncompensated: Planes,
 }
 
 impl Answer<'_> {
-    /// Completes the result with what the method reports. It is good within the tolerance, whatever the target itself would do; else if it is no
-    /// worse than no compensation and the optimum inside the box, or better than no compensation and all that its photos allowed where no
-    /// tolerance was asked for. Preparation and comparisons are left empty.
+    /// Completes the result with the figures that the method reports. A pattern is good in three cases: it is within the tolerance; it is
+    /// no worse than no compensation and the optimum inside the box; or it is better than no compensation, nobody asked for a tolerance,
+    /// and its photos allowed no more. Preparation and comparisons are left empty.
     pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
         let Self { target, options, peak, b, pattern, observed, uncompensated } = self;
         let scale = norm_of(b);

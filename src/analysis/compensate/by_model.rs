@@ -8,31 +8,28 @@ use crate::analysis::LowRank;
 use crate::error::Result;
 use crate::krylov::Constraint;
 
-/// Products with the model per answer; they cost no photos.
+/// Products with the model per answer. They cost no photos.
 const PRODUCTS: usize = 300;
 
 /// Corrections stop after one that leaves more than this share of the residual.
 const STALLED: f64 = 0.98;
 
-/// A function that takes the photo of a pattern; one plane per channel for both, without ambient light.
+/// A function that takes the photo of a pattern. Both have one plane per channel; the photo is without ambient light.
 pub type Photograph<'a> = dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + 'a;
 
-/// Finds the pattern whose photo is `target` times the peak with a model `Â` of the light (one per channel), corrected by at most
-/// `corrections` photos of the scene itself:
+/// Finds the pattern whose photo is `target` times the peak, with a model `Â` of the light (one per channel). At most `corrections` photos
+/// of the scene itself correct the pattern:
 ///
 /// ```text
 /// x₀ = argmin ‖b − Â x‖,   xₜ = argmin ‖(b − (A xₜ₋₁ − Â xₜ₋₁)) − Â x‖   over floor ≤ x ≤ 1
 /// ```
 ///
-/// Each correction photographs the previous answer and subtracts the model's error there from the target: a relative error `e` of
-/// the model becomes `e^(t+1)` after `t` photos, as in iterative refinement. `photograph_it` is called at most `corrections`
-/// times, and no more once a photo is hardly better than the one before. [`CompensateOptions::photos`] is ignored.
+/// Each correction photographs the previous answer and subtracts the model's error there from the target. A relative error `e` of the model
+/// becomes `e^(t+1)` after `t` photos, as in iterative refinement. `photograph_it` is called at most `corrections` times. The calls stop
+/// once a photo is hardly better than the one before. [`CompensateOptions::photos`] is ignored.
 ///
-/// In the result, `observed` is the corrected model's prediction, and `residual` follows from it. `history` holds the residuals
-/// of the photos, one for each answer but the last. There is no baseline.
-///
-/// # Errors
-/// As [`compensate`](super::compensate()); any error of `photograph_it`.
+/// In the result, `observed` is the corrected model's prediction, and `residual` follows from it. `history` holds the residuals of the
+/// photos, one for each answer but the last. There is no baseline. Fails as [`compensate`](super::compensate()) or `photograph_it` does.
 pub fn compensate_by_model(
     model: &mut [LowRank],
     target: &Target,
@@ -75,7 +72,7 @@ pub fn compensate_by_model(
         let answer =
             Answer { target, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
         let found = answer.of(solved)?;
-        // No further product with the model could improve this: it is as good as the model.
+        // Further products with the model cannot improve this answer: it is as good as the model.
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);
         return Ok(Compensation { good, photos: history.len(), history, ..found });
     }

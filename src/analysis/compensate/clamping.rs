@@ -5,12 +5,12 @@ use super::answer::ROUNDING;
 use crate::finding::Ratio;
 use crate::finding::decimal;
 
-/// An unconstrained method, clamped after each photo, beside a box-constrained one.
+/// An unconstrained method, clamped after each photo, compared with a box-constrained one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clamping {
     /// The residual of the photo when the method's answer after each photo is clamped and projected.
     pub displayed: Vec<CompensationRow>,
-    /// The residuals of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with as many photos.
+    /// The residuals of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with the same number of photos.
     pub boxed: Vec<CompensationRow>,
     /// The residual of the target projected without compensation.
     pub uncompensated: f64,
@@ -32,7 +32,7 @@ impl Clamping {
         self.last() > self.uncompensated + ROUNDING
     }
 
-    /// The residual after clamping over that of the box-constrained method; nothing where the latter is no more than rounding.
+    /// The residual after clamping divided by the residual of the box-constrained method. Undefined where the latter is mere rounding.
     pub fn price(&self) -> Ratio {
         Ratio::of(self.last(), self.inside(), ROUNDING)
     }
@@ -44,7 +44,7 @@ impl Clamping {
         (self.last() > 1.01 * best.residual + ROUNDING).then_some(best.photo)
     }
 
-    /// A warning with figures if clamping raises the residual by more than a tenth; none otherwise.
+    /// A warning with figures if clamping raises the residual by more than a tenth.
     pub fn warning(&self) -> Option<String> {
         let [last, inside, nothing] =
             [self.last(), self.inside(), self.uncompensated].map(|residual| decimal(residual, 4));

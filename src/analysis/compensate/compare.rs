@@ -12,26 +12,23 @@ pub struct MethodRun {
     pub method: Method,
     /// Its name on the command line.
     pub name: &'static str,
-    /// The residual of its unclipped answer after each photo, as the method computes it: the least so far.
+    /// The residual of its unclipped answer after each photo, as the method computes it. Each row has the least residual so far.
     pub history: Vec<CompensationRow>,
     /// The residual of the photo of its answer after each step, clipped to the projector's range.
     pub displayed: Vec<CompensationRow>,
     /// Photos taken by the method, without preparation.
     pub photos: usize,
-    /// The frames that the camera had taken for the method after each photo: signs, bit planes, exposures, takes and sentinels
-    /// counted. None where photos are computed.
+    /// The frames that the camera had taken for the method after each photo: signs, bit planes, exposures, takes and
+    /// sentinels. Empty where photos are computed.
     pub frames: Vec<u64>,
     /// The relative residual of the final photo.
     pub residual: f64,
-    /// Structural similarity of the final photo and the target; none below 11×11 pixels.
+    /// Structural similarity of the final photo and the target; `None` below 11×11 pixels.
     pub ssim: Option<f64>,
 }
 
 /// Runs every method that the operators allow (MINRES and CG need symmetry) with the number of photos in `options`.
-/// `options.method` is ignored, and the preconditioner is used only by the methods that take one.
-///
-/// # Errors
-/// As [`compensate_with`].
+/// `options.method` is ignored. Only methods that take a preconditioner use it. Fails as [`compensate_with`] does.
 pub fn compare_methods<O: Adjoint>(
     channels: &mut [O],
     target: &Target,

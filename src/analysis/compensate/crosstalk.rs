@@ -1,9 +1,9 @@
 //! Crosstalk of colours: each camera channel also sees the projector's other colours.
 //!
-//! If `M_cp` is what camera channel `c` sees of projector colour `p`, a colour photo is `y_c = A_c Σ_p M_cp x_p`: three transport
-//! matrices behind one 3×3 mixing matrix. Either all three colours are solved as one system, inside the box of the projector's
-//! colours, or each channel is solved alone for `x'_c = Σ_p M_cp x_p`, and the result is un-mixed. The latter is as good if the
-//! un-mixed pattern stays inside the box, and worse if it must be clipped.
+//! Let `M_cp` be the response of camera channel `c` to projector colour `p`. A colour photo is then `y_c = A_c Σ_p M_cp x_p`:
+//! three transport matrices behind one 3×3 mixing matrix. There are two ways to solve this. Either all three colours are solved
+//! as one system, inside the box of the projector's colours. Or each channel is solved alone for `x'_c = Σ_p M_cp x_p`, and the
+//! result is un-mixed. The second way is as good if the un-mixed pattern stays inside the box, and worse if it must be clipped.
 
 use crate::error::{Error, Result};
 use crate::observer::Observer;
@@ -14,15 +14,13 @@ use crate::operator::{Adjoint, Operator, Symmetry};
 pub struct Crosstalk {
     matrix: [[f64; 3]; 3],
     inverse: [[f64; 3]; 3],
-    /// Whether all three colours are solved as one system; otherwise each is solved alone and un-mixed afterwards.
+    /// Whether all three colours are solved as one system. Otherwise each is solved alone and un-mixed afterwards.
     pub coupled: bool,
 }
 
 impl Crosstalk {
-    /// The crosstalk of the matrix `M`, one row per camera channel, to be solved as one system.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
+    /// The crosstalk of the matrix `M`, one row per camera channel, to be solved as one system. Fails with [`Error::Option`]
+    /// naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
     pub fn new(matrix: [[f64; 3]; 3]) -> Result<Self> {
         let refuse = |fault: &str, help: &str| {
             Err(Error::Option { option: "--crosstalk".into(), fault: fault.into(), help: help.into() })
@@ -43,10 +41,10 @@ impl Crosstalk {
     }
 
     /// Estimates the matrix from photos of red, green and blue alone (three channels of `n` pixels each). A channel's response to
-    /// its own colour is part of `A_c` and counts as 1; the other entries are least-squares ratios over all pixels.
+    /// its own colour is part of `A_c` and counts as 1. The other entries are least-squares ratios over all pixels.
     ///
     /// # Errors
-    /// As [`Crosstalk::new`]; [`Error::Numerical`] when a channel does not see its own colour.
+    /// The errors of [`Crosstalk::new`]; [`Error::Numerical`] when a channel does not see its own colour.
     pub fn measured(photos: &[[Vec<f64>; 3]; 3]) -> Result<Self> {
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let mut matrix = [[0.0; 3]; 3];
@@ -66,8 +64,8 @@ impl Crosstalk {
         Self::new(matrix)
     }
 
-    /// The same matrix with rows that add up to 1, for channels whose products were measured with gray patterns: their whole
-    /// response to white is in `A_c` already.
+    /// The same matrix with rows that add up to 1. It is for channels whose products were measured with gray patterns, because
+    /// their `A_c` already contains the whole response to white.
     pub fn relative_to_white(self) -> Result<Self> {
         let matrix = self.matrix.map(|row| {
             let white: f64 = row.iter().sum();
@@ -135,7 +133,6 @@ impl<O: Adjoint> Mixed<'_, O> {
     }
 }
 
-/// Splits one vector into `count` planes.
 pub(super) fn planes(vector: &[f64], count: usize) -> Vec<Vec<f64>> {
     vector.chunks(vector.len() / count.max(1)).map(<[f64]>::to_vec).collect()
 }
@@ -163,12 +160,12 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
         Ok(())
     }
 
-    /// The channels are of one rig.
+    /// All channels belong to one rig.
     fn frames(&self) -> Option<u64> {
         self.channels.first().and_then(|channel| channel.frames())
     }
 
-    // Blocks are applied one vector at a time: the order of the channels' products is part of a journal.
+    // Blocks are applied one vector at a time, because a journal depends on the order of the channels' products.
 
     fn observer(&self) -> &dyn Observer {
         self.channels.first().map_or(&(), |operator| operator.observer())

@@ -1,12 +1,12 @@
-//! A preconditioner for an unfocused lens: division by a Gaussian's frequencies where they are not lost.
+//! A preconditioner for an unfocused lens: it divides by the frequency response of a Gaussian, except at frequencies that are lost.
 //!
 //! ```text
 //! M = D^½ K D^½,    K = C diag(k_μ k_ν) Cᵀ,    k_μ = Σ_j κ_j cos(π j μ / N)
 //! ```
 //!
-//! with the white photo `D` and a Gaussian `K` of kernel `κ` on an image mirrored at its borders, whose eigenvectors are those of
-//! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies
-//! attenuated below a tenth are amplified by ten at most: the rest is noise. The width is given, or estimated from one photo.
+//! `D` is the white photo. `K` is a Gaussian blur with kernel `κ` of an image mirrored at its borders. Its eigenvectors are the columns of
+//! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies attenuated
+//! below a tenth are amplified by at most ten, because noise dominates them. The width is given, or estimated from one photo.
 
 use crate::error::Result;
 use crate::image::Resolution;
@@ -18,19 +18,15 @@ const LEAST: f64 = 0.1;
 /// The widths, in pixels, that are compared with a photo.
 const WIDTHS: [f64; 14] = [0.0, 0.3, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.5, 8.0];
 
-/// The preconditioner `M⁻¹` of one channel.
 #[derive(Clone, Debug)]
 pub(super) struct Defocus {
     /// The cosines, one row per frequency, along a row and along a column of the image.
     cosines: [Vec<Vec<f64>>; 2],
-    /// The factors `k_μ k_ν`, row by row, with `μ` along rows of the image.
     kept: Vec<f64>,
-    /// The diagonal of `D^-½`.
     scaling: Vec<f64>,
 }
 
 impl Defocus {
-    /// The preconditioner for a white photo (`n`) through a Gaussian of `width` pixels.
     pub(super) fn new(resolution: Resolution, white: Vec<f64>, width: f64) -> Result<Self> {
         let scaling = Diagonal::new(white)?.entries().iter().map(|d| 1.0 / d.sqrt()).collect();
         let cosines = [resolution.width, resolution.height].map(cosines);
@@ -39,7 +35,7 @@ impl Defocus {
     }
 
     /// The preconditioner whose width best explains, frequency by frequency, one photo `y = A x` of a random pattern `x`. The
-    /// lowest sixteenth of the frequencies is left out because it also contains indirect light. Returns the width as well.
+    /// lowest sixteenth of the frequencies is left out because it also contains indirect light. Also returns the width.
     pub(super) fn measured(
         resolution: Resolution,
         white: Vec<f64>,
@@ -76,7 +72,6 @@ impl Defocus {
         columns(&rows, across.len(), |column| down.iter().map(|c| dot(c, column)).collect())
     }
 
-    /// The inverse transform `C x`.
     fn back(&self, x: &[f64]) -> Vec<f64> {
         let [across, down] = &self.cosines;
         let rows: Vec<f64> = x.chunks(across.len()).flat_map(|row| combined(across, row)).collect();
@@ -84,7 +79,6 @@ impl Defocus {
     }
 }
 
-/// The factors `k_μ k_ν` of a Gaussian of `width` pixels.
 fn spectrum(resolution: Resolution, width: f64) -> Vec<f64> {
     let line = |length: usize| -> Vec<f64> {
         let reach = (4.0 * width).ceil() as usize;
@@ -101,7 +95,7 @@ fn spectrum(resolution: Resolution, width: f64) -> Vec<f64> {
     down.iter().flat_map(|nu| across.iter().map(move |mu| mu * nu)).collect()
 }
 
-/// The orthonormal cosines of a line, `√(2/N) cos(π μ (j + ½)/N)`; the constant one is divided by `√2`.
+/// The orthonormal cosines of a line, `√(2/N) cos(π μ (j + ½)/N)`. The constant one is divided by `√2`.
 fn cosines(length: usize) -> Vec<Vec<f64>> {
     let n = length as f64;
     let row = |mu: usize| {
@@ -115,7 +109,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The sum `Σ_μ x_μ c_μ`.
 fn combined(cosines: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
     let mut sum = vec![0.0; x.len()];
     for (x, cosine) in x.iter().zip(cosines) {
@@ -124,7 +117,6 @@ fn combined(cosines: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// Applies `work` to each column of an image that is `width` pixels wide.
 fn columns(picture: &[f64], width: usize, work: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
     let mut result = vec![0.0; picture.len()];
     for x in 0..width {
@@ -179,7 +171,7 @@ mod tests {
         let mut back = vec![0.0; x.len()];
         model.apply(&y, &mut back)?;
         for (a, b) in back.iter().zip(&x) {
-            // The kernels are equal; the error is that of a thousand roundings, amplified by ten at most.
+            // The kernels are equal. The error is a thousand roundings, amplified by at most ten.
             assert!((a - b).abs() < 1e-11, "{a} {b}");
         }
         for width in [0.0, 0.5, 2.0] {

@@ -2,28 +2,25 @@
 
 use crate::image::{Blur, Resolution};
 
-/// Wider Gaussians, in pixels, are applied to blocks of pixels, and are at most this wide in blocks.
+/// Gaussians wider than this many pixels are applied to blocks of pixels. Measured in blocks, they are at most this wide.
 const WIDEST: f64 = 3.0;
 
-/// The blur `K = Kᵀ` of an image mirrored at its borders: `√B⁻¹ E K' Eᵀ √B⁻¹`. `Eᵀ` sums blocks; `B` holds their pixel counts.
+/// The blur `K = Kᵀ` of an image mirrored at its borders, `√B⁻¹ E K' Eᵀ √B⁻¹`. `Eᵀ` sums blocks; `B` holds their pixel counts.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     resolution: Resolution,
-    /// Side of a block in pixels.
     block: usize,
-    /// The blur `K'` on blocks; none for the identity.
+    /// The blur `K'` on blocks; `None` for the identity.
     blur: Option<Blur>,
 }
 
 impl Gaussian {
-    /// A blur with a standard deviation of `width` pixels.
     pub(super) fn new(resolution: Resolution, width: f64) -> Self {
         let block = ((width / WIDEST).ceil() as usize).max(1);
         let blocks = Resolution::new(resolution.width.div_ceil(block), resolution.height.div_ceil(block));
         Self { resolution, block, blur: Blur::new(blocks, width / block as f64) }
     }
 
-    /// Computes `K x`, both of length `n`.
     pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
         let Some(blur) = &self.blur else { return x.to_vec() };
         if self.block == 1 {
@@ -60,7 +57,7 @@ mod tests {
             // Rounding of some thousand terms.
             assert!((one - other).abs() < 1e-12 * one.abs(), "{width}: {one} {other}");
         }
-        // The blurred impulse is as wide as with the exact kernel, up to the error of the blocks.
+        // The blurred impulse has the width of the exact kernel, up to the error of the blocks.
         let mut bump = vec![0.0; n];
         bump[15 * 53 + 26] = 1.0;
         for width in [2.0, 6.0] {

@@ -4,10 +4,10 @@
 //! P = D Σ_m diag(c_m) K_m,   c_m ≥ 0
 //! ```
 //!
-//! with the white photo `D` and Gaussians `K_m` of fixed widths on an image mirrored at its borders, from no blur to one as wide
-//! as indirect light. The shares `c_m` vary slowly over the image, as depth does: they are fitted by non-negative least squares
-//! in windows of a few pixels. The model also gives the transpose, `Σ_m K_m diag(c_m) D`, which no photo could measure if only
-//! the projector's lens is out of focus.
+//! `D` is the white photo. The `K_m` are Gaussian blurs of fixed widths of an image mirrored at its borders. They range from no
+//! blur to the width of indirect light. The shares `c_m` vary slowly over the image, as depth does. They are fitted by
+//! non-negative least squares in windows of a few pixels. The model also gives the transpose, `Σ_m K_m diag(c_m) D`. No photo
+//! could measure it if only the projector's lens is out of focus.
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use super::gaussian::Gaussian;
 use crate::image::Resolution;
 use crate::krylov::{Surrogate, dot};
 
-/// Standard deviations of the blurs in pixels; those wider than a quarter of the image are left out.
+/// Standard deviations of the blurs in pixels. Blurs wider than a quarter of the image are left out.
 const WIDTHS: [f64; 9] = [0.0, 0.5, 0.75, 1.25, 2.0, 3.0, 5.0, 10.0, 25.0];
 
-/// Side, in pixels, of the cells that have their own shares, …
+/// Side, in pixels, of the cells that have their own shares.
 const CELL: usize = 8;
 
-/// … and the standard deviation, in cells, of the window that their shares are fitted to.
+/// Standard deviation, in cells, of the window that the shares of a cell are fitted to.
 const WINDOW: f64 = 1.25;
 
 /// Relative weight of the ridge term, which makes the shares of nearly equal blurs unique.
@@ -30,13 +30,12 @@ const RIDGE: f64 = 1e-6;
 /// Sweeps of coordinate descent per cell.
 const SWEEPS: usize = 500;
 
-/// The model `P` of one channel.
 #[derive(Clone)]
 pub(crate) struct Mixture {
     resolution: Resolution,
     white: Arc<Vec<f64>>,
     blurs: Arc<Vec<Gaussian>>,
-    /// The shares `c_m` of each pixel; none for a blur without any share.
+    /// The shares `c_m` of each pixel; `None` for a blur without any share.
     shares: Vec<Option<Vec<f64>>>,
 }
 
@@ -84,7 +83,6 @@ impl Mixture {
         (0..cells.pixels()).map(|cell| planes.iter().map(|plane| plane[cell]).collect()).collect()
     }
 
-    /// Interpolates values at the cells' centres to all pixels.
     fn between(&self, cells: Resolution, of_cells: &[f64]) -> Vec<f64> {
         let place = |pixel: usize, count: usize| {
             let at = ((pixel as f64 + 0.5) / CELL as f64 - 0.5).clamp(0.0, (count - 1) as f64);
@@ -190,7 +188,7 @@ mod tests {
         let resolution = Resolution::new(48, 40);
         let n = resolution.pixels();
         let white: Vec<f64> = (0..n).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // A member of the model's family: the sharper blur at the left, the wider one at the right, half of each in the middle.
+        // A member of the model's family: the sharper blur at the left, the wider one at the right, and half of each in the middle.
         let truth = |x: &[f64]| -> Vec<f64> {
             let [sharp, wide] = [0.75, 2.0].map(|width| Gaussian::new(resolution, width).apply(x));
             (0..n)
@@ -213,7 +211,7 @@ mod tests {
                 .sqrt()
         };
         let other = noise(n, 5);
-        // Windows of ten pixels cannot follow exactly shares that change by a fifth within them.
+        // Windows of ten pixels cannot exactly follow shares that change by a fifth within them.
         let (before, after) = (missed(&plain, &other), missed(&*fitted, &other));
         assert!(after < 0.1 * before, "{before} {after}");
         // Dot product test: rounding of a few thousand terms.

@@ -1,4 +1,4 @@
-//! Light transport compensation: which pattern makes the scene look like a target.
+//! Light transport compensation finds the pattern under which the scene looks like a target.
 //!
 //! | topic | item |
 //! |---|---|
@@ -46,7 +46,7 @@ pub struct CompensationRow {
     pub residual: f64,
 }
 
-/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels, `b` the target minus ambient light.
+/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels; `b` is the target minus ambient light.
 #[derive(Clone, Debug)]
 pub struct Compensation {
     /// The pattern to project, in [floor, 1].
@@ -57,7 +57,7 @@ pub struct Compensation {
     pub target: Image,
     /// The photo of `pattern`, ambient light included.
     pub observed: Image,
-    /// The photo of the target itself as a pattern, dimmed so that it would reach the target's brightness on an even wall.
+    /// The photo of the target itself as a pattern. It is dimmed so that it would reach the target's brightness on an even wall.
     pub uncompensated: Image,
     /// The radiance that 1 in the target stands for.
     pub peak: f64,
@@ -69,28 +69,28 @@ pub struct Compensation {
     pub uncompensated_residual: f64,
     /// One row per photo of the method, before clipping.
     pub history: Vec<CompensationRow>,
-    /// The same for projected Jacobi with as many photos; empty if no baseline is asked for.
+    /// The same for projected Jacobi with the same number of photos; empty if no baseline is asked for.
     pub baseline: Vec<CompensationRow>,
-    /// Photos taken by the method, without those that only show a result (`observed`, `uncompensated`, and all of the baseline).
+    /// Photos taken by the method, without photos that only show a result (`observed`, `uncompensated`, and all of the baseline).
     pub photos: usize,
-    /// The frames that the camera had taken for the method after each of these photos; none where photos are computed.
+    /// The frames that the camera had taken for the method after each of these photos; empty where photos are computed.
     pub frames: Vec<u64>,
-    /// Photos taken before: the white one, and those that measure a preconditioner or a prior.
+    /// Photos taken before the method: the white one, and the photos that measure a preconditioner or a prior.
     pub preparation: usize,
     /// The similarity of `observed` and `target`, with the peak as the data range.
     pub similarity: Similarity,
     /// The similarity of `uncompensated` and `target`.
     pub uncompensated_similarity: Similarity,
-    /// The effect of clipping, photo by photo; none for an answer inside the box, or if no baseline is asked for.
+    /// The effect of clipping, photo by photo; `None` for an answer inside the box, or if no baseline is asked for.
     pub clamping: Option<Clamping>,
-    /// Why the method ended; of several channels, the least successful status.
+    /// Why the method ended. For several channels, this is the least successful status.
     pub status: Status,
-    /// Whether the pattern is within the tolerance, or the optimum inside the box, or better than no compensation and all that its photos allowed.
+    /// Whether the pattern is within the tolerance, or the optimum inside the box, or better than none when its photos allowed no more.
     pub good: bool,
 }
 
 impl Compensation {
-    /// Whether the target itself, projected without compensation, would be seen as well.
+    /// Whether the target itself, projected without compensation, would look as good.
     pub fn is_needless(&self) -> bool {
         self.residual >= self.uncompensated_residual - answer::ROUNDING
     }
@@ -111,17 +111,16 @@ pub struct Prior {
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` per channel, where `b` is that minus ambient light.
+/// Finds the pattern whose photo is `target` times the peak. Solves `A x = b` per channel; `b` is the target light minus ambient light.
 ///
-/// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems, and one colour photo
-/// is one product with each; so they are solved in turn, and the photos counted are those of the channel that took most. The
-/// observer of each operator sees its products and may stop them; the baseline is not observed. An answer outside [floor, 1] is
-/// clipped, as by a projector, and both residuals are reported; [`Method::KrylovBox`] keeps the box inside the method.
+/// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems and are solved in turn. One
+/// colour photo is one product with each operator, so the count of photos is the count of the channel that took most. The observer of each
+/// operator sees its products and may stop them; the baseline is not observed. An answer outside [floor, 1] is clipped, as by a projector,
+/// and both residuals are reported. [`Method::KrylovBox`] keeps the box inside the method.
 ///
 /// # Errors
-/// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if none
-/// is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no target light
-/// is left.
+/// The errors of [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if
+/// none is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] without target light.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     target: &Target,
@@ -130,11 +129,11 @@ pub fn compensate<O: Adjoint>(
     compensate_with(channels, target, options, &Prior::default())
 }
 
-/// As [`compensate`], with prior knowledge beside the photos.
+/// The same as [`compensate`], with prior knowledge beside the photos.
 ///
 /// # Errors
-/// As [`compensate`]; [`Error::Dimension`] if `prior` has crosstalk for other than three channels, or planes of another size;
-/// [`Error::Option`] naming `--precondition` if `prior` lacks what the preconditioner needs.
+/// The errors of [`compensate`]; [`Error::Dimension`] if `prior` has crosstalk for a number of channels other than three, or planes of
+/// another size; [`Error::Option`] naming `--precondition` if `prior` lacks the knowledge that the preconditioner needs.
 pub fn compensate_with<O: Adjoint>(
     channels: &mut [O],
     target: &Target,
@@ -204,14 +203,12 @@ impl Prior {
     }
 }
 
-/// The channels together with the crosstalk of their colours.
 struct Scene<'a, O> {
     channels: &'a mut [O],
     prior: &'a Prior,
 }
 
 impl<O: Adjoint> Scene<'_, O> {
-    /// The photo of a pattern, all colours.
     fn photograph(&mut self, patterns: &[Vec<f64>]) -> Result<Planes> {
         let mixed = self.prior.crosstalk.as_ref().map(|crosstalk| crosstalk.mix(patterns));
         let photo = |(operator, pattern): (&mut O, &Vec<f64>)| {
@@ -222,9 +219,8 @@ impl<O: Adjoint> Scene<'_, O> {
         self.channels.iter_mut().zip(mixed.as_deref().unwrap_or(patterns)).map(photo).collect()
     }
 
-    /// The residuals of the photos of all answers after clipping.
     fn displayed(&mut self, answers: &[Planes], floor: f64, b: &[Vec<f64>]) -> Result<Vec<CompensationRow>> {
-        // The photos of several channels are taken one after the other: the order of products is part of a journal.
+        // The channels take their photos one after the other, because a journal depends on the order of products.
         let size = match &*self.channels {
             [operator] => operator.block_size().max(1),
             _ => 1,
@@ -242,7 +238,7 @@ impl<O: Adjoint> Scene<'_, O> {
         Ok(rows)
     }
 
-    /// The photos of several patterns; as a block if there is one channel.
+    /// The photos of several patterns. One channel takes them as a block.
     fn photographs(&mut self, patterns: Vec<Planes>) -> Result<Vec<Planes>> {
         let [operator] = &mut *self.channels else {
             return patterns.iter().map(|pattern| self.photograph(pattern)).collect();
@@ -254,7 +250,6 @@ impl<O: Adjoint> Scene<'_, O> {
     }
 }
 
-/// The channels without their observers.
 fn unobserved<O: Adjoint>(channels: &mut [O]) -> Vec<Observed<'_, O>> {
     channels.iter_mut().map(|operator| Observed::new(operator, &())).collect()
 }

@@ -12,26 +12,25 @@ pub struct CompensateOptions {
     pub photos: usize,
     /// The relative residual (2-norms) at which the method stops. Default 1e-3.
     pub rtol: f64,
-    /// Whether a pattern that misses `rtol` is not good: a tolerance that was asked for. Default: a pattern is good that is better than no
-    /// compensation, if the method ended because its photos were spent or their noise was reached.
+    /// Whether a pattern that misses `rtol` is not good, because somebody asked for the tolerance. By default, a pattern is good if it is
+    /// better than no compensation and the method ended because its photos were spent or their noise was reached.
     pub must_reach: bool,
     /// The least projected value, the paper's `α` in [α, 1]. From 0 to below 1; default 0.
     pub floor: f64,
     /// The radiance that 1 in the target stands for, in W/(m² sr). Default `None`: half the median of the white photo.
     pub peak: Option<f64>,
     /// The preconditioner of unconstrained methods. Default `None`: [`Precondition::Diagonal`] if the operator is symmetric.
-    /// Box-constrained methods take none; they scale their steps by the white photo anyway.
+    /// Box-constrained methods take none, because they scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
     /// The standard deviation in pixels of the lens's blur, for [`Precondition::Defocus`]. Default `None`: measured by one photo.
     pub defocus: Option<f64>,
-    /// Whether some lens is out of focus. [`Method::KrylovBox`] then models the light that it has not measured as a mixture of
-    /// blurs, fitted to its photos, and cannot recognize the optimum. The same applies if the operator is not symmetric. Default
-    /// false.
+    /// Whether some lens is out of focus. [`Method::KrylovBox`] then models unmeasured light as a mixture of blurs, fitted to its photos,
+    /// and cannot recognize the optimum. The same applies if the operator is not symmetric. Default false.
     pub out_of_focus: bool,
-    /// Maps the target from [0, 1] to [`lift`, 1], as in the paper: less light must be removed. From 0 to below 1; default 0.
+    /// Maps the target from [0, 1] to [`lift`, 1], as in the paper, so that less light must be removed. From 0 to below 1; default 0.
     pub lift: f64,
-    /// Whether projected Jacobi runs with as many photos as a baseline, and the effect of clipping is photographed step by step.
-    /// On a rig these photos are expensive. Default true.
+    /// Whether projected Jacobi runs with the same number of photos as a baseline, and the effect of clipping is photographed step by
+    /// step. On a rig these photos are expensive. Default true.
     pub baseline: bool,
 }
 
@@ -74,9 +73,9 @@ impl Default for CompensateOptions {
 }
 
 impl CompensateOptions {
-    /// The paper's method (section 6): the unconstrained residual is minimized by MINRES, or by GMRES if the operator is not
-    /// `symmetric`, preconditioned by the direct image. The target is mapped to [α, 1] (`lift`), and values outside the
-    /// projector's range are clamped. Five photos.
+    /// The paper's method (section 6): MINRES minimizes the unconstrained residual, or GMRES if the operator is not `symmetric`. The
+    /// direct image is the preconditioner. The target is mapped to [α, 1] (`lift`), and values outside the projector's range are clamped.
+    /// Five photos.
     pub fn paper(symmetric: bool, lift: f64) -> Self {
         Self {
             method: if symmetric { Method::Minres } else { Method::Gmres },
@@ -88,10 +87,7 @@ impl CompensateOptions {
         }
     }
 
-    /// Checks all values before any photo is taken.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--photos`, `--rtol`, `--floor`, `--lift`, `--peak`, `--defocus` or `--precondition`.
+    /// Checks all values before any photo is taken. Fails with [`Error::Option`] naming the option.
     pub fn check(&self) -> Result<()> {
         let refuse = |option: &str, fault: String, help: &str| {
             Err(Error::Option { option: option.into(), fault, help: help.into() })
@@ -129,7 +125,6 @@ impl CompensateOptions {
         Ok(())
     }
 
-    /// The preconditioner of an unconstrained method.
     pub(super) fn unconstrained_preconditioning(&self) -> Precondition {
         self.precondition.unwrap_or(Precondition::Diagonal)
     }

@@ -20,25 +20,21 @@ use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry};
 /// Squares and shifts that measure an unknown direct image: 16 photos.
 const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
 
-/// Patterns of all channels.
 pub(super) type Planes = Vec<Vec<f64>>;
 
-/// The result of one method.
 pub(super) struct Solved {
     /// The method's own answer, which may leave the box.
     pub(super) patterns: Planes,
-    /// The residual of that answer, as the method computes it.
     pub(super) residual: f64,
     pub(super) history: Vec<CompensationRow>,
     pub(super) photos: usize,
     pub(super) status: Status,
     /// The answers after each photo, if they are to be stored.
     pub(super) answers: Vec<Planes>,
-    /// The frames that the camera had taken for the method after each photo; none where photos are computed.
+    /// The frames that the camera had taken for the method after each photo; empty where photos are computed.
     pub(super) frames: Vec<u64>,
 }
 
-/// The common inputs of all channels' systems.
 pub(super) struct Run<'a> {
     pub(super) target: &'a Target,
     pub(super) white: &'a [Vec<f64>],
@@ -47,12 +43,11 @@ pub(super) struct Run<'a> {
     pub(super) prior: &'a Prior,
     /// Whether each product is a photo, so that long computations before the next one pay off.
     pub(super) dear: bool,
-    /// Photos taken before those of the method.
     pub(super) preparation: usize,
 }
 
 impl Run<'_> {
-    /// Solves with `method` within `photos`; stores the answer after each photo if `keep` is set.
+    /// Solves with `method` within `photos`. Stores the answer after each photo if `keep` is set.
     pub(super) fn solve<O: Adjoint>(
         &mut self,
         channels: &mut [O],
@@ -102,7 +97,6 @@ impl Run<'_> {
         })
     }
 
-    /// Converts the answers of the systems to patterns of the projector's colours.
     fn patterns(&self, answers: Planes) -> Planes {
         match &self.prior.crosstalk {
             Some(crosstalk) if crosstalk.coupled => planes(&answers.concat(), 3),
@@ -111,7 +105,7 @@ impl Run<'_> {
         }
     }
 
-    /// The patterns after each photo of all systems; a system that ended keeps its last answer.
+    /// The patterns after each photo of all systems. A system that ended keeps its last answer.
     fn in_lockstep(&self, answers: &[Vec<Vec<f64>>]) -> Vec<Planes> {
         let most = answers.iter().map(Vec::len).max().unwrap_or(0);
         let at = |index: usize| {
@@ -133,7 +127,7 @@ impl Run<'_> {
         let constrained = method.facts().constraint != Constraint::None;
         let preconditioner =
             if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
-        // A rig that is not symmetric takes no photos of its transpose, but a mixture of blurs has one.
+        // A rig that is not symmetric cannot photograph its transpose, but a mixture of blurs has one.
         let blurred = self.options.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
         let surrogate: Option<Arc<dyn Surrogate>> = match method {
             Method::KrylovBox if blurred && self.dear && channel.is_some() => {
@@ -160,7 +154,7 @@ impl Run<'_> {
         channel: Option<usize>,
         white: Vec<f64>,
     ) -> Result<Option<Arc<dyn Preconditioner>>> {
-        // If projector and camera are apart, projector pixels do not correspond to those of the white photo.
+        // If projector and camera are apart, projector pixels do not correspond to pixels of the white photo.
         if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
             return Ok(None);
         }
@@ -213,7 +207,6 @@ impl Run<'_> {
         })
     }
 
-    /// Combines the relative residuals of all systems into one, relative to the whole target light.
     fn total(&self, residuals: impl Iterator<Item = f64>) -> f64 {
         if self.prior.crosstalk.as_ref().is_some_and(|crosstalk| crosstalk.coupled) {
             return residuals.fold(0.0, f64::max);
@@ -226,7 +219,7 @@ impl Run<'_> {
         absolute.map(|residual| residual * residual).sum::<f64>().sqrt() / norm_of(self.b)
     }
 
-    /// Combines the systems' histories into one; a system that ended keeps its last value.
+    /// Combines the systems' histories into one. A system that ended keeps its last value.
     fn history(&self, solutions: &[Solution]) -> Vec<CompensationRow> {
         let most = solutions.iter().map(|found| found.history.len()).max().unwrap_or(0);
         let at = |found: &Solution, index: usize| {
@@ -250,14 +243,14 @@ fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
     Ok((probe, photo))
 }
 
-/// The frames of all systems after each photo; a system that ended takes no more.
+/// The frames of all systems after each photo. A system that ended takes no more.
 fn sums(frames: &[Vec<u64>]) -> Vec<u64> {
     let most = frames.iter().map(Vec::len).max().unwrap_or(0);
     let at = |index: usize| frames.iter().filter_map(|of| of.get(index).or(of.last())).sum();
     (0..most).map(at).collect()
 }
 
-/// Solves, and stores the answer after each photo if `keep` is set. The last is the number of frames after each photo.
+/// Solves, and stores the answer after each photo if `keep` is set. The last result is the number of frames after each photo.
 fn kept(
     method: Method,
     operator: &mut dyn Adjoint,
@@ -277,7 +270,7 @@ fn kept(
     Ok((solution, answers, recorded.frames))
 }
 
-/// The least successful status: one channel within its tolerance does not speak for the others.
+/// The least successful status, because one channel within its tolerance does not speak for the others.
 fn least_good(solutions: &[Solution]) -> Status {
     let statuses = || solutions.iter().map(|found| found.stats.status);
     let rank = |status: &Status| match status {

@@ -1,11 +1,11 @@
-//! The target: what the scene should look like.
+//! The target of a compensation: the desired photo of the scene.
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::krylov::{dot, norm};
 use crate::operator::Adjoint;
 
-/// A target in [0, 1] and the light without projector; each has one plane per channel.
+/// A target in [0, 1] and the light without projector. Each has one plane per channel.
 #[derive(Clone, Debug)]
 pub struct Target {
     resolution: Resolution,
@@ -14,10 +14,8 @@ pub struct Target {
 }
 
 impl Target {
-    /// A target under `ambient` light in W/(m² sr), which has one channel per system; a gray target applies to all channels.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.
+    /// A target under `ambient` light in W/(m² sr). The ambient light has one channel per system; a gray target applies to all channels.
+    /// Fails with [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.
     pub fn new(target: &Image, ambient: &Image) -> Result<Self> {
         let resolution = ambient.resolution();
         if target.resolution() != resolution {
@@ -57,7 +55,6 @@ impl Target {
         self.resolution.pixels()
     }
 
-    /// Checks that there is one operator (`n × n`) per channel.
     pub(super) fn fits<O: Adjoint>(&self, channels: &[O]) -> Result<()> {
         let mismatch = |what, expected: usize, found: usize| {
             Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
@@ -88,8 +85,8 @@ impl Target {
         }
     }
 
-    /// The target light from the projector: the target times `peak`, minus ambient light. It is not clipped, and is negative
-    /// where the ambient light alone is too bright.
+    /// The target light from the projector: the target times `peak`, minus ambient light. It is negative where ambient light
+    /// is too bright; nothing is clipped.
     pub(super) fn light(&self, peak: f64) -> Result<Vec<Vec<f64>>> {
         let light: Vec<Vec<f64>> = self
             .target
@@ -112,14 +109,12 @@ impl Target {
         Ok(self.target.iter().map(|plane| plane.iter().map(|value| factor * value).collect()).collect())
     }
 
-    /// The target in W/(m² sr).
     pub(super) fn radiance(&self, peak: f64) -> Result<Image> {
         let planes: Vec<Vec<f64>> =
             self.target.iter().map(|plane| plane.iter().map(|value| peak * value).collect()).collect();
         self.image(&planes)
     }
 
-    /// The photo with ambient light added.
     pub(super) fn photo(&self, light: &[Vec<f64>]) -> Result<Image> {
         let planes: Vec<Vec<f64>> = light
             .iter()
@@ -129,7 +124,6 @@ impl Target {
         self.image(&planes)
     }
 
-    /// Converts planes to an image of `f32`.
     pub(super) fn image(&self, planes: &[Vec<f64>]) -> Result<Image> {
         let samples =
             (0..self.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel] as f32));
@@ -137,7 +131,6 @@ impl Target {
     }
 }
 
-/// The 2-norm over all channels.
 pub(super) fn norm_of(planes: &[Vec<f64>]) -> f64 {
     match planes {
         [plane] => norm(plane),
@@ -152,7 +145,7 @@ pub(super) fn residual_norm(b: &[Vec<f64>], y: &[Vec<f64>]) -> f64 {
     norm_of(&b.iter().zip(y).map(difference).collect::<Vec<_>>())
 }
 
-/// The median (the upper of two middle values); 0 if there are no values.
+/// The median (the upper of two middle values); 0 without values.
 fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() {

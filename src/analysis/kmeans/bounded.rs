@@ -1,17 +1,16 @@
-//! Lloyd's rounds that look only at the points near a border between groups.
+//! Lloyd's rounds that look only at points near a border between groups.
 //!
-//! Each point keeps an upper bound of the distance to its centre, and a lower bound of that to any other one. Both follow from how far the
-//! centres move (Hamerly, *Making k-means even faster*, SDM 2010, doi:10.1137/1.9781611972801.12). A point whose upper bound is below its
-//! lower one keeps its group, and costs two additions; a point that changes its group changes two sums.
+//! Each point keeps an upper bound of the distance to its own centre and a lower bound of the distance to any other centre. Both bounds
+//! follow from the movements of the centres (Hamerly, *Making k-means even faster*, SDM 2010, doi:10.1137/1.9781611972801.12). A point with
+//! an upper bound below its lower bound keeps its group, at the cost of two additions. A point that changes its group changes two sums.
 
 use rayon::prelude::*;
 
 use super::points::{Assignment, BLOCK, Points};
 
-/// Bounds that are nearer to each other than this share of them may be in the wrong order by rounding: about 50 rounds add to each.
+/// Bounds that differ by less than this share of them may be in the wrong order by rounding, because about 50 rounds add to each.
 const ROUNDING: f64 = 1e-12;
 
-/// The groups of all points between two rounds.
 struct Bounded<'a> {
     points: &'a Points<'a>,
     labels: Vec<usize>,
@@ -23,21 +22,20 @@ struct Bounded<'a> {
     sums: Vec<Vec<f64>>,
 }
 
-/// How far the centres have moved in a round.
 struct Moves {
     each: Vec<f64>,
-    /// The centre that has moved farthest, how far, and how far the next one has.
+    /// The centre that has moved farthest, its distance, and the next largest distance.
     farthest: (usize, f64, f64),
 }
 
-/// What changes groups in a block of points: each group's gain of weight, and of the weighted sum of its points.
+/// The changes of groups in a block of points: each group's gain of weight, and of the weighted sum of its points.
 struct Change {
     weights: Vec<f64>,
     sums: Vec<Vec<f64>>,
 }
 
-/// Takes up to `rounds` rounds from the assignment of all points to these centres, until no point changes its group, or a group has lost all
-/// its points. The sums are updated and not taken anew, so that the centres are off by rounding. Returns the rounds taken.
+/// Takes up to `rounds` rounds from the assignment of all points to these centres. It ends when no point changes its group, or a group has
+/// lost all its points. The sums are updated instead of recomputed, so that the centres are off by rounding. Returns the rounds taken.
 pub(super) fn advance(
     points: &Points<'_>,
     assignment: Assignment,
@@ -57,7 +55,7 @@ pub(super) fn advance(
 }
 
 impl Bounded<'_> {
-    /// Moves each centre to the mean of its group. `None`, and nothing is moved, where a group has no weight to speak of: a sum that
+    /// Moves each centre to the mean of its group. Returns `None` and moves nothing where the weight of a group is negligible: a sum that
     /// lost all its terms keeps their rounding errors.
     fn move_centres(&self, centres: &mut [Vec<f64>]) -> Option<Moves> {
         let least = 1e-9 * self.weights.iter().sum::<f64>() / self.labels.len().max(1) as f64;
@@ -85,8 +83,7 @@ impl Bounded<'_> {
         Some(Moves { each, farthest })
     }
 
-    /// Assigns each point to its nearest centre, of which none is farther than `moves` from where it was. Returns whether any point has
-    /// another group than before.
+    /// Assigns each point to its nearest centre. No centre is farther than `moves` from its last place. Returns whether any group changed.
     fn assign(&mut self, centres: &[Vec<f64>], moves: &Moves) -> bool {
         let points = self.points;
         let bounds = self.upper.par_chunks_mut(BLOCK).zip(self.lower.par_chunks_mut(BLOCK));
@@ -119,7 +116,7 @@ impl Bounded<'_> {
             })
             .collect();
         let mut changed = false;
-        // In the order of the blocks, so that sums do not depend on the number of threads.
+        // The order of the blocks is fixed, so that sums do not depend on the number of threads.
         for change in changes.into_iter().flatten() {
             changed = true;
             self.weights.iter_mut().zip(&change.weights).for_each(|(weight, gain)| *weight += gain);
@@ -137,7 +134,6 @@ impl Change {
         Self { weights: vec![0.0; centres.len()], sums }
     }
 
-    /// A point goes from one group to another.
     fn of(&mut self, points: &Points<'_>, point: usize, [from, to]: [usize; 2]) {
         let weight = points.weights[point];
         self.weights[from] -= weight;
@@ -161,7 +157,7 @@ mod tests {
     fn rounds_by_bounds_end_where_rounds_over_all_points_do() {
         let mut random = Pcg64::seed_from_u64(3);
         for clusters in [2, 3, 7, 12] {
-            // A cloud without gaps: points change their group for many rounds.
+            // A cloud without gaps: points change their groups for many rounds.
             let column = |random: &mut Pcg64| (0..3000).map(|_| random.random::<f64>()).collect::<Vec<f64>>();
             let coordinates: Vec<Vec<f64>> = (0..4).map(|_| column(&mut random)).collect();
             let weights = column(&mut random);
@@ -187,7 +183,7 @@ mod tests {
             let taken = advance(&points, points.assign(&start), &mut bounded, 1000);
             assert!(rounds > 10, "the cloud is to take many rounds, not {rounds}");
             assert_eq!((taken, points.assign(&bounded).labels), (rounds, plain.labels), "{clusters} groups");
-            // Sums that are updated and not taken anew are off by rounding: by at most 3,000 additions.
+            // Sums that are updated instead of recomputed are off by the rounding of at most 3,000 additions.
             let off = bounded.iter().flatten().zip(centres.iter().flatten()).map(|(a, b)| (a - b).abs());
             assert!(off.fold(0.0, f64::max) < 3000.0 * f64::EPSILON);
         }

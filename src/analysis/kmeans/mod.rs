@@ -1,6 +1,4 @@
-//! Weighted k-means: groups of points around centres.
-//!
-//! The k-means of `linfa-clustering` gives all points the same weight, so it is implemented here.
+//! Weighted k-means: groups of points around centres. `linfa-clustering` gives all points the same weight, so k-means is implemented here.
 
 mod bounded;
 mod points;
@@ -14,7 +12,7 @@ use rand_pcg::Pcg64;
 pub struct KmeansOptions {
     /// The number of groups, `K`.
     pub clusters: usize,
-    /// The number of starts; the best result is used. Default 64/K, at least 8: a start costs in proportion to K, and near ties
+    /// The number of starts; the best result is used. Default 64/K, at least 8, because a start costs in proportion to K, and near ties
     /// between two groups are common in symmetric scenes.
     pub restarts: usize,
     /// The most rounds per start. Default 100.
@@ -41,12 +39,12 @@ pub struct Clusters {
     pub inertia: f64,
 }
 
-/// Groups `n` points of `d` coordinates to minimize `Σ w_i ‖x_i − c(i)‖²`; `c(i)` is the weighted mean of the point's group.
+/// Groups `n` points of `d` coordinates to minimize `Σ w_i ‖x_i − c(i)‖²`, where `c(i)` is the weighted mean of the point's group.
 ///
-/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007) finds local
-/// minima; the best of several is returned. Of more than 32,768 points, the starts are compared on a random sample, and the best goes on
-/// with all points (as Bradley and Fayyad, ICML 1998, choose starts). An empty group gets the point farthest from its centre; with fewer than `K` distinct
-/// points some groups stay empty. The result depends only on the seed, not on the number of threads.
+/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007) finds local minima; the
+/// best of several is returned. For more than 32,768 points, the starts are compared on a random sample, and the best continues with all
+/// points (as Bradley and Fayyad, ICML 1998, choose starts). An empty group gets the point farthest from its centre. With fewer than `K`
+/// distinct points, some groups stay empty. The result depends only on the seed, not on the number of threads.
 ///
 /// `coordinates` holds `d` columns of length `n`; `weights` has length `n` and is not negative.
 pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions) -> Clusters {
@@ -63,16 +61,15 @@ pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions
     lloyd(&points, best_start(&sample, options, &mut random).centres, options.rounds)
 }
 
-/// Most points on which all starts are compared: a group of a thousandth of all points then has about 32 of them.
+/// Most points on which all starts are compared. A group of a thousandth of all points then has about 32 of them.
 const MOST_COMPARED: usize = 1 << 15;
 
-/// One of each few consecutive points, at random.
+/// Draws one point at random from each group of consecutive points.
 fn strata(points: usize, random: &mut Pcg64) -> Vec<usize> {
     let each = points.div_ceil(MOST_COMPARED);
     (0..points).step_by(each).map(|first| random.random_range(first..points.min(first + each))).collect()
 }
 
-/// The best of several starts.
 fn best_start(points: &Points<'_>, options: &KmeansOptions, random: &mut Pcg64) -> Clusters {
     let mut best = lloyd(points, points.start(options.clusters, random), options.rounds);
     for _ in 1..options.restarts {
@@ -84,7 +81,7 @@ fn best_start(points: &Points<'_>, options: &KmeansOptions, random: &mut Pcg64) 
     best
 }
 
-/// Lloyd's rounds from these centres. Most of them look only at points near a border; the last one looks at all, and takes all sums anew.
+/// Lloyd's rounds from these centres. Most rounds look only at points near a border. The last one looks at all and recomputes all sums.
 fn lloyd(points: &Points<'_>, mut centres: Vec<Vec<f64>>, rounds: usize) -> Clusters {
     let mut assignment = points.assign(&centres);
     let mut left = rounds;
@@ -105,7 +102,7 @@ fn lloyd(points: &Points<'_>, mut centres: Vec<Vec<f64>>, rounds: usize) -> Clus
     Clusters { labels: assignment.labels, centres, inertia: assignment.inertia }
 }
 
-/// Moves each centre to the mean of its group, and that of an empty group to the point farthest from its own centre.
+/// Moves each centre to the mean of its group. The centre of an empty group moves to the point farthest from its own centre.
 fn move_centres(points: &Points<'_>, assignment: &Assignment, centres: &mut [Vec<f64>]) {
     let mut distances = assignment.distances.clone();
     for (cluster, centre) in centres.iter_mut().enumerate() {
@@ -151,7 +148,7 @@ mod tests {
         let clusters = kmeans(&columns, &weights, &KmeansOptions::new(7, 1));
         let label = |i: usize| clusters.labels[i];
         assert!((0..2100).all(|i| label(i) == label(i % 7)), "points of a ring share a label");
-        // Circles of radius ½ around (nearly) their means: ¼ per point, and never more around the exact mean.
+        // Each circle has radius ½ around (nearly) its mean: ¼ per point, and never more around the exact mean.
         assert!(
             clusters.inertia <= 0.25 * 2100.0 && clusters.inertia > 0.249 * 2100.0,
             "{}",
@@ -185,7 +182,7 @@ mod tests {
         let label = |i: usize| clusters.labels[i];
         assert!((0..48_000).all(|i| label(i) == label(i % 4)));
         assert!((48_000..count).all(|i| label(i) == label(48_000) && label(i) != label(i % 4)));
-        // Every point counts: circles of radius 1 around their means.
+        // Every point counts. The circles have radius 1 around their means.
         assert!((clusters.inertia / 48_000.0 - 1.0).abs() < 1e-3, "{}", clusters.inertia);
     }
 

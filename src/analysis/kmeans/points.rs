@@ -4,23 +4,21 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Points per block; fixed, so that sums are added in the same order for any number of threads.
+/// Points per block. The size is fixed, so that sums are added in the same order for any number of threads.
 pub(super) const BLOCK: usize = 512;
 
-/// The points: `n` weighted points of `d` coordinates.
+/// `n` weighted points of `d` coordinates.
 pub(super) struct Points<'a> {
     pub(super) coordinates: &'a [Vec<f64>],
     pub(super) weights: &'a [f64],
 }
 
-/// The assignment of each point to its nearest centre.
 pub(super) struct Assignment {
     pub(super) labels: Vec<usize>,
     /// The squared distance of each point to its centre.
     pub(super) distances: Vec<f64>,
     /// The squared distance of each point to the nearest other centre.
     pub(super) seconds: Vec<f64>,
-    /// The weight of each group.
     pub(super) weights: Vec<f64>,
     /// The weighted sum of each group's points: `K` vectors of length `d`.
     pub(super) sums: Vec<Vec<f64>>,
@@ -36,7 +34,7 @@ impl Points<'_> {
         self.coordinates.iter().map(|column| column[index]).collect()
     }
 
-    /// Draws k-means++ centres, each a point with probability proportional to its weighted squared distance to the earlier ones.
+    /// Draws k-means++ centres. The probability of a point is proportional to its weighted squared distance to the earlier centres.
     pub(super) fn start(&self, clusters: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         let mut centres: Vec<Vec<f64>> = Vec::with_capacity(clusters);
         let mut odds = self.weights.to_vec();
@@ -74,7 +72,6 @@ impl Points<'_> {
         }
     }
 
-    /// Assigns each point to its nearest centre.
     pub(super) fn assign(&self, centres: &[Vec<f64>]) -> Assignment {
         let mut labels = vec![0; self.len()];
         let mut distances = vec![f64::INFINITY; self.len()];
@@ -123,7 +120,7 @@ impl Points<'_> {
         total
     }
 
-    /// The nearest centre of one point, and the squared distances to it and to the nearest other one: the same numbers as [`Self::assign`]'s.
+    /// The nearest centre of one point, and the squared distances to it and to the nearest other one, equal to [`Self::assign`]'s.
     pub(super) fn nearest(&self, point: usize, centres: &[Vec<f64>]) -> (usize, f64, f64) {
         let (mut label, mut distance, mut second) = (0, f64::INFINITY, f64::INFINITY);
         for (cluster, centre) in centres.iter().enumerate() {

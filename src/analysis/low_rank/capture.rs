@@ -11,20 +11,20 @@ use crate::operator::{Operator, Product, Recorded, Symmetry};
 /// The options of a low-rank capture.
 #[derive(Clone, Debug)]
 pub struct LowRankCapture {
-    /// The photos of the process, and so the rank `k` of `W Qᵀ`; at least 1.
+    /// The number of photos of the process, which is also the rank `k` of `W Qᵀ`; at least 1.
     pub photos: usize,
-    /// The first pattern; none for all ones, which makes the white photo part of the capture and begins with smooth patterns.
+    /// The first pattern. `None` stands for all ones, which makes the white photo part of the capture and begins with smooth patterns.
     pub start: Option<Start>,
-    /// Further start vectors of the first block, for a symmetric operator; ignored by others. One start finds one vector per
-    /// eigenspace and hardly separates similar regions without exchange, such as the cups of a carton; [`smooth_starts`] do.
+    /// Further start vectors of the first block, for a symmetric operator; other operators ignore them. One start finds one vector per
+    /// eigenspace. It hardly separates similar regions without exchange, such as the cups of a carton; [`smooth_starts`] do.
     pub beside: Vec<Vec<f64>>,
 }
 
 /// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]: random signs blurred by a sixteenth of the
-/// width, as both global light and natural images are smooth.
+/// width. Global light and natural images are smooth as well.
 ///
 /// With 40 photos of a carton at 100×100 and eleven such starts besides white, checkerboards, stripes and a half-lit field are
-/// relit within 3.2 to 4.7 %; with white alone, four natural images within 2.2 to 5.9 %.
+/// relit within 3.2 to 4.7 %. With white alone, four natural images are relit within 2.2 to 5.9 %.
 pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
     smooth_patterns(resolution, std::f64::consts::SQRT_2 * default_sigma(resolution), count, seed)
 }
@@ -36,11 +36,12 @@ impl Default for LowRankCapture {
 }
 
 /// Captures a model from `photos` photos with `operator` (`n × n`, without its direct light). `direct` is the direct image under
-/// white (`n`), or empty if it stays in the operator. The operator's observer sees each photo ([`Estimate::Unpredicted`]); a
+/// white (`n`), or empty if it stays in the operator. The operator's observer sees each photo ([`Estimate::Unpredicted`]). A
 /// break ends the capture with the photos taken so far.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` misfits; as the operator.
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` has another length; any
+/// error of the operator.
 pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCapture) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
@@ -88,9 +89,8 @@ fn run(
     Ok(process.basis().to_vec())
 }
 
-/// The part of the last photo that the model of the earlier ones did not predict, `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1,
-/// relative to the strongest photo. The model's error falls with it. Without symmetry, the model predicts nothing for a new
-/// orthogonal pattern.
+/// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1, relative to
+/// the strongest photo. The model's error falls with it. Without symmetry, the model predicts nothing for a new orthogonal pattern.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();

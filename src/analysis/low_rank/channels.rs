@@ -7,13 +7,13 @@ use crate::krylov::{LowRankOptions, Start, randomized_svd};
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// Products for the best approximation of each rank, besides four times the rank: its error is then well below one per cent.
+/// Products for the best approximation of each rank, besides four times the rank. Its error is then well below one per cent.
 const EXTRA_PRODUCTS: usize = 40;
 
 /// The direct light of a channel of `n` pixels.
 #[derive(Clone, Debug)]
 pub enum DirectPart {
-    /// A diagonal of `n` values, as of a coaxial pinhole rig, where direct light returns to the pixel that projected it.
+    /// A diagonal of `n` values. A coaxial pinhole rig has one, because direct light returns to the pixel that projected it.
     Diagonal(Vec<f64>),
     /// A matrix (`n × n`).
     Matrix(Csr),
@@ -32,10 +32,8 @@ pub struct RankRow {
     pub optimal: Option<f64>,
 }
 
-/// Captures every channel; `global` are operators of the light of two and more bounces (`n × n`), `direct` their direct light.
-///
-/// # Errors
-/// As [`capture()`].
+/// Captures every channel. `global` holds operators of the light of two and more bounces (`n × n`), `direct` their direct light.
+/// Fails as [`capture()`] does.
 pub fn capture_channels<O: Adjoint>(
     global: &mut [O],
     direct: Vec<DirectPart>,
@@ -52,9 +50,7 @@ pub fn capture_channels<O: Adjoint>(
 }
 
 /// Measures the direct light of one channel by products with white and with random signs, which reveal any matrix but a diagonal.
-///
-/// # Errors
-/// [`Error::Option`] if it is not a diagonal; any error of the products.
+/// Fails with [`Error::Option`] if it is not a diagonal, or as the products do.
 pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     let n = direct.cols();
     let mut product = |x: &[f64]| -> Result<Vec<f64>> {
@@ -79,10 +75,7 @@ pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
 }
 
 /// The models' error over all channels for each number of photos, against the true matrices. `matrices` are the global parts of
-/// the true matrices, one per channel, and `global` the operators of the same.
-///
-/// # Errors
-/// Any error of the products.
+/// the true matrices, one per channel, and `global` holds their operators.
 pub fn rank_curve<O: Adjoint>(
     models: &[LowRank],
     matrices: &[Csr],
@@ -102,7 +95,7 @@ pub fn rank_curve<O: Adjoint>(
     for (operator, &total) in global.iter_mut().zip(&totals) {
         best.push(best_errors(operator, total, ranks)?);
     }
-    // Squares of errors add up; a channel that ended early keeps its last error.
+    // Squares of errors add up. A channel that ended early keeps its last error.
     let together = |of: &dyn Fn(usize) -> f64| -> f64 {
         let square: f64 = totals.iter().enumerate().map(|(c, total)| (of(c) * total).powi(2)).sum();
         (square / whole).sqrt()
@@ -120,7 +113,6 @@ pub fn rank_curve<O: Adjoint>(
     Ok((0..ranks).filter_map(row).collect())
 }
 
-/// The error of the best approximation of each rank.
 fn best_errors<O: Adjoint>(operator: &mut O, total: f64, ranks: usize) -> Result<Vec<f64>> {
     if operator.symmetry() == Symmetry::Symmetric {
         return optimal_errors(operator, total, ranks, 4 * ranks + EXTRA_PRODUCTS);

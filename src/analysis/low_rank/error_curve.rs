@@ -19,8 +19,8 @@ pub struct ErrorRow {
 
 /// The error of each rank up to the model's, given `‖G‖_F` of the captured matrix (without direct light).
 ///
-/// It needs no product: `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`, and for a symmetric matrix with `T = QᵀW`, `‖G − G_k‖² = ‖G‖² − 2‖W‖² +
-/// ‖T‖²`, in the Frobenius norm.
+/// It needs no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`; for symmetric `G` and `T = QᵀW`, `‖G − G_k‖² = ‖G‖²
+/// − 2‖W‖² + ‖T‖²`.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
     // Without global light the model is exact.
@@ -43,11 +43,8 @@ pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     rows
 }
 
-/// The least error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367), from the eigenvalues of
-/// largest magnitude of a symmetric `G`, as far as they converge within `products` products.
-///
-/// # Errors
-/// As [`eigs`].
+/// The least error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367). It follows from the eigenvalues of
+/// largest magnitude of a symmetric `G`, as far as they converge within `products` products. Fails as [`eigs`] does.
 pub fn optimal_errors(
     operator: &mut dyn Operator,
     frobenius: f64,

@@ -5,14 +5,12 @@ use crate::error::{Error, Result};
 use crate::krylov::{dot, norm};
 use crate::operator::Product;
 
-/// A pattern with less than this share of its norm outside the span of the earlier ones adds nothing but noise.
+/// A pattern adds only noise if less than this share of its norm lies outside the span of the earlier patterns.
 const NEW: f64 = 1e-3;
 
-/// The model of products `G x` with all of the light minus direct light, in the order in which they were taken. The patterns need
-/// not be orthogonal. `direct` is as for [`LowRank::new`].
-///
-/// # Errors
-/// [`Error::Numerical`] if all patterns are dark; [`Error::Dimension`] if lengths differ.
+/// The model of products `G x`, in the order in which they were taken; `G` is all light but the direct part. The patterns need
+/// not be orthogonal. `direct` has the meaning that it has in [`LowRank::new`]. Fails with [`Error::Numerical`] if all patterns
+/// are dark, and with [`Error::Dimension`] if lengths differ.
 pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) -> Result<LowRank> {
     let (mut basis, mut photos): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for Product { from: mut pattern, to: mut photo } in products {
@@ -41,8 +39,8 @@ pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) 
     LowRank::new(basis, photos, direct, symmetric)
 }
 
-/// Estimates unmeasured direct light as a share of the white photo: the median of `θ = vᵀ D^-½ A D^-½ v` over the newer half of
-/// the directions `v` of `products` with all of the light. Direct light prevails there, because global light is smooth.
+/// Estimates unmeasured direct light as a share of the white photo. The share is the median of `θ = vᵀ D^-½ A D^-½ v` over the
+/// newer half of the directions `v` of `products` with all light. Direct light prevails there, because global light is smooth.
 pub fn estimated_direct(products: &[Product], white: &[f64]) -> Result<Vec<f64>> {
     let floor = 1e-3 * white.iter().copied().fold(0.0, f64::max);
     let root: Vec<f64> = white.iter().map(|white| white.max(floor).sqrt()).collect();

@@ -6,15 +6,15 @@
 //! (I + G D⁻¹) z = y
 //! ```
 //!
-//! All eigenvalues of this system are positive and most are near 1, so it takes a few dozen products; with a model they cost no
-//! photo. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005), doi:10.1109/ICCV.2005.25; `D A⁻¹` is
-//! their `C₁`.
+//! All eigenvalues of this system are positive and most are near 1, so it takes a few dozen products. With a model they cost no
+//! photo. The source is Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005),
+//! doi:10.1109/ICCV.2005.25; `D A⁻¹` is their `C₁`.
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
 use crate::operator::{Operator, Symmetry, block, delegate};
 
-/// Pixels with less than this share of the greatest direct light count as unlit; other pixels account for the light they send.
+/// Pixels with less than this share of the greatest direct light count as unlit. The other pixels account for the light that they send.
 const DARK: f64 = 1e-6;
 
 /// The result of [`cancel_interreflections`].
@@ -33,11 +33,11 @@ pub struct Cancelled {
 }
 
 /// Removes the interreflections from `photo` (`n`, without ambient light). `global` is light transport without its direct part
-/// (`n × n`; [`LowRank::global`](super::LowRank::global) or the true one), and `direct` the diagonal of the direct part (`n`).
+/// (`n × n`; [`LowRank::global`](super::LowRank::global) or the true one). `direct` is the diagonal of the direct part (`n`).
 /// Takes at most `products` products with `global`, to a relative residual of 1e-6.
 ///
 /// # Errors
-/// [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no pixel has direct light; as [`solve`].
+/// [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no pixel has direct light; the errors of [`solve`].
 pub fn cancel_interreflections(
     global: &mut dyn Operator,
     direct: &[f64],
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn any_photo_is_reduced_to_its_direct_light() -> Result<()> {
-        // Pixel 3 is black: it returns no direct light, and its pattern value cannot be recovered.
+        // Pixel 3 is black. It returns no direct light, and its pattern value cannot be recovered.
         let direct: Vec<f64> = (0..8).map(|i| if i == 3 { 0.0 } else { 1.0 + 0.25 * i as f64 }).collect();
         let model =
             capture(&mut RankTwo, &direct, &LowRankCapture { photos: 2, ..LowRankCapture::default() })?;

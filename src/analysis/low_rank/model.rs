@@ -13,17 +13,13 @@ pub struct LowRank {
     basis: Vec<Vec<f64>>,
     photos: Vec<Vec<f64>>,
     direct: Vec<f64>,
-    /// `D` and its transpose, if `D` is not a diagonal.
     spread: Option<Arc<[Csr; 2]>>,
     symmetric: bool,
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each); `direct` has `n`, or is
-    /// empty.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if sizes differ.
+    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values,
+    /// or is empty. Fails with [`Error::Dimension`] if sizes differ.
     pub fn new(
         basis: Vec<Vec<f64>>,
         photos: Vec<Vec<f64>>,
@@ -45,10 +41,8 @@ impl LowRank {
         Ok(Self { basis, photos, direct, spread: None, symmetric })
     }
 
-    /// The same model with a direct part that is not a diagonal, as with an open lens or a projector apart from the camera.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] if it is not `n × n`.
+    /// The same model with a direct part that is not a diagonal, for an open lens or a projector apart from the camera. Fails
+    /// with [`Error::Dimension`] if it is not `n × n`.
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
         let n = self.cols();
         if (direct.rows(), direct.cols()) != (n, n) {
@@ -125,7 +119,7 @@ impl LowRank {
     /// The dual photograph `Aᵀ y`: the scene seen from the projector and lit from the camera by `y`.
     ///
     /// # Panics
-    /// As [`LowRank::relight`].
+    /// The same as [`LowRank::relight`].
     pub fn dual(&self, pattern: &[f64]) -> Vec<f64> {
         if self.symmetric {
             return self.relight(pattern);
@@ -160,7 +154,6 @@ impl LowRank {
         diagonal
     }
 
-    /// The projection `Q Qᵀ y`.
     fn projected(&self, y: &[f64]) -> Vec<f64> {
         let mut sum = vec![0.0; y.len()];
         for vector in &self.basis {
@@ -169,7 +162,6 @@ impl LowRank {
         sum
     }
 
-    /// The product `D x`, or `Dᵀ x` for `side` 1.
     fn direct_product(&self, x: &[f64], side: usize) -> Vec<f64> {
         if let Some(both) = &self.spread {
             let row = |row: usize| -> f64 {
@@ -184,7 +176,7 @@ impl LowRank {
         }
     }
 
-    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1); a symmetric model adds `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)`.
+    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1). A symmetric model adds `from (toᵀ z)`, where `z = x − from (fromᵀ x)` is the rest.
     fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
         debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
         let mut y = self.direct_product(x, side);

@@ -8,7 +8,7 @@ use crate::image::Image;
 use crate::operator::Adjoint;
 use crate::transport::Squares;
 
-/// The most products with the model, or with the true matrix, to remove the interreflections of one photo.
+/// The most products, with the model or the true matrix, to remove the interreflections of one photo.
 const PRODUCTS: usize = 200;
 
 /// A relit pattern.
@@ -20,15 +20,15 @@ pub struct Relit {
     pub pattern: Image,
     /// The photo predicted by the model, ambient light included.
     pub relit: Image,
-    /// The relative error that the rank of the model leaves, as its own photos tell it ([`LowRank::error_of_rank`](super::LowRank::error_of_rank)); their
-    /// noise is not in it.
+    /// The relative error that the rank of the model leaves, estimated from the model's own photos
+    /// ([`LowRank::error_of_rank`](super::LowRank::error_of_rank)). It does not include their noise.
     pub stated: Ratio,
     /// The true photo, if the scene is simulated.
     pub truth: Option<Image>,
-    /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1, without the noise of the true photo that its operator
-    /// states; empty without the true photo.
+    /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1. The noise that the operator of the true photo
+    /// states is subtracted. Empty without the true photo.
     pub errors: Vec<f64>,
-    /// How near `relit` is to `truth`, both without ambient light.
+    /// The difference between `relit` and `truth`, both without ambient light.
     pub comparison: Option<Squares>,
 }
 
@@ -52,7 +52,7 @@ pub struct Reduced {
     pub photo: Image,
     /// The direct image `D A⁻¹ y` by the model.
     pub direct: Image,
-    /// The same by the true matrix, if the scene is simulated.
+    /// The direct image by the true matrix, if the scene is simulated.
     pub truth: Option<Image>,
     /// The relative error `‖direct − true‖ / ‖true‖`.
     pub error: Option<f64>,
@@ -66,10 +66,7 @@ fn plane(pattern: &Image, channel: usize) -> Vec<f64> {
 }
 
 impl SavedModel {
-    /// Relights a pattern by the model. `full`, if known, are the true operators of all of the light, one per channel.
-    ///
-    /// # Errors
-    /// Any error of the products with `full`.
+    /// Relights a pattern by the model. `full`, if known, holds the true operators of all light, one per channel.
     pub fn relight<O: Adjoint>(&self, name: &str, pattern: Image, full: Option<&mut [O]>) -> Result<Relit> {
         let by_rank = |rank: usize| -> Planes {
             let each = self.channels.iter().enumerate();
@@ -103,9 +100,6 @@ impl SavedModel {
     }
 
     /// The photo of the dual rig under a pattern of camera pixels; `full` as for [`SavedModel::relight`].
-    ///
-    /// # Errors
-    /// Any error of the products with `full`.
     pub fn dual<O: Adjoint>(&self, name: String, pattern: &Image, full: Option<&mut [O]>) -> Result<Dual> {
         let each = self.channels.iter().enumerate();
         let found: Planes = each.map(|(channel, of)| of.dual(&plane(pattern, channel))).collect();
@@ -123,11 +117,9 @@ impl SavedModel {
         })
     }
 
-    /// Removes the interreflections from `photo`, which has no ambient light. `global`, if known, are the true operators of the
-    /// light of two and more bounces, one per channel.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming `--inverse` if a channel's direct light is not a diagonal; as [`cancel_interreflections`].
+    /// Removes the interreflections from `photo`, which has no ambient light. `global`, if known, holds the true operators of the light of
+    /// two and more bounces, one per channel. Fails with [`Error::Option`] naming `--inverse` if a channel's direct light is not a
+    /// diagonal, or as [`cancel_interreflections`] does.
     pub fn reduce<O: Adjoint>(
         &self,
         name: String,
@@ -164,19 +156,18 @@ impl SavedModel {
         })
     }
 
-    /// The photo with ambient light added.
     fn with_ambient(&self, light: &Planes) -> Result<Image> {
         let planes = crate::analysis::planes::sum(light, &self.ambient.planes());
         Image::from_planes(self.resolution, &planes)
     }
 }
 
-/// How near an answer is to a truth whose errors have this expected sum of squares.
+/// The difference between an answer and the truth. The errors of the truth have the expected sum of squares `noise`.
 fn squares(found: &Planes, truth: &Planes, noise: f64) -> Squares {
     Squares::new(found.iter().flatten(), truth.iter().flatten(), noise)
 }
 
-/// The relative error of an answer, without the noise of the truth. A dark photo is predicted exactly, or infinitely wrong.
+/// The relative error of an answer, without the noise of the truth. For a dark photo, the error is zero or infinite.
 fn error(squares: Squares) -> f64 {
     match squares.relative() {
         Some([error, _]) => error,
@@ -185,7 +176,6 @@ fn error(squares: Squares) -> f64 {
     }
 }
 
-/// Applies `product` to each channel's operator, if there are any.
 fn products<O: Adjoint>(
     operators: Option<&mut [O]>,
     mut product: impl FnMut(&mut O, usize) -> Result<Vec<f64>>,

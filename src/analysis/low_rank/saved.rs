@@ -16,7 +16,7 @@ pub struct SavedModel {
     pub ambient: Image,
     /// The resolution of photos.
     pub resolution: Resolution,
-    /// The resolution of patterns, with as many pixels in total as photos have.
+    /// The resolution of patterns. They have the same total number of pixels as photos.
     pub projector: Resolution,
     /// The unit of photos' values.
     pub unit: String,
@@ -25,15 +25,13 @@ pub struct SavedModel {
 }
 
 impl SavedModel {
-    /// The photos of the capture: the largest rank of the channels. A colour photo counts once for all channels.
+    /// The number of photos of the capture: the largest rank of the channels. A colour photo counts once.
     pub fn rank(&self) -> usize {
         self.channels.iter().map(LowRank::rank).max().unwrap_or(0)
     }
 
     /// Writes the model to the run's folder ([`ModelArrays::write`]) and returns the files' names relative to it.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`].
+    /// Fails with [`crate::Error::Write`].
     pub fn write(&self, run: &Path) -> Result<Vec<String>> {
         let channels = self.channels.iter().map(|model| ChannelArrays {
             patterns: model.basis().to_vec(),
@@ -56,10 +54,7 @@ impl SavedModel {
         arrays.write(run)
     }
 
-    /// Reads the model of a run.
-    ///
-    /// # Errors
-    /// As [`ModelArrays::read`].
+    /// Reads the model of a run. Fails as [`ModelArrays::read`] does.
     pub fn read(run: &Path) -> Result<Self> {
         let ModelArrays { channels, ambient, resolution, projector, unit, source, symmetric } =
             ModelArrays::read(run)?;

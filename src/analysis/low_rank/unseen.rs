@@ -1,15 +1,16 @@
-//! What a model from a few photos does not know of a pattern.
+//! The part of a pattern that a model from a few photos does not know.
 
 use super::LowRank;
 use crate::krylov::{dot, norm};
 
-/// The share of the photos, the last ones, that tell how much light an unseen direction sends.
+/// One in `LAST` photos, the last ones, shows how much light an unseen direction sends.
 const LAST: usize = 4;
 
 impl LowRank {
-    /// The expected norm of the error of a product with `x` (`n` values), in the unit of the photos: the part of `x` outside the span of the captured
-    /// patterns, times the light that a new direction sends. A Krylov process finds directions that send much light first, so that
-    /// the last quarter of its photos tells how much the next ones send; random patterns outside send less. Photos' own noise is not counted.
+    /// The expected norm of the error of a product with `x` (`n` values), in the unit of the photos. It is the part of `x` outside the span
+    /// of the captured patterns, times the light that a new direction sends. A Krylov process finds directions that send much light first.
+    /// The last quarter of its photos therefore shows how much the next ones send; random patterns outside send less. Noise of the photos
+    /// is not counted.
     pub fn error_of_rank(&self, x: &[f64]) -> f64 {
         let photos = self.photos();
         let newest = &photos[photos.len() - photos.len().div_ceil(LAST)..];

@@ -10,10 +10,10 @@ use crate::krylov::Method;
 use crate::operator::{Adjoint, Observed, Operator, delegate};
 use crate::transport::Part;
 
-/// Photos for the optimum, which cost nothing on the twin.
+/// Photos for the optimum, which are free on the twin.
 const OPTIMUM_PHOTOS: usize = 500;
 
-/// The optimum that trials are compared with. Residuals are of noise-free photos of what is shown, relative to the target light.
+/// The optimum that trials are compared with. Residuals belong to noise-free photos of the displayed pattern, relative to the target light.
 pub struct CompensationPlan {
     target: Image,
     ambient: Image,
@@ -32,7 +32,7 @@ pub struct CompensationTrial {
     pub cost: Cost,
     /// The residual of its pattern.
     pub residual: f64,
-    /// The residual over the optimum's, minus 1.
+    /// The residual divided by the optimum's, minus 1.
     pub excess: f64,
 }
 
@@ -41,24 +41,24 @@ pub struct CompensationTrial {
 pub struct MethodsTrial {
     /// The cost of all of them together.
     pub cost: Cost,
-    /// The frames at which all are compared: those of the method that took fewest.
+    /// The number of frames at which all are compared: the frames of the method that took fewest.
     pub frames: u64,
     /// Each method.
     pub methods: Vec<MethodTrial>,
 }
 
-/// One method of a [`MethodsTrial`]. Residuals are of the photos that the rig takes of its answers, clipped to the projector's range.
+/// One method of a [`MethodsTrial`]. Residuals belong to the rig's photos of its answers, clipped to the projector's range.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct MethodTrial {
     /// Its name on the command line.
     pub name: &'static str,
-    /// Its photos, and the frames that they took.
+    /// Its photos.
     pub photos: usize,
-    /// Signs, bit planes, exposures, takes and sentinels are counted; black and white are common to all and not.
+    /// The frames of these photos: signs, bit planes, exposures, takes and sentinels, but not black and white, which all methods share.
     pub frames: u64,
     /// The residual after all photos.
     pub residual: f64,
-    /// The least residual after the photos that are within the common number of frames; infinite where there is none.
+    /// The least residual among photos within the common number of frames; infinite if there is no such photo.
     pub at_equal_frames: f64,
 }
 
@@ -76,10 +76,7 @@ impl MethodTrial {
 }
 
 impl Planner<'_> {
-    /// The best pattern with ideal devices. The peak is half the median of the white photo, the default.
-    ///
-    /// # Errors
-    /// As [`compensate`].
+    /// The best pattern with ideal devices. The peak is half the median of the white photo, the default. Fails as [`compensate`] does.
     pub fn ideal_compensation(
         &self,
         target: &Image,
@@ -108,10 +105,8 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin with the noise of `seed`; `ideal` is the result of [`Planner::ideal_compensation`].
-    ///
-    /// # Errors
-    /// As [`compensate`], and any error of the rig.
+    /// Compensates on the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_compensation`]. Fails as [`compensate`] or
+    /// the rig does.
     pub fn compensation(
         &self,
         ideal: &CompensationPlan,
@@ -132,10 +127,8 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin by every method, each with the photos of `options`, with the noise of `seed`.
-    ///
-    /// # Errors
-    /// As [`compare_methods`], and any error of the rig.
+    /// Compensates on the twin by every method with the photos of `options` and the noise of `seed`. Fails as [`compare_methods`] or
+    /// the rig does.
     pub fn methods(
         &self,
         ideal: &CompensationPlan,

@@ -11,24 +11,18 @@ use crate::transport::Part;
 pub struct EigenvaluesTrial {
     /// Their cost.
     pub cost: Cost,
-    /// The difference of each eigenvalue from the one with ideal devices, relative to the largest magnitude. The norms of the
-    /// white photos convert the units.
+    /// The difference of each eigenvalue from the ideal devices' one, relative to the largest. The norms of the white photos
+    /// convert the units.
     pub errors: Vec<f64>,
 }
 
 impl Planner<'_> {
-    /// The eigenpairs with ideal devices, by the same method with as many photos.
-    ///
-    /// # Errors
-    /// As [`eigs`].
+    /// The eigenpairs with ideal devices, by the same method with the same number of photos. Fails as [`eigs`] does.
     pub fn ideal_eigenpairs(&self, part: Part, options: &EigsOptions) -> Result<Eigs> {
         eigs(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// The eigenpairs of the twin with the noise of `seed`; `ideal` is the result of [`Planner::ideal_eigenpairs`].
-    ///
-    /// # Errors
-    /// As [`eigs`], and any error of the rig.
+    /// The eigenpairs with the noise of `seed`. `ideal` is from [`Planner::ideal_eigenpairs`]. Fails as [`eigs`] or the rig does.
     pub fn eigenvalues(
         &self,
         part: Part,

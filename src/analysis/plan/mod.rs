@@ -1,8 +1,7 @@
-//! Planning: what an analysis costs on a rig, and how accurate it is, predicted with the rig's virtual twin.
+//! Planning predicts the cost and the accuracy of an analysis on a rig with the rig's virtual twin.
 //!
-//! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The whole
-//! measurement runs on it with the noise of several seeds, and each result is compared with that of ideal devices. Patterns,
-//! frames and seconds are those that the twin takes.
+//! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The whole measurement runs
+//! on it with the noise of several seeds. Each result is compared with that of ideal devices. Patterns, frames and seconds are the twin's.
 
 mod compensation;
 mod eigenvalues;
@@ -50,10 +49,7 @@ pub struct Cost {
 }
 
 impl Planner<'_> {
-    /// Opens the rig with the noise of `seed`.
-    ///
-    /// # Errors
-    /// As [`VirtualRig::open`] and [`Measurement::new`].
+    /// Opens the rig with the noise of `seed`. Fails as [`VirtualRig::open`] and [`Measurement::new`] do.
     pub fn measure(&self, seed: u64) -> Result<Measurement> {
         let rig = VirtualRig { seed, ..self.rig.clone() };
         let bench = rig.open(self.twin.transport(), None)?;

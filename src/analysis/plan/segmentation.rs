@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::operator::Observed;
 use crate::transport::Part;
 
-/// The result of a segmentation on the twin; scores are adjusted Rand indices for each number of groups.
+/// The result of a segmentation on the twin. Scores are adjusted Rand indices for each number of groups.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SegmentationTrial {
     /// Its cost.
@@ -19,18 +19,13 @@ pub struct SegmentationTrial {
 }
 
 impl Planner<'_> {
-    /// The groups with ideal devices, by the same method with as many photos.
-    ///
-    /// # Errors
-    /// As [`segment`].
+    /// The groups with ideal devices, by the same method with the same number of photos. Fails as [`segment`] does.
     pub fn ideal_segmentation(&self, part: Part, options: &SegmentOptions) -> Result<Segmentation> {
         segment(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// Segments the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are the true labels.
-    ///
-    /// # Errors
-    /// As [`segment`], and any error of the rig.
+    /// Segments with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are true. Fails as
+    /// [`segment`] or the rig does.
     pub fn segmentation(
         &self,
         part: Part,

@@ -27,10 +27,7 @@ impl Twin {
         }
     }
 
-    /// One channel as an operator for the Krylov methods, in the matrix's own units.
-    ///
-    /// # Errors
-    /// None for a well-formed matrix.
+    /// One channel as an operator for the Krylov methods, in the matrix's own units. A well-formed matrix gives no error.
     pub fn operator(&self, part: Part, channel: usize) -> Result<TwinOperator<'_>> {
         Ok(match self {
             Self::Traced(traced) => TwinOperator::Traced(traced.operator(part, channel)),
@@ -40,11 +37,8 @@ impl Twin {
         })
     }
 
-    /// The light without a pattern, in the units of [`Twin::operator`] times [`range_of`]: the scene's own light, the rig's
-    /// ambient light, and the projector's black level.
-    ///
-    /// # Errors
-    /// None for a well-formed matrix.
+    /// The light without a pattern: the scene's own light, the rig's ambient light, and the projector's black level. The
+    /// unit is the unit of [`Twin::operator`] times [`range_of`]. A well-formed matrix gives no error.
     pub(super) fn ambient(&self, rig: &VirtualRig, channel: usize) -> Result<Vec<f64>> {
         let mut operator = self.operator(Part::Full, channel)?;
         let mut white = vec![0.0; operator.rows()];
@@ -64,7 +58,7 @@ pub(super) fn range_of(rig: &VirtualRig) -> f64 {
     1.0 - rig.projector.black_level
 }
 
-/// A pattern in `[0, 1]` as the projector shows it: each pixel at the level nearest in light.
+/// A pattern in `[0, 1]` as the projector shows it: each pixel has the level nearest in light.
 pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
     let response = projector.response();
     let top = (1_u32 << projector.bits) - 1;
@@ -110,7 +104,7 @@ impl Operator for TwinOperator<'_> {
         }
     }
 
-    /// Rigs are coaxial; an explicit matrix may be symmetric only up to its own precision.
+    /// Rigs are coaxial. An explicit matrix may be symmetric only up to its own precision.
     fn symmetry(&self) -> Symmetry {
         match self {
             Self::Traced(operator) => operator.symmetry(),

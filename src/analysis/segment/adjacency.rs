@@ -6,8 +6,8 @@ use crate::operator::{Operator, block, delegate};
 
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
-/// Its largest eigenvectors `v` give the smallest ones of the normalized cut, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`,
-/// without an inverse. `λ = 1`, `v = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½ x`.
+/// Its largest eigenvectors `v` give the smallest ones of the normalized cut without an inverse: `(D − W) u = (1 − λ) D u` with `u = D^-½
+/// v`. The pair `λ = 1`, `v = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½ x`.
 pub struct NormalizedAdjacency<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,
@@ -69,7 +69,7 @@ impl Operator for NormalizedAdjacency<'_> {
         Ok(())
     }
 
-    /// Those of the photos, scaled as if their noise were the same in all pixels.
+    /// The standard errors of the photos, scaled as if their noise were the same in all pixels.
     fn standard_errors(&self) -> Vec<f64> {
         let squares: f64 = self.inverse_root.iter().map(|scale| scale * scale).sum();
         let scale = (squares / self.nodes.len() as f64).sqrt();

@@ -1,4 +1,4 @@
-//! The photos of a segmentation, taken once for any number of groups; a capture can be resumed after an error.
+//! The photos of a segmentation, taken once for any number of groups. A capture can be resumed after an error.
 
 use super::adjacency::NormalizedAdjacency;
 use super::confirm::{Unseen, unseen};
@@ -19,9 +19,9 @@ use crate::operator::{Operator, Relayed, Symmetry};
 
 /// The photos of a segmentation and the Krylov process built from them.
 ///
-/// The first photo shows the scene under white (the degree `D = G 1`), the second the mask if masked pixels have light (see
-/// [`Graph::measure`]), and all others are Lanczos steps. If the operator fails, [`Capture::run`] returns its error and keeps all
-/// photos: call it again to continue, or call [`Capture::segmentation`] for the result so far.
+/// The first photo shows the scene under white (the degree `D = G 1`). The second shows it under the mask if masked pixels have
+/// light (see [`Graph::measure`]). All others are Lanczos steps. If the operator fails, [`Capture::run`] returns its error and
+/// keeps all photos. Call it again to continue, or call [`Capture::segmentation`] for the result so far.
 #[derive(Clone, Debug)]
 pub struct Capture {
     options: SegmentOptions,
@@ -35,10 +35,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// A capture without photos.
-    ///
-    /// # Errors
-    /// [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
+    /// A capture without photos. Fails with [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
     pub fn new(options: SegmentOptions) -> Result<Self> {
         options.check()?;
         Ok(Self {
@@ -64,8 +61,8 @@ impl Capture {
     }
 
     /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global` stops it.
-    /// `global` is the symmetric transport matrix (`n × n`) without its direct part. The observer's steps count all photos, those
-    /// of the degree included; its eigenvalues exclude the known one.
+    /// `global` is the symmetric transport matrix (`n × n`) without its direct part. The observer's steps count all photos,
+    /// including those of the degree. Its eigenvalues exclude the known one.
     ///
     /// # Errors
     /// [`Error::Numerical`] if `global` is not declared symmetric, sees no light, or yields NaN; [`Error::Option`] naming
@@ -98,8 +95,7 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, BlockLanczos::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // After as many rounds as the default gives each start, it is known whether there were enough. A single start is never
-            // joined by others.
+            // The number of starts is judged after as many rounds as the default gives each start. Others never join a single start.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
             let status = self.take(global, stage)?.stats.status;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };
@@ -120,7 +116,7 @@ impl Capture {
         Ok(())
     }
 
-    /// Takes photos until there are `most` of the Krylov process, or no more are needed.
+    /// Takes photos until the Krylov process has `most`, or needs no more.
     fn take(&mut self, global: &mut dyn Operator, most: usize) -> Result<Eigs> {
         let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else {
             return Err(too_early());
@@ -136,7 +132,7 @@ impl Capture {
         let budget = self.options.photos;
         let sign = self.options.cut.sign();
         let history = &mut self.history;
-        // The history is stored here and not in the eigensolver, so that it survives an error.
+        // The history is stored here rather than in the eigensolver, so that it survives an error.
         let relay = |observer: &dyn Observer, step: &Step<'_>| {
             let Estimate::Eigenpairs { values, residuals } = step.estimate else {
                 return observer.step(step);
@@ -167,19 +163,14 @@ impl Capture {
         }
     }
 
-    /// The segmentation from the photos taken so far, without further photos or any change of the capture. A capture that an
-    /// observer stops, and that continues afterwards, gives at each stop the result of a capture with that many photos.
-    ///
-    /// # Errors
+    /// The segmentation from the photos taken so far, without further photos or any change of the capture. An observer may stop a
+    /// capture that continues later. At each stop, the result equals that of a capture with that many photos. Fails with
     /// [`Error::Numerical`] if there is no eigenvector yet (fewer than three photos, or a scene of one pixel).
     pub fn segmentation(&self) -> Result<Segmentation> {
         self.answer(&self.options)
     }
 
-    /// The segmentation for other numbers of groups.
-    ///
-    /// # Errors
-    /// As [`Capture::segmentation`]; [`Error::Option`] naming `--groups` for invalid numbers.
+    /// The segmentation for other numbers of groups. Fails as [`Capture::segmentation`] does, and with [`Error::Option`] naming `--groups`.
     pub fn regrouped(&self, groups: &[usize]) -> Result<Segmentation> {
         let options = SegmentOptions { groups: groups.to_vec(), ..self.options.clone() };
         options.check()?;
@@ -195,7 +186,7 @@ impl Capture {
         if lanczos.steps() == 0 {
             return Err(too_early());
         }
-        // One more than the starts can find copies of an eigenvalue: the gap after the regions is then seen.
+        // The starts can find as many copies of an eigenvalue as there are starts. One more eigenvalue shows the gap after the regions.
         let wanted = (options.eigenvectors - 1).max(lanczos.block() + 1);
         let pairs = lanczos.ritz(Which::LargestAlgebraic, wanted)?;
         let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
@@ -215,7 +206,7 @@ impl Capture {
         &self.history
     }
 
-    /// Why the capture ended; none before [`Capture::run`] has finished.
+    /// Why the capture ended; `None` before [`Capture::run`] has finished.
     pub fn status(&self) -> Option<Status> {
         self.status
     }
@@ -256,7 +247,6 @@ impl Capture {
     }
 }
 
-/// Checks that there are at least as many pixels as groups.
 fn check_enough(graph: &Graph, groups: &[usize]) -> Result<()> {
     let most = groups.iter().copied().max().unwrap_or(0);
     if graph.pixels().len() < most.max(2) {
@@ -279,11 +269,11 @@ fn too_early() -> Error {
     Error::Numerical("the capture ended before a first eigenvector could be computed".into())
 }
 
-/// The photos that each starting pattern gets before it is decided whether there were enough of them.
+/// The photos for each starting pattern before it is decided whether there were enough patterns.
 const ROUNDS: usize = 4;
 
-/// Whether as many eigenvalues as starting patterns may belong to regions, so that further regions may have been missed. The
-/// average cut has no scale to tell by.
+/// Whether the number of eigenvalues that may belong to regions reaches the number of starting patterns. Further regions may then
+/// have been missed. The average cut has no scale for this decision.
 fn is_saturated(lanczos: &BlockLanczos, cut: Cut) -> Result<bool> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.block())?;
     Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= KEPT))
@@ -296,14 +286,13 @@ fn known_vector(cut: Cut, graph: &Graph) -> Vec<f64> {
     }
 }
 
-/// The pixels of the graph's images, where they are known.
 fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
     options.resolution.filter(|resolution| resolution.pixels() == graph.n())
 }
 
-/// The next starting patterns, after `before` others: random, since ones would have the scene's symmetry, and so would the whole
-/// Krylov space; smooth where the pixels are known. The eigenvectors of regions are constant on them, times those of the known
-/// vector.
+/// The next starting patterns, after `before` others. They are random, because ones would give the scene's symmetry to the whole
+/// Krylov space. Where the pixels are known, they are smooth and multiplied by the known vector: an eigenvector of regions is the
+/// known vector times a constant on each region.
 fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
     let (m, count) = (graph.pixels().len(), options.start_count());
     let known = known_vector(options.cut, graph);

@@ -9,19 +9,19 @@ use crate::error::Result;
 use crate::krylov::{BlockLanczos, Completeness, Confirm, Factorization, Which, confirming, largest_beside};
 use crate::operator::Operator;
 
-/// What is known of regions that a capture may have missed.
+/// Knowledge about regions that a capture may have missed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Unseen {
-    /// Beyond which eigenvalue of the normalized cut none is missing.
+    /// The eigenvalue of the normalized cut above which none is missing.
     pub completeness: Completeness,
-    /// An eigenvalue of a region that the capture did not find, but its confirmation did.
+    /// An eigenvalue of a region that the confirmation found, but not the capture.
     pub missed: Option<f64>,
-    /// The photos that it took; 0 where products cost nothing.
+    /// The photos of the confirmation; 0 where products are free.
     pub photos: usize,
 }
 
-/// Looks for a further eigenvalue of the normalized cut on the complement of those found that may belong to regions
-/// ([`largest_beside`]): where products cost nothing, or where the options ask for it.
+/// Looks for a further eigenvalue of the normalized cut, on the complement of the found ones, that may belong to
+/// regions ([`largest_beside`]). It runs where products are free, or where the options ask for it.
 pub(super) fn unseen(
     global: &mut dyn Operator,
     graph: &Graph,
@@ -41,7 +41,7 @@ pub(super) fn unseen(
     Ok(if is_free { Unseen { photos: 0, ..found } } else { found })
 }
 
-/// Localized eigenvectors that are set aside at most.
+/// The most localized eigenvectors that are set aside.
 const MOST_LOCAL: u64 = 12;
 
 fn beside(
@@ -63,7 +63,7 @@ fn beside(
         let is_region = found.value >= KEPT;
         let scaled = found.vector.iter().zip(graph.degree()).map(|(entry, degree)| entry / degree.sqrt());
         if is_region && Embedding::would_be_local(&scaled.collect::<Vec<f64>>(), graph.degree()) {
-            // Few pixels that exchange light among themselves are no region: look beside them.
+            // A few pixels that exchange light among themselves are not a region. The search continues beside them.
             known.push(found.vector);
             continue;
         }

@@ -1,16 +1,16 @@
 //! The coordinates of pixels in the space of eigenvectors: the points that k-means groups.
 //!
-//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, where `W` holds the pixels' weights), each
-//! divided by `√(1 − λ)`. Their distances are those of the commute time: how long light takes from one pixel to the other and
-//! back (Qiu and Hancock, 2007, doi:10.1109/TPAMI.2007.1103).
+//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, where `W` holds the pixels' weights), each divided by `√(1
+//! − λ)`. Distances between pixels are then commute times: the time that light takes from one pixel to the other and back (Qiu and Hancock,
+//! 2007, doi:10.1109/TPAMI.2007.1103).
 //!
-//! Some small sets of pixels exchange light almost only among themselves: flat spots that see a sliver, or noise of a rare light
-//! path. The normalized cut treats each set as a region: it has an eigenvalue near 1 and a localized eigenvector with entries so
-//! large, `1/√d`, that it weighs as much in k-means as any other (Zhang and Rohe, *Understanding regularized spectral clustering
-//! via graph conductance*, 2018, arXiv:1806.01468). The entries of each eigenvector are therefore clamped to their range without
-//! the [`LEAST_SHARE`] of all light at either end. Smaller sets lose their influence; nothing else changes. The cited remedy, an
-//! edge `μ` between all pixels, would move all eigenvalues. Leaving out localized eigenvectors would not suffice: for equal
-//! eigenvalues, Lanczos finds one mixture of the small set and all regions.
+//! Some small sets of pixels exchange light almost only among themselves: flat spots that see a sliver, or noise of a rare light path. The
+//! normalized cut treats each set as a region. The set has an eigenvalue near 1 and a localized eigenvector. The entries of this
+//! eigenvector are so large, `1/√d`, that it weighs as much in k-means as any other (Zhang and Rohe, *Understanding regularized spectral
+//! clustering via graph conductance*, 2018, arXiv:1806.01468). The entries of each eigenvector are therefore clamped to their range without
+//! the [`LEAST_SHARE`] of all light at either end. Smaller sets lose their influence; nothing else changes. The cited remedy, an edge `μ`
+//! between all pixels, would move all eigenvalues. It would not suffice to leave out localized eigenvectors: for equal eigenvalues, Lanczos
+//! finds one mixture of the small set and all regions.
 
 use super::graph::Graph;
 use super::options::Cut;
@@ -22,7 +22,7 @@ pub(super) const LEAST_SHARE: f64 = 1.0 / 500.0;
 /// An eigenvector with less than this share of its squared norm left after clamping is localized.
 const LOCAL: f64 = 0.1;
 
-/// Eigenvalues closer to 1 than this count as this close: no eigenvector may outweigh another by more than `1/√FLOOR`.
+/// Eigenvalues closer to 1 than this count as this close, so that no eigenvector outweighs another by more than `1/√FLOOR`.
 const FLOOR: f64 = 1e-3;
 
 /// The map from eigenvectors to coordinates.
@@ -30,7 +30,7 @@ const FLOOR: f64 = 1e-3;
 pub struct Embedding {
     /// The factor of each eigenvector (`k`): `1/√(1 − λ)`, and 0 for the known one, which is constant.
     pub weights: Vec<f64>,
-    /// The range to which the entries of each eigenvector are clamped (`k`); a five-hundredth of the light is beyond each end.
+    /// The range to which the entries of each eigenvector are clamped (`k`). A five-hundredth of the light lies beyond each end.
     pub ranges: Vec<(f64, f64)>,
     /// The share of each eigenvector's squared norm left after clamping (`k`): nearly 1 for regions, nearly 0 if it is localized.
     pub within: Vec<f64>,
@@ -39,7 +39,7 @@ pub struct Embedding {
 }
 
 impl Embedding {
-    /// The embedding by `vectors` on `m` nodes with `weights`; the first vector is known, and `pairs` belong to the others.
+    /// The embedding by `vectors` on `m` nodes with `weights`. The first vector is known; `pairs` belong to the others.
     pub(super) fn new(
         cut: Cut,
         graph: &Graph,
@@ -71,12 +71,11 @@ impl Embedding {
         }
     }
 
-    /// As [`Embedding::is_local`], of another vector (`m`, `uᵀ W u = 1`) with these weights.
+    /// Whether another vector (`m`, `uᵀ W u = 1`) with these weights is localized; see [`Embedding::is_local`].
     pub(super) fn would_be_local(vector: &[f64], weights: &[f64]) -> bool {
         within(vector, weights, range(vector, weights)) < LOCAL
     }
 
-    /// Leaves out all eigenvectors but the first `count`.
     pub(super) fn truncate(&mut self, count: usize) {
         self.weights.truncate(count);
         self.ranges.truncate(count);
@@ -101,13 +100,12 @@ impl Embedding {
     }
 }
 
-/// The weighted squared norm of a vector that is clamped to a range.
 fn within(vector: &[f64], weights: &[f64], (low, high): (f64, f64)) -> f64 {
     vector.iter().zip(weights).map(|(u, weight)| weight * u.max(low).min(high).powi(2)).sum()
 }
 
-/// The factor of an eigenvector with the gap `1 − λ`, which is known only up to the `residual`: an unresolved vector is divided by no less. The
-/// noise that a low-pass removed is not in the residual.
+/// The factor of an eigenvector with the gap `1 − λ`, which is known only up to the `residual`. An unresolved vector is divided by at least
+/// the residual. The residual does not include noise that a low-pass removed.
 fn weight(gap: f64, residual: f64) -> f64 {
     1.0 / gap.max(residual).max(FLOOR).sqrt()
 }
@@ -177,7 +175,7 @@ mod tests {
     #[test]
     fn a_range_leaves_out_the_least_share_of_weight_at_either_end() {
         let vector: Vec<f64> = (0..1000).map(f64::from).collect();
-        // The share is two of a thousand equal weights: it is reached at the second entry from either end.
+        // The share is two of a thousand equal weights. It is reached at the second entry from either end.
         assert_eq!(range(&vector, &vec![1.0; 1000]), (1.0, 998.0));
         let mut weights = vec![1.0; 1000];
         weights[..3].fill(0.1);

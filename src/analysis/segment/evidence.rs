@@ -1,7 +1,7 @@
 //! Evidence for groups: each is lit alone, to measure where its light goes.
 //!
-//! The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos give the light
-//! exchanged, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
+//! The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos give the
+//! exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
 
 use super::segmentation::MASKED;
 use crate::error::{Error, Result};
@@ -24,16 +24,14 @@ impl Evidence {
         (0..self.groups).map(|group| self.exchange[group][group]).collect()
     }
 
-    /// The value of the normalized cut: the sum of the shares of light that leave their groups; 0 if none leaves.
+    /// The value of the normalized cut: the sum of the shares of light that leave their groups.
     pub fn cut(&self) -> f64 {
         self.kept().iter().map(|kept| 1.0 - kept).sum()
     }
 }
 
-/// Lights each group of `labels` (`n`; 255 is masked and dark) alone, with one photo each by `operator`.
-///
-/// # Errors
-/// [`Error::Dimension`] if there is not one label per pixel; any error of the operator.
+/// Lights each group of `labels` (`n`; 255 is masked and dark) alone, with one photo each by `operator`. Fails with
+/// [`Error::Dimension`] if there is not one label per pixel, or as the operator does.
 pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> {
     if labels.len() != operator.cols() || labels.len() != operator.rows() {
         return Err(Error::Dimension {

@@ -1,6 +1,4 @@
-//! A view of chosen pixels as points: their distances in the space of eigenvectors.
-//!
-//! The coordinates are those of [`Embedding`](super::Embedding).
+//! A view of chosen pixels as points: their distances in the space of eigenvectors. [`Embedding`](super::Embedding) gives the coordinates.
 
 use super::Segmentation;
 use crate::error::{Error, Result};
@@ -18,10 +16,8 @@ pub struct FeatureView {
     pub distances: Vec<Vec<f64>>,
 }
 
-/// Computes the coordinates and distances of pixels, given by column and row.
-///
-/// # Errors
-/// [`Error::Option`] naming `--features` for a pixel outside the raster, or a masked one, which has no coordinates.
+/// Computes the coordinates and distances of pixels, given by column and row. Fails with [`Error::Option`] naming `--features`
+/// for a pixel that lies outside the raster or is masked and so has no coordinates.
 pub fn feature_view(
     found: &Segmentation,
     resolution: Resolution,

@@ -1,15 +1,15 @@
-//! The graph of light exchange: its nodes are pixels, and its edge weights the global light between them.
+//! The graph of light exchange. Its nodes are pixels, and its edge weights are the global light between them.
 
 use crate::error::{Error, Result};
 use crate::operator::{Operator, block, block_mut};
 
-/// Below this share, the light of masked pixels needs no second photo: the known eigenvector is accurate to its root, 1e-8.
+/// Below this share, the light of masked pixels needs no second photo: the known eigenvector is accurate to the root of this share, 1e-8.
 const NEGLIGIBLE_LEAK: f64 = 1e-16;
 
 /// The graph's nodes (the `m` of `n` pixels that are not masked) and their degrees.
 ///
-/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator: `G` is the global part of the transport matrix, `G_m` its rows and
-/// columns of unmasked pixels (masking rows or columns alone would break the symmetry).
+/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator. `G` is the global part of the transport matrix, and `G_m` holds its
+/// rows and columns of unmasked pixels. Masking rows or columns alone would break the symmetry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {
     n: usize,
@@ -22,14 +22,13 @@ pub struct Graph {
 impl Graph {
     /// Measures the graph from one or two photos; `white` is the first, `G 1`.
     ///
-    /// Pixels with a degree of at most `mask_below` times the median are masked: they contain only noise, and a tiny degree makes
-    /// a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), to ignore dark
-    /// backgrounds.
+    /// Pixels with a degree of at most `mask_below` times the median are masked. They contain only noise, and a tiny degree makes a huge
+    /// entry of `D^-½`. The median is weighted by degree to ignore dark backgrounds: half of all light is in pixels above it.
     ///
-    /// The degree must match the masked matrix, `D = diag(G_m 1_m)`, but `G 1` includes light exchanged with masked pixels. By
-    /// symmetry this is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤ 1e-8), `white` suffices.
-    /// Otherwise `masked_photo` takes the photo of the mask as a pattern (1 on kept pixels, 0 elsewhere), whose values *are* the
-    /// degrees. Pixels whose degree is now too low are masked too, without another photo, and [`Graph::leak`] bounds their light.
+    /// The degree must match the masked matrix, `D = diag(G_m 1_m)`, but `G 1` includes light exchanged with masked pixels. By symmetry
+    /// this light is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤ 1e-8), `white` suffices. Otherwise
+    /// `masked_photo` takes the photo of the mask as a pattern (1 on kept pixels, 0 elsewhere), whose values *are* the degrees. Pixels
+    /// whose degree is now too low are also masked, without another photo, and [`Graph::leak`] bounds their light.
     ///
     /// # Errors
     /// [`Error::Numerical`] if `white` contains a NaN or an infinity, or no pixel sees global light; any error of `masked_photo`.
@@ -116,7 +115,7 @@ impl Graph {
         Ok(())
     }
 
-    /// As [`Graph::weights_product`], for all of `xs` as a block.
+    /// The same as [`Graph::weights_product`], for all of `xs` as a block.
     pub(super) fn weights_block(
         &self,
         global: &mut dyn Operator,

@@ -1,21 +1,21 @@
-//! Groups of pixels by their coordinates in the space of eigenvectors: whether a group is really two, and how sure the group of a pixel is.
+//! Groups of pixels by their coordinates in the space of eigenvectors: whether a group is really two, and how sure a pixel's group is.
 
 use crate::analysis::kmeans::Clusters;
 
-/// A group is two if the best cut across its longest axis explains this share of its variance along that axis. Points of a normal
-/// distribution reach 0.64, of a uniform one 0.75.
+/// A group counts as two if the best cut across its longest axis explains this share of its variance along that axis. Points of a normal
+/// distribution reach 0.64, points of a uniform one 0.75.
 const TWO: f64 = 0.95;
 
 /// Each of the two must have this share of the group's light.
 const LEAST_PART: f64 = 0.05;
 
-/// Degrees of freedom of the distribution of a pixel's distance from its group: a few, since some pixels are far from every group.
+/// Degrees of freedom of the distribution of a pixel's distance from its group. They are few because some pixels are far from every group.
 const DEGREES_OF_FREEDOM: f64 = 4.0;
 
 /// Rounds of the power iteration for the longest axis. It need not converge: any axis near the longest shows two parts that are far apart.
 const ROUNDS: usize = 50;
 
-/// The number of groups that are two. `coordinates` are `d` columns of `n` values.
+/// The number of groups that count as two. `coordinates` holds `d` columns of `n` values.
 pub(super) fn divided(coordinates: &[Vec<f64>], weights: &[f64], clusters: &Clusters) -> usize {
     let is_two = |group: &usize| {
         let pixels: Vec<usize> =
@@ -49,7 +49,6 @@ fn is_two(coordinates: &[Vec<f64>], weights: &[f64], pixels: &[usize], centre: &
     })
 }
 
-/// The axis of largest variance, by power iteration with the covariance matrix.
 fn longest_axis(coordinates: &[Vec<f64>], weights: &[f64], pixels: &[usize], centre: &[f64]) -> Vec<f64> {
     let entry = |a: usize, b: usize| -> f64 {
         let of = |axis: usize, pixel: usize| coordinates[axis][pixel] - centre[axis];
@@ -70,9 +69,9 @@ fn longest_axis(coordinates: &[Vec<f64>], weights: &[f64], pixels: &[usize], cen
     axis
 }
 
-/// How sure the group of each point is, from 0 to 1: its probability among all groups, if the distances from the centres follow Student's
-/// distribution with the width that they have on average. It says how well the point fits its group rather than another, not whether
-/// there are as many groups.
+/// How sure the group of each point is, from 0 to 1: its probability among all groups. The distances from the centres are assumed to follow
+/// Student's distribution with their average width. The value says how well the point fits its group, not whether the number of groups is
+/// right.
 pub(super) fn confidence(coordinates: &[Vec<f64>], weights: &[f64], clusters: &Clusters) -> Vec<f64> {
     let d = coordinates.len() as f64;
     let width = clusters.inertia / (weights.iter().sum::<f64>() * d);

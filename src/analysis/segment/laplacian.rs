@@ -6,9 +6,9 @@ use crate::operator::{Operator, delegate};
 
 /// The negative Laplacian `W − D` (`m × m`), with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
-/// Its largest eigenvalues are the negated smallest of `(D − W) x = λ x`, those of the average cut. They lie at the edge of the
-/// spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov subspace). The pair `λ = 0`, `x = 1`
-/// is known in advance. A product is one photo of the pattern `x`.
+/// Its largest eigenvalues are the negated smallest eigenvalues of the average cut, `(D − W) x = λ x`. They lie at the edge of
+/// the spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov subspace). The pair `λ = 0`, `x
+/// = 1` is known in advance. A product is one photo of the pattern `x`.
 pub struct NegativeLaplacian<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,
@@ -56,7 +56,6 @@ impl Operator for NegativeLaplacian<'_> {
     }
 }
 
-/// `y ← y − D x`.
 fn subtract_degrees(graph: &Graph, x: &[f64], y: &mut [f64]) {
     for ((value, x), degree) in y.iter_mut().zip(x).zip(graph.degree()) {
         *value -= degree * x;

@@ -1,22 +1,22 @@
 //! A low-pass for the directions of a segmentation's Krylov process, where noise dominates the photos.
 //!
-//! Regions have an extent, and the noise of a photo differs from pixel to pixel. A Gaussian blur of standard deviation `σ` keeps
-//! `1 / 4πσ²` of the variance of noise, and nearly all of what varies slowly.
+//! Regions are extended, while the noise of a photo differs from pixel to pixel. A Gaussian blur of standard deviation `σ` keeps
+//! `1 / 4πσ²` of the variance of noise, and nearly everything that varies slowly.
 
 use super::graph::Graph;
 use crate::image::{Blur, Resolution};
 use crate::krylov::Filter;
 
-/// A smaller share of noise is left as it is: the blur would cost more than it saves.
+/// A smaller share of noise stays, because the blur would cost more than it saves.
 const TOLERATED: f64 = 0.3;
 
-/// After the blur, noise has at most this share of the variance that the light has.
+/// After the blur, the variance of noise is at most this share of the variance of the light.
 const LEFT: f64 = 0.1;
 
 /// The narrowest and the widest blur in pixels.
 const WIDTHS: [f64; 2] = [0.6, 4.0];
 
-/// The filter for vectors on the nodes of a graph, whose eigenvectors of regions are constant times the `known` vector.
+/// The filter for vectors on the nodes of a graph. Eigenvectors of regions are the `known` vector times a constant on each region.
 pub(super) fn low_pass(graph: &Graph, known: &[f64], resolution: Resolution) -> Filter {
     let (pixels, known) = (graph.pixels().to_vec(), known.to_vec());
     Filter::new(move |rest, share| {
@@ -28,7 +28,7 @@ pub(super) fn low_pass(graph: &Graph, known: &[f64], resolution: Resolution) -> 
         let blur = Blur::new(resolution, width.clamp(WIDTHS[0], WIDTHS[1]))?;
         let (mut sum, mut weight) = (vec![0.0; resolution.pixels()], vec![0.0; resolution.pixels()]);
         for ((&pixel, rest), known) in pixels.iter().zip(rest).zip(&known) {
-            // The image is `rest / known`, with the weight `known²`: dark pixels are the noisiest.
+            // The image is `rest / known` with the weight `known²`, because dark pixels are the noisiest.
             sum[pixel] = rest * known;
             weight[pixel] = known * known;
         }

@@ -18,7 +18,7 @@ pub enum Cut {
 }
 
 impl Cut {
-    /// The factor from the eigenvalues that Lanczos finds (the largest) to those of the cut.
+    /// The factor that turns the eigenvalues that Lanczos finds (the largest) into those of the cut.
     pub(super) fn sign(self) -> f64 {
         match self {
             Self::Normalized => 1.0,
@@ -30,38 +30,35 @@ impl Cut {
 /// The options of [`segment`](super::segment()).
 #[derive(Clone, Debug)]
 pub struct SegmentOptions {
-    /// The most photos, those of the degree included; at least 3. Default 50.
+    /// The most photos, including those of the degree; at least 3. Default 50.
     pub photos: usize,
-    /// The numbers of groups, each from 2 to 254. Default none: as many groups as the light shows regions, or two where it shows
-    /// one.
+    /// The numbers of groups, each from 2 to 254. By default there is one: the regions that the light shows, or two where it shows one.
     pub groups: Vec<usize>,
-    /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Where no number of
-    /// groups is given, there are no fewer than regions. Default 10.
+    /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Where no number of groups is
+    /// given, there is at least one per region. Default 10.
     pub eigenvectors: usize,
-    /// The patterns that the Krylov process starts from. Each finds one region of those that exchange the same small amount of
-    /// light, so there must be one for each region; each then has only its share of the photos. Where all of several have found
-    /// one and photos are left, as many more are added. One is the paper's process. Default none:
-    /// [`SegmentOptions::automatic_starts`] where the pixels are known, or else one.
+    /// The number of patterns that the Krylov process starts from. Each pattern finds one of the regions that exchange the same small
+    /// amount of light, so every region needs one. Each pattern then has only its share of the photos. If all of several patterns have
+    /// found a region and photos are left, the same number of patterns is added. One pattern is the paper's process. Default none:
+    /// [`SegmentOptions::automatic_starts`] where the pixels are known, otherwise one.
     pub starts: Option<usize>,
-    /// The pixels of patterns and photos, by which the starting patterns are made smooth: regions have an extent, noise has none.
+    /// The pixels of patterns and photos. They serve to make the starting patterns smooth, because regions are extended and noise is not.
     /// Default none: random signs, pixel by pixel.
     pub resolution: Option<Resolution>,
     /// The normalization of the cut.
     pub cut: Cut,
     /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
     pub mu: f64,
-    /// The share of a region's light that the operator itself carries across its border, as one does that blurs. Eigenvalues are counted as
-    /// those of regions even where they are so far from one. Default 0.
+    /// The share of a region's light that the operator itself carries across its border, as a blur does. Eigenvalues this far from one
+    /// still count. Default 0.
     pub leak: f64,
-    /// Pixels with at most this share, in [0, 1), of the median degree are masked: [`Graph`](super::Graph::measure). Default
-    /// 0.01.
+    /// Pixels with at most this share, in [0, 1), of the median degree are masked: [`Graph`](super::Graph::measure). Default 0.01.
     pub mask_below: f64,
     /// The capture ends early once every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
     pub tolerance: f64,
     /// Seed of the Lanczos start and of k-means.
     pub seed: u64,
-    /// How it is confirmed that no region was missed, by photos beyond those of the budget. Default none: it is confirmed by itself where
-    /// photos cost nothing.
+    /// How to confirm, by photos beyond the budget, that no region was missed. Default none: it is confirmed by itself if photos are free.
     pub confirm: Option<Confirm>,
 }
 
@@ -90,12 +87,11 @@ impl SegmentOptions {
         Self { groups: groups.into_iter().collect(), ..Self::default() }
     }
 
-    /// The patterns to start from within so many photos: each gets four photos, and there are 1 to 12.
+    /// The default number of starting patterns for this number of photos: one per four photos, from 1 to 12.
     pub fn automatic_starts(photos: usize) -> usize {
         (photos.saturating_sub(2) / 4).clamp(1, 12)
     }
 
-    /// The patterns to start from.
     pub(super) fn start_count(&self) -> usize {
         let automatic = if self.resolution.is_some() { Self::automatic_starts(self.photos) } else { 1 };
         self.starts.unwrap_or(automatic)

@@ -1,12 +1,12 @@
 //! The number of regions in the scene: sets of pixels that exchange almost no light with the rest.
 //!
-//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange an eigenvalue near 1 (von
-//! Luxburg, *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). So `1 − λ` is small
-//! for as many eigenvalues as there are regions and then jumps; the largest jump gives the suggested number.
+//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange adds an eigenvalue near 1 (von Luxburg,
+//! *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). There is thus one eigenvalue with a small
+//! `1 − λ` per region, followed by a jump. The largest jump gives the suggested number.
 //!
-//! A Krylov process finds as many vectors of a repeated eigenvalue as it has starting vectors. Where all of them are near 1, there
-//! may be more regions, and the number is a lower bound. The one vector of an *exactly* repeated eigenvalue is a random mixture of
-//! the regions' indicator vectors, constant on each region and different between regions: its levels are counted as well.
+//! A Krylov process finds one vector of a repeated eigenvalue per starting vector. Where all of them are near 1, there may be more regions,
+//! and the number is a lower bound. The one vector of an *exactly* repeated eigenvalue is a random mixture of the regions' indicator
+//! vectors. It is constant on each region and different between regions, so its levels are counted as well.
 //!
 //! Localized eigenvectors ([`Embedding::is_local`](super::Embedding::is_local)) are left out.
 
@@ -24,7 +24,7 @@ const EXACT: f64 = 1e-6;
 /// A region must keep at least this share of its light.
 pub const KEPT: f64 = 0.85;
 
-/// The next eigenvalue must be this many times as far from 1 for the count to be clear, and keep too little light for a region.
+/// The count is clear if the next eigenvalue is this many times as far from 1, and keeps too little light for a region.
 const CLEAR: f64 = 4.0;
 
 /// A suggested number of regions and its evidence.
@@ -34,29 +34,32 @@ pub struct Regions {
     pub count: usize,
     /// Eigenvalues before the largest gap, with the known 1 and without those of localized eigenvectors.
     pub at_one: usize,
-    /// The distance from 1 of the last of them.
+    /// The distance from 1 of the last of these eigenvalues.
     pub last: f64,
-    /// The distance from 1 of the eigenvalue after the gap, or a lower bound; none if the capture ends before it.
+    /// The distance from 1 of the eigenvalue after the gap, or a lower bound; `None` if the capture ends before it.
     pub next: Option<f64>,
-    /// The ratio of `next` to `last`, where `last` counts as at least 0.001, or what a blur carries across a border.
+    /// The ratio of `next` to `last`. `last` counts as at least 0.001, or as the share that a blur carries across a border.
     pub ratio: Option<f64>,
     /// Regions of `count` that only the coordinates of the pixels show: groups that were divided.
     pub divided: usize,
     /// Levels of the second eigenvector if its eigenvalue is 1 to six digits: regions without any exchange.
     pub levels: Option<usize>,
-    /// Whether there may be more regions than `count`: each starting pattern has found one, or the gap after the last was not
-    /// seen.
+    /// Whether there may be more regions than `count`, because each starting pattern has found one, or the gap after the last was not seen.
     pub at_least: bool,
     /// Whether the gap is wide enough to be trusted, and the number is not only a lower bound.
     pub clear: bool,
-    /// What is known of further regions.
+    /// Knowledge about further regions.
     pub unseen: Unseen,
 }
 
 impl Regions {
-    /// The suggestion from `gaps`, the distances `1 − λ` of the eigenvalues with the residuals of their eigenvectors (the known
-    /// one first, without localized ones), and from the second eigenvector `u` on `m` nodes of `degrees` (`uᵀ D u = 1`) with its
-    /// residual. The Krylov process began from so many `starts`, and its operator carries the share `leak` across a region's border.
+    /// The suggestion from the eigenvalues and the second eigenvector.
+    ///
+    /// * `gaps` holds the distances `1 − λ` of the eigenvalues with the residuals of their eigenvectors. The known one is first; localized
+    ///   ones are left out.
+    /// * `u` is the second eigenvector on `m` nodes of `degrees` (`uᵀ D u = 1`), with its residual.
+    /// * `starts` is the number of patterns that the Krylov process began from.
+    /// * `leak` is the share of light that its operator carries across a region's border.
     pub(super) fn suggested(
         gaps: &[(f64, f64)],
         second: Option<(&[f64], f64)>,
@@ -67,7 +70,7 @@ impl Regions {
         let floor = FLOOR.max(leak);
         let residuals: Vec<f64> = gaps.iter().map(|(_, residual)| *residual).collect();
         let gaps: Vec<f64> = gaps.iter().map(|(gap, _)| *gap).collect();
-        // A Ritz value may still come nearer to one as it converges.
+        // A Ritz value that has not converged may still move nearer to one.
         let converged = |index: usize| {
             let residual = residuals[index];
             let apart = gaps.get(index + 1).map_or(0.0, |next| next - gaps[index]);
@@ -87,9 +90,9 @@ impl Regions {
             _ => None,
         };
         let unseen = levels.map_or(0, |levels| levels.saturating_sub(exact));
-        // The known eigenvalue takes no start. A single start splits what differs a little, and its levels tell the rest.
+        // The known eigenvalue needs no start. A single start splits eigenvalues that differ a little, and its levels show the rest.
         let at_least = next.is_none() || (starts > 1 && last >= starts) || (starts == 1 && last > 1);
-        // An eigenvector with a residual may still come that much nearer to one.
+        // An eigenvector with a residual may still move this much nearer to one.
         let is_far =
             |next: f64| next > 1.0 - KEPT && next - residuals[last + 1] >= CLEAR * gaps[last].max(floor);
         Self {
@@ -106,14 +109,13 @@ impl Regions {
         }
     }
 
-    /// Counts more regions, which the coordinates of the pixels show. The eigenvalues have then not found all copies: there may be even more.
+    /// Counts further regions that the coordinates of the pixels show. The eigenvalues then lack some copies, so there may be even more.
     pub(super) fn divide(&mut self, more: usize) {
         self.count += more;
         self.divided += more;
         (self.at_least, self.clear) = (true, false);
     }
 
-    /// Takes in what is known of further regions.
     pub(super) fn confirm(&mut self, unseen: Unseen) {
         self.unseen = unseen;
         if unseen.missed.is_some() {
@@ -174,7 +176,7 @@ impl Regions {
     }
 }
 
-/// Counts clusters of values with gaps of at most `tolerance` standard deviations, two or more pixels and a group's least light.
+/// Counts clusters of values with gaps of at most `tolerance` standard deviations. Each has two or more pixels and a group's least light.
 fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
     let all = degrees.iter().sum::<f64>();
     let apart = tolerance / all.sqrt();
@@ -218,7 +220,7 @@ mod tests {
 
     #[test]
     fn a_value_that_is_still_on_its_way_to_one_is_counted_as_there() {
-        // Through a rig, by 40 photos: the second region's value has a residual that it may still come nearer by.
+        // A rig with 40 photos: the second region's eigenvalue may still move nearer to one by its residual.
         let gaps = [(0.0, 0.0), (0.0137, 0.061), (0.154, 0.06), (0.217, 0.1)];
         let found = Regions::suggested(&gaps, None, &[], 9, 0.0);
         assert_eq!((found.count, found.clear), (2, true), "{found:?}");
@@ -226,7 +228,7 @@ mod tests {
 
     #[test]
     fn what_a_blur_carries_across_the_border_joins_no_regions() {
-        // Zigzag through a rig whose camera is as coarse as the projector, blurred by one pixel of 64.
+        // The scene zigzag through a rig whose camera is as coarse as the projector, blurred by one pixel of 64.
         let gaps = [(0.0, 0.0), (0.0195, 0.02), (0.188, 0.031), (0.211, 0.064)];
         let suggested = |leak| Regions::suggested(&gaps, None, &[], 9, leak);
         assert_eq!((suggested(0.0).count, suggested(0.0176).count), (1, 2));

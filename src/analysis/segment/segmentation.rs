@@ -1,4 +1,4 @@
-//! The segmentation that eigenvectors give.
+//! The segmentation that follows from eigenvectors.
 
 use super::confirm::Unseen;
 use super::embedding::{Embedding, mean};
@@ -11,19 +11,19 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, SIGMAS};
 use crate::krylov::{HistoryRow, RitzPair, Status};
 
-/// Labels are bytes, of which 255 is that of masked pixels.
+/// Labels are bytes, and 255 is the label of masked pixels.
 const MOST_GROUPS: usize = 254;
 
 /// The label of a masked pixel.
 pub const MASKED: u8 = 255;
 
-/// An eigenvalue is at most as large as the largest row sum; this much more is a fault of the photos and not of rounding or a little noise.
+/// An eigenvalue is at most the largest row sum. A larger excess is a fault of the photos; rounding or a little noise does not explain it.
 const IMPOSSIBLE: f64 = 0.05;
 
-/// A label of this confidence is sure.
+/// A label of at least this confidence is sure.
 pub const SURE: f64 = 0.95;
 
-/// The share of the matrix norm below which the status sentence counts an eigenvector's residual as resolved.
+/// The status sentence counts an eigenvector as resolved if its residual is below this share of the matrix norm.
 const RESOLVED: f64 = 1e-2;
 
 /// A segmentation of `n` pixels with `k` eigenvectors: the number requested, or fewer if there were too few photos.
@@ -32,8 +32,8 @@ pub struct Segmentation {
     /// The label of each pixel (`n`) for each requested number of groups `K`. Labels are numbered by first appearance in raster
     /// order; masked pixels have [`MASKED`] (255).
     pub labels: Vec<(usize, Vec<u8>)>,
-    /// How sure the label of each pixel is (`n`, from 0 to 1) for each number of groups: the probability of its group among all groups,
-    /// by its coordinates. It does not say whether the number of groups is right. 0 on masked pixels.
+    /// How sure the label of each pixel is (`n`, from 0 to 1) for each number of groups: the probability of its group among all groups, by
+    /// its coordinates. It does not say whether the number of groups is right. 0 on masked pixels.
     pub confidence: Vec<(usize, Vec<f64>)>,
     /// The `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending from 0,
     /// for the average cut. The first is known.
@@ -53,9 +53,9 @@ pub struct Segmentation {
     pub degree: Vec<f64>,
     /// True on masked pixels (`n`).
     pub mask: Vec<bool>,
-    /// The cut that the eigenvalues are of.
+    /// The cut that the eigenvalues belong to.
     pub cut: Cut,
-    /// Photos taken, those of the degree included.
+    /// Photos taken, including those of the degree.
     pub photos: usize,
     /// One row per Lanczos photo: photos so far, eigenvalues and residuals (without the known pair).
     pub history: Vec<HistoryRow>,
@@ -63,16 +63,12 @@ pub struct Segmentation {
     pub status: String,
 }
 
-/// The state of a capture.
 pub(super) struct Taken<'a> {
     pub(super) options: &'a SegmentOptions,
     pub(super) photos: usize,
     pub(super) history: &'a [HistoryRow],
-    /// Why the capture ended, if it did.
     pub(super) status: Option<Status>,
-    /// The patterns that the Krylov process has started from.
     pub(super) starts: usize,
-    /// What is known of regions that it may have missed.
     pub(super) unseen: Unseen,
 }
 
@@ -83,18 +79,17 @@ impl Segmentation {
         entries.map(|(index, u)| self.embedding.coordinate(index, u[pixel])).collect()
     }
 
-    /// The share of the pixels, without masked ones, whose label is [`SURE`] for so many groups.
+    /// The share of the unmasked pixels whose label is [`SURE`] for this number of groups.
     pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
         let (_, confidence) = self.confidence.iter().find(|(of, _)| *of == groups)?;
         let seen = self.mask.iter().filter(|masked| !**masked).count();
         Some(confidence.iter().filter(|value| **value >= SURE).count() as f64 / seen.max(1) as f64)
     }
 
-    /// Whether the eigenvalues are such as light can have: those of `D^-½ G D^-½` are at most 1 in size, and those of `D − G` lie between 0 and twice
-    /// the largest degree.
+    /// Whether light can have these eigenvalues: at most 1 in size for `D^-½ G D^-½`, between 0 and twice the largest degree for `D − G`.
     pub fn findings(&self) -> Vec<Finding> {
         let values = self.eigenvalues.iter().copied();
-        // Each as its distance from the middle of its range, relative to half of this.
+        // Each eigenvalue becomes its distance from the middle of its range, relative to half of the range.
         let half = self.degree.iter().copied().fold(0.0, f64::max);
         let sizes = values.map(|value| match self.cut {
             Cut::Normalized => value.abs().into(),
@@ -133,7 +128,7 @@ impl Segmentation {
         let mut regions =
             count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts, taken.options.leak));
         regions.confirm(taken.unseen);
-        // The eigenvectors after those asked for only served to count the regions.
+        // Eigenvectors beyond the requested number only served to count the regions.
         let most = if options.groups.is_empty() { regions.count } else { 0 };
         let kept = vectors.len().min(options.eigenvectors.max(most));
         vectors.truncate(kept);
@@ -187,8 +182,8 @@ impl Segmentation {
     }
 }
 
-/// Whether eigenvalues of a matrix of light are possible: `largest` is the largest of their sizes, relative to the largest row sum, and `error` its
-/// standard error. All entries of such a matrix are at least 0, so that no eigenvalue is larger.
+/// Whether eigenvalues of a matrix of light are possible. `largest` is the largest of their sizes, relative to the largest row sum, and
+/// `error` its standard error. All entries of such a matrix are at least 0, so no eigenvalue is larger than the largest row sum.
 pub fn possible(largest: f64, error: f64) -> Finding {
     let bound = 1.0 + IMPOSSIBLE;
     let grade = if largest - SIGMAS * error <= bound { Grade::Ok } else { Grade::Fails };
@@ -210,8 +205,8 @@ fn known_pair(cut: Cut, graph: &Graph) -> (Vec<f64>, f64, f64) {
     }
 }
 
-/// As many groups as there are regions. A group whose coordinates show two is divided: the eigenvalues do not count a region before its
-/// eigenvector is found, and the eigenvectors of others already tell it apart.
+/// One group per region. A group whose coordinates show two is divided. The eigenvalues do not count a region before its eigenvector is
+/// found, but other eigenvectors already separate it.
 fn undivided(
     regions: &mut Regions,
     (features, weights): (&[Vec<f64>], &[f64]),
@@ -220,7 +215,7 @@ fn undivided(
     let most = MOST_GROUPS.min(weights.len()).max(2);
     loop {
         let found = grouped(regions.count.clamp(2, most));
-        // One region is two groups only for want of another number.
+        // A single region becomes two groups only because some number is needed, so nothing is divided.
         let more = if regions.count < 2 { 0 } else { divided(features, weights, &found) };
         if more == 0 || regions.count + more > most {
             return found;
@@ -229,8 +224,8 @@ fn undivided(
     }
 }
 
-/// The number of regions, from all eigenvectors that are not localized. `norm` is that of the matrix; the Krylov process began
-/// from so many `starts`, and its operator carries the share `leak` of a region's light across the border.
+/// The number of regions, from all eigenvectors that are not localized. `norm` is the norm of the matrix. The Krylov process began from
+/// `starts` patterns, and its operator carries the share `leak` of a region's light across the border.
 fn count_regions(
     embedding: &Embedding,
     pairs: &[RitzPair],
@@ -246,13 +241,12 @@ fn count_regions(
         )
     };
     let mut gaps: Vec<(f64, f64)> = told.iter().map(|&index| gap(index)).collect();
-    // If the last eigenvector is localized, its eigenvalue still bounds that of the next region.
+    // If the last eigenvector is localized, its eigenvalue still bounds the next region's eigenvalue.
     gaps.extend(Some(vectors.len() - 1).filter(|&last| embedding.is_local(last)).map(gap));
     let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
     Regions::suggested(&gaps, second, weights, starts, leak)
 }
 
-/// Renumbers labels by first appearance.
 fn number_by_appearance(labels: &[usize]) -> Vec<u8> {
     let mut names: Vec<usize> = Vec::new();
     labels

@@ -7,7 +7,7 @@ use crate::error::Result;
 /// The labels given by a scene's author.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Truth {
-    /// The region of each pixel (`n`); [`MASKED`] for none.
+    /// The region of each pixel (`n`), or [`MASKED`].
     pub labels: Vec<u8>,
     /// The regions' names.
     pub regions: Vec<String>,
@@ -20,9 +20,7 @@ impl Truth {
     }
 
     /// The adjusted Rand index of a segmentation for each of its numbers of groups.
-    ///
-    /// # Errors
-    /// [`crate::Error::Dimension`] if the segmentation has another number of pixels.
+    /// Fails with [`crate::Error::Dimension`] if the segmentation has another number of pixels.
     pub fn scores(&self, segmentation: &Segmentation) -> Result<Vec<(usize, f64)>> {
         let score =
             |(groups, labels): &(usize, Vec<u8>)| Ok((*groups, adjusted_rand_index(labels, &self.labels)?));

@@ -20,14 +20,14 @@ pub struct ComparisonRow {
     pub setting: String,
     /// Number of photos.
     pub photos: usize,
-    /// The relative error `‖direct − exact‖ / ‖exact‖`; nothing without direct light.
+    /// The relative error `‖direct − exact‖ / ‖exact‖`; undefined without direct light.
     pub error: Ratio,
-    /// The relative error of the global light; nothing without global light.
+    /// The relative error of the global light; undefined without global light.
     pub global_error: Ratio,
 }
 
-/// Compares all methods. `full` are operators of all of the light (`n × n`), one per channel; `exact` is the light of one bounce,
-/// and of two and more, under white; `period` is that of the sinusoids in pixels.
+/// Compares all methods. `full` holds operators of all light (`n × n`), one per channel. `exact` is the light of one bounce, and
+/// of two and more, under white. `period` is the period of the sinusoids in pixels.
 pub fn compare_separations<O: Operator>(
     full: &mut [O],
     resolution: Resolution,
@@ -58,7 +58,7 @@ pub fn compare_separations<O: Operator>(
         let one = |operator: &mut O| separate(operator, resolution, by, seed);
         row(by, &full.iter_mut().map(one).collect::<Result<Vec<_>>>()?);
     }
-    // One capture serves all counts: its first photos are those of a shorter capture.
+    // One capture serves all counts, because its first photos equal the photos of a shorter capture.
     let white = sum(&exact[0], &exact[1]);
     let most = COUNTS[COUNTS.len() - 1];
     let start = Some(Start::Rademacher { seed });
@@ -73,7 +73,6 @@ pub fn compare_separations<O: Operator>(
     Ok(rows)
 }
 
-// The split of global light by the distance at which it returns.
 
 /// Global light, split by the distance from its own pixel at which it returns.
 #[derive(Clone, Debug)]
@@ -86,7 +85,7 @@ pub struct NearFar {
     pub sigma: f64,
     /// Number of photos of random patterns.
     pub photos: usize,
-    /// The norm of the standard errors of `near` relative to the norm of `near`; nothing where `near` is noise alone.
+    /// The norm of the standard errors of `near` relative to the norm of `near`; undefined where `near` is mere noise.
     pub noise: Ratio,
     /// The relative error of `near` against the matrix, if it is known.
     pub error: Option<f64>,
@@ -103,8 +102,8 @@ pub struct NearFarOptions {
     pub seed: u64,
 }
 
-/// Probes the near part of `light`, each channel's global light under white, with operators `global` of that light (`n × n`).
-/// `matrices` are the true ones, if known.
+/// Probes the near part of `light`, each channel's global light under white. `global` holds operators of that light (`n × n`),
+/// and `matrices` the true ones, if known.
 pub fn near_far<O: Operator>(
     global: &mut [O],
     resolution: Resolution,

@@ -1,12 +1,12 @@
 //! Separation by shifted patterns of high spatial frequency.
 //!
-//! Under a half-lit pattern that alternates faster than global light varies, a pixel sees `y = D p + G/2`, where `p` is the
-//! pattern at the pixel itself. Least squares over the shifts gives `D` as the slope of `y` over `p`, and `G` as twice the
-//! intercept; for two-valued patterns this is Nayar's `max − min`.
+//! Under a half-lit pattern that alternates faster than global light varies, a pixel sees `y = D p + G/2`, where `p` is the pattern at the
+//! pixel itself. Least squares over the shifts gives `D` as the slope of `y` over `p`, and `G` as twice the intercept. For two-valued
+//! patterns this is Nayar's `max − min`.
 //!
-//! The residuals around the line are noise, and global light that does follow the pattern. Its mean square `s²` (over the photos less
-//! two) gives the standard errors `s/√Σ(p − p̄)²` of `D` and `2 s √(1/m + p̄²/Σ(p − p̄)²)` of `G`. They do not tell of global light that follows the
-//! pattern as direct light does: from a pixel's own surroundings, within a square.
+//! The residuals around the line are noise, and global light that does follow the pattern. Their mean square `s²` (over the photos less
+//! two) gives the standard errors `s/√Σ(p − p̄)²` of `D` and `2 s √(1/m + p̄²/Σ(p − p̄)²)` of `G`. They do not cover global light that
+//! follows the pattern as direct light does, namely light from a pixel's own surroundings within a square.
 
 use crate::analysis::separate::Separation;
 use crate::error::{Error, Result};
@@ -14,7 +14,7 @@ use crate::image::Resolution;
 use crate::measure::{checkerboard, code_patterns};
 use crate::operator::{Operator, each_product};
 
-/// Separates with `shifts²` photos by `operator` (`n × n`, all of the light) of checkerboards of `square` pixels per square,
+/// Separates with `shifts²` photos of checkerboards by `operator` (`n × n`, all light). The squares have a side of `square` pixels and are
 /// shifted in steps of `2·square/shifts` pixels in both directions. Nayar et al. take 5² photos with squares of 3 or more pixels.
 ///
 /// # Errors
@@ -36,11 +36,11 @@ pub fn checkerboards(
     Ok(fit.separation())
 }
 
-/// Separates with `2·phases` photos by `operator` (`n × n`) of sinusoids with a period of `period` pixels at `phases` evenly
-/// spaced phases, along rows and along columns.
+/// Separates with `2·phases` photos by `operator` (`n × n`) of sinusoids with a period of `period` pixels at `phases` evenly spaced phases,
+/// along rows and along columns.
 ///
 /// # Errors
-/// [`Error::Option`] for a period below 2 pixels or fewer than 3 phases; [`Error::Dimension`] if sizes differ; as the operator.
+/// [`Error::Option`] for a period below 2 pixels or fewer than 3 phases; [`Error::Dimension`] if sizes differ; any error of the operator.
 pub fn sinusoids(
     operator: &mut dyn Operator,
     resolution: Resolution,
@@ -60,7 +60,7 @@ pub fn sinusoids(
     Ok(fit.separation())
 }
 
-/// Refuses squares that cannot be shifted to so many places.
+/// Refuses squares that cannot be shifted to this number of places.
 pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
     if square == 0 || shifts < 2 || shifts > 2 * square {
         return Err(Error::Option {
@@ -72,7 +72,7 @@ pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
     Ok(())
 }
 
-/// Refuses waves of which no photo tells direct from global light.
+/// Refuses waves whose photos cannot distinguish direct from global light.
 pub(super) fn check_sinusoids(period: f64, phases: usize) -> Result<()> {
     if !(period >= 2.0 && period.is_finite()) {
         return Err(Error::Option {
@@ -112,11 +112,11 @@ struct Sums {
 }
 
 impl Sums {
-    /// `D`, `G` and their standard errors from so many photos.
+    /// `D`, `G` and their standard errors from `count` photos.
     fn line(&self, count: f64) -> [f64; 4] {
         let spread = self.pp - self.p * self.p / count;
         if spread <= 1e-9 * count {
-            // If the pattern never changed, nothing can be separated: all light counts as direct, and all of it may be wrong.
+            // If the pattern never changed, nothing can be separated. All light counts as direct, and all of it may be wrong.
             let direct = self.y / self.p.max(f64::MIN_POSITIVE);
             return [direct, 2.0 * (self.y - direct * self.p) / count, direct.abs(), direct.abs()];
         }
@@ -180,12 +180,11 @@ impl LineFit {
 
 // Separation by codes ([`crate::measure::code_patterns`]): each pixel is lit in half of the photos, near pixels by different codes.
 //
-// Light from a pixel with another code cancels. What does not cancel, from pixels with the same code, is an error of the direct light. Pixels with other
-// codes send light of the same size, which shows in the residuals, so that the standard errors include it.
-//
-// The patterns change from pixel to pixel. Projector and camera have to be in focus.
+// Light from a pixel with another code cancels. Light from pixels with the same code does not cancel and is an error of the direct light.
+// Pixels with other codes send light of the same size, which shows in the residuals, so that the standard errors include it. The patterns
+// change from pixel to pixel, so projector and camera have to be in focus.
 
-/// Separates with so many photos by `operator` (`n × n`, all of the light): a power of two, at least 4.
+/// Separates with `photos` photos, a power of two and at least 4, by `operator` (`n × n`, all light).
 ///
 /// # Errors
 /// [`Error::Option`] for another number of photos; [`Error::Dimension`] if sizes differ; any error of the operator.
@@ -196,7 +195,7 @@ pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize)
     Ok(fit.separation())
 }
 
-/// Refuses a number of photos that holds no whole set of codes.
+/// Refuses a number of photos that is not a whole set of codes.
 pub(super) fn check_codes(photos: usize) -> Result<()> {
     if !(photos.is_power_of_two() && (4..=1 << 16).contains(&photos)) {
         return Err(Error::Option {
@@ -309,7 +308,8 @@ mod tests {
             squares[1] += global.zip(&errors[1]).map(square).sum::<f64>();
         }
         for square in squares {
-            // Student's t of 14 degrees of freedom has the variance 14/12; its root mean square over 4800 draws is known to 1.2 %, of which four.
+            // Student's t of 14 degrees of freedom has the variance 14/12. Its rms over 4800 draws is known to 1.2 %; four such are
+            // allowed.
             let rms = (square / (96 * runs) as f64).sqrt();
             assert!((rms - (14.0_f64 / 12.0).sqrt()).abs() < 0.05, "{rms}");
         }
@@ -345,7 +345,7 @@ mod tests {
         codes(&mut operator, SIZE, photos)
     }
 
-    /// The largest error of the direct light, and the largest that is stated.
+    /// The largest error of the direct light, and the largest stated error.
     fn off(found: &Separation) -> [f64; 2] {
         let error = |(pixel, direct): (usize, &f64)| (direct - 1.0 - pixel as f64 / 100.0).abs();
         let stated = found.standard_error.iter().flatten().fold(0.0, |most: f64, error| most.max(*error));
@@ -357,7 +357,7 @@ mod tests {
         let found = separated(16)?;
         assert_eq!(found.photos, 16);
         let [error, stated] = off(&found);
-        // Each of four neighbours sends 0.2, and cancels. The even light is 1 from 168 pixels: 0.006 from each of some 11 with the same code.
+        // Each of four neighbours sends 0.2, which cancels. The even light is 1 from 168 pixels: 0.006 each from some 11 with equal codes.
         assert!(error < 0.03 && error < 3.0 * stated, "{error}, stated {stated}");
         Ok(())
     }

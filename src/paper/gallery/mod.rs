@@ -34,8 +34,8 @@ pub struct Gallery<'a> {
 }
 
 impl Gallery<'_> {
-    /// Writes `report.html`, `figures.json`, the table `figures.md` and every picture into `folder` and returns their names. `seconds` is the run's
-    /// duration so far.
+    /// Writes `report.html`, `figures.json`, the table `figures.md` and every picture into `folder`; returns their names. The run took
+    /// `seconds` so far.
     ///
     /// # Errors
     /// [`Error::Write`] naming the file; [`Error::Dimension`] when a picture's values do not match its resolution.
@@ -67,10 +67,8 @@ impl Gallery<'_> {
         Ok(files.names)
     }
 
-    /// Writes the same into the folder of an open run, and notes there what each figure took. Returns the page.
-    ///
-    /// # Errors
-    /// The errors of [`Gallery::write`].
+    /// Writes the same into the folder of an open run, with the photos and time of each figure. Returns the page. Fails as
+    /// [`Gallery::write`] does.
     pub fn write_into(&self, run: &mut RunFolder) -> Result<PathBuf> {
         for made in self.made {
             let took = Duration::try_from_secs_f64(made.seconds).unwrap_or_default();
@@ -146,12 +144,11 @@ impl Gallery<'_> {
     }
 }
 
-/// The frames of a camera; an ideal rig takes none.
 fn frames(taken: u64) -> String {
     if taken == 0 { "–".into() } else { taken.to_string() }
 }
 
-/// The command, by the name of the program and not by where it lies.
+/// The command, with the name of the program instead of its path.
 fn named(command: &[Name]) -> String {
     let mut words: Vec<String> = command.iter().map(Name::to_string).collect();
     if let Some(program) = words.first_mut() {
@@ -194,7 +191,6 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
     Ok(Section { title: figure.title().into(), text: String::new(), blocks })
 }
 
-/// A panel as a figure of the page.
 fn painted(panel: &Panel) -> Result<PageFigure> {
     let resolution = panel.resolution;
     let number = |values: &[f64]| Values::of_numbers(resolution, Kind::Number, values, "");
@@ -233,7 +229,6 @@ fn painted(panel: &Panel) -> Result<PageFigure> {
     })
 }
 
-/// The contact sheet of a figure's photos, numbered from 1, each below its pattern.
 fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
     let mut photos = ContactSheet::new([strip.resolution; 2], 1);
     strip.photos.iter().try_for_each(|photo| photos.push(0, &photo.from, &photo.to, false))?;

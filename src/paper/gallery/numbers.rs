@@ -7,7 +7,6 @@ use serde::Serialize;
 use crate::paper::{Check, Figure, Limit, Reproduced, Rig};
 use crate::report::html::{Number, Outcome, Verdict};
 
-/// Whether a number has a bound.
 pub(super) fn is_judged(check: &Check) -> bool {
     check.limit != Limit::Stated
 }
@@ -23,7 +22,6 @@ pub(super) fn bounds_verdict(made: &Reproduced) -> Verdict {
     }
 }
 
-/// A number for the page.
 pub(super) fn number(check: &Check) -> Number {
     let bound = match check.limit {
         Limit::AtLeast(limit) => format!("at least {} wanted", digits(limit)),
@@ -44,7 +42,7 @@ pub(super) fn number(check: &Check) -> Number {
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
 }
 
-/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite become null.
+/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite are null.
 #[derive(Serialize)]
 pub(super) struct FigureRecord<'a> {
     checks: Vec<CheckRecord<'a>>,
@@ -107,7 +105,7 @@ fn digits(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// The page. `quick` says that the figures are smaller than the paper's, `command` what made them.
+/// The page. `quick` says that the figures are smaller than the paper's; `command` is the command of the run.
 pub(super) fn markdown(made: &[Reproduced], quick: bool, command: &str) -> String {
     let mut page = String::from("# The paper's figures, held to bounds\n\n");
     let version = env!("CARGO_PKG_VERSION");
@@ -145,12 +143,10 @@ pub(super) fn markdown(made: &[Reproduced], quick: bool, command: &str) -> Strin
     page
 }
 
-/// The figure by the ideal and by the virtual rig.
 fn rigs(made: &[Reproduced], figure: Figure) -> [Option<&Reproduced>; 2] {
     [Rig::Ideal, Rig::Virtual].map(|rig| made.iter().find(|one| one.figure == figure && one.rig == rig))
 }
 
-/// How many bounds are met, of how many.
 fn met<'a>(made: impl Iterator<Item = &'a Reproduced>) -> String {
     let judged: Vec<&Check> = made.flat_map(|one| &one.checks).filter(|check| is_judged(check)).collect();
     let met = judged.iter().filter(|check| check.is_met()).count();
@@ -162,7 +158,7 @@ fn table_of(page: &mut String, figure: Figure, rigs: [Option<&Reproduced>; 2]) {
     let setting = rigs.iter().flatten().next().map_or("", |one| one.setting.as_str());
     let _ = writeln!(page, "\n## {}\n\n{}\n\nHere: {setting}.\n", figure.title(), figure.statement());
     *page += "| number | wanted | ideal | virtual |\n|---|---|---|---|\n";
-    // Each number once, in the order of the first rig; some are of one rig only.
+    // Each number appears once, in the order of the first rig. Some numbers belong to one rig only.
     let mut rows: Vec<&Check> = checks[0].iter().collect();
     rows.extend(checks[1].iter().filter(|check| find(checks[0], &check.what).is_none()));
     for row in rows {

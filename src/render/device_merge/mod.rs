@@ -1,12 +1,11 @@
-//! Contributions to the matrix, sorted and summed on the device: what comes back of a dispatch is then a list of terms in place of the records
-//! of its paths, which are several times as long.
+//! Contributions to the matrix, sorted and summed on the device. A dispatch then returns a list of terms. The records of its paths would be
+//! several times as long.
 //!
-//! A contribution has a key: the pixel at the other end of its path, and the class of its bounces. Those of all paths from a pixel are sorted by key with
-//! a radix sort, and contributions of equal keys are summed in path order, in single precision. So a term differs from the host's term, which is a sum in
-//! double precision, by rounding alone ([`agree`]). The first large dispatch of a tracer is summed by both, to notice a device that does not
-//! compute what it should.
+//! The key of a contribution is the pixel at the other end of its path and the class of its bounces. A radix sort orders the contributions
+//! of all paths from a pixel by key. Contributions of equal keys are summed in path order, in single precision. The host sums in double
+//! precision, so its terms differ by rounding alone ([`agree`]). Both sum the first large dispatch of a tracer, to detect wrong sums.
 //!
-//! A device that is the processor itself gains nothing by it: it reads records in place, and its sort would run on the same cores.
+//! A device that is the processor itself gains nothing: it reads records in place, and its sort would run on the same cores.
 
 mod steps;
 #[cfg(test)]
@@ -20,36 +19,32 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::Readback;
 
-/// The most words of four bytes of a buffer here: 128 MiB, which every device allows.
+/// The most four-byte words of a buffer here: 128 MiB, which every device allows.
 const MOST_WORDS: u64 = 1 << 25;
 
-/// How contributions become terms.
+/// The rules by which contributions become terms.
 pub(crate) struct MergeRequest<'a> {
-    /// 1 for luminance, 3 for red, green and blue.
     pub(crate) channels: usize,
-    /// The weights of red, green and blue in the luminance.
     pub(crate) luminance: [f32; 3],
-    /// The second bounce is a class of its own: class 1, and all later ones are class 2. Otherwise these are class 1, too. One bounce is class 0.
+    /// Whether the second bounce is class 1 and all later ones class 2; otherwise they are all class 1. One bounce is class 0.
     pub(crate) split: bool,
     /// For a number of paths from each pixel: the weight of a sample in the mean, and the weights of samples of both halves in its error.
     pub(crate) weights: &'a dyn Fn(u32) -> [f64; 3],
 }
 
-/// The terms of a dispatch. They ascend by the pixel that paths start from, and then by key.
+/// The terms of a dispatch, in ascending order of the pixel that paths start from, and then of key.
 #[derive(Clone, Copy)]
 pub(crate) struct Merged<'a> {
     words: &'a [u32],
     channels: usize,
-    /// The pixel that the first path of the dispatch starts from.
     first_pixel: u32,
 }
 
-/// A term as it comes from the device.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MergedTerm<'a> {
-    /// The pixel that its paths start from.
+    /// The pixel that the paths of this term start from.
     pub(crate) start: u32,
-    /// The pixel at their other end, times four, plus the class of bounces.
+    /// The pixel at the other end of these paths, times four, plus the class of bounces.
     pub(crate) key: u32,
     mean: &'a [u32],
     error: &'a [u32],
@@ -74,7 +69,7 @@ impl<'a> Merged<'a> {
         })
     }
 
-    /// The terms in about `count` parts; all terms of a pixel are in one part.
+    /// The terms in about `count` parts. All terms of a pixel are in one part.
     pub(crate) fn parts(&self, count: usize) -> Vec<Self> {
         let size = words_of_term(self.channels);
         let terms = self.words.len() / size;
@@ -94,20 +89,18 @@ impl<'a> Merged<'a> {
     }
 }
 
-/// Words of four bytes of a term: start, key, and means and errors.
+/// The number of four-byte words of a term: start, key, means and errors.
 fn words_of_term(channels: usize) -> usize {
     2 + 2 * channels
 }
 
 /// Whether a tracer lets its device sort and sum contributions.
 pub(super) struct Trust {
-    /// The caller's choice. By default a device does so unless it is the processor itself.
+    /// The caller's choice. By default, only a device that is not the processor itself does so.
     pub(super) asked: Option<bool>,
-    /// The terms of a large dispatch were compared with the host's.
+    /// Whether the terms of a large dispatch were compared with the host's.
     is_checked: bool,
-    /// They differed.
     is_lost: bool,
-    /// Compiled when first needed.
     kernels: Option<Kernels>,
 }
 
@@ -134,7 +127,6 @@ impl Trust {
     }
 }
 
-/// A request with the device's trust, for one trace.
 pub(super) struct MergeSession<'a> {
     pub(super) request: &'a MergeRequest<'a>,
     kernels: Kernels,
@@ -147,11 +139,9 @@ pub(super) struct DeviceMerge {
     kernels: Kernels,
     buffers: Buffers,
     channels: usize,
-    /// The pixels at which paths end.
     other_pixels: u64,
 }
 
-/// The contributions of a dispatch that are being sorted and summed.
 pub(super) struct MergeInFlight {
     totals: Readback,
     first_pixel: u32,
@@ -173,8 +163,8 @@ impl MergedView {
 }
 
 impl DeviceMerge {
-    /// Room for the contributions of at most `paths` paths, whose records are in `records`. `None` where they do not fit, or where a dispatch cannot
-    /// have all paths of a pixel.
+    /// Reserves room for the contributions of at most `paths` paths, whose records are in `records`. `None` where they do not fit, or where
+    /// a dispatch cannot have all paths of a pixel.
     pub(super) fn new(
         gpu: &Gpu,
         MergeSession { request, kernels, .. }: &MergeSession<'_>,
@@ -193,7 +183,6 @@ impl DeviceMerge {
         Ok(Some(Self { kernels: kernels.clone(), buffers, channels, other_pixels }))
     }
 
-    /// Records the steps after a dispatch of `paths` paths.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
@@ -215,7 +204,7 @@ impl DeviceMerge {
         self.buffers.totals.copy(encoder, TOTALS);
     }
 
-    /// Asks for the number of terms after `submission`. The first path of the dispatch is the first one of `first_pixel`.
+    /// Asks for the number of terms after `submission`. The first path of the dispatch is the first path of `first_pixel`.
     pub(super) fn request(&self, submission: wgpu::SubmissionIndex, first_pixel: u32) -> MergeInFlight {
         MergeInFlight { totals: self.buffers.totals.request(TOTALS, submission), first_pixel }
     }
@@ -233,19 +222,18 @@ impl DeviceMerge {
     }
 }
 
-/// Contributions that the device sums before it adds their sum to that of the others; `TOGETHER` of `shaders/merge_sums.wgsl`.
+/// The number of contributions that the device sums before it adds their sum to the rest; `TOGETHER` of `shaders/merge_sums.wgsl`.
 const TOGETHER: f64 = 64.0;
 
 /// Roundings of a contribution besides the roundings of its sum: its luminance, its weight, and the sum of both halves.
 const OTHER_ROUNDINGS: f64 = 8.0;
 
-/// A term in double precision.
 pub(super) struct HostTerm {
     start: u32,
     key: u32,
     mean: [f64; 3],
     error: [f64; 3],
-    /// The sum of what was added to the mean or to the error, without its signs.
+    /// The sum of the magnitudes of the values that were added to the mean or to the error.
     size: [f64; 3],
     contributions: u32,
 }
@@ -300,8 +288,8 @@ pub(super) fn host_terms(batch: &Batch<'_>, request: &MergeRequest<'_>) -> Vec<H
     found.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(of_term).collect()
 }
 
-/// Whether the terms of the device are these, but for rounding: in a sum of `n` contributions each is rounded at most about `64 + n/64` times, each time by
-/// at most 2⁻²⁴ of the sum.
+/// Whether the device's terms equal `expected` up to rounding. In a sum of `n` contributions, each is rounded at most about `64 + n/64`
+/// times, each time by at most 2⁻²⁴ of the sum.
 pub(super) fn agree(merged: &Merged<'_>, expected: &[HostTerm]) -> bool {
     let mut left = expected.iter();
     let each = merged.terms().all(|term| {

@@ -1,4 +1,4 @@
-//! The kernels that the contributions of a dispatch go through one after the other, with their parameters and buffers.
+//! The kernels that process the contributions of a dispatch one after the other, with their parameters and buffers.
 
 use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
 
@@ -10,9 +10,9 @@ use crate::render::batch::RecordLayout;
 
 /// Threads of a workgroup; `LANES` of `shaders/shared/merging.wgsl`.
 const LANES: u32 = 256;
-/// Elements that a workgroup scans, and entries that it sorts; `BLOCK` there.
+/// The number of elements that a workgroup scans, and of entries that it sorts; `BLOCK` there.
 const BLOCK: u32 = 1024;
-/// Values of a digit; `DIGITS` there.
+/// The number of values of a digit; `DIGITS` there.
 const DIGITS: u32 = 256;
 /// `NOTHING` there.
 const NOTHING: u32 = u32::MAX;
@@ -45,16 +45,14 @@ pub(super) struct MergeParameters {
     pub(super) padding: u32,
 }
 
-/// One dispatch of one kernel.
 pub(super) struct MergeStep {
     pub(super) kernel: KernelName,
-    /// The entries are in the second of their two buffers, and move to the first one.
+    /// Whether the entries are in the second of their two buffers, and move to the first one.
     pub(super) is_swapped: bool,
     pub(super) workgroups: u32,
     pub(super) parameters: MergeParameters,
 }
 
-/// The parameters that all steps have in common.
 pub(super) fn base_parameters(
     request: &MergeRequest<'_>,
     layout: &RecordLayout,
@@ -88,7 +86,7 @@ pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Reco
     steps.push(KernelName::CountContributions, base.paths.div_ceil(LANES), base);
     steps.scan(MergeParameters { elements: base.paths, total: 0, ..base });
     steps.push(KernelName::WriteContributions, base.paths.div_ceil(LANES), base);
-    // Entries are written by ascending start, and the sort keeps the order of equal digits: starts come last.
+    // Entries are written by ascending start, and the sort keeps the order of equal digits, so starts are sorted last.
     let key_bits = bits(other_pixels.saturating_sub(1)) + CLASS_BITS;
     let start_bits = bits(u64::from(base.paths / base.samples).saturating_sub(1));
     for (word, bits) in [(0, key_bits), (1, start_bits)] {
@@ -110,7 +108,6 @@ pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Reco
 /// The most steps of [`all_steps`]: keys of 30 bits and starts of 32 bits have eight digits.
 const MOST_STEPS: usize = 4 + 4 * 8 + 4;
 
-/// Words of the counters for this number of entries and of paths.
 fn counters(entries: u32, paths: u32) -> u32 {
     paths.max(entries).max(DIGITS * entries.div_ceil(BLOCK))
 }
@@ -135,28 +132,25 @@ fn bits(number: u64) -> u32 {
     u64::BITS - number.leading_zeros()
 }
 
-/// Bytes between the parameters of two steps, a multiple of what devices ask for.
+/// Bytes between the parameters of two steps, a multiple of the alignment that devices require.
 const STRIDE: u64 = 256;
 
-/// Bytes of the totals: the number of entries, that of terms, and two unused ones.
+/// Bytes of the totals: the number of entries, the number of terms, and two unused words.
 pub(super) const TOTALS: u64 = 16;
 
-/// The place of the parameters of a step.
 pub(super) fn offset(step: usize) -> u32 {
     (step as u64 * STRIDE) as u32
 }
 
-/// Buffers for the contributions of one dispatch.
 pub(super) struct Buffers {
     parameters: wgpu::Buffer,
     pub(super) totals: Results,
     pub(super) terms: Results,
-    /// With the entries in the first of their buffers, and in the second one.
+    /// Bind groups with the entries in the first of their buffers, and in the second one.
     pub(super) groups: [wgpu::BindGroup; 2],
 }
 
 impl Buffers {
-    /// Room for this number of entries and of paths.
     pub(super) fn new(
         gpu: &Gpu,
         kernels: &Kernels,
@@ -206,7 +200,6 @@ impl Buffers {
         gpu.queue.write_buffer(&self.parameters, 0, &bytes);
     }
 
-    /// Waits for the number of terms.
     pub(super) fn wait_totals(&self, gpu: &Gpu, request: Readback) -> Result<u32> {
         let view = self.totals.wait(gpu, request)?;
         let totals: &[u32] = bytemuck::cast_slice(&view);
@@ -216,7 +209,7 @@ impl Buffers {
         Ok(terms)
     }
 
-    /// The first `words` words of the terms; one word more than none.
+    /// The first `words` words of the terms. Without terms, one word is read.
     pub(super) fn read_terms(&self, gpu: &Gpu, words: u64) -> Result<wgpu::BufferView> {
         let bytes = 4 * words.max(2);
         let submission = gpu.guarded("read-back of terms", || {
@@ -227,7 +220,7 @@ impl Buffers {
     }
 }
 
-/// The kernels, in the order in which they are kept.
+/// The kernels, in the order in which `Kernels` keeps them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum KernelName {
     CountContributions,
@@ -291,7 +284,6 @@ impl Kernels {
     }
 }
 
-/// The bindings of `shaders/shared/merging.wgsl`.
 fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let parameters = BindingType::Buffer {
         ty: BufferBindingType::Uniform,

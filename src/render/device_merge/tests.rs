@@ -12,7 +12,6 @@ use crate::render::materials::NONE;
 use crate::render::tests::support::{gpu, tracer};
 use crate::scene::{Scene, builtin};
 
-/// Weights of a matrix of `from_each_pixel` samples.
 fn weights(from_each_pixel: u32) -> [f64; 3] {
     let mean = 1.0 / f64::from(from_each_pixel);
     let second = if from_each_pixel > 1 { mean } else { 0.0 };
@@ -35,7 +34,7 @@ fn layout(samples: u32, direct: bool, gathers: bool) -> RecordLayout {
     }
 }
 
-/// Records of paths that end at some of `others`; of each connection one in `every` counts.
+/// Records of paths that end at some of `others`. One in `every` connections counts.
 fn records(
     random: &mut Pcg64,
     layout: &RecordLayout,
@@ -51,7 +50,7 @@ fn records(
                 0 => others[random.random_range(0..others.len())],
                 _ => NONE,
             };
-            // The upper bits are surfaces of the far chain.
+            // The upper bits hold the surfaces of the far chain.
             let chain = if pixel == NONE { 0 } else { random.random_range(0..2_u32) << 28 };
             let light = |random: &mut Pcg64| random.random_range(0.0..2.0_f32).to_bits();
             records[slot * paths + path] = [pixel | chain, light(random), light(random), 0];
@@ -60,7 +59,7 @@ fn records(
     records
 }
 
-/// Whether the device's terms of these records are those of the host, and how many there are.
+/// Whether the device's terms of these records equal the host's, and their number.
 fn compared(
     gpu: &Gpu,
     layout: &RecordLayout,
@@ -142,13 +141,12 @@ fn a_wrong_term_is_noticed() {
     assert!(!agrees(&words[..words.len() - 4]), "a term is missing");
     for at in [0, 1, 2, 3] {
         let mut wrong = words.clone();
-        // A start or a key, or a thousandth of a value.
+        // Changes a start or a key by one, or a value by a thousandth.
         wrong[at] = if at < 2 { words[at] + 1 } else { (f32::from_bits(words[at]) * 1.001).to_bits() };
         assert!(!agrees(&wrong), "word {at}");
     }
 }
 
-/// The values that a matrix is made of, by the device and by the host.
 fn traced(scene: &Scene, on_device: bool, channels: usize) -> (Vec<(u32, u32, f32)>, u32) {
     let mut tracer = tracer(scene);
     tracer.merge_on_device(on_device);
@@ -185,7 +183,7 @@ fn a_scene_has_the_same_light_by_device_and_host() {
         let (mut by_host, none) = traced(&scene, false, 3);
         let (by_device, merged) = traced(&scene, true, 3);
         assert!(none == 0 && merged > 1, "{none}, {merged}");
-        // Positions of the host, without those of no light at all in any channel; the sums are compared by `agree` in the trace itself.
+        // The host's positions, without those that have no light in any channel. `agree` compares the sums in the trace itself.
         by_host.sort_by_key(|&(start, key, _)| (start, key));
         let sum = |all: &[(u32, u32, f32)]| all.iter().map(|&(.., value)| f64::from(value)).sum::<f64>();
         let (host, device) = (sum(&by_host), sum(&by_device));
@@ -195,7 +193,7 @@ fn a_scene_has_the_same_light_by_device_and_host() {
     }
 }
 
-/// The weights change from call to call, so that the host's sums are others than the device's.
+/// The weights change from call to call, so that the host's sums differ from the device's.
 #[test]
 fn a_device_that_does_not_agree_leaves_the_sums_to_the_host() {
     let calls = std::sync::atomic::AtomicU32::new(1);

@@ -10,16 +10,16 @@ use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
 const BINS: Sphere = Sphere { rings: 20, sectors: 40 };
-/// 2²⁰ samples: a density that is wrong by 1 % over a tenth of the hemisphere fails.
+/// The test has 2²⁰ samples: a density that is wrong by 1 % over a tenth of the hemisphere fails.
 const SAMPLES: usize = 1 << 20;
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and at a cosine of 0.05 0.12 in `s`; cells of
+/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and 0.12 in `s` at a cosine of 0.05. Cells of
 /// 1/320 integrate it to 1e-4, a fraction of the counts' relative noise.
 const CELLS: usize = 16;
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| BINS.midpoints(CELLS));
 
 /// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. The fourth component of a
-/// sample is its kind: that of a delta lobe, `-1` for no sample, and `REGULAR` for the samples that the
-/// density describes.
+/// sample is its kind: a delta lobe, `-1` for no sample, or `REGULAR` for the samples that the density
+/// describes.
 struct Sampler {
     sample: &'static str,
     density: &'static str,
@@ -49,7 +49,6 @@ const BSDF: Sampler = Sampler {
         return vec3f(bsdf.opacity * vec2f(deltas.reflect, select(0.0, deltas.transmit, solid)), bsdf_pass(bsdf, wo).probability);",
 };
 
-/// The p-value of a sampler's histogram against its density.
 fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -> f64 {
     let Sampler { sample, density, deltas } = sampler;
     let head = format!("#import rng\n#import bsdf\n{READ_BSDF}");
@@ -57,7 +56,7 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
     input.push(outgoing(cos_o));
     input.push([seed as f32, 0.0, 0.0, 0.0]);
 
-    // Numbered as in the tracer: 1024 samples of each pixel, at their first surface.
+    // Samples are numbered as in the tracer: 1024 samples of each pixel, at their first surface.
     let source = format!(
         "{head}
         fn draw(bsdf: Bsdf, wo: vec3f, u: vec4f) -> vec4f {{ {sample} }}
@@ -99,7 +98,7 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
         .collect();
     let [reflected, refracted, passed, _] = densities[points.len()].map(|p| SAMPLES as f64 * f64::from(p));
     expected.extend([reflected, refracted, passed]);
-    // The rest of the probability is that of no sample.
+    // The remaining probability belongs to the case without a sample.
     let left = SAMPLES as f64 - expected.iter().sum::<f64>();
     assert!(left > -1e-3 * SAMPLES as f64, "the density integrates to more than 1: {left}");
     expected.push(left.max(0.0));
@@ -211,10 +210,10 @@ fn samples_carry_their_own_density_and_weight() {
     let mut kinds = [0; 5];
     for [weight, pdf, length, kind] in &samples {
         kinds[(kind + 1.0) as usize] += 1;
-        // A handful of multiplications in another order.
+        // The difference is a handful of multiplications in another order.
         assert!(*weight <= 8.0 * f32::EPSILON, "a sample of kind {kind} has its weight wrong by {weight}");
         assert!(*pdf <= 2.0 * f32::EPSILON, "a sample of kind {kind} has its density wrong by {pdf}");
-        // sin² + cos² of the device's sine and cosine, good to 2⁻¹¹ each by Vulkan's rules.
+        // The value is sin² + cos² of the device's sine and cosine, good to 2⁻¹¹ each by Vulkan's rules.
         assert!(length.abs() < 1e-3, "a sample of kind {kind} is too long by {length}");
     }
     println!("nothing, regular, reflected, refracted, passed: {kinds:?}");
@@ -247,7 +246,7 @@ fn surfaces_know_whether_they_have_regular_lobes() {
     assert!(missed < found.len() / 20, "{missed} of {} have a regular lobe and no sample", found.len());
 }
 
-/// The surface and a direction as the reverse path meets them. Where that path comes from beyond the surface,
+/// The surface and a direction as the reverse path meets them. If that path comes from beyond the surface,
 /// both are turned around the x axis. This is written without `bsdf_beyond`, so that the test is independent
 /// of it.
 const REVERSED: &str = "
@@ -311,7 +310,7 @@ fn bsdfs_are_reciprocal() {
         );
         assert!(lit > class.len() / 5, "{name}: only {lit} of {} pairs carry light", class.len());
         assert!(worst(0) <= 16.0 * f32::EPSILON, "{name}: worst relative difference {:.2e}", worst(0));
-        // One formula, inlined twice: all differences are roundings, of some thirty operations here.
+        // One formula is inlined twice. All differences are roundings, of some thirty operations here.
         assert!(worst(1) <= 64.0 * f32::EPSILON, "{name}: worst difference of density {:.2e}", worst(1));
     }
 }

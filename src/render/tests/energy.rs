@@ -7,14 +7,13 @@ use super::statistics::{Sphere, outgoing};
 use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in
-/// `s`.
+/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in `s`.
 const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;
 
-/// The directional albedo of a gray material, regular and delta lobes together: by quadrature over `K`, and
-/// by the weights of samples, with standard error.
+/// The directional albedo of a gray material, regular and delta lobes together: by quadrature over `K`, and by samples, with
+/// standard error.
 struct Albedo {
     integral: f64,
     sampled: f64,
@@ -75,15 +74,15 @@ fn lambertian_albedo_is_its_colour() {
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
         let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
-        // cosθ/π cancels against the density but for rounding: there is no Monte Carlo error. The midpoint
-        // rule's error is dt²/2 − ds²/4 relative.
+        // cosθ/π cancels against the density up to rounding: there is no Monte Carlo error. The midpoint rule's relative
+        // error is dt²/2 − ds²/4.
         assert!(
             error < 1e-7 && (sampled - color).abs() < 4e-7 * color,
             "sampled {sampled}, expected {color}"
         );
         assert!((integral - color).abs() < 6e-6 * color, "integral {integral}, expected {color}");
     }
-    // In water, too: K is 1/n² of that, and n_i² weighs it.
+    // The same holds in water: K is 1/n² of the value in air, and n_i² weights it.
     let immersed = Bsdf { eta_o: 1.33, eta_t: 1.33, ..Bsdf::lambertian(1.0) };
     let Albedo { integral, sampled, .. } = albedo(&gpu, &immersed, 0.5, 0);
     assert!((sampled - 1.0).abs() < 1e-6 && (integral - 1.0).abs() < 6e-6, "{sampled} and {integral}");
@@ -111,8 +110,8 @@ fn sampling_and_quadrature_find_one_albedo() {
     ] {
         for cos_o in COSINES {
             let Albedo { integral, sampled, error } = albedo(&gpu, &bsdf, cos_o, count as usize);
-            // The quadrature's own error; see the Lambertian. Where light is bent, facets on edge end a lobe
-            // with a jump, which cells on either side of it round.
+            // This is the quadrature's own error; see the Lambertian. If light is bent, facets on edge end a lobe with a
+            // jump, which cells round.
             let quadrature = if bsdf.eta_o == bsdf.eta_t { 1e-5 } else { 3e-4 };
             let z = (sampled - integral) / error.hypot(quadrature);
             (worst, squares, count) = (worst.max(z.abs()), squares + z * z, count + 1.0);
@@ -124,12 +123,11 @@ fn sampling_and_quadrature_find_one_albedo() {
     }
     let z_rms = f64::sqrt(squares / count);
     println!("{count} comparisons, z rms {z_rms:.3}, worst {worst:.2}");
-    // 72 comparisons: 4.3 standard errors are exceeded once in a thousand times, an rms of 1.3 as well.
+    // There are 72 comparisons. The chance to exceed 4.3 standard errors, or an rms of 1.3, is one in a thousand.
     assert!(worst < 4.3 && z_rms < 1.3, "worst z {worst}, rms {z_rms}");
 }
 
-/// The least and the greatest albedo over the cosines from `from` up. Quadrature's error is of the order of
-/// 1e-5.
+/// The least and the greatest albedo over the cosines from `from` up. The quadrature's error is of the order of 1e-5.
 fn range(gpu: &Gpu, bsdf: &Bsdf, from: f64) -> (f64, f64) {
     let found = COSINES.iter().filter(|&&cos| cos >= from).map(|&cos_o| quadrature(gpu, bsdf, cos_o));
     let range = found.fold((f64::MAX, 0.0_f64), |(low, high), albedo| (low.min(albedo), high.max(albedo)));
@@ -143,7 +141,7 @@ fn white_metals_reflect_no_more_than_they_receive() {
     for alpha in [0.05, 0.25, 0.5, 1.0] {
         let (low, high) = range(&gpu, &Bsdf::metal(1.0, alpha), 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // The model without multiple scattering loses some light, but a smooth surface hardly any.
+        // The model without multiple scattering loses some light, but hardly any at a smooth surface.
         assert!(low > if alpha < 0.1 { 0.88 } else { 0.3 }, "α {alpha}: {low}");
     }
 }
@@ -156,10 +154,10 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
         let white = Bsdf::dielectric(1.0, alpha);
         let (low, high) = range(&gpu, &white, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // They do not lose much either: only light that facets hide from each other at grazing incidence.
+        // They do not lose much either. They only lose light that facets hide from each other at grazing incidence.
         assert!(low > 0.5, "α {alpha}: {low}");
         assert!(range(&gpu, &white, 0.5).0 > 0.95, "α {alpha}");
-        // Without reflectance at normal incidence the coat's bound has the least room.
+        // Without reflectance at normal incidence, the coat's bound has the least room.
         let (_, high) = range(&gpu, &Bsdf { f0: glam::Vec3::ZERO, ..white }, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}, index 1: {high}");
     }
@@ -171,8 +169,7 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
 #[test]
 fn rough_glass_lets_through_no_more_than_it_receives() {
     let gpu = gpu();
-    // Into the denser medium lobes are three times narrower; the quadrature resolves them from a width of
-    // 0.2.
+    // Towards the denser medium, lobes are three times narrower. The quadrature resolves them from a width of 0.2.
     for alpha in [0.2, 0.5, 1.0] {
         for bsdf in [Bsdf::pane(alpha), Bsdf::glass(alpha), Bsdf::glass(alpha).beyond()] {
             let (low, high) = range(&gpu, &bsdf, 0.0);
@@ -215,12 +212,12 @@ fn no_material_returns_more_than_it_receives() {
     for &[sum, squares, ..] in &found {
         let gain = f64::from(sum) / count;
         let variance = (f64::from(squares) / count - gain * gain).max(0.0);
-        // Sums of up to 4096 rounded terms.
+        // The tolerance covers sums of up to 4096 rounded terms.
         worst = worst.max(gain / ((variance / count).sqrt() + 1e-4));
         conserving += usize::from(gain > -0.01);
     }
     println!("greatest gain {worst:.2} standard errors; {conserving} of {} lose less than 1 %", found.len());
-    // 2048 materials: 4.5 is exceeded once in a hundred times, if all of them conserved energy.
+    // There are 2048 materials. If all conserved energy, 4.5 would be exceeded once in a hundred times.
     assert!(worst < 4.5, "a material gains {worst} standard errors");
     assert!(conserving > found.len() / 10, "only {conserving} of {} keep the light", found.len());
 }
@@ -266,8 +263,8 @@ fn smooth_glass_follows_fresnels_equations_and_loses_nothing() {
         let mut totally_reflected = 0;
         for ([reflected, transmitted, weight, pdf], &cosine) in found.iter().zip(&cosines) {
             let expected = transmittance(bsdf.eta_o.into(), bsdf.eta_t.into(), cosine.into());
-            // Near the critical angle 1 − F goes as k cosθ_t, k < 9 here, and cos²θ_t, a difference from 1,
-            // has an error of 1.5e-7: k²/2 times that, divided by 1 − F.
+            // Near the critical angle, 1 − F is about k cosθ_t, with k < 9 here. cos²θ_t, a difference from 1, has an error
+            // of 1.5e-7. The error of 1 − F is k²/2 times that, divided by 1 − F.
             let error = (f64::from(*transmitted) - expected).abs();
             assert!(error < 6e-6 / expected.max(1e-3), "{bsdf:?} at {cosine}: {transmitted}, not {expected}");
             assert!((reflected + transmitted - 1.0).abs() <= 2.0 * f32::EPSILON, "{bsdf:?} at {cosine}");
@@ -288,7 +285,7 @@ fn smooth_panes_and_mirrors_lose_nothing() {
     for ([reflected, transmitted, weight, pdf], &cosine) in
         shares(&Bsdf::pane(0.0), &cosines).iter().zip(&cosines)
     {
-        // glTF's pane: Schlick's reflectance, once.
+        // In glTF's pane, Schlick's reflectance applies once.
         let expected = 0.04 + 0.96 * (1.0 - cosine).powi(5);
         assert!((reflected - expected).abs() < 4.0 * f32::EPSILON, "{cosine}: {reflected}, not {expected}");
         assert!((reflected + transmitted - 1.0).abs() <= f32::EPSILON, "{cosine}");

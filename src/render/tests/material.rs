@@ -2,7 +2,6 @@
 
 use glam::{Vec3, vec3};
 
-/// `Bsdf` of `shaders/shared/lobes.wgsl`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bsdf {
     pub(super) base_color: Vec3,
@@ -19,10 +18,8 @@ pub(super) struct Bsdf {
     pub(super) shading: Vec3,
 }
 
-/// Number of elements of `input` that hold a [`Bsdf`].
 pub(super) const BSDF_SIZE: usize = 5;
 
-/// WGSL that reads a [`Bsdf`] from `input`.
 pub(super) const READ_BSDF: &str = "
 fn bsdf_at(first: u32) -> Bsdf {
     let base = input[first];
@@ -72,7 +69,7 @@ impl Bsdf {
         Self { eta_t: 1.5, ..Self::pane(alpha) }
     }
 
-    /// The same surface seen from beyond.
+    /// The same surface, seen from the other side.
     pub(super) fn beyond(self) -> Self {
         let shading = vec3(-self.shading.x, -self.shading.y, self.shading.z);
         Self { eta_o: self.eta_t, eta_t: self.eta_o, shading, ..self }
@@ -84,7 +81,6 @@ impl Bsdf {
         Self { shading: vec3(0.8 * sin, 0.6 * sin, cos), ..self }
     }
 
-    /// The parameters in one line.
     pub(super) fn describe(&self) -> String {
         let Self { metallic, alpha, transmission, diffuse_transmission, opacity, eta_o, eta_t, .. } = self;
         format!(
@@ -105,8 +101,7 @@ impl Bsdf {
     }
 }
 
-/// WGSL for random materials of all kinds: white ones if `white`, smooth ones if `smooth_ones`, with a tilted
-/// shading normal if `tilted`.
+/// WGSL for random materials of all kinds: white if `white`, smooth if `smooth_ones`, tilted if `tilted`.
 pub(super) const RANDOM_BSDF: &str = "
 fn random_bsdf(index: u32, white: bool, smooth_ones: bool, tilted: bool) -> Bsdf {
     let color = select(mix(vec4f(0.02), vec4f(1.0), random4(index, 0u, 1u, 3u)), vec4f(1.0), white);

@@ -1,4 +1,4 @@
-//! Whole traces: equal paths by every search and every number of paths of an invocation, photons, the observer, kept kernels.
+//! Tests of whole traces: equal paths for every search and every number of paths of an invocation, photons, the observer, kept kernels.
 
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
@@ -14,18 +14,16 @@ use crate::render::photons::hash;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
 
-/// The method by which rays find their hits.
 #[derive(Clone, Copy)]
 struct By {
-    /// Rays from and to the pinhole use the light buffer.
+    /// Whether rays from and to the pinhole use the light buffer.
     light_buffer: bool,
-    /// The other rays test every pair of triangles.
+    /// Whether the other rays test every pair of triangles.
     each: bool,
 }
 
 const TREE: By = By { light_buffer: false, each: false };
 
-/// All paths of a scene, by this method.
 fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<PathRecord> {
     let mut tracer = tracer(scene);
     let pairs = tracer.strategy_builder().scene.pairs_in_order.len() as u32;
@@ -52,7 +50,7 @@ fn shipped(name: &str) -> Scene {
 
 #[test]
 fn testing_every_pair_gives_the_hits_of_the_search_tree() {
-    // Scenes of a few and of more triangles, with a mirror, and with a ceiling that rays meet at all angles.
+    // The scenes have few and more triangles, a mirror, and a ceiling that rays meet at all angles.
     for scene in [shipped("corner"), shipped("mirror"), shipped("zigzag"), shipped("cornell")] {
         let settings = TraceSettings::new(Resolution::new(56, 40), 16);
         let [each, tree] =
@@ -88,8 +86,8 @@ fn the_light_buffer_gives_the_hits_of_the_search_tree() {
 fn small_and_large_tree_layouts_give_the_same_hits() {
     for small in [shipped("cornell"), shipped("carton")] {
         let mut large = small.clone();
-        // Triangles with two equal corners, so that no ray meets them, on a lattice, so that the tree is not too deep. Its corners are between
-        // 1.25 and 1.44 units from the camera, so that the unit of length stays the same, and with it every bit of a path.
+        // Added triangles with two equal corners, so that no ray meets them, lie on a lattice, so that the tree is not too deep. Its
+        // corners are between 1.25 and 1.44 units from the camera. The unit of length thus stays the same, and with it every bit of a path.
         let (unit, camera) = (Unit::of(&small), &small.camera);
         large.triangles.extend((0..20_000).map(|at| {
             let [across, up] = [(at % 200) as f32 / 200.0 - 0.5, (at / 200) as f32 / 100.0 - 0.5];
@@ -140,8 +138,7 @@ fn paths_do_not_depend_on_their_invocation() {
         (apart, false),
     ];
     for (scene, by_light_buffer) in &scenes {
-        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer
-        // paths.
+        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer paths.
         let settings = TraceSettings::new(Resolution::new(41, 30), 13);
         let one = paths_by(scene, &settings, 1, *by_light_buffer);
         assert!(one.len() >= 41 * 30 * 13);
@@ -156,8 +153,8 @@ fn paths_do_not_depend_on_their_invocation() {
     }
 }
 
-/// A wall, and in front of it `count` strips one behind another. They are as wide as the field of view and
-/// thinner than a texel of the light buffer, so that a ray there is tested against each of them.
+/// A wall, and in front of it `count` strips one behind another. They are as wide as the field of view and thinner than a texel of the
+/// light buffer, so that a ray there is tested against each of them.
 fn strips(count: usize) -> Scene {
     let mut scene = builtin::plane(1.0, 0.8);
     scene.triangles.extend((0..count).map(|at| {
@@ -170,8 +167,7 @@ fn strips(count: usize) -> Scene {
 
 #[test]
 fn paths_that_are_too_long_for_one_invocation_get_one_each() {
-    // About sixty paths of an invocation meet eight thousand strips each. Software Vulkan stops it after
-    // 65,535 loop iterations.
+    // About sixty paths of an invocation meet eight thousand strips each. Software Vulkan stops it after 65,535 loop iterations.
     let scene = strips(8000);
     let settings = TraceSettings::new(Resolution::new(64, 64), 32);
     let [one, many] = [1, 64].map(|each| paths_by(&scene, &settings, each, true));
@@ -183,7 +179,7 @@ fn shader_and_host_agree_on_the_hash_of_a_cell() {
     let cells: Vec<[i32; 3]> =
         (0..500).map(|k| [k * 37 % 211 - 100, k * 53 % 307 - 150, 5 - k * 11 % 401]).collect();
     let input: Vec<[f32; 4]> = cells.iter().map(|&[x, y, z]| [x as f32, y as f32, z as f32, 0.0]).collect();
-    // A number of 32 bits as two of 16, which are exact in `f32`.
+    // A 32-bit number is passed as two 16-bit numbers, which are exact in `f32`.
     let source = "#import photons
         fn work(index: u32) -> vec4f {
             let hash = photon_hash(vec3i(input[index].xyz));
@@ -194,8 +190,7 @@ fn shader_and_host_agree_on_the_hash_of_a_cell() {
     }
 }
 
-/// Notes the paths done and the paths in all of each step, and breaks at the step of this number, counted
-/// from 1.
+/// Notes, for each step, the number of paths done and the total. Breaks at step number `breaks_at`, counted from 1.
 struct Notes {
     steps: Mutex<Vec<(u64, u64)>>,
     breaks_at: usize,
@@ -210,7 +205,7 @@ impl Observer for Notes {
     }
 }
 
-/// The steps of a trace of 16 × 16 pixels at 4 paths each, and how it ended.
+/// The steps of a trace of 16 × 16 pixels at 4 paths each, and its outcome.
 fn observed(tracer: &mut Tracer, breaks_at: usize) -> (Vec<(u64, u64)>, crate::Result<u64>) {
     let notes = Arc::new(Notes { steps: Mutex::default(), breaks_at });
     tracer.observe(Arc::clone(&notes) as Arc<_>);
@@ -255,7 +250,7 @@ fn traced(kept: Option<&[u8]>) -> (Vec<f32>, Tracer) {
 fn kernels_of_another_device_and_garbage_change_nothing() {
     let (expected, first) = traced(None);
     assert!(expected.iter().any(|&value| value > 0.0));
-    // A driver with nothing to give out is one that keeps its kernels itself.
+    // A driver that gives out no kernels keeps them itself.
     let kept = first.compiled_kernels();
     let garbage = vec![7_u8; 4096];
     let mut foreign = kept.clone().unwrap_or_else(|| b"WGPUPLCH".to_vec());

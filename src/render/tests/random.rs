@@ -4,8 +4,7 @@ use super::statistics::{chi_square_test, threshold};
 use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
-/// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`; `[pixel · samples +
-/// sample]`.
+/// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`. The layout is `[pixel · samples + sample]`.
 fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]> {
     let source = format!(
         "#import sampler
@@ -16,8 +15,7 @@ fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]
     run(gpu, &source, &[], &[[0.0; 4]], pixels * samples)
 }
 
-/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ`
-/// points.
+/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ` points.
 fn is_net(points: &[(f32, f32)]) -> bool {
     let count = points.len();
     assert!(count.is_power_of_two());
@@ -47,7 +45,7 @@ fn each_half_of_a_pixels_samples_is_a_net_in_both_pairs() {
 
 #[test]
 fn blocks_are_nets_where_the_count_is_no_power_of_two() {
-    // Halves of 24 = 16 + 8 and of 23 = 16 + 4 + 2 + 1.
+    // The halves have 24 = 16 + 8 and 23 = 16 + 4 + 2 + 1 samples.
     for pixel in points(&gpu(), 32, 47, 0).chunks(47) {
         for (half, blocks) in [(&pixel[..24], vec![0..16, 16..24]), (&pixel[24..], vec![0..16, 16..20])] {
             for block in blocks {
@@ -84,7 +82,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
     const SAMPLES: usize = 6;
     let gpu = gpu();
     let vertices = [points(&gpu, PIXELS, SAMPLES, 1), points(&gpu, PIXELS, SAMPLES, 2)];
-    // Over the pixels, one sample each: these are independent of one another, which the χ² test needs.
+    // The pairs are taken over the pixels, one sample each. They are independent of one another, which the χ² test needs.
     let of = |vertex: usize, sample: usize| {
         vertices[vertex].iter().skip(sample).step_by(SAMPLES).copied().collect::<Vec<_>>()
     };
@@ -106,7 +104,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
         ("next pixel", odd),
     ];
     for (name, other) in &others {
-        // Every second pixel for the last one, so that no pixel is in two pairs.
+        // The last comparison takes every second pixel, so that no pixel is in two pairs.
         let step = if other.len() < base.len() { 2 } else { 1 };
         for c in 0..4 {
             for d in 0..4 {
@@ -115,8 +113,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
             }
         }
     }
-    // Within a half the pairs of one vertex are shuffled against each other: x of one sample says nothing on
-    // z of another.
+    // Within a half, the pairs of one vertex are shuffled against each other: x of one sample says nothing about z of another.
     let next = of(0, 2);
     for (c, d) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
         let p = pair_p_value(32, base.iter().zip(&next).map(|(a, b)| (a[c], b[d])));
@@ -129,9 +126,9 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
 
 const COUNT: usize = 1 << 20;
 
-/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a
-/// shift all coordinates are even, so that a shift by one never gives another of these keys, and all pairs
-/// are disjoint. Pixels lie in 16 × 8 blocks of an image of width 128.
+/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a shift, all
+/// coordinates are even. A shift by one therefore never gives another of these keys, and all pairs are disjoint. Pixels
+/// lie in 16 × 8 blocks of an image of width 128.
 fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng

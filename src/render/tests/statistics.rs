@@ -5,8 +5,7 @@ use std::f64::consts::{PI, TAU};
 /// The probability that at least one test of a family rejects a correct program.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The p-value below which one of `tests` independent tests fails (Šidák), so that the family keeps the
-/// significance.
+/// The p-value below which one of `tests` independent tests fails (Šidák). The family keeps the significance.
 pub(super) fn threshold(tests: usize) -> f64 {
     1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
 }
@@ -37,8 +36,8 @@ fn chi_square_survival(statistic: f64, freedom: f64) -> f64 {
     upper_incomplete_gamma(freedom / 2.0, statistic / 2.0)
 }
 
-/// The regularized `Q(a, x)`: below `a + 1` from the series of `P = 1 − Q`, above from Legendre's continued
-/// fraction, evaluated by Lentz's method (Abramowitz and Stegun 6.5.29 and 6.5.31).
+/// The regularized `Q(a, x)`. Below `a + 1` it comes from the series of `P = 1 − Q`; above, from Legendre's
+/// continued fraction, evaluated by Lentz's method (Abramowitz and Stegun 6.5.29 and 6.5.31).
 fn upper_incomplete_gamma(a: f64, x: f64) -> f64 {
     let front = (a * x.ln() - x - ln_gamma(a)).exp();
     if x <= 0.0 {
@@ -83,7 +82,7 @@ fn ln_gamma(a: f64) -> f64 {
 
 #[test]
 fn survival_has_its_closed_forms() {
-    // Two degrees of freedom: exp(−x/2). Four: exp(−x/2)(1 + x/2). Both branches of the evaluation.
+    // Two degrees of freedom give exp(−x/2); four give exp(−x/2)(1 + x/2). Both branches are used.
     for x in [0.1, 1.0, 3.0, 10.0, 40.0] {
         let two = (-x / 2.0_f64).exp();
         assert!((chi_square_survival(x, 2.0) / two - 1.0).abs() < 1e-13, "{x}");
@@ -110,9 +109,9 @@ const AZIMUTH: f64 = 2.2;
 /// Bins by `(hemisphere, ring, sector)`, which are fine where a glossy lobe may be narrow.
 ///
 /// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are
-/// equally spaced in `s = ∛(φ/π)` from −1 to 1, with the azimuth `φ` measured from the mirror direction,
-/// which is also that of transmitted light: at grazing incidence a lobe is narrower in azimuth than in
-/// height, by the cosine. The solid angle is `dω = 2t dt · 3πs² ds`.
+/// equally spaced in `s = ∛(φ/π)` from −1 to 1. The azimuth `φ` is measured from the mirror direction, which
+/// is also the azimuth of transmitted light. At grazing incidence, a lobe is narrower in azimuth than in
+/// height by the factor of the cosine. The solid angle is `dω = 2t dt · 3πs² ds`.
 pub(super) struct Sphere {
     pub(super) rings: usize,
     pub(super) sectors: usize,
@@ -125,7 +124,7 @@ impl Sphere {
 
     /// The bin of a direction. The bins above the horizon come first.
     pub(super) fn bin(&self, [x, y, z]: [f64; 3]) -> usize {
-        // 1 − |z| without cancellation.
+        // This is 1 − |z| without cancellation.
         let t = ((x * x + y * y) / (1.0 + z.abs())).sqrt();
         let phi = (y.atan2(x) - AZIMUTH).rem_euclid(TAU) - PI;
         let ring = ((t * self.rings as f64) as usize).min(self.rings - 1);
@@ -154,7 +153,6 @@ impl Sphere {
     }
 }
 
-/// The unit vector at this cosine to the normal.
 pub(super) fn outgoing(cos: f64) -> [f32; 4] {
     let sin = (1.0 - cos * cos).sqrt();
     [(sin * AZIMUTH.cos()) as f32, (sin * AZIMUTH.sin()) as f32, cos as f32, 0.0]
@@ -164,7 +162,7 @@ pub(super) fn outgoing(cos: f64) -> [f32; 4] {
 fn the_cells_make_up_the_sphere_and_lie_in_their_bins() {
     let sphere = Sphere { rings: 5, sectors: 8 };
     let (points, solid_angles) = sphere.midpoints(3);
-    // Midpoints integrate the linear 2t exactly, and 3s² but for ds²/4, with ds = 2/24.
+    // Midpoints integrate the linear 2t exactly, and 3s² up to ds²/4, with ds = 2/24.
     let solid_angle = solid_angles.iter().sum::<f64>();
     assert!((solid_angle / (2.0 * TAU) - (1.0 - 1.0 / 576.0)).abs() < 1e-12, "{solid_angle}");
     for (index, [x, y, z, _]) in points.iter().map(|point| point.map(f64::from)).enumerate() {

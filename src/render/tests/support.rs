@@ -8,8 +8,7 @@ use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
 use crate::scene::Scene;
 
-/// The entry point around the function under test. It has bind group 1, since group 0 belongs to the shared
-/// shaders.
+/// The entry point around the function under test. It uses bind group 1, because group 0 belongs to the shared shaders.
 const FRAME: &str = "
 @group(1) @binding(0) var<storage, read> input: array<vec4f>;
 @group(1) @binding(1) var<storage, read_write> output: array<vec4f>;
@@ -22,14 +21,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 }
 ";
 
-/// The first adapter of the machine.
 pub(crate) fn gpu() -> Gpu {
     Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver")
 }
 
-/// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may
-/// import shared shaders and read `input`. `shared` are the resources of group 0 that these shaders read,
-/// with their bindings.
+/// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may import shared shaders and
+/// read `input`. `shared` holds the resources of group 0 that these shaders read, with their bindings.
 pub(super) fn run(
     gpu: &Gpu,
     source: &str,
@@ -87,7 +84,6 @@ pub(super) fn run(
     bytemuck::cast_slice(&view).to_vec()
 }
 
-/// A binding, its buffer or storage texture, and whether it is read-only.
 type Entry<'a> = (u32, wgpu::BindingResource<'a>, bool);
 
 fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {
@@ -121,11 +117,9 @@ fn bind_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, group: &[Entry<'_>]) ->
     })
 }
 
-/// The record of one path as bits: rays, direct light, ambient light, and connections (camera pixel,
-/// projector pixel, value).
+/// The record of one path as bits: rays, direct light, ambient light, and connections (camera pixel, projector pixel, value).
 pub(super) type PathRecord = (u64, [u32; 3], [u32; 3], Vec<(u32, u32, [u32; 3])>);
 
-/// The records of all paths of a strategy, in path order.
 pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<PathRecord> {
     let mut records = Vec::new();
     let mut visit = |batch: &Batch<'_>| {
@@ -151,7 +145,6 @@ pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Path
     records
 }
 
-/// A tracer of this scene by the first adapter of the machine.
 pub(crate) fn tracer(scene: &Scene) -> Tracer {
     Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver")
 }

@@ -52,8 +52,7 @@ fn work(index: u32) -> vec4f {
     }
 }";
 
-/// The surfaces that rays find on the scene's only triangle. Each ray has a direction, and weights of the
-/// second and third corner.
+/// The surfaces that rays find on the scene's only triangle. Each ray has a direction, and weights of the second and third corner.
 fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     let uploaded = GpuScene::upload(gpu, scene).expect("one triangle fits");
     let view = wgpu::BindingResource::TextureView;
@@ -155,12 +154,12 @@ fn each_texture_multiplies_its_own_factor() {
     ];
     scene.triangles[0].colors = [[65535, 65535, 0, 0], [65535, 65535, 0, 65535], [65535; 4]];
     let found = look(&gpu(), &scene, &[FRONT])[0];
-    // IEC 61966-2-1 of 188/255.
+    // The value is IEC 61966-2-1 of 188/255.
     let half = (((188.0 / 255.0) + 0.055) / 1.055_f32).powf(2.4);
-    // A few roundings of numbers up to 3.
+    // The tolerance is a few roundings of numbers up to 3.
     let tolerance = 1e-6;
     assert_close(found.base_color, vec3(0.5, half, 0.0), tolerance);
-    // A quarter of two corners is opaque, the rest a hole.
+    // At two corners a quarter is opaque; the rest is a hole.
     assert!((found.opacity - 0.5 * 0.2 * 0.5).abs() < tolerance, "{found:?}");
     assert!((found.metallic - 0.5 * 0.4).abs() < tolerance, "{found:?}");
     assert!((found.alpha - (0.5_f32 * 0.8).powi(2)).abs() < tolerance, "{found:?}");
@@ -171,7 +170,7 @@ fn each_texture_multiplies_its_own_factor() {
     assert!((found.transmission - 0.5 * 0.4).abs() < tolerance, "{found:?}");
     assert!((found.diffuse_transmission - 0.5 * 0.8).abs() < tolerance, "{found:?}");
     assert_close(found.diffuse_transmission_color, vec3(1.0, 0.5, half), tolerance);
-    // Half of the light is left after 1 m. The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::geometry`).
+    // Half of the light is left after 1 m. The triangle is 2 m to 4 m away, so that the unit of length is 2 m (`render::geometry`).
     assert_close(found.absorption, Vec3::splat(2.0 * 2.0_f32.ln()), tolerance);
 }
 
@@ -204,7 +203,7 @@ fn the_back_of_a_one_sided_opaque_surface_is_black() {
         Material { transmission: 0.5, ..one_sided.clone() },
         Material { diffuse_transmission: 0.5, ..one_sided.clone() },
         Material { alpha_mode: AlphaMode::Blend, ..one_sided.clone() },
-        // Where the mask has a hole there is no back.
+        // The back is missing where the mask has a hole.
         Material { alpha_mode: AlphaMode::Mask { cutoff: 2.0 }, ..one_sided },
     ] {
         assert_eq!(sides(through), (false, Vec3::ZERO));
@@ -219,7 +218,7 @@ fn media_lie_behind_the_front() {
     let found = look(&gpu, &scene(solid.clone()), &[FRONT, BACK]);
     assert_eq!((found[0].eta, found[1].eta), ([1.0, 1.25], [1.25, 1.0]));
     for side in found {
-        // The triangle is between 2 m and 4 m away, so that the unit of length is 2 m (`render::geometry`).
+        // The triangle is 2 m to 4 m away, so that the unit of length is 2 m (`render::geometry`).
         assert_eq!((side.ior, side.absorption), (1.25, 2.0 * volume.absorption()));
     }
     for thin in [Material { volume: None, ..solid.clone() }, Material { transmission: 0.0, ..solid }] {
@@ -238,7 +237,7 @@ fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
     let [b, c] = [0.5, 0.125];
     let found = look(&gpu, &scene, &[(Vec3::NEG_Z, [b, c]), (Vec3::Z, [b, c]), (Vec3::NEG_Z, [0.0, 1.0])]);
     let blended = ((1.0 - b - c) * normals[0] + b * normals[1] + c * normals[2]).normalize();
-    // Coordinates of 16 bits.
+    // The tolerance covers coordinates of 16 bits.
     assert_close(found[0].shading, blended, 1e-4);
     assert_close(found[1].shading, -blended, 1e-4);
     // The third normal lies in the horizon, and is lifted a little.
@@ -248,12 +247,12 @@ fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
     assert_eq!(look(&gpu, &scene, &[FRONT])[0].shading, Vec3::Z);
 }
 
-/// The shading normal of a normal map by glTF's definition: +X of the map along u and +Y against v (which
-/// runs downwards), in the plane perpendicular to the smooth normal.
+/// The shading normal of a normal map by glTF's definition. +X of the map points along u, and +Y against v (which runs downwards), in the
+/// plane perpendicular to the smooth normal.
 fn bumped(triangle: &Triangle, map: Affine2, normal: DVec3, bump: DVec3) -> DVec3 {
     let [a, b, c] = triangle.positions.map(Vec3::as_dvec3);
     let uv = triangle.texcoords.map(|[_, second]| map.transform_point2(second).as_dvec2());
-    // Edges are a linear map of their coordinates' differences; its columns are the gradients.
+    // Edges are a linear map of their coordinates' differences. The columns of the map are the gradients.
     let coordinates = DMat2::from_cols(uv[1] - uv[0], uv[2] - uv[0]).inverse();
     let along = |w: DVec2| {
         let weights = coordinates * w;
@@ -328,7 +327,7 @@ fn texel(texture: &Texture, x: i64, y: i64, role: TextureRole) -> [f64; 4] {
 }
 
 fn value(texture: &Texture, uv: [f32; 2], role: TextureRole) -> [f64; 4] {
-    // In f32 as on the device, so that both choose the same texels.
+    // The computation uses f32 as on the device, so that both choose the same texels.
     let [x, y] = [uv[0] * texture.width as f32, uv[1] * texture.height as f32];
     if !texture.linear {
         return texel(texture, x.floor() as i64, y.floor() as i64, role);
@@ -349,7 +348,7 @@ fn textures_are_filtered_and_wrapped_as_gltf_defines() {
     for (u, v, linear) in
         wraps.iter().flat_map(|u| wraps.iter().flat_map(move |v| [(*u, *v, true), (*u, *v, false)]))
     {
-        // Odd and even sides, and one texel.
+        // The sides are odd and even, and one texel.
         let (width, height) = [(5, 3), (4, 7), (1, 2)][scene.textures.len() % 3];
         let texels = (0..width * height).map(|_| random.random::<[u8; 4]>()).collect();
         scene.textures.push(Texture { name: String::new(), width, height, texels, wrap: [u, v], linear });
@@ -387,7 +386,7 @@ fn textures_are_filtered_and_wrapped_as_gltf_defines() {
         let texture = &scene.textures[texture];
         let expected = value(texture, [u, v], role);
         for c in 0..4 {
-            // Two blends of numbers up to 1, in f32.
+            // The tolerance covers two blends of numbers up to 1, in f32.
             let error = (f64::from(found[c]) - expected[c]).abs();
             assert!(
                 error < 8.0 * f64::from(f32::EPSILON),

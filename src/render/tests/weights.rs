@@ -1,5 +1,4 @@
-//! The weights of both endpoints' paths: together they give the same photos as the paths of one endpoint
-//! alone.
+//! Tests of the weights of both endpoints' paths: together they give the same photos as the paths of one endpoint alone.
 
 use glam::{Vec3, vec3};
 
@@ -11,7 +10,6 @@ use crate::scene::{AlphaMode, Lens, Material, Scene, Volume};
 
 const SIDE: usize = 16;
 
-/// A closed box with its front outside.
 fn block(name: &str, low: Vec3, high: Vec3, material: u32) -> Part {
     let mut part = Part::new(name, None);
     part.material = material;
@@ -31,7 +29,6 @@ fn block(name: &str, low: Vec3, high: Vec3, material: u32) -> Part {
     part
 }
 
-/// An upright sheet that faces the camera.
 fn sheet(name: &str, centre: Vec3, half: f32, material: u32) -> Part {
     let mut part = Part::new(name, None);
     part.material = material;
@@ -40,8 +37,7 @@ fn sheet(name: &str, centre: Vec3, half: f32, material: u32) -> Part {
     part
 }
 
-/// A room with one object of every material that refracts or transmits light, except mirrors and smooth
-/// glass.
+/// A room with one object of every material that refracts or transmits light, except mirrors and smooth glass.
 fn room() -> Scene {
     let camera = plane(1.0, 0.5).camera;
     let matte = Material::default();
@@ -79,7 +75,7 @@ fn room() -> Scene {
             diffuse_transmission_color: vec3(0.9, 0.7, 0.6),
             ..matte.clone()
         },
-        // A tinted filter without reflection.
+        // This is a tinted filter without reflection.
         Material { roughness: 0.0, transmission: 0.7, base_color: vec3(0.4, 0.6, 0.9), ..matte.clone() },
         Material { roughness: 0.3, specular: 1.0, base_color: vec3(0.7, 0.2, 0.2), ..matte },
     ];
@@ -152,8 +148,7 @@ fn photos(
     seeds.map(&mut one).collect()
 }
 
-/// Compares two sets of photos: the root mean square over the pixels of the difference's z, and the z of the
-/// difference of the sums.
+/// Compares two sets of photos. Returns the rms of the difference's z over the pixels, and the z of the difference of the sums.
 fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let moments = |values: Vec<f64>| {
         let n = values.len() as f64;
@@ -172,23 +167,22 @@ fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
 
 const SEEDS: u32 = 20;
 
-/// Asserts that the paths of the camera alone and the paths of both endpoints, each with its settings, give the same photos.
+/// Asserts that the paths of the camera alone and the paths of both endpoints, each with their settings, give the same photos.
 fn assert_same_photos(name: &str, scene: &Scene, (of_camera, of_both): (&TraceSettings, &TraceSettings)) {
     let mut tracer = tracer(scene);
     let alone = photos(&mut tracer, of_camera, true, 0..SEEDS);
-    // Other seeds than those of the camera's paths alone.
+    // The seeds differ from those of the camera's paths alone.
     let both = photos(&mut tracer, of_both, false, 100..100 + SEEDS);
     let (spread, sum) = compare(&alone, &both);
     println!("{name}: z rms of pixels {spread:.3}, z of the sum {sum:+.2}");
-    // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, with an error of ± 0.05 over 256
-    // pixels. The camera's own paths find bright spots so rarely that their spread is underestimated in
-    // pixels where none was found.
+    // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, with an error of ± 0.05 over 256 pixels. The camera's own
+    // paths rarely find bright spots. In pixels where none was found, their spread is underestimated.
     assert!((0.8..1.25).contains(&spread), "{name}: z rms {spread}");
     assert!(sum.abs() < 4.0, "{name}: z of the sum {sum}");
 }
 
-/// Without delta lobes the camera's paths alone are unbiased, and so are the paths of both endpoints if their
-/// weights add up to 1. A wrong density or probability of the reverse path would show as a difference.
+/// Without delta lobes, the camera's paths alone are unbiased. The paths of both endpoints are unbiased if their weights add up to 1. A
+/// wrong density or probability of the reverse path would show as a difference.
 #[test]
 fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
     let settings = TraceSettings {
@@ -227,7 +221,7 @@ fn veils() -> Scene {
     Model { name: "veils", parts, materials, camera: plane(1.0, 0.5).camera }.to_scene()
 }
 
-/// The probability with which a surface interacts with light is a factor of the reverse density at every vertex, not only at the first.
+/// The probability that a surface interacts with light is a factor of the reverse density at every vertex, not only at the first.
 #[test]
 fn the_weights_of_paths_between_veils_add_up_to_one() {
     let scene = veils();
@@ -239,7 +233,7 @@ fn the_weights_of_paths_between_veils_add_up_to_one() {
     assert_same_photos("veils", &scene, (&settings, &settings));
 }
 
-/// A matte wall behind a pane of smooth glass, which all light passes on its way from the projector and on that to the camera.
+/// A matte wall behind a pane of smooth glass. All light passes the glass on its way from the projector and on its way to the camera.
 fn behind_glass() -> Scene {
     let matte = Material::default();
     let volume = Volume { attenuation_color: Vec3::ONE, attenuation_distance: 1.0 };
@@ -261,8 +255,8 @@ fn behind_glass() -> Scene {
     scene
 }
 
-/// Connections by gathered photons are weighted by how many paths start at either end: without paths from the projector, those of
-/// the camera count in full.
+/// Connections by gathered photons are weighted by the number of paths that start at either end. Without paths from the projector, the
+/// camera's connections count in full.
 #[test]
 fn gathered_connections_are_weighted_by_the_paths_from_either_end() {
     let scene = behind_glass();
