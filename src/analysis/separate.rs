@@ -43,7 +43,6 @@ pub struct Separation {
     pub photos: usize,
 }
 
-
 /// A method, with its photos, to separate direct from global light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SeparateBy {
@@ -215,7 +214,6 @@ pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let global = white.iter().zip(&direct).map(|(white, direct)| white - direct).collect();
     Ok(Separation { direct, global, standard_error: None, global_error: None, photos: model.rank() + 1 })
 }
-
 
 /// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers. Fails as
 /// [`TransportMatrix::layers`] does; a well-formed matrix in one process gives no error.

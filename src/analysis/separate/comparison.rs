@@ -73,7 +73,6 @@ pub fn compare_separations<O: Operator>(
     Ok(rows)
 }
 
-
 /// Global light, split by the distance from its own pixel at which it returns.
 #[derive(Clone, Debug)]
 pub struct NearFar {

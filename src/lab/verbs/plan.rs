@@ -41,6 +41,7 @@ pub struct Plan {
 }
 
 impl PlanRequest {
+    /// The name of the verb that is planned.
     pub fn verb(&self) -> &'static str {
         match self {
             Self::Segment(..) => "segment",

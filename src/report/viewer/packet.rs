@@ -28,6 +28,7 @@ pub fn update_image(name: &str, size: Resolution, channel: &str, values: &[f32])
     packet.finished()
 }
 
+/// The packet that closes the image of this name.
 pub fn close_image(name: &str) -> Vec<u8> {
     let mut packet = Packet::new(CLOSE_IMAGE);
     packet.text(name);

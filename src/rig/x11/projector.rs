@@ -232,7 +232,10 @@ const LONGEST: usize = 3 << 28;
 pub(crate) enum Request {
     Open(X11Spec),
     /// Show the levels in the payload, which has one byte for each level.
-    Show { resolution: Resolution, channels: usize },
+    Show {
+        resolution: Resolution,
+        channels: usize,
+    },
     Confirm,
 }
 

@@ -16,6 +16,7 @@ use crate::report::content::Content;
 /// A compensation with its options.
 #[derive(Clone, Debug)]
 pub struct Compensated {
+    /// The pattern, its photo, and the history of the method.
     pub found: Compensation,
     /// Its options.
     pub options: CompensateOptions,

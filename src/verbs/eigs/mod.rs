@@ -107,7 +107,9 @@ pub enum End {
 /// Eigenpairs, or singular values with their vectors.
 #[derive(Clone, Debug)]
 pub enum Spectrum {
+    /// Eigenpairs of a square matrix.
     Pairs(Eigenpairs),
+    /// Singular values with patterns and their photos.
     Triplets(SingularTriplets),
 }
 
