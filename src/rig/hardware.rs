@@ -57,6 +57,8 @@ impl HardwareRig {
     /// # Errors
     /// [`Error::Rig`] when the camera does not answer, or when its description cannot be read within these bounds.
     pub fn camera_abilities(&self, helper: &Helper) -> Result<Option<String>> {
+        #[cfg(not(any(feature = "gige", feature = "usb3")))]
+        let _ = helper;
         let described = match &self.camera {
             #[cfg(feature = "gige")]
             CameraSpec::Gige(spec) => Some(set_up::ask(helper, "gige", Some(&spec.address.to_string()))?),

@@ -11,7 +11,7 @@ use v4l::io::traits::CaptureStream;
 use v4l::video::Capture;
 use v4l::{Device, Format, FourCC};
 
-use super::cameras::V4lSpec;
+use super::cameras::{V4lFormat, V4lSpec};
 use super::hardware::{in_use, is_busy};
 use super::v4l_set_up::{Layout, VideoDevice, counts, set_exposure, set_up};
 use super::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
@@ -162,17 +162,21 @@ pub fn video_devices() -> Vec<FoundVideoDevice> {
 }
 
 impl VideoDevice for Device {
-    fn formats(&self) -> Result<Vec<[u8; 4]>, Refusal> {
+    fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal> {
         Ok(self.enum_formats()?.into_iter().map(|format| format.fourcc.repr).collect())
     }
 
-    fn set_layout(&mut self, code: [u8; 4], [width, height]: [usize; 2]) -> Result<Layout, Refusal> {
+    fn set_layout(
+        &mut self,
+        code: [u8; 4],
+        [width, height]: [usize; 2],
+    ) -> std::result::Result<Layout, Refusal> {
         let set = self.set_format(&Format::new(width as u32, height as u32, FourCC::new(&code)))?;
         let size = [set.width as usize, set.height as usize];
         Ok(Layout { code: set.fourcc.repr, size, stride: set.stride as usize })
     }
 
-    fn control(&self, id: u32) -> Result<i64, Refusal> {
+    fn control(&self, id: u32) -> std::result::Result<i64, Refusal> {
         match Device::control(self, id)?.value {
             Value::Integer(value) => Ok(value),
             Value::Boolean(value) => Ok(value.into()),
@@ -180,7 +184,7 @@ impl VideoDevice for Device {
         }
     }
 
-    fn set_control(&mut self, id: u32, value: i64) -> Result<(), Refusal> {
+    fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal> {
         Device::set_control(self, Control { id, value: Value::Integer(value) })
     }
 }
