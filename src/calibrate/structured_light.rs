@@ -252,7 +252,7 @@ pub(crate) fn gray_code(
                 undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
             }
             let index = from_gray(code);
-            // A pixel that sees the edge between two steps may leave the bit undecided that distinguishes them.
+            // If a pixel sees the edge between two steps, the one bit in which they differ may stay undecided.
             if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
                 return None;
             }

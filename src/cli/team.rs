@@ -70,7 +70,8 @@ fn program() -> String {
     format!("krylux {}{digest}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Without MPI, several processes would all do the same, and write the same files. The first one says so.
+/// Without MPI, each of several processes would do the same work and write the same files. The first process fails with an error that
+/// explains this.
 #[cfg(not(feature = "mpi"))]
 fn joined() -> Result<Role> {
     let number = |of: &str| {

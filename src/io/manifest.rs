@@ -83,7 +83,7 @@ pub struct Manifest<R> {
     pub timings: Vec<Timing>,
     /// The files written, relative to the run's folder.
     pub outputs: Vec<String>,
-    /// The folders inside the run's folder with the runs that this run replaces, until this run is complete.
+    /// Folders inside the run's folder that hold the earlier runs which this run replaces. They are kept until this run is complete.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub replaces: Vec<String>,
 }

@@ -164,7 +164,7 @@ pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 // the blur follows from the disagreement of parts of the picture. Let `R_b(t)` be the squared residuals in part `b` if a share `t` more of
 // each pixel's light goes to its neighbours. The error is `√Σ_b R_b'²` over the curvature of `Σ_b R_b` (a cluster-robust standard error).
 
-/// The derivative of the squares is a difference over this share `t`.
+/// The step in the share `t` for the finite differences of the squared residuals.
 const SHARE_STEP: f64 = 0.002;
 
 /// The side of a part of the picture, in pixels. Light by way of other surfaces is alike over several pixels.

@@ -127,7 +127,7 @@ pub(crate) fn area(points: &[[f64; 2]]) -> f64 {
 /// through the realistic rig are 0.42 % off at 0.002, 0.26 % at this value, and 0.23 % at 0.00002. Their noise is 0.43, 0.46 and 0.48 %.
 const NOISE: f64 = 0.0002;
 
-/// This many camera pixels that overlap a projector pixel are enough, because some lie inside it.
+/// If at least this many camera pixels overlap a projector pixel, some of them lie inside it.
 const ENOUGH: usize = 9;
 
 /// Where fewer overlap it, the camera pixels of projector pixels up to this distance are also used.

@@ -5,7 +5,8 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
 
-/// Frames whose counts are `photo` of the request and of the wait in seconds. The clock counts photos.
+/// A simulated rig. The function `photo` computes the counts of a frame from the request and the waiting time in seconds. The clock advances
+/// by one for each photo.
 pub(crate) struct Simulated<F> {
     /// A gray projector of 8 bits, without a refresh unless it is set.
     pub(crate) projector: ProjectorInfo,

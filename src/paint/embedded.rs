@@ -143,7 +143,7 @@ fn too_large(bytes: usize, most: usize) -> Error {
     )
 }
 
-/// The largest relative difference that storing makes to four photos.
+/// The largest relative error that the stored precision of the matrix causes in four photos.
 fn error(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], precision: Precision) -> Result<f64> {
     let (pixels, camera, width) =
         (canvas.projector().pixels(), canvas.camera().pixels(), canvas.projector().width);

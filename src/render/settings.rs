@@ -110,7 +110,8 @@ impl Sampler {
     }
 }
 
-/// Consecutive pixels of each endpoint of the rig that light paths start from. In a coaxial rig, the range of the projector is empty.
+/// The pixels that light paths start from: a range of consecutive pixels for the camera and one for the projector. In a coaxial rig, the
+/// range of the projector is empty.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct StartPixels {
     /// Pixels of the camera.

@@ -157,7 +157,7 @@ fn parameters(
         seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
         mark: 0,
         end_to_start,
-        // An estimate per projector sample, converted to one per camera sample, for lengths in metres.
+        // This factor converts an estimate per projector sample to one per camera sample. Lengths are in metres.
         scale: if from_camera { 1.0 } else { end_to_start },
         gather_radius: 0.0,
         inverse_cell: 0.0,

@@ -61,7 +61,7 @@ impl Triangle {
         self
     }
 
-    /// The triangle with its shading normals on the side of its front. Some exporters flip one without the other.
+    /// Turns the shading normals to the side of the triangle's front. Some exporters flip the corners without the normals, or the reverse.
     pub(super) fn with_normals_in_front(mut self) -> Self {
         let [a, b, c] = self.positions;
         let sum: Vec3 = self.normals.iter().sum();

@@ -30,7 +30,7 @@ pub(super) struct Bench {
 }
 
 impl RigArgs {
-    /// Reads the file and the calibration that it names. One that cannot be used is named, and left aside.
+    /// Reads the rig file and the calibration that it refers to. If the calibration cannot be used, a note says why, and the rig is read without it.
     pub(super) fn read(&self, console: &Console) -> Result<Bench> {
         let source = self.source(console)?;
         let known = source.file.load_calibration().transpose();

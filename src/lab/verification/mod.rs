@@ -209,7 +209,8 @@ impl Lab {
         Ok(self.checked(by, of, &comparisons, |_| None))
     }
 
-    /// Verifies a separation with the photo of a checkerboard of three pixels, which shows its direct light and half of the global light.
+    /// Verifies a separation with the photo of a checkerboard whose squares are three pixels wide. The photo shows the direct light of the
+    /// white squares and half of the global light.
     /// `error` is the relative error of the direct light. Fails as [`Lab::operator`].
     pub fn verify_separation(
         &mut self,

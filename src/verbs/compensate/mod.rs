@@ -84,7 +84,7 @@ pub struct Compensate {
     pub compare_methods: bool,
 }
 
-/// A picture that is asked about: a file, or its pixels.
+/// A picture in the request: a file, or pixel values.
 #[derive(Clone, Debug)]
 pub enum Picture {
     /// A `.npy`, `.exr` or `.png` file.
