@@ -258,7 +258,7 @@ fn reversed(bsdf: Bsdf, beyond: bool) -> Bsdf {
     if (beyond) {
         other.eta_o = bsdf.eta_t;
         other.eta_t = bsdf.eta_o;
-        // The normal points to the side from which the path arrives, so that it is negated for the reverse path.
+        // The normal points to the side of the light's arrival, there as here.
         other.shading = turned(-bsdf.shading, true);
     }
     return other;
