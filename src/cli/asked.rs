@@ -102,6 +102,8 @@ impl<V: Verb> Asked<V> {
         content.lines.iter().try_for_each(|line| console.say(line))?;
         content.notes.iter().for_each(|note| console.note(note));
         let (summary, kept) = (json!(content), Kept::of(&answer, &content));
+        // Writing makes the arrays anew: two copies of all eigenvectors at once would take twice the memory.
+        drop(content);
         let ending = Ending { run: &self.after.run, demands: Vec::new(), summary, kept };
         Ok(finish(lab, console, &answer, ending)?.1)
     }

@@ -8,7 +8,7 @@ use crate::image::Resolution;
 use crate::lab::Lab;
 use crate::report::viewer::Viewer;
 
-/// Who looks on.
+/// Options for watching a run in an image viewer.
 #[derive(clap::Args, Default)]
 pub(super) struct LiveArgs {
     /// Show every pattern and photo in the image viewer tev that listens there, as they come

@@ -39,20 +39,32 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// The labels of an answer, if it has any.
+    /// The labels of a segmentation, or else the eigenvectors, if the answer has any.
     pub fn of(answer: &impl crate::lab::Answer, content: &Content<'_>) -> Self {
-        let mut groups = Answer { status: answer.sentence(), ..Answer::default() };
+        let answer = || Answer { status: answer.sentence(), ..Answer::default() };
+        let (mut groups, mut eigenvectors) = (answer(), answer());
         for array in &content.arrays {
             match (array.name, array.key, &array.values) {
                 ("labels", Some(count), array::Values::U8(labels)) => {
                     groups.groups.push(count);
                     groups.planes.push(labels.iter().map(|&label| f64::from(label)).collect());
                 }
-                ("eigenvalues", None, array::Values::F64(values)) => groups.values = values.to_vec(),
+                ("eigenvalues", None, array::Values::F64(values)) => {
+                    groups.values = values.to_vec();
+                    eigenvectors.values = values.to_vec();
+                }
+                ("eigenvectors", None, array::Values::F64(vectors)) => {
+                    let length = array.shape[1..].iter().product::<usize>().max(1);
+                    eigenvectors.planes = vectors.chunks(length).map(<[f64]>::to_vec).collect();
+                }
                 _ => {}
             }
         }
-        Self { groups: (!groups.groups.is_empty()).then_some(groups), eigenvectors: None }
+        match (groups.planes.is_empty(), eigenvectors.planes.is_empty()) {
+            (false, _) => Self { groups: Some(groups), eigenvectors: None },
+            (true, false) => Self { groups: None, eigenvectors: Some(eigenvectors) },
+            (true, true) => Self::default(),
+        }
     }
 }
 
@@ -428,10 +440,28 @@ fn chance(column: usize, place: usize) -> f64 {
 mod tests {
     use super::*;
     use crate::error::Result;
-    use crate::lab::Lab;
+    use crate::lab::{Answer as _, Lab};
+    use crate::verbs::eigs::Spectrum;
+    use crate::verbs::{Eigs, Segment};
 
     fn options(max_bytes: Option<usize>) -> EmbedOptions {
         EmbedOptions { precision: Precision::Half, max_bytes, kept: Kept::default() }
+    }
+
+    #[test]
+    fn a_page_beside_an_answer_shows_its_eigenvectors_or_its_groups() -> Result<()> {
+        let mut lab = Lab::builder("assets/scenes/zigzag/scene.glb").size(16, 16).samples(16).open()?;
+        let pairs = lab.ask(&Eigs { count: 2, photos: Some(10), ..Eigs::default() })?;
+        let Spectrum::Pairs(found) = &pairs else { unreachable!("no singular values were asked for") };
+        let kept = Kept::of(&pairs, &pairs.content());
+        let shown = kept.eigenvectors.map(|shown| (shown.values, shown.planes));
+        assert_eq!(shown, Some((found.found.values.clone(), found.found.vectors.clone())));
+        assert_eq!(kept.groups, None);
+        let groups = lab.ask(&Segment { groups: vec![2, 3], photos: Some(10), ..Segment::default() })?;
+        let kept = Kept::of(&groups, &groups.content());
+        assert_eq!(kept.groups, Some(Answer::from(&groups.segmentation)));
+        assert_eq!(kept.eigenvectors, None);
+        Ok(())
     }
 
     #[test]

@@ -97,31 +97,31 @@ impl Segmented {
         self.estimates.get(index.checked_sub(1)?)
     }
 
-    fn arrays(&self, content: &mut Content<'_>) {
+    fn arrays<'a>(&'a self, content: &mut Content<'a>) {
         let Resolution { width, height } = self.resolution;
         let (found, count) = (&self.segmentation, self.segmentation.eigenvectors.len());
-        content.array("eigenvalues", &[count], found.eigenvalues.clone());
-        content.array("residuals", &[count], found.residuals.clone());
+        content.array("eigenvalues", &[count], &found.eigenvalues);
+        content.array("residuals", &[count], &found.residuals);
         content.array("eigenvectors", &[count, height, width], found.eigenvectors.concat());
-        content.array("degree", &[height, width], found.degree.clone());
+        content.array("degree", &[height, width], &found.degree);
         for (groups, labels) in &found.labels {
-            content.keyed("labels", *groups, &[height, width], labels.clone());
+            content.keyed("labels", *groups, &[height, width], labels);
         }
         for (groups, confidence) in &found.confidence {
-            content.keyed("confidence", *groups, &[height, width], confidence.clone());
+            content.keyed("confidence", *groups, &[height, width], confidence);
         }
         if let Some(truth) = &self.truth {
-            content.array("labels-true", &[height, width], truth.labels.clone());
+            content.array("labels-true", &[height, width], &truth.labels);
         }
         if let Some(direct) = &self.direct {
-            content.array("direct", &[height, width], direct.direct.clone());
+            content.array("direct", &[height, width], &direct.direct);
         }
         for of in &self.evidence {
             content.keyed("evidence", of.groups, &[of.groups, height, width], of.photos.concat());
         }
-        content.attribute("within", &[count], found.embedding.within.clone());
-        content.attribute("weights", &[height, width], found.weights.clone());
-        content.attribute("mask", &[height, width], found.mask.clone());
+        content.attribute("within", &[count], &found.embedding.within);
+        content.attribute("weights", &[height, width], &found.weights);
+        content.attribute("mask", &[height, width], &found.mask);
     }
 
     fn facts(&self, content: &mut Content<'_>) {
