@@ -31,6 +31,8 @@ pub enum Direction {
 }
 
 /// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a rig can be unplugged).
+///
+/// An operator implements [`Operator::apply`] or [`Operator::apply_block`]; the default of each calls the other.
 pub trait Operator {
     /// The length of `y` in `y = A x`.
     fn rows(&self) -> usize;
@@ -42,7 +44,9 @@ pub trait Operator {
     ///
     /// # Errors
     /// The error that stopped the product; `y` is then unspecified.
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()>;
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.apply_block(&[x], &mut [y])
+    }
 
     /// `y_k ← A x_k` for each of `xs`, in order. The results are bitwise equal to the results of single products, and each counts as one
     /// product. `xs` and `ys` have the same length. The default takes the products one by one.
@@ -101,10 +105,13 @@ pub trait Operator {
     }
 }
 
-/// An operator whose transpose can be applied too.
+/// An operator whose transpose can be applied too, by [`Adjoint::apply_adjoint`] or [`Adjoint::apply_adjoint_block`]; an operator implements
+/// one of them.
 pub trait Adjoint: Operator {
     /// `x ← Aᵀ y`; every entry of `x` is overwritten. Fails with the errors of [`Operator::apply`].
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()>;
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.apply_adjoint_block(&[y], &mut [x])
+    }
 
     /// `x_k ← Aᵀ y_k` for each of `ys`, in order. The rules of [`Operator::apply_block`] hold. Fails with the errors of
     /// [`Operator::apply_block`].
@@ -131,137 +138,107 @@ pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
 }
 
-/// Implements the traits for references to operators and boxes of operators.
+/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
+/// the methods. `apply` means both products of [`Operator`], `adjoint` both products of [`Adjoint`]. The field `deref` stands for the target
+/// of a pointer.
+macro_rules! delegate {
+    ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
+    (@rows $field:tt) => {
+        fn rows(&self) -> usize {
+            $crate::operator::inner!(self, $field).rows()
+        }
+    };
+    (@cols $field:tt) => {
+        fn cols(&self) -> usize {
+            $crate::operator::inner!(self, $field).cols()
+        }
+    };
+    (@symmetry $field:tt) => {
+        fn symmetry(&self) -> $crate::operator::Symmetry {
+            $crate::operator::inner!(self, $field).symmetry()
+        }
+    };
+    (@apply $field:tt) => {
+        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).apply(x, y)
+        }
+        fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).apply_block(xs, ys)
+        }
+    };
+    (@block_size $field:tt) => {
+        fn block_size(&self) -> usize {
+            $crate::operator::inner!(self, $field).block_size()
+        }
+    };
+    (@observer $field:tt) => {
+        fn observer(&self) -> &dyn $crate::observer::Observer {
+            $crate::operator::inner!(self, $field).observer()
+        }
+    };
+    (@frames $field:tt) => {
+        fn frames(&self) -> Option<u64> {
+            $crate::operator::inner!(self, $field).frames()
+        }
+    };
+    (@common_error $field:tt) => {
+        fn common_error(&mut self, x: &[f64]) -> $crate::error::Result<f64> {
+            $crate::operator::inner!(self, $field).common_error(x)
+        }
+    };
+    (@confirming $field:tt) => {
+        fn confirming(&mut self, on: bool) -> bool {
+            $crate::operator::inner!(self, $field).confirming(on)
+        }
+    };
+    (@adjoint $field:tt) => {
+        fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).apply_adjoint(y, x)
+        }
+        fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).apply_adjoint_block(ys, xs)
+        }
+    };
+    (@standard_errors $field:tt) => {
+        fn standard_errors(&self) -> Vec<f64> {
+            $crate::operator::inner!(self, $field).standard_errors()
+        }
+    };
+}
+
+/// The operator inside a wrapper.
+macro_rules! inner {
+    ($wrapper:ident, deref) => {
+        (**$wrapper)
+    };
+    ($wrapper:ident, $field:tt) => {
+        $wrapper.$field
+    };
+}
+
+pub(crate) use {delegate, inner};
+
+/// Implements the traits for a pointer to an operator.
 macro_rules! forward {
     ($($pointer:ty),*) => { $(
         impl<O: Operator + ?Sized> Operator for $pointer {
-            fn rows(&self) -> usize {
-                (**self).rows()
-            }
-
-            fn cols(&self) -> usize {
-                (**self).cols()
-            }
-
-            fn symmetry(&self) -> Symmetry {
-                (**self).symmetry()
-            }
-
-            fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-                (**self).apply(x, y)
-            }
-
-            fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-                (**self).apply_block(xs, ys)
-            }
-
-            fn block_size(&self) -> usize {
-                (**self).block_size()
-            }
-
-            fn observer(&self) -> &dyn Observer {
-                (**self).observer()
-            }
-
-            fn standard_errors(&self) -> Vec<f64> {
-                (**self).standard_errors()
-            }
-
-            fn frames(&self) -> Option<u64> {
-                (**self).frames()
-            }
-
-            fn common_error(&mut self, x: &[f64]) -> Result<f64> {
-                (**self).common_error(x)
-            }
-
-            fn confirming(&mut self, on: bool) -> bool {
-                (**self).confirming(on)
-            }
+            delegate!(deref: rows, cols, symmetry, apply, block_size, observer);
+            delegate!(deref: standard_errors, frames, common_error, confirming);
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {
-            fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-                (**self).apply_adjoint(y, x)
-            }
-
-            fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-                (**self).apply_adjoint_block(ys, xs)
-            }
+            delegate!(deref: adjoint);
         }
     )* };
 }
 
 forward!(&mut O, Box<O>);
 
-/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
-/// the methods. `apply` means both products of [`Operator`], `adjoint` both products of [`Adjoint`].
-macro_rules! delegate {
-    ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
-    (@rows $field:tt) => {
-        fn rows(&self) -> usize {
-            self.$field.rows()
-        }
-    };
-    (@cols $field:tt) => {
-        fn cols(&self) -> usize {
-            self.$field.cols()
-        }
-    };
-    (@symmetry $field:tt) => {
-        fn symmetry(&self) -> $crate::operator::Symmetry {
-            self.$field.symmetry()
-        }
-    };
-    (@apply $field:tt) => {
-        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> $crate::error::Result<()> {
-            self.$field.apply(x, y)
-        }
-        fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
-            self.$field.apply_block(xs, ys)
-        }
-    };
-    (@block_size $field:tt) => {
-        fn block_size(&self) -> usize {
-            self.$field.block_size()
-        }
-    };
-    (@observer $field:tt) => {
-        fn observer(&self) -> &dyn $crate::observer::Observer {
-            self.$field.observer()
-        }
-    };
-    (@frames $field:tt) => {
-        fn frames(&self) -> Option<u64> {
-            self.$field.frames()
-        }
-    };
-    (@common_error $field:tt) => {
-        fn common_error(&mut self, x: &[f64]) -> $crate::error::Result<f64> {
-            self.$field.common_error(x)
-        }
-    };
-    (@confirming $field:tt) => {
-        fn confirming(&mut self, on: bool) -> bool {
-            self.$field.confirming(on)
-        }
-    };
-    (@adjoint $field:tt) => {
-        fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> $crate::error::Result<()> {
-            self.$field.apply_adjoint(y, x)
-        }
-        fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> $crate::error::Result<()> {
-            self.$field.apply_adjoint_block(ys, xs)
-        }
-    };
-    (@standard_errors $field:tt) => {
-        fn standard_errors(&self) -> Vec<f64> {
-            self.$field.standard_errors()
-        }
-    };
+/// Refuses an operator that is not `n × n`; `what` names it.
+pub(crate) fn check_square(what: &'static str, n: usize, operator: &dyn Operator) -> Result<()> {
+    let found = format!("{}x{}", operator.rows(), operator.cols());
+    Error::check_size(what, format!("{n}x{n}"), found)
 }
-
-pub(crate) use delegate;
 
 /// The largest block that is requested at once. It limits the number of vectors in memory.
 const LARGEST_BLOCK: usize = 8;
