@@ -234,6 +234,22 @@ macro_rules! forward {
 
 forward!(&mut O, Box<O>);
 
+/// Takes the products of `operator` with `before(x)` for each of `xs` as a block. `after` writes each `y` from `x` and its product.
+pub(crate) fn between(
+    operator: &mut dyn Operator,
+    (xs, ys): (&[&[f64]], &mut [&mut [f64]]),
+    before: impl Fn(&[f64]) -> Vec<f64>,
+    after: impl Fn(&[f64], &[f64], &mut [f64]),
+) -> Result<()> {
+    let from: Vec<Vec<f64>> = xs.iter().map(|x| before(x)).collect();
+    let mut to = vec![vec![0.0; operator.rows()]; xs.len()];
+    operator.apply_block(&block(&from), &mut block_mut(&mut to))?;
+    for ((x, product), y) in xs.iter().zip(&to).zip(ys) {
+        after(x, product, y);
+    }
+    Ok(())
+}
+
 /// Refuses an operator that is not `n × n`; `what` names it.
 pub(crate) fn check_square(what: &'static str, n: usize, operator: &dyn Operator) -> Result<()> {
     let found = format!("{}x{}", operator.rows(), operator.cols());

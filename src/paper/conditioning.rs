@@ -9,7 +9,7 @@ use super::contest::line;
 use super::dense::{conditions, spectrum_of_rows};
 use super::figure::{Check, Content, Figure, Plot, Reproduced};
 use super::random::{graph, make_orthonormal};
-use crate::analysis::segment::NormalizedAdjacency;
+use crate::analysis::segment::{Cut, CutMatrix};
 use crate::error::Result;
 use crate::krylov::{EigsOptions, Factorization, Lanczos, Start, dot, eigs, norm};
 use crate::operator::Operator;
@@ -29,8 +29,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let reference = second_eigenvalue(light)?;
     let photos = &mut bench.photos(&stage, Part::Global)?;
     let graph = graph(photos)?;
-    let known = NormalizedAdjacency::known_vector(&graph);
-    let cut = &mut NormalizedAdjacency::new(photos, &graph);
+    let known = Cut::Normalized.known_vector(&graph);
+    let cut = &mut CutMatrix::new(photos, &graph, Cut::Normalized);
 
     let start = without(&known, Start::default().vector(known.len()));
     let (as_they_are, noise) = projected_back(cut, &known, &start)?;
@@ -102,10 +102,10 @@ fn second_eigenvalue(light: &mut dyn Operator) -> Result<f64> {
         count: 1,
         products: 300,
         tolerance: 1e-12,
-        deflate: vec![NormalizedAdjacency::known_vector(&graph)],
+        deflate: vec![Cut::Normalized.known_vector(&graph)],
         ..EigsOptions::default()
     };
-    let found = eigs(&mut NormalizedAdjacency::new(light, &graph), &options)?;
+    let found = eigs(&mut CutMatrix::new(light, &graph, Cut::Normalized), &options)?;
     Ok(found.values.first().copied().unwrap_or(f64::NAN))
 }
 

@@ -10,7 +10,7 @@ use super::contest::{MethodRun, TargetLight, clamped, enter, line, over_frames, 
 use super::dense::spectrum_of_rows;
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
 use crate::analysis::low_rank::smooth_starts;
-use crate::analysis::segment::{Graph, NormalizedAdjacency};
+use crate::analysis::segment::{Cut, CutMatrix, Graph};
 use crate::error::Result;
 use crate::krylov::{Factorization, Lanczos, Method, Start, Which, dot, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
@@ -177,9 +177,9 @@ pub(super) fn lanczos(
     graph: &Graph,
     photos: usize,
 ) -> Result<Vec<(f64, Vec<f64>)>> {
-    let known = NormalizedAdjacency::known_vector(graph);
+    let known = Cut::Normalized.known_vector(graph);
     let mut process = Lanczos::new(&Start::default().vector(known.len()), &[known])?;
-    let mut cut = NormalizedAdjacency::new(global, graph);
+    let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
     let mut found = Vec::new();
     for photo in 1..=photos {
         process.expand(&mut cut)?;
@@ -195,10 +195,10 @@ pub(super) fn lanczos(
 
 /// The same by random patterns (on all pixels), after every two photos: the photo of a pattern, and the photo of its new basis vector.
 fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Result<Vec<(f64, Vec<f64>)>> {
-    let known = NormalizedAdjacency::known_vector(graph);
+    let known = Cut::Normalized.known_vector(graph);
     let length = norm(&known);
     let known: Vec<f64> = known.iter().map(|value| value / length).collect();
-    let mut cut = NormalizedAdjacency::new(global, graph);
+    let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
     // The vectors of an orthonormal basis. Each has no image at first; its photo is taken once the vector is made.
     let mut basis = vec![[known, Vec::new()]];
     let mut products: Vec<Vec<f64>> = Vec::new();

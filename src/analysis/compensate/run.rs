@@ -8,7 +8,7 @@ use super::mixture::Mixture;
 use super::options::{CompensateOptions, Precondition};
 use super::target::{Target, norm_of};
 use super::{CompensationRow, Prior};
-use crate::analysis::direct::{DirectMethod, measure_direct};
+use crate::analysis::separate::SeparateBy;
 use crate::error::{Error, Result};
 use crate::krylov::{
     Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveOptions, SolveRow, Start,
@@ -18,7 +18,7 @@ use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry};
 
 /// Squares and shifts that measure an unknown direct image: 16 photos.
-const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
+const SQUARES: SeparateBy = SeparateBy::Checkerboards { square: 4, shifts: 4 };
 
 pub(super) type Planes = Vec<Vec<f64>>;
 
@@ -180,7 +180,7 @@ impl Run<'_> {
                 let direct = match self.prior.direct.get(channel) {
                     Some(direct) => direct.clone(),
                     None => {
-                        let found = measure_direct(operator, size, SQUARES, 0)?;
+                        let found = SQUARES.measure(operator, size, 0)?;
                         self.preparation = 1 + found.photos;
                         found.direct
                     }

@@ -7,7 +7,7 @@ use crate::analysis::{CompensateOptions, Target};
 use crate::error::Result;
 use crate::image::Image;
 use crate::krylov::Method;
-use crate::operator::{Adjoint, Observed, Operator, delegate};
+use crate::operator::{Observed, Operator};
 use crate::transport::Part;
 
 /// Photos for the optimum, which are free on the twin.
@@ -163,43 +163,10 @@ impl Planner<'_> {
         Ok((error / wanted.iter().map(|b| b * b).sum::<f64>()).sqrt())
     }
 
-    fn in_range(&self) -> Result<InRange<'_>> {
-        Ok(InRange { inner: self.twin.operator(Part::Full, 0)?, range: range_of(self.rig) })
-    }
-}
-
-/// The twin in units of the light that a pattern of 1 adds to a pattern of 0.
-struct InRange<'a> {
-    inner: TwinOperator<'a>,
-    range: f64,
-}
-
-impl Operator for InRange<'_> {
-    delegate!(inner: rows, cols, symmetry, block_size, observer);
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.inner.apply(x, y)?;
-        y.iter_mut().for_each(|value| *value *= self.range);
-        Ok(())
-    }
-
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.inner.apply_block(xs, ys)?;
-        ys.iter_mut().flat_map(|y| y.iter_mut()).for_each(|value| *value *= self.range);
-        Ok(())
-    }
-}
-
-impl Adjoint for InRange<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.inner.apply_adjoint(y, x)?;
-        x.iter_mut().for_each(|value| *value *= self.range);
-        Ok(())
-    }
-
-    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.inner.apply_adjoint_block(ys, xs)?;
-        xs.iter_mut().flat_map(|x| x.iter_mut()).for_each(|value| *value *= self.range);
-        Ok(())
+    /// The twin in units of the light that a pattern of 1 adds to a pattern of 0.
+    fn in_range(&self) -> Result<TwinOperator<'_>> {
+        let mut operator = self.twin.operator(Part::Full, 0)?;
+        operator.range = range_of(self.rig);
+        Ok(operator)
     }
 }

@@ -1,9 +1,8 @@
 //! The photos of a segmentation, taken once for any number of groups. A capture can be resumed after an error.
 
-use super::adjacency::NormalizedAdjacency;
 use super::confirm::{Unseen, unseen};
+use super::cut_matrix::CutMatrix;
 use super::graph::Graph;
-use super::laplacian::NegativeLaplacian;
 use super::low_pass::low_pass;
 use super::options::{Cut, SegmentOptions};
 use super::regions::KEPT;
@@ -85,7 +84,7 @@ impl Capture {
         let Some(graph) = &self.graph else { return Ok(()) };
         if self.lanczos.is_none() {
             let starts = starts(&self.options, graph, 0);
-            let known = known_vector(self.options.cut, graph);
+            let known = self.options.cut.known_vector(graph);
             let mut lanczos = BlockLanczos::new(&starts, std::slice::from_ref(&known))?;
             if let Some(resolution) = known_pixels(&self.options, graph) {
                 lanczos = lanczos.filtered(low_pass(graph, &known, resolution));
@@ -151,16 +150,8 @@ impl Capture {
             history.push(row);
             flow
         };
-        match self.options.cut {
-            Cut::Normalized => {
-                let mut operator = NormalizedAdjacency::new(global, graph);
-                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
-            }
-            Cut::Average => {
-                let mut operator = NegativeLaplacian::new(global, graph);
-                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
-            }
-        }
+        let mut operator = CutMatrix::new(global, graph, self.options.cut);
+        eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
     }
 
     /// The segmentation from the photos taken so far, without further photos or any change of the capture. An observer may stop a
@@ -279,13 +270,6 @@ fn is_saturated(lanczos: &BlockLanczos, cut: Cut) -> Result<bool> {
     Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= KEPT))
 }
 
-fn known_vector(cut: Cut, graph: &Graph) -> Vec<f64> {
-    match cut {
-        Cut::Normalized => NormalizedAdjacency::known_vector(graph),
-        Cut::Average => NegativeLaplacian::known_vector(graph),
-    }
-}
-
 fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
     options.resolution.filter(|resolution| resolution.pixels() == graph.n())
 }
@@ -295,7 +279,7 @@ fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
 /// known vector times a constant on each region.
 fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
     let (m, count) = (graph.pixels().len(), options.start_count());
-    let known = known_vector(options.cut, graph);
+    let known = options.cut.known_vector(graph);
     match known_pixels(options, graph).filter(|_| count > 1) {
         None => {
             let seed = options.seed.wrapping_add(before as u64);

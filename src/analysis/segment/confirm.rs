@@ -4,7 +4,7 @@ use super::embedding::Embedding;
 use super::graph::Graph;
 use super::options::Cut;
 use super::regions::KEPT;
-use super::{NormalizedAdjacency, SegmentOptions};
+use super::{CutMatrix, SegmentOptions};
 use crate::error::Result;
 use crate::krylov::{BlockLanczos, Completeness, Confirm, Factorization, Which, confirming, largest_beside};
 use crate::operator::Operator;
@@ -54,7 +54,7 @@ fn beside(
     let regions = pairs.iter().take_while(|pair| pair.value >= KEPT).count();
     let mut known = lanczos.known().to_vec();
     known.extend(pairs[..regions].iter().map(|pair| lanczos.ritz_vector(pair)));
-    let mut operator = NormalizedAdjacency::new(global, graph);
+    let mut operator = CutMatrix::new(global, graph, Cut::Normalized);
     let mut unseen = Unseen::default();
     for round in 0..MOST_LOCAL {
         let seed = seed.wrapping_add(round);

@@ -11,29 +11,27 @@
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical computing for
 //! fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.
 
-mod adjacency;
 mod capture;
 mod confirm;
+mod cut_matrix;
 mod embedding;
 mod evidence;
 mod features;
 mod graph;
 mod grouping;
-mod laplacian;
 mod low_pass;
 mod options;
 mod regions;
 mod segmentation;
 mod truth;
 
-pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
 pub use confirm::Unseen;
+pub use cut_matrix::CutMatrix;
 pub use embedding::Embedding;
 pub use evidence::{Evidence, evidence};
 pub use features::{FeatureView, feature_view};
 pub use graph::Graph;
-pub use laplacian::NegativeLaplacian;
 pub use options::{Cut, SegmentOptions};
 pub use regions::{KEPT, Regions};
 pub use segmentation::{MASKED, SURE, Segmentation, possible};

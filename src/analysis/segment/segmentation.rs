@@ -1,11 +1,11 @@
 //! The segmentation that follows from eigenvectors.
 
+use super::Regions;
 use super::confirm::Unseen;
 use super::embedding::{Embedding, mean};
 use super::graph::Graph;
 use super::grouping::{confidence, divided};
 use super::options::{Cut, SegmentOptions};
-use super::{NegativeLaplacian, NormalizedAdjacency, Regions};
 use crate::analysis::kmeans::{Clusters, KmeansOptions, kmeans};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, SIGMAS};
@@ -109,7 +109,7 @@ impl Segmentation {
         mut vectors: Vec<Vec<f64>>,
     ) -> Result<Self> {
         let options = taken.options;
-        let (known, known_value, known_residual) = known_pair(options.cut, graph);
+        let known = options.cut.known_vector(graph);
         let length = crate::krylov::norm(&known);
         vectors.insert(0, known.iter().map(|value| value / length).collect());
         if options.cut == Cut::Normalized {
@@ -150,6 +150,7 @@ impl Segmentation {
         });
         let resolved = 1 + pairs.iter().filter(|pair| pair.is_resolved(RESOLVED, norm)).count();
         let sign = options.cut.sign();
+        let known_value = if options.cut == Cut::Normalized { 1.0 } else { 0.0 };
         let ended = taken.status.map_or("the capture broke off".into(), |status| status.to_string());
         Ok(Self {
             labels: labels.collect(),
@@ -157,7 +158,7 @@ impl Segmentation {
             eigenvalues: std::iter::once(known_value)
                 .chain(pairs.iter().map(|pair| sign * pair.value))
                 .collect(),
-            residuals: std::iter::once(known_residual)
+            residuals: std::iter::once(options.cut.known_residual(graph))
                 .chain(pairs.iter().map(|pair| pair.residual))
                 .collect(),
             eigenvectors: vectors.iter().map(|vector| graph.scatter(vector, 0.0)).collect(),
@@ -191,18 +192,6 @@ pub fn possible(largest: f64, error: f64) -> Finding {
     let help = "what is measured is not light alone: look for noise, drift, or direct light that is not removed (`krylux audit`)";
     Finding::graded("eigenvalues", grade, found, format!("at most {bound}"), help)
         .measured(largest, error, bound)
-}
-
-/// The eigenvector that is known in advance, its eigenvalue, and a bound on its residual.
-fn known_pair(cut: Cut, graph: &Graph) -> (Vec<f64>, f64, f64) {
-    match cut {
-        Cut::Normalized => {
-            (NormalizedAdjacency::known_vector(graph), 1.0, NormalizedAdjacency::known_residual(graph))
-        }
-        Cut::Average => {
-            (NegativeLaplacian::known_vector(graph), 0.0, NegativeLaplacian::known_residual(graph))
-        }
-    }
 }
 
 /// One group per region. A group whose coordinates show two is divided. The eigenvalues do not count a region before its eigenvector is
