@@ -23,7 +23,6 @@ pub mod low_rank;
 pub mod plan;
 pub mod planes;
 pub mod probe;
-mod rand_index;
 pub mod segment;
 pub mod separate;
 pub mod similarity;
@@ -36,9 +35,9 @@ pub use compensate::{
 pub use direct::{Blurred, WithoutDirect};
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
-pub use rand_index::adjusted_rand_index;
 pub use segment::{
     Capture, Cut, CutMatrix, Evidence, FeatureView, Graph, MASKED, Regions, SegmentOptions, Segmentation,
+    adjusted_rand_index,
 };
 pub use separate::Separation;
 pub use similarity::Similarity;

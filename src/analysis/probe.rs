@@ -12,7 +12,7 @@ use rand_pcg::Pcg64;
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::Operator;
+use crate::operator::{Operator, check_square};
 use crate::sparse::Csr;
 
 /// The selection of light paths.
@@ -136,13 +136,7 @@ pub fn probe(
 ) -> Result<Probed> {
     probing.check()?;
     let n = resolution.pixels();
-    if operator.rows() != n || operator.cols() != n {
-        return Err(Error::dimension(
-            "the transport operator to be probed",
-            format!("{n}x{n}"),
-            format!("{}x{}", operator.rows(), operator.cols()),
-        ));
-    }
+    check_square("the transport operator to be probed", n, operator)?;
     if photos < 2 {
         return Err(Error::option("--photos", format!("{photos} tell no error"), "give at least 2"));
     }

@@ -69,13 +69,13 @@ macro_rules! methods {
         }),*];
 
         /// Makes the state of a method before its first step.
-        fn state(method: Method, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
-            Ok(match method {
+        fn state(method: Method, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
+            match method {
                 $(Method::$method => {
-                    let new: fn(usize, &[f64], &SolveOptions) -> Result<_> = $new;
-                    Box::new(new(cols, b, options)?)
+                    let new: fn(usize, &[f64], &SolveOptions) -> Result<Solver> = $new;
+                    new(cols, b, options)
                 })*
-            })
+            }
         }
     };
 }
@@ -124,7 +124,7 @@ impl Method {
     /// # Errors
     /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `cols` differs from the length of
     /// `b`.
-    pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
+    pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             square(b.len(), cols)?;
         }
@@ -157,5 +157,5 @@ pub fn solve_adjoint<O: Adjoint + ?Sized>(
     options: &SolveOptions,
 ) -> Result<Solution> {
     let mut solver = method.solver(operator.cols(), b, options)?;
-    solve_from(solver.as_mut(), operator, options)
+    solve_from(&mut solver, operator, options)
 }

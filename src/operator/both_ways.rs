@@ -21,13 +21,9 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// # Errors
     /// [`Error::Dimension`] if the rows of one do not match the columns of the other.
     pub fn new(forth: F, back: B, unit: f64) -> Result<Self> {
-        if (forth.rows(), forth.cols()) != (back.cols(), back.rows()) {
-            return Err(Error::dimension(
-                "the operator of the exchanged devices",
-                format!("{}x{}", forth.cols(), forth.rows()),
-                format!("{}x{}", back.rows(), back.cols()),
-            ));
-        }
+        let expected = format!("{}x{}", forth.cols(), forth.rows());
+        let found = format!("{}x{}", back.rows(), back.cols());
+        Error::check_size("the operator of the exchanged devices", expected, found)?;
         Ok(Self { forth, back, unit, errors: Vec::new() })
     }
 

@@ -11,7 +11,7 @@ use super::figure::{Check, Content, Figure, Plot, Reproduced};
 use super::random::{graph, make_orthonormal};
 use crate::analysis::segment::{Cut, CutMatrix};
 use crate::error::Result;
-use crate::krylov::{EigsOptions, Factorization, Lanczos, Start, dot, eigs, norm};
+use crate::krylov::{EigsOptions, Factorization, Start, dot, eigs, norm};
 use crate::operator::Operator;
 use crate::report::plot::Series;
 use crate::transport::Part;
@@ -34,15 +34,15 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 
     let start = without(&known, Start::default().vector(known.len()));
     let (as_they_are, noise) = projected_back(cut, &known, &start)?;
-    let mut process = Lanczos::new(&start, std::slice::from_ref(&known))?;
+    let mut process = Factorization::lanczos(&start, std::slice::from_ref(&known))?;
     let mut made_orthogonal = Vec::new();
     for _ in 0..PHOTOS {
         let mut photo = vec![0.0; known.len()];
         process.expand(cut)?;
         // The photo of the last pattern follows from the coefficients that the process keeps, without a product.
         let last = process.steps() - 1;
-        for (row, vector) in process.basis().iter().chain(process.expansion().waiting()).enumerate() {
-            let share = process.expansion().entry(row, last);
+        for (row, vector) in process.basis().iter().chain(process.waiting()).enumerate() {
+            let share = process.entry(row, last);
             photo.iter_mut().zip(vector).for_each(|(sum, value)| *sum += share * value);
         }
         made_orthogonal.push(photo);
@@ -153,8 +153,8 @@ fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Vec<(f64, 
 }
 
 /// The same for the patterns of the Lanczos process.
-fn errors_by_lanczos(process: &Lanczos, reference: f64) -> Result<Vec<(f64, f64)>> {
-    let entry = |i: usize, j: usize| process.expansion().entry(i, j);
+fn errors_by_lanczos(process: &Factorization, reference: f64) -> Result<Vec<(f64, f64)>> {
+    let entry = |i: usize, j: usize| process.entry(i, j);
     let error = |steps: usize| {
         let row = |i: usize| (0..steps).map(|j| entry(i, j)).collect();
         let value = spectrum_of_rows(&(0..steps).map(row).collect::<Vec<_>>())?.values[0];
@@ -200,7 +200,7 @@ mod tests {
         let known: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == 0))).collect();
         let start = without(&known, vec![1.0; n]);
         let (pairs, noise) = projected_back(&mut light, &known, &start)?;
-        let mut process = Lanczos::new(&start, std::slice::from_ref(&known))?;
+        let mut process = Factorization::lanczos(&start, std::slice::from_ref(&known))?;
         for _ in 0..8 {
             process.expand(&mut light)?;
         }

@@ -8,7 +8,7 @@ use super::bench::{Bench, Set, Stage};
 use super::dense::{Spectrum, spectrum};
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
 use crate::error::Result;
-use crate::krylov::{EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, dot, eigs, norm};
+use crate::krylov::{EigsMethod, EigsOptions, Factorization, Start, Which, dot, eigs, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
 use crate::report::plot::Series;
 use crate::transport::Part;
@@ -147,7 +147,7 @@ fn last(patterns: &[Vec<f64>]) -> &[f64] {
 
 /// One minus the overlap of the leading Ritz vector with the reference, after each photo from white.
 fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<(f64, f64)>> {
-    let mut process = Lanczos::new(&vec![1.0; operator.cols()], &[])?;
+    let mut process = Factorization::lanczos(&vec![1.0; operator.cols()], &[])?;
     let mut curve = Vec::new();
     for photos in 1..=PHOTOS {
         process.expand(operator)?;

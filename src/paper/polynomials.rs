@@ -10,7 +10,7 @@ use super::contest::{TargetLight, percent, picture};
 use super::dense::{Spectrum, spectrum, spectrum_of_rows};
 use super::figure::{Check, Figure, Plot, Reproduced};
 use crate::error::Result;
-use crate::krylov::{Factorization, Lanczos, dot, norm};
+use crate::krylov::{Factorization, dot, norm};
 use crate::lab::text::decimal;
 use crate::operator::Operator;
 use crate::report::plot::Series;
@@ -186,7 +186,7 @@ struct Run {
 impl Run {
     /// The process of this number of photos from `b`, read by a rig that gives `unit` for 1 W/(m² sr).
     fn of(operator: &mut dyn Operator, b: &[f64], (photos, unit): (usize, f64)) -> Result<Self> {
-        let mut process = Lanczos::new(b, &[])?;
+        let mut process = Factorization::lanczos(b, &[])?;
         for _ in 0..photos {
             process.expand(operator)?;
         }

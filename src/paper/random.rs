@@ -12,7 +12,7 @@ use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
 use crate::analysis::low_rank::smooth_starts;
 use crate::analysis::segment::{Cut, CutMatrix, Graph};
 use crate::error::Result;
-use crate::krylov::{Factorization, Lanczos, Method, Start, Which, dot, norm};
+use crate::krylov::{Factorization, Method, Start, Which, dot, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
 use crate::report::plot::Series;
 use crate::transport::Part;
@@ -178,7 +178,7 @@ pub(super) fn lanczos(
     photos: usize,
 ) -> Result<Vec<(f64, Vec<f64>)>> {
     let known = Cut::Normalized.known_vector(graph);
-    let mut process = Lanczos::new(&Start::default().vector(known.len()), &[known])?;
+    let mut process = Factorization::lanczos(&Start::default().vector(known.len()), &[known])?;
     let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
     let mut found = Vec::new();
     for photo in 1..=photos {

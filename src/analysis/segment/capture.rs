@@ -6,13 +6,11 @@ use super::graph::Graph;
 use super::low_pass::low_pass;
 use super::options::{Cut, SegmentOptions};
 use super::regions::KEPT;
-use super::segmentation::{Segmentation, Taken};
+use super::segmentation::Segmentation;
 use crate::analysis::low_rank::smooth_starts;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::krylov::{
-    BlockLanczos, Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from,
-};
+use crate::krylov::{Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Operator, Relayed, Symmetry};
 
@@ -27,10 +25,10 @@ pub struct Capture {
     photos_of_degree: usize,
     white: Option<Vec<f64>>,
     graph: Option<Graph>,
-    lanczos: Option<BlockLanczos>,
+    lanczos: Option<Factorization>,
     history: Vec<HistoryRow>,
     status: Option<Status>,
-    unseen: Unseen,
+    pub(super) unseen: Unseen,
 }
 
 impl Capture {
@@ -85,14 +83,14 @@ impl Capture {
         if self.lanczos.is_none() {
             let starts = starts(&self.options, graph, 0);
             let known = self.options.cut.known_vector(graph);
-            let mut lanczos = BlockLanczos::new(&starts, std::slice::from_ref(&known))?;
+            let mut lanczos = Factorization::block_lanczos(&starts, std::slice::from_ref(&known))?;
             if let Some(resolution) = known_pixels(&self.options, graph) {
                 lanczos = lanczos.filtered(low_pass(graph, &known, resolution));
             }
             self.lanczos = Some(lanczos);
         }
         loop {
-            let block = self.lanczos.as_ref().map_or(0, BlockLanczos::block);
+            let block = self.lanczos.as_ref().map_or(0, Factorization::block);
             let photos = self.options.photos - self.photos_of_degree;
             // The number of starts is judged after as many rounds as the default gives each start. Others never join a single start.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
@@ -177,19 +175,7 @@ impl Capture {
         if lanczos.steps() == 0 {
             return Err(too_early());
         }
-        // The starts can find as many copies of an eigenvalue as there are starts. One more eigenvalue shows the gap after the regions.
-        let wanted = (options.eigenvectors - 1).max(lanczos.block() + 1);
-        let pairs = lanczos.ritz(Which::LargestAlgebraic, wanted)?;
-        let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
-        let taken = Taken {
-            options,
-            photos: self.photos(),
-            history: &self.history,
-            status: self.status,
-            starts: lanczos.block(),
-            unseen: self.unseen,
-        };
-        Segmentation::from_vectors(&taken, graph, &pairs, vectors)
+        Segmentation::of(self, options, graph, lanczos)
     }
 
     /// One row per Lanczos photo.
@@ -265,7 +251,7 @@ const ROUNDS: usize = 4;
 
 /// Whether the number of eigenvalues that may belong to regions reaches the number of starting patterns. Further regions may then
 /// have been missed. The average cut has no scale for this decision.
-fn is_saturated(lanczos: &BlockLanczos, cut: Cut) -> Result<bool> {
+fn is_saturated(lanczos: &Factorization, cut: Cut) -> Result<bool> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.block())?;
     Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= KEPT))
 }

@@ -6,7 +6,7 @@ use super::options::Cut;
 use super::regions::KEPT;
 use super::{CutMatrix, SegmentOptions};
 use crate::error::Result;
-use crate::krylov::{BlockLanczos, Completeness, Confirm, Factorization, Which, confirming, largest_beside};
+use crate::krylov::{Completeness, Confirm, Factorization, Which, confirming, largest_beside};
 use crate::operator::Operator;
 
 /// Knowledge about regions that a capture may have missed.
@@ -25,7 +25,7 @@ pub struct Unseen {
 pub(super) fn unseen(
     global: &mut dyn Operator,
     graph: &Graph,
-    lanczos: &BlockLanczos,
+    lanczos: &Factorization,
     options: &SegmentOptions,
 ) -> Result<Unseen> {
     let (is_free, found) = confirming(global, |global, is_free| {
@@ -47,7 +47,7 @@ const MOST_LOCAL: u64 = 12;
 fn beside(
     global: &mut dyn Operator,
     graph: &Graph,
-    lanczos: &BlockLanczos,
+    lanczos: &Factorization,
     (seed, how): (u64, Confirm),
 ) -> Result<Unseen> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.steps())?;

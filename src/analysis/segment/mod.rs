@@ -16,26 +16,22 @@ mod confirm;
 mod cut_matrix;
 mod embedding;
 mod evidence;
-mod features;
 mod graph;
 mod grouping;
 mod low_pass;
 mod options;
 mod regions;
 mod segmentation;
-mod truth;
 
 pub use capture::Capture;
 pub use confirm::Unseen;
 pub use cut_matrix::CutMatrix;
 pub use embedding::Embedding;
-pub use evidence::{Evidence, evidence};
-pub use features::{FeatureView, feature_view};
+pub use evidence::{Evidence, FeatureView, Truth, adjusted_rand_index, evidence, feature_view};
 pub use graph::Graph;
 pub use options::{Cut, SegmentOptions};
 pub use regions::{KEPT, Regions};
 pub use segmentation::{MASKED, SURE, Segmentation, possible};
-pub use truth::Truth;
 
 use crate::error::Result;
 use crate::operator::Operator;
