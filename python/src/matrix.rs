@@ -70,17 +70,15 @@ fn view<'py, T: Element>(owner: &Bound<'py, Matrix>, values: &[T]) -> PyResult<B
     Ok(array.into_any())
 }
 
-/// The matrix of SciPy's three arrays, which are copied once.
-pub(crate) fn from_arrays(
-    py: Python<'_>,
-    cols: usize,
-    data: &PyReadonlyArray1<'_, f64>,
-    indices: &PyReadonlyArray1<'_, i64>,
-    indptr: &PyReadonlyArray1<'_, i64>,
-) -> PyResult<Csr> {
+/// The number of columns of a matrix of SciPy, and its data, indices and row starts.
+type Arrays<'py> =
+    (usize, PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, i64>, PyReadonlyArray1<'py, i64>);
+
+/// A matrix of SciPy, whose arrays are copied once.
+pub(crate) fn csr(py: Python<'_>, (cols, data, indices, indptr): &Arrays<'_>) -> PyResult<Csr> {
     let refused = |_| errors::option(py, "source", "its columns exceed 32 bits", "give a smaller matrix");
     let row_start = indptr.as_slice()?.iter().map(|&start| usize::try_from(start)).collect::<Result<_, _>>();
     let columns = indices.as_slice()?.iter().map(|&column| u32::try_from(column)).collect::<Result<_, _>>();
     let (row_start, columns) = (row_start.map_err(refused)?, columns.map_err(refused)?);
-    Csr::new(cols, row_start, columns, data.as_slice()?.to_vec()).map_err(|error| errors::raise(py, &error))
+    Csr::new(*cols, row_start, columns, data.as_slice()?.to_vec()).map_err(|error| errors::raise(py, &error))
 }
