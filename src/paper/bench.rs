@@ -7,7 +7,7 @@ use super::figure::{Content, Panel, Rig};
 use crate::calibrate::CalibrateOptions;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
+use crate::lab::{Lab, LabOperator, OperatorChoice, OperatorSettings, Settings, SharedObserver};
 use crate::measure::{Calibration, RigFile, RigKind};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
@@ -132,8 +132,11 @@ impl OpenScene {
         let settings = Settings {
             adapter: options.adapter.clone(),
             team: options.team.clone(),
-            operator: OperatorChoice::Replay,
-            backend: Backend::Cpu,
+            operator: OperatorSettings {
+                choice: OperatorChoice::Replay,
+                backend: Backend::Cpu,
+                memory: None,
+            },
             ..Settings::default()
         };
         let mut lab = Lab::builder_of_scene(set.scene())

@@ -177,14 +177,15 @@ const WORTHWHILE: usize = 1 << 20;
 /// be worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share of its memory
 /// that may be used. Otherwise it takes the processor. If a GPU lacked something, the reason is returned. Software Vulkan takes ten times
 /// as long as the processor itself. Each process of a team multiplies its rows on its processor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Backend {
-    /// The device if it is a suitable GPU, otherwise the processor.
+    /// On the device that traces, if that is a GPU with all that it takes
     #[default]
     Auto,
-    /// The processor.
+    /// On the processor
     Cpu,
-    /// The device, even if it is software Vulkan.
+    /// On the device that traces, whatever it is
+    #[value(name = "device")]
     Gpu,
 }
 

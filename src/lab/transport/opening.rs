@@ -222,9 +222,9 @@ fn of_scene(
     channels: Channels,
     observer: &SharedObserver,
 ) -> Result<Engine> {
-    let retrace = match settings.operator {
+    let retrace = match settings.operator.choice {
         OperatorChoice::Replay => false,
-        OperatorChoice::Retrace if settings.backend != Backend::Auto => {
+        OperatorChoice::Retrace if settings.operator.backend != Backend::Auto => {
             return Err(Error::option(
                 "--products",
                 "photos that are traced anew are not products with a matrix",
