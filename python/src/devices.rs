@@ -22,15 +22,14 @@ pub(crate) struct ProgramDevices {
 
 /// Lets `call` use a device of Python. An exception comes out in place of the error.
 fn ask<T>(device: &str, call: impl FnOnce(Python<'_>) -> PyResult<T>) -> krylux::Result<T> {
-    let failed = |fault: String, help: &str| Error::Rig { device: device.into(), fault, help: help.into() };
     match Python::try_attach(call) {
         Some(Ok(answer)) => Ok(answer),
         Some(Err(error)) => {
             let fault = error.to_string();
             work::keep(error);
-            Err(failed(fault, "see the exception that its Python code raised"))
+            Err(Error::rig(device, fault).help("see the exception that its Python code raised"))
         }
-        None => Err(failed("the interpreter ends".into(), "take photos before the program ends")),
+        None => Err(Error::rig(device, "the interpreter ends").help("take photos before the program ends")),
     }
 }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use krylux::image::Resolution;
 use krylux::lab::{
-    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, Settings, SharedObserver, TraceOverrides,
+    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, OperatorSettings, Settings, SharedObserver,
+    TraceOverrides, View,
 };
 use krylux::render::Sampler;
 use krylux::transport::Backend;
@@ -68,10 +69,12 @@ fn settings(asked: &Bound<'_, PyAny>) -> PyResult<Settings> {
     Ok(Settings {
         // Processes under MPI are started by the program.
         team: None,
-        camera: item(asked, "camera")?,
-        camera_file: item(asked, "camera_file")?,
-        auto_camera: item(asked, "auto_camera")?,
-        strict: item(asked, "strict")?,
+        view: View {
+            camera: item(asked, "camera")?,
+            camera_file: item(asked, "camera_file")?,
+            auto_camera: item(asked, "auto_camera")?,
+            strict: item(asked, "strict")?,
+        },
         trace: TraceOverrides {
             resolution: size("size")?,
             projector: size("projector_size")?,
@@ -88,9 +91,11 @@ fn settings(asked: &Bound<'_, PyAny>) -> PyResult<Settings> {
             (true, Some(folder)) => CacheChoice::Folder(folder),
             (true, None) => CacheChoice::Default,
         },
-        operator: chosen(asked, "operator", &operators)?,
-        backend: chosen(asked, "products", &backends)?,
-        memory: item(asked, "memory")?,
+        operator: OperatorSettings {
+            choice: chosen(asked, "operator", &operators)?,
+            backend: chosen(asked, "products", &backends)?,
+            memory: item(asked, "memory")?,
+        },
         channels: chosen(asked, "channels", &channels)?,
         split_bounces: item(asked, "split_bounces")?,
     })
