@@ -18,6 +18,7 @@
 //! | `V4l`, behind Linux's video interface | the feature `v4l` |
 //! | [`Gphoto2`], a still camera | the programs `gphoto2` and `dcraw` (or another RAW decoder) |
 
+mod abilities;
 mod attached;
 mod cameras;
 mod devices;
@@ -41,38 +42,32 @@ mod v4l_set_up;
 mod virtual_bench;
 mod x11;
 
+pub use abilities::Abilities;
 pub use attached::{AttachedCamera, AttachedDevices};
-#[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
-use cameras::not_built;
-pub use cameras::{CameraKind, CameraSpec, GigeSpec, Usb3Spec, V4lFormat, V4lSpec};
+pub use cameras::{CameraKind, CameraSpec, GenicamSpec, V4lFormat, V4lSpec};
 pub use devices::{Camera, Clock, Devices, Losses, Projector, Shown, Stamp, Waited, WallClock};
 pub use frame::{CameraInfo, Frame, ProjectorInfo, RawFrame};
-#[cfg(any(feature = "gige", feature = "usb3"))]
-pub use genicam::set_up::Abilities;
 #[cfg(feature = "gige")]
-pub use gige::{FoundGigeCamera, GigeVision, cameras, gige_camera_abilities};
-pub use gphoto2::answers::FoundStillCamera;
-pub use gphoto2::body::still_cameras;
+pub use gige::{GigeVision, gige_camera_abilities};
 pub use gphoto2::{Gphoto2, Gphoto2Spec};
 pub use hardware::HardwareRig;
 pub use pixel_format::PixelFormat;
 pub use program::{DeviceOpener, ProgramCamera, ProgramProjector, ProgramRig};
 pub use sensor::{Binning, Colour, Tiles};
 #[cfg(feature = "usb3")]
-pub use usb3::{FoundUsbCamera, Usb3Vision, usb_camera_abilities, usb_cameras};
+pub use usb3::{Usb3Vision, usb_camera_abilities};
 #[cfg(feature = "v4l")]
-pub use v4l::{FoundVideoDevice, V4l, video_devices};
+pub use v4l::V4l;
 pub use virtual_bench::MatteSheet;
 pub use virtual_bench::spec::{
-    Ambient, Drift, Faults, Misregistration, Response, Splitter, VirtualCamera, VirtualProjector, VirtualRig,
-    VirtualScene,
+    Ambient, Drift, Faults, Response, Splitter, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene,
 };
 pub use virtual_bench::world::{Iris, Pulse};
-#[cfg(not(feature = "x11"))]
-pub use x11::absent::monitors;
 pub use x11::helper::{Helper, serve_projector};
 #[cfg(feature = "x11")]
 pub use x11::monitor::monitors;
+#[cfg(not(feature = "x11"))]
+pub use x11::monitors;
 pub use x11::projector::{ShowTimes, X11Projector};
 pub use x11::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 

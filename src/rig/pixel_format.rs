@@ -116,8 +116,10 @@ impl PixelFormat {
     }
 }
 
-#[cfg(all(test, any(feature = "gige", feature = "usb3")))]
+#[cfg(test)]
 mod tests {
+    #![cfg(any(feature = "gige", feature = "usb3"))]
+
     use super::*;
     use proptest::prelude::*;
 

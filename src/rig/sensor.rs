@@ -5,7 +5,7 @@
 
 use serde::Deserialize;
 
-use super::{CameraInfo, PixelFormat};
+use super::CameraInfo;
 use crate::image::Resolution;
 
 /// The colour filters of a cell: the upper row first, then the lower row.
@@ -224,26 +224,13 @@ impl Sensor {
     }
 }
 
-/// The settings in a rig file, without the camera's address.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Settings {
-    pub(crate) pixel_format: PixelFormat,
-    pub(crate) sensor: Sensor,
-    /// The gain in the camera's own unit. `None`: the camera's setting is left unchanged.
-    pub(crate) gain: Option<f64>,
-    /// The shortest and the longest exposure, in seconds.
-    pub(crate) exposures: [f64; 2],
-    /// Seconds to wait for a frame beyond its exposure.
-    pub(crate) timeout: f64,
-}
-
-impl Settings {
-    pub(crate) fn info(&self, place: &str) -> CameraInfo {
-        let mut info = self.sensor.info(&format!("{place} {}", self.pixel_format.name()), self.exposures);
-        if let Some(gain) = self.gain {
-            info.name.push_str(&format!(" gain {gain}"));
+impl CameraInfo {
+    /// The same camera with this gain in its name.
+    pub(crate) fn with_gain(mut self, gain: Option<impl std::fmt::Display>) -> Self {
+        if let Some(gain) = gain {
+            self.name.push_str(&format!(" gain {gain}"));
         }
-        info
+        self
     }
 }
 

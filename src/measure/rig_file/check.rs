@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use crate::error::Error;
 use crate::measure::MeasureOptions;
-use crate::rig::sensor::Sensor;
-use crate::rig::sensor::Settings;
 use crate::rig::{
-    Ambient, CameraSpec, Drift, Faults, Gphoto2Spec, ProgramRig, Pulse, Splitter, V4lSpec, VirtualCamera,
+    Ambient, CameraKind, CameraSpec, Drift, Faults, GenicamSpec, ProgramRig, Pulse, Splitter, VirtualCamera,
     VirtualProjector, X11Spec,
 };
 
@@ -22,6 +20,11 @@ impl Check {
     /// An error of the file.
     pub(crate) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
+    }
+
+    /// The error of the file if `is_wrong`.
+    fn refuse(&self, is_wrong: bool, fault: impl Into<String>, help: impl Into<String>) -> Checked {
+        if is_wrong { Err(self.fault(fault, help)) } else { Ok(()) }
     }
 
     /// Checks that `value` lies from `low` to `high`. NaN fails.
@@ -247,23 +250,49 @@ impl Check {
     }
 
     pub(crate) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
-        match spec {
-            CameraSpec::Gige(spec) => {
-                // The range goes from the least size that every network carries to the largest datagram.
-                self.range("camera.packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0)?;
-                self.vision(&spec.settings())
-            }
-            CameraSpec::Usb3(spec) => self.vision(&spec.settings()),
-            CameraSpec::V4l(spec) => self.v4l(spec),
-            CameraSpec::Gphoto2(spec) => self.gphoto2(spec),
-        }
-    }
-
-    fn sensor(&self, sensor: &Sensor) -> Checked {
+        let (sensor, exposures, timeout) = match spec {
+            CameraSpec::Genicam(spec) => (spec.sensor(), spec.exposures, spec.timeout),
+            CameraSpec::V4l(spec) => (spec.sensor(), spec.exposures, spec.timeout),
+            CameraSpec::Gphoto2(spec) => (spec.sensor(), spec.exposures, spec.timeout),
+        };
         self.range("camera.bits", sensor.bits.into(), 8.0, 16.0)?;
         sensor.size.iter().try_for_each(|&side| self.range("camera.size", side as f64, 1.0, 65535.0))?;
         sensor.offset.iter().try_for_each(|&side| self.range("camera.offset", side as f64, 0.0, 65535.0))?;
-        sensor.fault().map_or(Ok(()), |[fault, help]| Err(self.fault(fault, help)))
+        sensor.fault().map_or(Ok(()), |[fault, help]| Err(self.fault(fault, help)))?;
+        self.times(exposures, timeout)?;
+        match spec {
+            CameraSpec::Genicam(spec) => self.genicam(spec),
+            CameraSpec::V4l(spec) => self.range("camera.skip", spec.skip.into(), 0.0, 100.0),
+            CameraSpec::Gphoto2(spec) => {
+                self.range("camera.stops", spec.stops.unwrap_or(1).into(), 1.0, 12.0)?;
+                self.refuse(
+                    spec.decoder.first().is_none_or(String::is_empty),
+                    "camera.decoder is empty",
+                    "name the program that decodes RAW, with its arguments, or leave it out",
+                )
+            }
+        }
+    }
+
+    fn genicam(&self, spec: &GenicamSpec) -> Checked {
+        let is_gige = spec.kind == CameraKind::Gige;
+        self.refuse(
+            is_gige && spec.address.is_none(),
+            "missing field `address`",
+            "give the camera's address, e.g. address = \"192.168.1.20\"; `krylux rig list` names it",
+        )?;
+        let of_others = [
+            ("serial", is_gige && spec.serial.is_some()),
+            ("address", !is_gige && spec.address.is_some()),
+            ("packet_size", !is_gige && spec.packet_size.is_some()),
+        ];
+        for (key, is_given) in of_others {
+            let fault = format!("unknown key `{key}` for a camera of kind \"{}\"", spec.kind.key());
+            self.refuse(is_given, fault, format!("leave out {key}"))?;
+        }
+        self.range("camera.gain", spec.gain.unwrap_or(0.0), -1e6, 1e6)?;
+        // The range goes from the least size that every network carries to the largest datagram.
+        self.range("camera.packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0)
     }
 
     fn times(&self, [shortest, longest]: [f64; 2], timeout: f64) -> Checked {
@@ -275,31 +304,6 @@ impl Check {
                 ("timeout", timeout, 0.0, 3600.0),
             ],
         )
-    }
-
-    fn vision(&self, settings: &Settings) -> Checked {
-        self.sensor(&settings.sensor)?;
-        self.times(settings.exposures, settings.timeout)?;
-        self.range("camera.gain", settings.gain.unwrap_or(0.0), -1e6, 1e6)
-    }
-
-    fn v4l(&self, spec: &V4lSpec) -> Checked {
-        self.sensor(&spec.sensor())?;
-        self.times(spec.exposures, spec.timeout)?;
-        self.range("camera.skip", spec.skip.into(), 0.0, 100.0)
-    }
-
-    fn gphoto2(&self, spec: &Gphoto2Spec) -> Checked {
-        self.sensor(&spec.sensor())?;
-        self.times(spec.exposures, spec.timeout)?;
-        self.range("camera.stops", spec.stops.unwrap_or(1).into(), 1.0, 12.0)?;
-        if spec.decoder.first().is_none_or(String::is_empty) {
-            return Err(self.fault(
-                "camera.decoder is empty",
-                "name the program that decodes RAW, with its arguments, or leave it out",
-            ));
-        }
-        Ok(())
     }
 }
 

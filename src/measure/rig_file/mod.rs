@@ -27,7 +27,7 @@
 //! monitor = "HDMI-1"
 //! size = [128, 96]
 //!
-//! [camera]                        # by its kind: GigeSpec, Usb3Spec, V4lSpec, Gphoto2Spec
+//! [camera]                        # by its kind: GenicamSpec, V4lSpec, Gphoto2Spec
 //! kind = "gige"
 //! address = "192.168.1.20"
 //! size = [640, 480]
@@ -71,9 +71,8 @@ use super::{Calibration, MeasureOptions};
 use crate::error::{Error, Result};
 use crate::rig::nearest::nearest;
 use crate::rig::{
-    Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, GigeSpec, Gphoto2Spec, HardwareRig,
-    ProgramCamera, ProgramProjector, ProgramRig, ProjectorInfo, Splitter, Usb3Spec, V4lSpec, VirtualCamera,
-    VirtualProjector, VirtualRig, X11Spec,
+    Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, HardwareRig, ProgramRig, ProjectorInfo,
+    Splitter, VirtualCamera, VirtualProjector, VirtualRig, X11Spec,
 };
 use crate::transport::Channels;
 use check::Check;
@@ -160,28 +159,15 @@ struct VirtualTables {
     measurement: MeasureOptions,
 }
 
-/// The tables of a file for real devices with a camera of kind `C`.
+/// The tables of a file for real devices or for devices that a program hands over.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct HardwareTables<C> {
+struct DeviceTables<P, C> {
     #[serde(rename = "kind")]
     _kind: String,
     calibration: Option<PathBuf>,
-    projector: X11Spec,
+    projector: P,
     camera: C,
-    #[serde(default)]
-    measurement: MeasureOptions,
-}
-
-/// The tables of a file for devices that a program hands over.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ProgramTables {
-    #[serde(rename = "kind")]
-    _kind: String,
-    calibration: Option<PathBuf>,
-    projector: ProgramProjector,
-    camera: ProgramCamera,
     #[serde(default)]
     measurement: MeasureOptions,
 }
@@ -222,7 +208,7 @@ impl RigFile {
                 (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
             }
             "program" => {
-                let ProgramTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
+                let DeviceTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
                 let rig = ProgramRig { projector, camera };
                 check.program(&rig)?;
                 (RigKind::Program(rig), calibration, measurement)
@@ -240,10 +226,9 @@ fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, 
     let OfKind { camera } = parse(&check.path, text)?;
     // The table parser below reports a missing camera together with the other errors of the file.
     let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind) {
-        CameraKind::Gige => hardware::<GigeSpec>(check, text)?,
-        CameraKind::Usb3 => hardware::<Usb3Spec>(check, text)?,
-        CameraKind::V4l => hardware::<V4lSpec>(check, text)?,
-        CameraKind::Gphoto2 => hardware::<Gphoto2Spec>(check, text)?,
+        CameraKind::Gige | CameraKind::Usb3 => hardware(check, text, CameraSpec::Genicam)?,
+        CameraKind::V4l => hardware(check, text, CameraSpec::V4l)?,
+        CameraKind::Gphoto2 => hardware(check, text, CameraSpec::Gphoto2)?,
     };
     check.x11(&rig.projector)?;
     check.hardware_camera(&rig.camera)?;
@@ -251,12 +236,14 @@ fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, 
 }
 
 /// Parses the file of a rig of real devices with a camera of kind `C`.
-fn hardware<C: DeserializeOwned + Into<CameraSpec>>(
+fn hardware<C: DeserializeOwned>(
     check: &Check,
     text: &str,
+    spec: fn(C) -> CameraSpec,
 ) -> Result<(HardwareRig, Option<PathBuf>, MeasureOptions)> {
-    let HardwareTables::<C> { calibration, projector, camera, measurement, .. } = parse(&check.path, text)?;
-    Ok((HardwareRig { projector, camera: camera.into() }, calibration, measurement))
+    let DeviceTables::<X11Spec, C> { calibration, projector, camera, measurement, .. } =
+        parse(&check.path, text)?;
+    Ok((HardwareRig { projector, camera: spec(camera) }, calibration, measurement))
 }
 
 impl VirtualTables {

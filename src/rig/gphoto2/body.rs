@@ -6,14 +6,15 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use serde_json::json;
 use tempfile::TempDir;
 
 use crate::error::{Error, Result};
-use crate::rig::camera_fault;
 use crate::rig::gphoto2::Gphoto2Spec;
 use crate::rig::gphoto2::answers::{FoundStillCamera, Setting, cameras, names, seconds, setting};
 use crate::rig::hardware::{in_use, is_busy};
 use crate::rig::nearest::nearest;
+use crate::rig::{AttachedCamera, CameraKind, camera_fault};
 
 const ANSWER: Duration = Duration::from_secs(20);
 
@@ -24,11 +25,14 @@ const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
 const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
 
 /// Lists the still cameras that `gphoto2` finds.
-///
-/// # Errors
-/// [`Error::Rig`] when the program is not installed, fails, or hangs.
-pub fn still_cameras() -> Result<Vec<FoundStillCamera>> {
-    Ok(cameras(&run("gphoto2", &["--auto-detect".into()], None, ANSWER)?.answer))
+pub(crate) fn still_cameras() -> Result<Vec<AttachedCamera>> {
+    let camera = |FoundStillCamera { model, port }: FoundStillCamera| {
+        let line = format!("\"{model}\", at {port}");
+        let facts = json!({ "model": model, "port": port });
+        AttachedCamera::new(CameraKind::Gphoto2, Some(port), line, facts)
+    };
+    let found = cameras(&run("gphoto2", &["--auto-detect".into()], None, ANSWER)?.answer);
+    Ok(found.into_iter().map(camera).collect())
 }
 
 /// Finds the camera and sets everything except the shutter speed. Returns the name of that setting, and the setting.
