@@ -59,11 +59,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         say_scene(scene, console)?;
         show(scene, args, console)?;
     } else if let Some(option) = args.picture.as_ref().map(|_| "--output").or(args.draw.then_some("--draw")) {
-        return Err(Error::Option {
-            option: option.into(),
-            fault: "only scenes are drawn, and this is a rig".into(),
-            help: "give the scene that the rig file names".into(),
-        });
+        return Err(Error::option(option, "only scenes are drawn, and this is a rig")
+            .help("give the scene that the rig file names"));
     }
     if let (Some(scene), Some(file)) = (&scene, &args.write_camera) {
         atomic::write_bytes(file, scene.camera.to_toml(scene.origin).as_bytes())?;
@@ -165,11 +162,8 @@ fn show(scene: &Scene, args: &Args, console: &Console) -> Result<()> {
     }
     let Some(file) = &args.picture else { return Ok(()) };
     if file.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
-        return Err(Error::Data {
-            path: file.clone(),
-            fault: "what the camera sees is written as a picture for people".into(),
-            help: "name it .png; `krylux photo` writes light as .exr or .npy".into(),
-        });
+        return Err(Error::data(&file, "what the camera sees is written as a picture for people")
+            .help("name it .png; `krylux photo` writes light as .exr or .npy"));
     }
     let short = |ratio: f32| ((SIDE as f32 * ratio).round() as usize).max(1);
     let size = match aspect >= 1.0 {

@@ -294,13 +294,11 @@ impl SceneSource {
     pub(in crate::lab) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
         let scene = &self.scene;
         if scene.regions.len() > usize::from(NO_REGION) {
-            return Err(Error::Scene {
-                path: scene.path.clone(),
-                fault: format!("its {} regions do not fit a label image", scene.regions.len()),
-                help: format!(
-                    "give at most {NO_REGION} regions by `region` in the extras of nodes or meshes"
-                ),
-            });
+            return Err(Error::scene(
+                &scene.path,
+                format!("its {} regions do not fit a label image", scene.regions.len()),
+            )
+            .help(format!("give at most {NO_REGION} regions by `region` in the extras of nodes or meshes")));
         }
         let regions = self.tracer().regions(resolution)?;
         Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())

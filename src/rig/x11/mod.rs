@@ -32,7 +32,7 @@ use crate::error::Error;
 use crate::image::Resolution;
 
 fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
-    Error::Rig { device: "projector".into(), fault: fault.into(), help: help.into() }
+    Error::rig("projector", fault).help(help)
 }
 
 /// The error of a server that failed or refused a request.
