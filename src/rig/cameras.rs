@@ -220,36 +220,30 @@ impl V4lFormat {
     /// All formats.
     pub const ALL: [Self; 5] = [Self::Grey, Self::Y10, Self::Y12, Self::Y16, Self::Yuyv];
 
+    /// The name in rig files, the four-character code of the video interface, and the bits of a count.
+    fn facts(self) -> (&'static str, &'static [u8; 4], u32) {
+        match self {
+            Self::Grey => ("grey", b"GREY", 8),
+            Self::Y10 => ("y10", b"Y10 ", 10),
+            Self::Y12 => ("y12", b"Y12 ", 12),
+            Self::Y16 => ("y16", b"Y16 ", 16),
+            Self::Yuyv => ("yuyv", b"YUYV", 8),
+        }
+    }
+
     /// The name in rig files.
     pub fn key(self) -> &'static str {
-        match self {
-            Self::Grey => "grey",
-            Self::Y10 => "y10",
-            Self::Y12 => "y12",
-            Self::Y16 => "y16",
-            Self::Yuyv => "yuyv",
-        }
+        self.facts().0
     }
 
     /// The four-character code of the video interface.
     pub fn code(self) -> [u8; 4] {
-        *match self {
-            Self::Grey => b"GREY",
-            Self::Y10 => b"Y10 ",
-            Self::Y12 => b"Y12 ",
-            Self::Y16 => b"Y16 ",
-            Self::Yuyv => b"YUYV",
-        }
+        *self.facts().1
     }
 
     /// Bits of a count.
     pub fn bits(self) -> u32 {
-        match self {
-            Self::Grey | Self::Yuyv => 8,
-            Self::Y10 => 10,
-            Self::Y12 => 12,
-            Self::Y16 => 16,
-        }
+        self.facts().2
     }
 }
 

@@ -29,7 +29,6 @@ mod genicam;
 mod gige;
 mod gphoto2;
 mod hardware;
-pub(crate) mod nearest;
 mod pixel_format;
 mod program;
 pub(crate) mod sensor;
@@ -74,4 +73,45 @@ pub use x11::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 /// An error of the device "camera", with the remedy `help`.
 fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Error {
     crate::Error::rig("camera", fault).help(help)
+}
+
+/// The hint `; did you mean NAME?` with the known name that has the fewest edits from `name`, between two `quote`s. It is empty if all known
+/// names differ so much that they are probably other words.
+pub(crate) fn did_you_mean(name: &str, known: &[impl AsRef<str>], quote: &str) -> String {
+    nearest(name, known).map_or_else(String::new, |name| format!("; did you mean {quote}{name}{quote}?"))
+}
+
+fn nearest<'a>(name: &str, known: &'a [impl AsRef<str>]) -> Option<&'a str> {
+    // A swap of two neighbouring letters counts as one edit.
+    let edits = |known: &'a str| (strsim::osa_distance(name, known), known);
+    let (edits, known) = known.iter().map(|known| edits(known.as_ref())).min_by_key(|(edits, _)| *edits)?;
+    (2 * edits <= name.chars().count().max(known.chars().count()) + 1).then_some(known)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use strsim::osa_distance as distance;
+
+    #[test]
+    fn a_mistyped_name_is_recognized_but_another_word_is_not() {
+        let known = ["gamma", "curve", "black_level", "bits"];
+        for (name, expected) in [
+            ("gama", Some("gamma")),
+            ("gmama", Some("gamma")),
+            ("blacklevel", Some("black_level")),
+            ("bit", Some("bits")),
+            ("temperature", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(name, &known), expected, "{name}");
+        }
+        assert_eq!(nearest("anything", &[] as &[&str]), None);
+    }
+
+    #[test]
+    fn edits_are_counted() {
+        let cases = [("saturday", "sunday", 3), ("", "abc", 3), ("ab", "ba", 1), ("same", "same", 0)];
+        assert!(cases.iter().all(|(a, b, edits)| distance(a, b) == *edits && distance(b, a) == *edits));
+    }
 }

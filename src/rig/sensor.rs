@@ -53,24 +53,23 @@ pub struct Binning {
 }
 
 impl Tiles {
-    /// The colours in capital letters, for example `RGGB`.
-    pub fn letters(self) -> &'static str {
+    /// All cells.
+    pub(crate) const ALL: [Self; 4] = [Self::Rggb, Self::Grbg, Self::Gbrg, Self::Bggr];
+
+    /// The colours in capital letters, for example `RGGB`, and the positions of red, the two greens, and blue in a cell. Positions 0 and 1
+    /// are in the upper row, 2 and 3 in the lower row.
+    fn cell(self) -> (&'static str, [usize; 4]) {
         match self {
-            Self::Rggb => "RGGB",
-            Self::Grbg => "GRBG",
-            Self::Gbrg => "GBRG",
-            Self::Bggr => "BGGR",
+            Self::Rggb => ("RGGB", [0, 1, 2, 3]),
+            Self::Grbg => ("GRBG", [1, 0, 3, 2]),
+            Self::Gbrg => ("GBRG", [2, 0, 3, 1]),
+            Self::Bggr => ("BGGR", [3, 1, 2, 0]),
         }
     }
 
-    /// The positions of red, the two greens, and blue in a cell. Positions 0 and 1 are in the upper row, 2 and 3 in the lower row.
-    fn places(self) -> [usize; 4] {
-        match self {
-            Self::Rggb => [0, 1, 2, 3],
-            Self::Grbg => [1, 0, 3, 2],
-            Self::Gbrg => [2, 0, 3, 1],
-            Self::Bggr => [3, 1, 2, 0],
-        }
+    /// The colours in capital letters, for example `RGGB`.
+    pub fn letters(self) -> &'static str {
+        self.cell().0
     }
 }
 
@@ -123,7 +122,7 @@ impl Binning {
                     pixels.extend(std::iter::repeat_n(full, self.colour.channels()));
                     continue;
                 }
-                let [red, green, other, blue] = self.tiles.places().map(|place| u32::from(cell[place]));
+                let [red, green, other, blue] = self.tiles.cell().1.map(|place| u32::from(cell[place]));
                 match self.colour {
                     Colour::Rgb => pixels.extend([2 * red, green + other, 2 * blue].map(scaled)),
                     Colour::Luma => pixels.push(scaled(red + green + other + blue)),
@@ -244,11 +243,10 @@ mod tests {
     }
 
     const CELL: Resolution = Resolution { width: 2, height: 2 };
-    const ALL: [Tiles; 4] = [Tiles::Rggb, Tiles::Grbg, Tiles::Gbrg, Tiles::Bggr];
 
     #[test]
     fn each_channel_is_taken_from_the_photosites_of_its_colour() {
-        for tiles in ALL {
+        for tiles in Tiles::ALL {
             // The counts in the order of the letters are 100 for red, 7 for the first green, 9 for the second, and 1000 for blue.
             let mut greens = [7, 9].into_iter();
             let cell: Vec<u16> = tiles
@@ -277,7 +275,7 @@ mod tests {
 
     #[test]
     fn a_cell_with_one_saturated_photosite_is_saturated_in_all_channels() {
-        for tiles in ALL {
+        for tiles in Tiles::ALL {
             for colour in [Colour::Rgb, Colour::Luma, Colour::Green] {
                 for bits in [8, 12, 14, 16] {
                     let of = binning(tiles, colour, bits);

@@ -32,8 +32,7 @@ impl Check {
         if (low..=high).contains(&value) {
             return Ok(());
         }
-        let range = if high == f64::MAX { format!("at least {low}") } else { format!("{low} to {high}") };
-        Err(self.fault(format!("{key} is {value}"), format!("give {range}")))
+        Err(self.fault(format!("{key} is {value}"), format!("give {low} to {high}")))
     }
 
     pub(crate) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
@@ -46,40 +45,33 @@ impl Check {
     fn response(&self, table: &str, gamma: Option<f64>, curve: Option<&[f64]>) -> Checked {
         self.range(&format!("{table}.gamma"), gamma.unwrap_or(1.0), 0.1, 10.0)?;
         let Some(curve) = curve else { return Ok(()) };
-        if gamma.is_some() {
-            return Err(self.fault(
-                format!("{table} has both gamma and curve"),
-                "give one response: a gamma, or a curve",
-            ));
-        }
+        self.refuse(
+            gamma.is_some(),
+            format!("{table} has both gamma and curve"),
+            "give one response: a gamma, or a curve",
+        )?;
         let ends = (curve.first(), curve.last());
-        if ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted() {
-            return Err(self.fault(
-                format!("{table}.curve is not a response"),
-                "give at least two values, the first 0, the last 1, none less than the one before",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted(),
+            format!("{table}.curve is not a response"),
+            "give at least two values, the first 0, the last 1, none less than the one before",
+        )
     }
 
     pub(crate) fn channels(&self, table: &str, channels: usize) -> Checked {
-        if channels == 1 || channels == 3 {
-            return Ok(());
-        }
-        Err(self.fault(format!("{table}.channels is {channels}"), "give 1 (gray) or 3 (red, green, blue)"))
+        let fault = format!("{table}.channels is {channels}");
+        self.refuse(channels != 1 && channels != 3, fault, "give 1 (gray) or 3 (red, green, blue)")
     }
 
     /// Checks a sine: its amplitude and its period.
     fn wave(&self, table: &str, key: &str, swing: f64, period: f64) -> Checked {
         self.range(&format!("{table}.{key}"), swing, 0.0, 1.0)?;
         self.range(&format!("{table}.period"), period, 0.0, 1e9)?;
-        if swing > 0.0 && period == 0.0 {
-            return Err(self.fault(
-                format!("{table}.{key} is {swing}, but {table}.period is missing"),
-                "give its period in seconds",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            swing > 0.0 && period == 0.0,
+            format!("{table}.{key} is {swing}, but {table}.period is missing"),
+            "give its period in seconds",
+        )
     }
 
     pub(crate) fn projector(&self, spec: &VirtualProjector) -> Checked {
@@ -138,31 +130,27 @@ impl Check {
             ],
         )?;
         let Some(homography) = spec.homography else { return Ok(()) };
-        if spec.shift != [0.0; 2] || spec.rotation != 0.0 || spec.scale != 1.0 {
-            return Err(self.fault(
-                "camera has a homography, and shift, rotation or scale as well",
-                "give the homography alone, or leave it out",
-            ));
-        }
+        self.refuse(
+            spec.shift != [0.0; 2] || spec.rotation != 0.0 || spec.scale != 1.0,
+            "camera has a homography, and shift, rotation or scale as well",
+            "give the homography alone, or leave it out",
+        )?;
         let [a, b, c] = homography.map(glam::DVec3::from_array);
-        if !a.dot(b.cross(c)).is_normal() {
-            return Err(self.fault(
-                "camera.homography cannot be inverted",
-                "give the three rows of an invertible matrix, e.g. [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            !a.dot(b.cross(c)).is_normal(),
+            "camera.homography cannot be inverted",
+            "give the three rows of an invertible matrix, e.g. [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        )
     }
 
     /// Checks that all colours of a mixture exist, and that each channel sees something.
     pub(crate) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
         let Some(matrix) = camera.crosstalk else { return Ok(()) };
-        if (projector.channels, camera.channels) != (3, 3) {
-            return Err(self.fault(
-                "camera.crosstalk mixes three colours, but projector or camera has one channel",
-                "give both channels = 3, or leave it out",
-            ));
-        }
+        self.refuse(
+            (projector.channels, camera.channels) != (3, 3),
+            "camera.crosstalk mixes three colours, but projector or camera has one channel",
+            "give both channels = 3, or leave it out",
+        )?;
         for (row, entries) in matrix.iter().enumerate() {
             for (column, &entry) in entries.iter().enumerate() {
                 let least = if row == column { 1e-6 } else { 0.0 };
@@ -191,13 +179,11 @@ impl Check {
         ];
         self.ranges("faults", &shares)?;
         let sum: f64 = shares.iter().map(|share| share.1).sum();
-        if sum > 1.0 {
-            return Err(self.fault(
-                format!("the chances of [faults] add up to {sum}"),
-                "give dropped, repeated, late and early such that they add up to 1 at most",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            sum > 1.0,
+            format!("the chances of [faults] add up to {sum}"),
+            "give dropped, repeated, late and early such that they add up to 1 at most",
+        )
     }
 
     pub(crate) fn x11(&self, spec: &X11Spec) -> Checked {
@@ -216,24 +202,12 @@ impl Check {
     }
 
     pub(crate) fn measurement(&self, options: &MeasureOptions) -> Checked {
-        for &exposure in &options.exposures {
-            self.range("measurement.exposures", exposure, 1e-9, 1e6)?;
-        }
-        self.ranges(
-            "measurement",
-            &[
-                ("bit_planes", options.bit_planes.into(), 1.0, 32.0),
-                ("takes", options.takes.into(), 1.0, 1e6),
-                ("black_takes", options.black_takes.into(), 1.0, 1e6),
-                ("blur", options.blur, 0.0, 1e3),
-                ("settle", options.settle.unwrap_or(0.0), 0.0, 3600.0),
-                ("tries", options.tries.into(), 1.0, 1e6),
-            ],
-        )
+        let fault = options.fault();
+        fault.map_or(Ok(()), |[key, found, expected]| {
+            Err(self.fault(format!("measurement.{key} is {found}"), format!("give {expected}")))
+        })
     }
-}
 
-impl Check {
     pub(crate) fn program(&self, rig: &ProgramRig) -> Checked {
         let (projector, camera) = (&rig.projector, &rig.camera);
         for (table, size, channels, bits) in [
@@ -305,9 +279,7 @@ impl Check {
             ],
         )
     }
-}
 
-impl Check {
     /// Checks the path of the light: projector, camera, and everything between them.
     pub(crate) fn between(
         &self,
@@ -316,12 +288,11 @@ impl Check {
         splitter: &Splitter,
     ) -> Checked {
         self.projector(projector)?;
-        if projector.white_segment > 0.0 && projector.channels != 3 {
-            return Err(self.fault(
-                "projector.white_segment adds to what three colours have in common, but the projector has one channel",
-                "give the projector channels = 3, or leave white_segment out",
-            ));
-        }
+        self.refuse(
+            projector.white_segment > 0.0 && projector.channels != 3,
+            "projector.white_segment adds to what three colours have in common, but the projector has one channel",
+            "give the projector channels = 3, or leave white_segment out",
+        )?;
         self.camera(camera)?;
         self.crosstalk(projector, camera)?;
         self.splitter(splitter)
@@ -331,19 +302,16 @@ impl Check {
     pub(crate) fn pulse(&self, pulse: &Pulse, channels: usize) -> Checked {
         self.range("projector.pulse.period", pulse.period, 0.0, 60.0)?;
         self.range("projector.pulse.duty", pulse.duty, 1e-3, 1.0)?;
-        if pulse.wheel && channels != 3 {
-            return Err(self.fault(
-                "projector.pulse.wheel shows three colours, but the projector has one channel",
-                "give the projector channels = 3, or leave wheel out",
-            ));
-        }
-        if pulse.period == 0.0 && (pulse.wheel || pulse.duty < 1.0) {
-            return Err(self.fault(
-                "projector.pulse has no period",
-                "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            pulse.wheel && channels != 3,
+            "projector.pulse.wheel shows three colours, but the projector has one channel",
+            "give the projector channels = 3, or leave wheel out",
+        )?;
+        self.refuse(
+            pulse.period == 0.0 && (pulse.wheel || pulse.duty < 1.0),
+            "projector.pulse has no period",
+            "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
+        )
     }
 
     fn splitter(&self, spec: &Splitter) -> Checked {
@@ -357,12 +325,10 @@ impl Check {
                 ("stray", spec.stray, 0.0, 10.0),
             ],
         )?;
-        if spec.ghost > 0.0 && spec.ghost_shift == [0.0; 2] {
-            return Err(self.fault(
-                format!("splitter.ghost is {}, but splitter.ghost_shift is missing", spec.ghost),
-                "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            spec.ghost > 0.0 && spec.ghost_shift == [0.0; 2],
+            format!("splitter.ghost is {}, but splitter.ghost_shift is missing", spec.ghost),
+            "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
+        )
     }
 }

@@ -13,8 +13,7 @@ use crate::error::{Error, Result};
 use crate::rig::gphoto2::Gphoto2Spec;
 use crate::rig::gphoto2::answers::{FoundStillCamera, Setting, cameras, names, seconds, setting};
 use crate::rig::hardware::{in_use, is_busy};
-use crate::rig::nearest::nearest;
-use crate::rig::{AttachedCamera, CameraKind, camera_fault};
+use crate::rig::{AttachedCamera, CameraKind, camera_fault, did_you_mean};
 
 const ANSWER: Duration = Duration::from_secs(20);
 
@@ -94,9 +93,7 @@ fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
 
 fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     names.iter().find(|name| known.iter().any(|known| known == *name)).copied().ok_or_else(|| {
-        let listed: Vec<&str> = known.iter().map(String::as_str).collect();
-        let meant = names.first().and_then(|name| nearest(name, &listed));
-        let meant = meant.map_or_else(String::new, |name| format!("; did you mean {name}?"));
+        let meant = names.first().map_or_else(String::new, |name| did_you_mean(name, known, ""));
         camera_fault(
             format!("the camera has no setting {}{meant}", names.join(" or ")),
             "`gphoto2 --list-config` names those it has; some are there in mode M only, or with another lens",
@@ -114,8 +111,8 @@ fn check(name: &str, setting: &Setting, value: &str) -> Result<()> {
     if setting.offers(value) {
         return Ok(());
     }
-    let known: Vec<&str> = setting.choices.iter().map(String::as_str).collect();
-    let meant = nearest(value, &known).map_or_else(String::new, |choice| format!("; did you mean {choice}?"));
+    let known = &setting.choices;
+    let meant = did_you_mean(value, known, "");
     Err(camera_fault(
         format!("{name} has no choice \"{value}\"{meant}"),
         format!("correct it in [camera]; the camera's choices are {}", known.join(", ")),

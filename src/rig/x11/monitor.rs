@@ -9,7 +9,7 @@ use x11rb::rust_connection::RustConnection;
 use super::{MonitorInfo, X11Monitor, X11Spec, fault, lost};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::rig::nearest::nearest;
+use crate::rig::did_you_mean;
 
 /// The share of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
 const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
@@ -125,12 +125,10 @@ pub(crate) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
         X11Monitor::Name(name) => names.iter().position(|known| known == name),
     };
     let Some(monitor) = at.and_then(|at| monitors.into_iter().nth(at)) else {
-        let known: Vec<&str> = names.iter().map(String::as_str).collect();
         let meant = match &spec.monitor {
-            X11Monitor::Name(name) => nearest(name, &known),
-            X11Monitor::Number(_) => None,
+            X11Monitor::Name(name) => did_you_mean(name, &names, "\""),
+            X11Monitor::Number(_) => String::new(),
         };
-        let meant = meant.map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"));
         return Err(fault(format!("there is no monitor \"{}\"{meant}", spec.monitor), help));
     };
     let (name, found) = (&monitor.name, monitor.resolution);
