@@ -125,11 +125,7 @@ impl<'a> JournaledFrames<'a> {
         let stored = self.journal.get(key)?;
         self.journal.damages()[known..].iter().for_each(&mut self.report);
         let Some(stored) = stored else { return Ok(None) };
-        let note = PhotoMetadata::parse(&stored.metadata)
-            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
-        let frame = note
-            .frame(&stored.payload)
-            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
+        let (note, frame) = journal_records::photo(&self.journal, &stored)?;
         self.last = Some(note.stamp());
         self.effort.replayed += 1;
         Ok(Some(frame))

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use tempfile::TempDir;
 
@@ -184,7 +185,6 @@ pub struct Gphoto2Spec {
     /// The kind of camera.
     pub kind: CameraKind,
     /// The model as printed by `gphoto2 --auto-detect`. `None`: the only camera.
-    #[serde(default)]
     pub model: Option<String>,
     /// Width and height of the used part of the RAW picture, in photosites.
     pub size: [usize; 2],
@@ -192,7 +192,6 @@ pub struct Gphoto2Spec {
     #[serde(default)]
     pub offset: [usize; 2],
     /// The colour filters of the 2×2 cell at the picture's top left photosite. `None`: the sensor is gray.
-    #[serde(default)]
     pub tiles: Option<Tiles>,
     /// The conversion of cells to pixels.
     #[serde(default)]
@@ -201,7 +200,6 @@ pub struct Gphoto2Spec {
     #[serde(default = "fourteen")]
     pub bits: u32,
     /// The count from which a photosite is saturated. `None`: `2^bits − 1`. Most sensors have a lower white level.
-    #[serde(default)]
     pub saturation: Option<u16>,
     /// The sensitivity, which is one of the camera's choices, for example `100`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
@@ -221,7 +219,6 @@ pub struct Gphoto2Spec {
     /// The number of steps of the shutter speed per doubling. With `stops = 3`, each speed is replaced by the nearest power of the cube
     /// root of 2, which is the true speed of most cameras (1/60 means 1/64 s, 30 means 32 s). With 2, the root is the square root. `None`:
     /// the camera's numbers are taken literally.
-    #[serde(default)]
     pub stops: Option<u32>,
     /// Seconds beyond the exposure that `gphoto2` may take for a photo. The decoder may take the same number of seconds for the file.
     #[serde(default = "half_a_minute")]
@@ -257,18 +254,12 @@ fn dcraw() -> Vec<String> {
 }
 
 fn worded<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<String>, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged, expecting = "one of the camera's choices as text or number")]
-    enum Worded {
-        Whole(i64),
-        Number(f64),
-        Text(String),
+    match toml::Value::deserialize(deserializer)? {
+        toml::Value::Integer(number) => Ok(Some(number.to_string())),
+        toml::Value::Float(number) => Ok(Some(number.to_string())),
+        toml::Value::String(text) => Ok(Some(text)),
+        _ => Err(D::Error::custom("give one of the camera's choices as text or number")),
     }
-    Ok(Some(match Worded::deserialize(deserializer)? {
-        Worded::Whole(number) => number.to_string(),
-        Worded::Number(number) => number.to_string(),
-        Worded::Text(text) => text,
-    }))
 }
 
 impl Gphoto2Spec {
