@@ -8,26 +8,8 @@ from ._checks import FilePath
 from ._progress import Progress
 
 __all__ = [
-    "Answer",
-    "Figures",
-    "Lab",
-    "Matrix",
-    "Operator",
-    "Preview",
-    "__version__",
-    "align_rounds",
-    "attached",
-    "calibrate",
-    "check",
-    "compare",
-    "eigs",
-    "flat_field",
-    "read_picture",
-    "reproduce",
-    "solve",
-    "svd",
-    "trace",
-    "verbs",
+    "Answer", "Figures", "Lab", "Matrix", "Operator", "Preview", "__version__", "align_rounds", "attached", "calibrate",
+    "check", "compare", "eigs", "flat_field", "read_picture", "reproduce", "solve", "svd", "trace", "verbs",
 ]
 __version__: str
 
@@ -71,9 +53,8 @@ class Operator:
 class Lab:
     def __new__(cls, request: dict[str, Any]) -> Lab: ...
     def describe(self) -> tuple[Any, ...]: ...
-    def photo(self, pattern: NDArray[np.float32]) -> NDArray[np.float32]: ...
-    def photo_with_error(
-        self, pattern: NDArray[np.float32]
+    def photo(
+        self, pattern: NDArray[np.float32], with_error: bool
     ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]: ...
     def plain(self, is_white: bool) -> NDArray[np.float32]: ...
     def labels(self) -> NDArray[np.uint8]: ...

@@ -86,7 +86,8 @@ class Lab(Asking):
             if pattern.size == self.projector_shape[0] * self.projector_shape[1]:
                 pattern = pattern.reshape(self.projector_shape)
         pattern = _checks.picture(pattern, "pattern", self.projector_shape, self.channels)
-        return self._native.photo_with_error(pattern) if with_error else self._native.photo(pattern)
+        photo, error = self._native.photo(pattern, with_error)
+        return (photo, error) if with_error else photo
 
     @property
     def white(self) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ use krylux::krylov::{
     Diagonal, EigsOptions, LowRankOptions, Method, Preconditioner, Side, Solution, SolveOptions, Start,
     UserPreconditioner, eigs, hutch_plus_plus, hutchinson, randomized_svd, solve_adjoint,
 };
-use krylux::observer::{Observer, Step};
+use krylux::observer::Observer;
 use krylux::operator::{Adjoint, Operator, Symmetry};
 use krylux::verbs::Eigs;
 use krylux::verbs::eigs::Eigenpairs;
@@ -83,13 +83,7 @@ impl Operator for Called {
     }
 
     fn observer(&self) -> &dyn Observer {
-        self
-    }
-}
-
-impl Observer for Called {
-    fn step(&self, step: &Step<'_>) -> std::ops::ControlFlow<()> {
-        self.watcher.step(step)
+        &self.watcher
     }
 }
 

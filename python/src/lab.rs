@@ -112,29 +112,20 @@ impl Lab {
         about.into_pyobject(py)
     }
 
-    /// The photo of a pattern.
+    /// The photo of a pattern, and if asked for, the standard error of each sample where it is known.
     fn photo<'py>(
         &self,
         py: Python<'py>,
         pattern: PyReadonlyArrayDyn<'py, f32>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let pattern = arrays::image(&pattern)?;
-        let photo = self.with(py, |lab| lab.photo(&pattern))?;
-        self.photos.fetch_add(1, Ordering::Relaxed);
-        arrays::array(py, &photo)
-    }
-
-    /// The photo of a pattern, and the standard error of each sample where it is known.
-    fn photo_with_error<'py>(
-        &self,
-        py: Python<'py>,
-        pattern: PyReadonlyArrayDyn<'py, f32>,
+        with_error: bool,
     ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
         let pattern = arrays::image(&pattern)?;
-        let (photo, error) = self.with(py, |lab| lab.photo_with_error(&pattern))?;
+        let (photo, error) = self.with(py, |lab| match with_error {
+            true => lab.photo_with_error(&pattern),
+            false => Ok((lab.photo(&pattern)?, None)),
+        })?;
         self.photos.fetch_add(1, Ordering::Relaxed);
-        let error = error.map(|error| arrays::array(py, &error)).transpose()?;
-        Ok((arrays::array(py, &photo)?, error))
+        Ok((arrays::array(py, &photo)?, error.map(|error| arrays::array(py, &error)).transpose()?))
     }
 
     /// The photo under an all-ones pattern, or without a projector.
@@ -185,7 +176,7 @@ impl Lab {
     fn matrix(&self, py: Python<'_>, part: &str, channel: usize) -> PyResult<Matrix> {
         let part = crate::lab::part(py, part)?;
         self.check_channel(py, channel)?;
-        self.with(py, |lab| lab.matrix(part, channel)).map(Matrix::new)
+        self.with(py, |lab| lab.matrix(part, channel)).map(Matrix)
     }
 
     /// One part and channel of the light transport as an operator.

@@ -7,53 +7,32 @@ use pyo3::prelude::*;
 
 use crate::errors;
 
-/// Offsets of rows in the type that SciPy wants: that of the columns.
-enum Starts {
-    Narrow(Vec<i32>),
-    Wide(Vec<i64>),
-}
-
 /// Keeps the arrays of a matrix alive for the views of them.
 #[pyclass(frozen, weakref, module = "krylux._krylux", name = "Matrix")]
-pub(crate) struct Matrix {
-    matrix: Csr,
-    starts: Starts,
-}
-
-impl Matrix {
-    pub(crate) fn new(matrix: Csr) -> Self {
-        let is_narrow = i32::try_from(matrix.weights().len().max(matrix.cols())).is_ok();
-        let starts = matrix.row_start().iter();
-        let starts = if is_narrow {
-            Starts::Narrow(starts.map(|&start| start as i32).collect())
-        } else {
-            Starts::Wide(starts.map(|&start| start as i64).collect())
-        };
-        Self { matrix, starts }
-    }
-}
+pub(crate) struct Matrix(pub(crate) Csr);
 
 #[pymethods]
 impl Matrix {
     /// Rows and columns.
     #[getter]
     fn shape(&self) -> (usize, usize) {
-        (self.matrix.rows(), self.matrix.cols())
+        (self.0.rows(), self.0.cols())
     }
 
-    /// `(data, indices, indptr)` as SciPy has them: views, which cannot be written to. `indptr` is 64 bits wide for a matrix of 2³¹ entries
+    /// `(data, indices, indptr)` as SciPy has them: views, which cannot be written to, and offsets that are made anew. `indptr` is 64 bits wide for a matrix of 2³¹ entries
     /// or more; SciPy then widens `indices` too, by a copy.
     fn arrays<'py>(
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let this = slf.get();
+        let (py, matrix) = (slf.py(), &slf.get().0);
         // Columns are below 2³¹ wherever they are read as signed numbers: SciPy has no matrices of unsigned ones.
-        let columns: &[i32] = bytemuck::cast_slice(this.matrix.columns());
-        let starts = match &this.starts {
-            Starts::Narrow(starts) => view(slf, starts)?,
-            Starts::Wide(starts) => view(slf, starts)?,
+        let columns: &[i32] = bytemuck::cast_slice(matrix.columns());
+        let starts = matrix.row_start().iter();
+        let starts = match i32::try_from(matrix.weights().len().max(matrix.cols())) {
+            Ok(_) => PyArray1::from_iter(py, starts.map(|&start| start as i32)).into_any(),
+            Err(_) => PyArray1::from_iter(py, starts.map(|&start| start as i64)).into_any(),
         };
-        Ok((view(slf, this.matrix.weights())?, view(slf, columns)?, starts))
+        Ok((view(slf, matrix.weights())?, view(slf, columns)?, starts))
     }
 }
 
