@@ -139,7 +139,7 @@ pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
 }
 
 /// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
-/// the methods. `apply` means both products of [`Operator`], `adjoint` both products of [`Adjoint`]. The field `deref` stands for the target
+/// the methods. `apply` means the products of [`Operator`], `adjoint` those of [`Adjoint`]. The field `deref` stands for the target
 /// of a pointer.
 macro_rules! delegate {
     ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
@@ -159,9 +159,6 @@ macro_rules! delegate {
         }
     };
     (@apply $field:tt) => {
-        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> $crate::error::Result<()> {
-            $crate::operator::inner!(self, $field).apply(x, y)
-        }
         fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
             $crate::operator::inner!(self, $field).apply_block(xs, ys)
         }
@@ -192,9 +189,6 @@ macro_rules! delegate {
         }
     };
     (@adjoint $field:tt) => {
-        fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> $crate::error::Result<()> {
-            $crate::operator::inner!(self, $field).apply_adjoint(y, x)
-        }
         fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> $crate::error::Result<()> {
             $crate::operator::inner!(self, $field).apply_adjoint_block(ys, xs)
         }
@@ -233,6 +227,13 @@ macro_rules! forward {
 }
 
 forward!(&mut O, Box<O>);
+
+/// `A x` in a new vector.
+pub(crate) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>> {
+    let mut y = vec![0.0; operator.rows()];
+    operator.apply(x, &mut y)?;
+    Ok(y)
+}
 
 /// Takes the products of `operator` with `before(x)` for each of `xs` as a block. `after` writes each `y` from `x` and its product.
 pub(crate) fn between(

@@ -12,7 +12,7 @@ use rand_pcg::Pcg64;
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::{Operator, check_square};
+use crate::operator::{Operator, check_square, product};
 use crate::sparse::Csr;
 
 /// The selection of light paths.
@@ -59,11 +59,8 @@ impl Probing {
         if (0.0..=4096.0).contains(&sigma) && (sigma > 0.0 || matches!(self, Self::Direct | Self::Indirect)) {
             return Ok(());
         }
-        Err(Error::option(
-            "--sigma",
-            format!("{sigma} pixels"),
-            "give a distance above 0 and up to 4096 pixels",
-        ))
+        Err(Error::option("--sigma", format!("{sigma} pixels"))
+            .help("give a distance above 0 and up to 4096 pixels"))
     }
 
     /// The number of photos for a number of random patterns.
@@ -138,7 +135,7 @@ pub fn probe(
     let n = resolution.pixels();
     check_square("the transport operator to be probed", n, operator)?;
     if photos < 2 {
-        return Err(Error::option("--photos", format!("{photos} tell no error"), "give at least 2"));
+        return Err(Error::option("--photos", format!("{photos} tell no error")).help("give at least 2"));
     }
     let mut random = Pcg64::seed_from_u64(seed);
     let kernel = kernel(probing.sigma());
@@ -161,8 +158,7 @@ pub fn probe(
         }
     }
     if matches!(probing, Probing::Indirect | Probing::Far { .. }) {
-        let mut white = vec![0.0; n];
-        operator.apply(&vec![1.0; n], &mut white)?;
+        let white = product(operator, &vec![1.0; n])?;
         products += 1;
         mean.iter_mut().zip(white).for_each(|(mean, white)| *mean = white - *mean);
     }
@@ -179,8 +175,7 @@ pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, 
 }
 
 fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
-    let mut photo = vec![0.0; pattern.len()];
-    operator.apply(pattern, &mut photo)?;
+    let photo = product(operator, pattern)?;
     Ok(photo.iter().zip(pattern).map(|(photo, mask)| photo * mask).collect())
 }
 

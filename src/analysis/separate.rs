@@ -24,7 +24,7 @@ use super::planes::Planes;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Start, diagonal};
-use crate::operator::{Operator, Symmetry};
+use crate::operator::{Operator, Symmetry, product};
 use crate::transport::{Bounces, TransportMatrix};
 use high_frequency::{check_checkerboards, check_codes, check_sinusoids};
 
@@ -143,8 +143,7 @@ impl SeparateBy {
                     ..LowRankCapture::default()
                 };
                 let model = capture(operator, &[], &options)?;
-                let mut white = vec![0.0; resolution.pixels()];
-                operator.apply(&vec![1.0; resolution.pixels()], &mut white)?;
+                let white = product(operator, &vec![1.0; resolution.pixels()])?;
                 from_capture(&model, &white)
             }
         }
@@ -162,14 +161,10 @@ pub fn separate(
     seed: u64,
 ) -> Result<Separation> {
     if operator.symmetry() != Symmetry::Symmetric {
-        return Err(Error::option(
-            "--by",
-            format!(
+        return Err(Error::option("--by", format!(
                 "{} needs a coaxial rig, where the light that a pixel sees directly comes from that very pixel of the projector",
                 by.name()
-            ),
-            "use --by exact on a scene, or put the projector where the camera is",
-        ));
+            )).help("use --by exact on a scene, or put the projector where the camera is"));
     }
     by.measure(operator, resolution, seed)
 }
@@ -181,8 +176,8 @@ pub fn separate(
 /// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
 pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) -> Result<Separation> {
     let estimate = diagonal(operator, photos, seed)?;
-    let mut white = vec![0.0; operator.rows()];
-    operator.apply(&vec![1.0; operator.cols()], &mut white)?;
+    let ones = vec![1.0; operator.cols()];
+    let white = product(operator, &ones)?;
     let global = white.iter().zip(&estimate.values).map(|(white, direct)| white - direct).collect();
     Ok(Separation {
         direct: estimate.values,

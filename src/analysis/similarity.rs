@@ -42,11 +42,8 @@ pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Simila
     let shape = |image: &Image| format!("{}x{}", image.resolution(), image.channels());
     Error::check_size("pixels and channels of the two images", shape(reference), shape(image))?;
     if !(range > 0.0 && range.is_finite()) {
-        return Err(Error::option(
-            "--range",
-            format!("{range} is no data range"),
-            "give a positive number: what the values could span, 1 for pictures in [0, 1]",
-        ));
+        return Err(Error::option("--range", format!("{range} is no data range"))
+            .help("give a positive number: what the values could span, 1 for pictures in [0, 1]"));
     }
     let differences = || {
         let pairs = image.samples().iter().zip(reference.samples());

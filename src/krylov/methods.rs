@@ -111,11 +111,8 @@ impl Method {
     pub fn from_name(name: &str) -> Result<Self> {
         METHODS.iter().find(|facts| facts.name == name).map(|facts| facts.method).ok_or_else(|| {
             let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
-            Error::option(
-                "--method",
-                format!("there is no method {name:?} for A x = b"),
-                format!("use one of {}", names.join(", ")),
-            )
+            Error::option("--method", format!("there is no method {name:?} for A x = b"))
+                .help(format!("use one of {}", names.join(", ")))
         })
     }
 
@@ -139,20 +136,19 @@ impl Method {
 /// # Errors
 /// The errors of [`Method::solver`] and [`solve_from`]. To keep the products taken before an operator failed, make the solver separately
 /// and use [`solve_from`].
-pub fn solve<O: Operator + ?Sized>(
+pub fn solve(
     method: Method,
-    operator: &mut O,
+    operator: &mut dyn Operator,
     b: &[f64],
     options: &SolveOptions,
 ) -> Result<Solution> {
-    let mut operator = operator;
-    solve_adjoint(method, &mut ForwardOnly(&mut operator), b, options)
+    solve_adjoint(method, &mut ForwardOnly(operator), b, options)
 }
 
 /// Solves like [`solve`], for an operator whose transpose can be applied. Fails with the errors of [`solve`].
-pub fn solve_adjoint<O: Adjoint + ?Sized>(
+pub fn solve_adjoint(
     method: Method,
-    operator: &mut O,
+    operator: &mut dyn Adjoint,
     b: &[f64],
     options: &SolveOptions,
 ) -> Result<Solution> {

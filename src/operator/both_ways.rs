@@ -1,6 +1,6 @@
 //! Light in both directions: two arrangements of the same devices as one operator with its transpose, and the products `AᵀA` and `A Aᵀ`.
 
-use super::{Adjoint, Direction, Operator, Symmetry, block, block_mut, delegate};
+use super::{Adjoint, Direction, Operator, Symmetry, block, block_mut, delegate, product};
 use crate::error::{Error, Result};
 
 /// An operator `A` with a transpose from another source: the same scene, with camera and projector exchanged. By Helmholtz reciprocity,
@@ -34,9 +34,8 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if the second arrangement sees no light; any error of the products.
     pub fn in_one_unit(mut forth: F, mut back: B) -> Result<Self> {
         let light = |operator: &mut dyn Operator| -> Result<f64> {
-            let mut photo = vec![0.0; operator.rows()];
-            operator.apply(&vec![1.0; operator.cols()], &mut photo)?;
-            Ok(photo.iter().sum())
+            let ones = vec![1.0; operator.cols()];
+            Ok(product(operator, &ones)?.iter().sum())
         };
         let unit = light(&mut forth)? / light(&mut back)?;
         if !unit.is_finite() || unit <= 0.0 {

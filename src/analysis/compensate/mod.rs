@@ -30,7 +30,7 @@ use super::similarity::Similarity;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::{Constraint, Method, Status};
-use crate::operator::{Adjoint, Observed, block, block_mut};
+use crate::operator::{Adjoint, Observed, block, block_mut, product};
 use run::{Answer, ROUNDING, Run};
 use target::{norm_of, residual_norm};
 
@@ -204,11 +204,7 @@ struct Scene<'a, O> {
 impl<O: Adjoint> Scene<'_, O> {
     fn photograph(&mut self, patterns: &[Vec<f64>]) -> Result<Planes> {
         let mixed = self.prior.crosstalk.as_ref().map(|crosstalk| crosstalk.mix(patterns));
-        let photo = |(operator, pattern): (&mut O, &Vec<f64>)| {
-            let mut photo = vec![0.0; pattern.len()];
-            operator.apply(pattern, &mut photo)?;
-            Ok(photo)
-        };
+        let photo = |(operator, pattern): (&mut O, &Vec<f64>)| product(operator, pattern);
         self.channels.iter_mut().zip(mixed.as_deref().unwrap_or(patterns)).map(photo).collect()
     }
 

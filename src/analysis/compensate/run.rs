@@ -16,7 +16,7 @@ use crate::krylov::{
     Status, Surrogate, solve_adjoint,
 };
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry};
+use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry, product};
 
 /// Squares and shifts that measure an unknown direct image: 16 photos.
 const SQUARES: SeparateBy = SeparateBy::Checkerboards { square: 4, shifts: 4 };
@@ -155,7 +155,7 @@ impl Run<'_> {
         if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
             return Ok(None);
         }
-        let refuse = |fault: &str, help: &str| Err(Error::option("--precondition", fault, help));
+        let refuse = |fault: &str, help: &str| Err(Error::option("--precondition", fault).help(help));
         let size = self.target.resolution();
         let kind = self.options.unconstrained_preconditioning();
         let Some(channel) = channel.or((kind <= Precondition::Diagonal).then_some(0)) else {
@@ -233,8 +233,7 @@ impl Run<'_> {
 /// A pattern of random signs and its photo.
 fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
     let probe = Start::default().vector(operator.cols());
-    let mut photo = vec![0.0; operator.rows()];
-    operator.apply(&probe, &mut photo)?;
+    let photo = product(operator, &probe)?;
     Ok((probe, photo))
 }
 

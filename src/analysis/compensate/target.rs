@@ -66,8 +66,8 @@ impl Target {
             peak => Err(Error::option(
                 "--peak",
                 format!("half the median of the white photo is {peak}, which is no radiance for a target"),
-                "give the radiance that 1 in the target stands for",
-            )),
+            )
+            .help("give the radiance that 1 in the target stands for")),
         }
     }
 

@@ -4,7 +4,7 @@ use super::{LowRank, LowRankCapture, capture};
 use crate::error::{Error, Result};
 use crate::finding::Ratio;
 use crate::krylov::{EigsOptions, LowRankOptions, Start, Which, dot, eigs, randomized_svd};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Symmetry, product};
 use crate::sparse::Csr;
 
 /// Products for the best approximation of each rank, besides four times the rank. Its error is then well below one per cent.
@@ -53,14 +53,9 @@ pub fn capture_channels<O: Adjoint>(
 /// Fails with [`Error::Option`] if it is not a diagonal, or as the products do.
 pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     let n = direct.cols();
-    let mut product = |x: &[f64]| -> Result<Vec<f64>> {
-        let mut y = vec![0.0; n];
-        direct.apply(x, &mut y)?;
-        Ok(y)
-    };
-    let diagonal = product(&vec![1.0; n])?;
+    let diagonal = product(direct, &vec![1.0; n])?;
     let signs = Start::Rademacher { seed: 0 }.vector(n);
-    let signed = product(&signs)?;
+    let signed = product(direct, &signs)?;
     let most = diagonal.iter().copied().fold(0.0, f64::max);
     let is_diagonal = (0..n).all(|i| (signed[i] - signs[i] * diagonal[i]).abs() <= 1e-6 * most);
     if is_diagonal {
@@ -69,8 +64,8 @@ pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     Err(Error::option(
         "--operator",
         "the direct light of this rig is not a diagonal, and without a matrix it cannot be kept apart",
-        "use --operator replay, or pinholes behind one beam splitter",
-    ))
+    )
+    .help("use --operator replay, or pinholes behind one beam splitter"))
 }
 
 /// The models' error over all channels for each number of photos, against the true matrices. `matrices` are the global parts of

@@ -7,7 +7,7 @@ use crate::analysis::{CompensateOptions, Target};
 use crate::error::Result;
 use crate::image::Image;
 use crate::krylov::Method;
-use crate::operator::{Observed, Operator};
+use crate::operator::{Observed, product};
 use crate::transport::Part;
 
 /// Photos for the optimum, which are free on the twin.
@@ -153,9 +153,7 @@ impl Planner<'_> {
 
     /// `‖b − A x‖ / ‖b‖` on the twin, where `x` is `pattern` as the projector shows it.
     fn residual(&self, ideal: &CompensationPlan, pattern: &Image) -> Result<f64> {
-        let mut operator = self.in_range()?;
-        let mut light = vec![0.0; operator.rows()];
-        operator.apply(&shown(&self.rig.projector, pattern), &mut light)?;
+        let light = product(&mut self.in_range()?, &shown(&self.rig.projector, pattern))?;
         let wanted: Vec<f64> = (ideal.target.plane(0).iter().zip(ideal.ambient.plane(0)))
             .map(|(target, ambient)| target * ideal.peak - ambient)
             .collect();

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::krylov::{Eigs, EigsOptions, eigs, norm};
 use crate::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use crate::observer::Observer;
-use crate::operator::{Observed, Operator};
+use crate::operator::{Observed, Operator, product};
 use crate::rig::VirtualRig;
 use crate::transport::Part;
 
@@ -100,8 +100,8 @@ impl Planner<'_> {
         let mut operator = measurement.operator(part, 0);
         let found = eigs(&mut Observed::new(&mut operator, self.observer), options)?;
         let mut full = self.twin.operator(Part::Full, 0)?;
-        let mut white = vec![0.0; full.rows()];
-        full.apply(&vec![1.0; full.cols()], &mut white)?;
+        let ones = vec![1.0; full.cols()];
+        let white = product(&mut full, &ones)?;
         let scale = match measurement.white()?.planes.first() {
             Some(plane) => norm(&white) / norm(&plane.values),
             None => f64::NAN,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::image::Image;
-use crate::operator::{Adjoint, Operator, Symmetry, delegate};
+use crate::operator::{Adjoint, Operator, Symmetry, delegate, product};
 use crate::rig::{VirtualProjector, VirtualRig};
 use crate::sparse::SparseOperator;
 use crate::transport::{Assembled, ExplicitMatrix, Part, Transport};
@@ -48,8 +48,8 @@ impl Twin {
     /// unit is the unit of [`Twin::operator`] times [`range_of`]. A well-formed matrix gives no error.
     pub(super) fn ambient(&self, rig: &VirtualRig, channel: usize) -> Result<Vec<f64>> {
         let mut operator = self.operator(Part::Full, channel)?;
-        let mut white = vec![0.0; operator.rows()];
-        operator.apply(&vec![1.0; operator.cols()], &mut white)?;
+        let ones = vec![1.0; operator.cols()];
+        let white = product(&mut operator, &ones)?;
         let mean = white.iter().sum::<f64>() / white.len() as f64;
         let own = match self {
             Self::Traced(traced) => traced.ambient.plane(channel),

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from};
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::{Operator, Relayed, Symmetry};
+use crate::operator::{Operator, Relayed, Symmetry, product};
 
 /// The photos of a segmentation and the Krylov process built from them.
 ///
@@ -65,18 +65,17 @@ impl Capture {
     /// [`Error::Numerical`] if `global` is not declared symmetric, sees no light, or yields NaN; [`Error::Option`] naming
     /// `--groups` if fewer pixels than groups have light; [`Error::Dimension`] if `global` is not square or differs in size from
     /// earlier photos; any error of `global`.
-    pub fn run<O: Operator + ?Sized>(&mut self, global: &mut O) -> Result<()> {
-        let mut global = global;
-        self.run_with(&mut global)?;
+    pub fn run(&mut self, global: &mut dyn Operator) -> Result<()> {
+        self.take_photos(global)?;
         if self.status != Some(Status::Stopped)
             && let (Some(graph), Some(lanczos)) = (&self.graph, &self.lanczos)
         {
-            self.unseen = unseen(&mut global, graph, lanczos, &self.options)?;
+            self.unseen = unseen(global, graph, lanczos, &self.options)?;
         }
         Ok(())
     }
 
-    fn run_with(&mut self, global: &mut dyn Operator) -> Result<()> {
+    fn take_photos(&mut self, global: &mut dyn Operator) -> Result<()> {
         self.status = None;
         self.measure_graph(global)?;
         let Some(graph) = &self.graph else { return Ok(()) };
@@ -208,13 +207,13 @@ impl Capture {
             return Ok(());
         }
         if self.white.is_none() {
-            self.white = Some(photo(global, &vec![1.0; n])?);
+            self.white = Some(product(global, &vec![1.0; n])?);
             self.photos_of_degree = 1;
         }
         let Some(white) = &self.white else { return Ok(()) };
         let photos = &mut self.photos_of_degree;
         let graph = Graph::measure(white, self.options.mask_below, self.options.mu, |pattern| {
-            let photo = photo(global, pattern)?;
+            let photo = product(global, pattern)?;
             *photos += 1;
             Ok(photo)
         })?;
@@ -230,16 +229,10 @@ fn check_enough(graph: &Graph, groups: &[usize]) -> Result<()> {
         return Err(Error::option(
             "--groups",
             format!("{most} groups, but only {} pixels exchange light", graph.pixels().len()),
-            "ask for fewer groups, or lower --mask-below",
-        ));
+        )
+        .help("ask for fewer groups, or lower --mask-below"));
     }
     Ok(())
-}
-
-fn photo(global: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
-    let mut photo = vec![0.0; pattern.len()];
-    global.apply(pattern, &mut photo)?;
-    Ok(photo)
 }
 
 fn too_early() -> Error {

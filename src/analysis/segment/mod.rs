@@ -38,7 +38,7 @@ use crate::operator::Operator;
 
 /// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the direct part. A [`Capture`]
 /// keeps the photos taken before a failure. Fails as [`Capture::new`], [`Capture::run`] and [`Capture::segmentation`] do.
-pub fn segment<O: Operator + ?Sized>(global: &mut O, options: &SegmentOptions) -> Result<Segmentation> {
+pub fn segment(global: &mut dyn Operator, options: &SegmentOptions) -> Result<Segmentation> {
     let mut capture = Capture::new(options.clone())?;
     capture.run(global)?;
     capture.segmentation()

@@ -88,7 +88,7 @@ impl SegmentOptions {
     }
 
     pub(super) fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault, help));
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         if self.photos < 3 {
             return refuse(
                 "--photos",

@@ -66,8 +66,8 @@ pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
         return Err(Error::option(
             "--square",
             format!("squares of {square} pixels cannot be shifted to {shifts} places"),
-            "give squares of at least 1 pixel, and from 2 to twice as many shifts",
-        ));
+        )
+        .help("give squares of at least 1 pixel, and from 2 to twice as many shifts"));
     }
     Ok(())
 }
@@ -75,18 +75,12 @@ pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
 /// Refuses waves whose photos cannot distinguish direct from global light.
 pub(super) fn check_sinusoids(period: f64, phases: usize) -> Result<()> {
     if !(period >= 2.0 && period.is_finite()) {
-        return Err(Error::option(
-            "--period",
-            format!("a period of {period} pixels"),
-            "give at least 2 pixels; 6 is usual",
-        ));
+        return Err(Error::option("--period", format!("a period of {period} pixels"))
+            .help("give at least 2 pixels; 6 is usual"));
     }
     if phases < 3 {
-        return Err(Error::option(
-            "--phases",
-            format!("{phases} phases tell no wave from an even light"),
-            "give at least 3",
-        ));
+        return Err(Error::option("--phases", format!("{phases} phases tell no wave from an even light"))
+            .help("give at least 3"));
     }
     Ok(())
 }
@@ -195,8 +189,8 @@ pub(super) fn check_codes(photos: usize) -> Result<()> {
         return Err(Error::option(
             "--photos",
             format!("codes need a power of two as the number of photos, at least 4, and this is {photos}"),
-            "give 8, 16 or 32; 16 is usual",
-        ));
+        )
+        .help("give 8, 16 or 32; 16 is usual"));
     }
     Ok(())
 }

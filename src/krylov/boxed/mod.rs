@@ -54,11 +54,8 @@ struct Boxed {
 impl Boxed {
     fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<(System, Self)> {
         if options.preconditioner.is_some() {
-            return Err(Error::option(
-                "--precondition",
-                format!("{method} takes no preconditioner"),
-                "give it a diagonal instead",
-            ));
+            return Err(Error::option("--precondition", format!("{method} takes no preconditioner"))
+                .help("give it a diagonal instead"));
         }
         let mut system = System::new(b.len(), b, options)?;
         let bounds = Bounds { lower: options.lower, upper: options.upper };

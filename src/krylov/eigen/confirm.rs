@@ -19,17 +19,7 @@ use crate::operator::{Operator, Symmetry};
 /// # Errors
 /// [`crate::Error::Option`] naming `--confirm`; [`crate::Error::Interrupted`] if the observer stops it; the errors of
 /// [`crate::krylov::eigen::eigs()`]. `found` is then a valid answer that is not confirmed.
-pub fn confirm<O: Operator + ?Sized>(
-    operator: &mut O,
-    found: &mut Eigs,
-    options: &EigsOptions,
-    confirm: &Confirm,
-) -> Result<()> {
-    let mut operator = operator;
-    confirm_dyn(&mut operator, found, options, confirm)
-}
-
-pub(super) fn confirm_dyn(
+pub fn confirm(
     operator: &mut dyn Operator,
     found: &mut Eigs,
     options: &EigsOptions,

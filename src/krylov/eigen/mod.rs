@@ -5,7 +5,6 @@ mod power;
 
 use std::ops::ControlFlow;
 
-use confirm::confirm_dyn;
 use power::power;
 
 use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status, confirming};
@@ -134,7 +133,7 @@ pub struct HistoryRow {
 
 impl EigsOptions {
     fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault, help));
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         for (value, option, what) in
             [(self.count, "--count", "eigenpairs"), (self.products, "--photos", "products")]
         {
@@ -186,7 +185,7 @@ impl EigsOptions {
 /// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise` or `--which` if its value
 /// cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. To keep the products taken before an operator failed, hold
 /// the factorization and use [`eigs_from`].
-pub fn eigs<O: Operator + ?Sized>(operator: &mut O, options: &EigsOptions) -> Result<Eigs> {
+pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);
     let found = eigs_of(&mut operator, options);
     let Some(power) = operator.begins_again() else { return found };
@@ -203,20 +202,20 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut factorization = match options.method {
         EigsMethod::Power => return power(operator, options),
         EigsMethod::Arnoldi => {
-            return drive(&mut Factorization::arnoldi(&start(), &options.deflate)?, operator, options);
+            return eigs_from(&mut Factorization::arnoldi(&start(), &options.deflate)?, operator, options);
         }
         EigsMethod::Lanczos => Factorization::lanczos(&start(), &options.deflate)?,
         EigsMethod::BlockLanczos { block } => {
             Factorization::block_lanczos(&options.start.block(n, block), &options.deflate)?
         }
     };
-    let mut found = drive(&mut factorization, operator, options)?;
+    let mut found = eigs_from(&mut factorization, operator, options)?;
     let broke_down = factorization.broke_down();
     drop(factorization);
     let left = options.products.saturating_sub(found.stats.products);
     let (is_free, _) = confirming(operator, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, broke_down, left);
-        how.map_or(Ok(()), |how| confirm_dyn(operator, &mut found, options, &how))
+        how.map_or(Ok(()), |how| confirm(operator, &mut found, options, &how))
     })?;
     if !is_free {
         found.stats.products += found.confirming;
@@ -230,16 +229,7 @@ const NEAR: f64 = 1e3;
 /// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in it; `method`, `start` and
 /// `deflate` are ignored. After an error, `factorization` holds everything up to the product that failed, and another call continues from
 /// there. Fails with the errors of [`eigs()`].
-pub fn eigs_from<O: Operator + ?Sized>(
-    factorization: &mut Factorization,
-    operator: &mut O,
-    options: &EigsOptions,
-) -> Result<Eigs> {
-    let mut operator = operator;
-    drive(factorization, &mut operator, options)
-}
-
-fn drive(
+pub fn eigs_from(
     factorization: &mut Factorization,
     operator: &mut dyn Operator,
     options: &EigsOptions,

@@ -83,17 +83,14 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
 fn pair([value, residual, noise]: [f64; 3], scale: f64, n: usize, symmetry: Symmetry) -> RitzPair {
     RitzPair {
         value,
-        imaginary: 0.0,
         residual,
-        gap: 0.0,
         // The left eigenvector is unknown.
         condition: if symmetry == Symmetry::Symmetric { 1.0 } else { f64::INFINITY },
         rounding: f64::EPSILON * scale * (10.0 + (n as f64).sqrt()),
         noise,
-        asymmetric: 0.0,
         unresolved: (residual * residual - noise * noise).max(0.0).sqrt(),
         coefficients: vec![1.0],
-        imaginary_coefficients: Vec::new(),
+        ..RitzPair::default()
     }
 }
 
@@ -103,7 +100,7 @@ fn distance(product: &[f64], x: &[f64], value: f64) -> f64 {
 
 fn check(operator: &dyn Operator, options: &EigsOptions) -> Result<()> {
     check_square("the operator of a power iteration", operator.cols(), operator)?;
-    let refuse = |option: &str, fault: &str, help: &str| Err(Error::option(option, fault, help));
+    let refuse = |option: &str, fault: &str, help: &str| Err(Error::option(option, fault).help(help));
     if options.count != 1 {
         return refuse("--count", "power iteration finds one eigenpair", "ask for 1, or use another method");
     }

@@ -84,7 +84,7 @@ impl PairStatus {
 }
 
 /// A Ritz pair `(θ, y = V s)`: the Rayleigh–Ritz approximation of an eigenpair from the subspace.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RitzPair {
     /// `θ` (its real part), approximating an eigenvalue.
     pub value: f64,
@@ -238,8 +238,8 @@ impl Factorization {
             return Err(Error::option(
                 "--which",
                 "the eigenvalues of a symmetric operator have no imaginary part",
-                "use the Arnoldi method, or ask for another end of the spectrum",
-            ));
+            )
+            .help("use the Arnoldi method, or ask for another end of the spectrum"));
         }
         if m == 0 {
             return Ok(Vec::new());
@@ -260,7 +260,6 @@ impl Factorization {
                 let residual = norm(&outside.known).hypot(norm(&outside.waiting)).hypot(outside.asymmetric);
                 RitzPair {
                     value: values[k].0,
-                    imaginary: 0.0,
                     residual,
                     gap: f64::INFINITY,
                     condition: 1.0,
@@ -269,7 +268,7 @@ impl Factorization {
                     unresolved: self.unresolved(&outside, &coefficients),
                     asymmetric: self.beyond_errors(outside.asymmetric, &coefficients),
                     coefficients,
-                    imaginary_coefficients: Vec::new(),
+                    ..RitzPair::default()
                 }
             })
             .collect())
@@ -327,14 +326,12 @@ impl Factorization {
                     value,
                     imaginary,
                     residual,
-                    gap: 0.0,
                     condition: if condition.is_finite() { condition.max(1.0) } else { f64::INFINITY },
                     rounding,
                     noise: self.noise(&coefficients, &imaginary_coefficients),
-                    asymmetric: 0.0,
-                    unresolved: 0.0,
                     coefficients,
                     imaginary_coefficients,
+                    ..RitzPair::default()
                 }
             })
             .collect())

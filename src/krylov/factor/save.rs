@@ -221,5 +221,5 @@ fn name() -> PathBuf {
 }
 
 fn damaged(fault: &str) -> Error {
-    Error::data(name(), fault, "give a file that the same method saved, undamaged; or start anew")
+    Error::data(name(), fault).help("give a file that the same method saved, undamaged; or start anew")
 }

@@ -105,7 +105,7 @@ impl SolveOptions {
 
     /// Refuses values that no method accepts.
     pub(crate) fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault, help));
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         if self.products == 0 {
             return refuse("--photos", "0 products were asked for".into(), "ask for at least 1");
         }
@@ -165,16 +165,11 @@ pub struct Solution {
 /// # Errors
 /// The errors of [`Solver::step`]. The solver then holds everything up to the product that failed: its [`solution`](Solver::solution) is
 /// valid, and another call continues from there.
-pub fn solve_from<O: Adjoint + ?Sized>(
+pub fn solve_from(
     solver: &mut Solver,
-    operator: &mut O,
+    operator: &mut dyn Adjoint,
     options: &SolveOptions,
 ) -> Result<Solution> {
-    let mut operator = operator;
-    drive(solver, &mut operator, options)
-}
-
-fn drive(solver: &mut Solver, operator: &mut dyn Adjoint, options: &SolveOptions) -> Result<Solution> {
     options.check()?;
     let mut history = Vec::new();
     let status = loop {

@@ -196,13 +196,12 @@ impl System {
             Some(m) if is_definite && !m.is_positive_definite() => Err(Error::option(
                 "--precondition",
                 format!("{method} needs a symmetric positive definite preconditioner"),
-                "use such a one, or gmres",
-            )),
-            Some(_) if options.side == Side::Left => Err(Error::option(
-                "side",
-                format!("{method} does not precondition from the left"),
-                "precondition from the right, or use gmres",
-            )),
+            )
+            .help("use such a one, or gmres")),
+            Some(_) if options.side == Side::Left => {
+                Err(Error::option("side", format!("{method} does not precondition from the left"))
+                    .help("precondition from the right, or use gmres"))
+            }
             _ => Self::new(cols, b, options),
         }
     }
