@@ -6,8 +6,7 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
-use super::operator::OperatorArgs;
-use super::options::{RunArgs, SourceArgs, ViewArgs};
+use super::options::{OperatorArgs, RunArgs, SourceArgs, ViewArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use super::{embedded_page, opener, options::KeepArgs};
@@ -56,23 +55,16 @@ impl<'a> Opening<'a> {
 
     /// The settings of the laboratory.
     pub(super) fn settings(&self, console: &Console) -> Settings {
-        let mut settings = Settings {
-            camera: self.view.camera.clone(),
-            camera_file: self.view.camera_file.clone(),
-            auto_camera: self.view.auto_camera,
-            strict: self.view.strict,
-            trace: self.trace.overrides(),
+        Settings {
+            view: self.view.clone(),
+            trace: self.trace.overrides,
             adapter: self.trace.adapter.clone(),
             cache: self.trace.cache.choice(),
             channels: self.channels,
             split_bounces: self.split_bounces,
+            operator: self.operator.copied().unwrap_or_default(),
             team: console.team(),
-            ..Settings::default()
-        };
-        if let Some(operator) = self.operator {
-            operator.put_into(&mut settings);
         }
-        settings
     }
 
     /// The builder, watched by the console.

@@ -67,7 +67,10 @@ pub use observing::SharedObserver;
 pub use operator::LabOperator;
 pub(crate) use run_model::model_shape;
 pub use run_model::open_model;
-pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
+pub use settings::{
+    CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
+};
+pub(crate) use settings::{byte_count, size};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
 pub use verbs::{
