@@ -50,14 +50,10 @@ class OnRigs(Asking):
             raise _checks.refuse("verb", f"there is no plan of {verb!r}", 'give "segment", "compensate" or "eigs"')
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
-        planned = {"segment": self._native.plan_segment, "eigs": self._native.plan_eigs}
-        if verb in planned:
-            return answers.Plan(planned[verb](as_json(bound.arguments), trials))
-        given, pictures = pictures_apart(self, bound.arguments, ("target",))
+        given, pictures = pictures_apart(self, bound.arguments, ("target",) if verb == "compensate" else ())
         if any(picture.ndim == 3 for picture in pictures.values()):
             raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
-        found = self._native.plan_compensate(as_json(given), pictures, trials)
-        return answers.Plan(found)
+        return answers.Plan(self._native.plan(verb, as_json(given), pictures, trials))
 
     def through_rig(self, rig, *, folder=None, resume=False, overwrite=False):
         """Looks at the same scene through the virtual devices of a rig file.
@@ -135,6 +131,7 @@ class OnRigs(Asking):
         """
         from .rig import Report
 
-        found = self._native.calibrate(_checks.count(takes, "takes"), map, bool(flat_field))
+        asked = {"takes": _checks.count(takes, "takes"), "map": map}
+        found = self._native.calibrate(as_json(asked), bool(flat_field))
         self._is_calibrated = True
         return Report(found)

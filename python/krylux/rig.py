@@ -32,11 +32,13 @@ which receives ``uint16[H, W]`` or ``[H, W, 3]`` and returns when they are on sc
 """
 
 import os
+import pathlib
 import types
 
 import numpy as np
 
 from . import _checks, _krylux, _opening
+from ._declared import asked as as_json
 from ._program import ProgramRig
 
 
@@ -61,6 +63,17 @@ def _rig(source, options):
     if not isinstance(source, ProgramRig) and not str(source).lower().endswith(".toml"):
         raise _checks.refuse("source", f"{source} is no rig", "give a rig file (.toml), or devices of Python")
     return _opening.request(source, {**_opening.DEFAULTS, **options})
+
+
+def _ask(verb, source, options, asked):
+    """The reports of a question to the devices of a rig."""
+    reports = _krylux.ask_rig(verb, _rig(source, options), as_json(asked))
+    for found in reports:
+        if "folder" in found:
+            found["folder"] = pathlib.Path(found["folder"])
+        if "disparity" in found:
+            found["disparity"] = tuple(found["disparity"][name] for name in ("median", "upper", "error"))
+    return [Report(found) for found in reports]
 
 
 def calibrate(source, folder=None, *, takes=2, map=None, overwrite=False, resume=False, **options):
@@ -90,8 +103,10 @@ def calibrate(source, folder=None, *, takes=2, map=None, overwrite=False, resume
     folder = None if folder is None else os.fspath(folder)
     if folder is None and isinstance(source, ProgramRig):
         raise _checks.refuse("folder", "devices of Python have no rig file beside which it could be", "name a folder")
-    run = (folder, bool(overwrite), bool(resume))
-    return Report(_krylux.calibrate(_rig(source, options), _checks.count(takes, "takes"), map, run))
+    asked = {"takes": _checks.count(takes, "takes"), "map": map, "folder": folder, "overwrite": bool(overwrite),
+             "resume": bool(resume)}
+    [found] = _ask("calibrate", source, options, asked)
+    return found
 
 
 def flat_field(source, **options):
@@ -112,8 +127,8 @@ def flat_field(source, **options):
     Report
         ``folder`` of the calibration; ``projector`` and ``camera``, their brightness at each of the projector's pixels, row by row.
     """
-    found = _krylux.flat_field(_rig(source, options))
-    return Report({**found, "projector": np.asarray(found["projector"]), "camera": np.asarray(found["camera"])})
+    [found] = _ask("flat_field", source, options, {})
+    return found
 
 
 def check(source, folder="out", **options):
@@ -133,7 +148,8 @@ def check(source, folder="out", **options):
     Report
         ``findings``, ``passed``, ``complete`` and ``status``.
     """
-    return Report(_krylux.check(_rig(source, options), os.fspath(folder)))
+    [found] = _ask("check", source, options, {"folder": os.fspath(folder)})
+    return found
 
 
 def align(source, *, rounds=1, patterns=6, asymmetry=0.1, exposure=None, **options):
@@ -159,9 +175,12 @@ def align(source, *, rounds=1, patterns=6, asymmetry=0.1, exposure=None, **optio
     list of Report
         One for each round.
     """
-    exposure = _checks.maybe(_checks.finite, exposure, "exposure", 0.0)
-    question = (_checks.count(patterns, "patterns", 0), _checks.finite(asymmetry, "asymmetry", 0.0), exposure)
-    return [Report(round_) for round_ in _krylux.align_rounds(_rig(source, options), _checks.count(rounds, "rounds"), question)]
+    return _ask("align", source, options, {
+        "rounds": _checks.count(rounds, "rounds"),
+        "patterns": _checks.count(patterns, "patterns", 0),
+        "asymmetry": _checks.finite(asymmetry, "asymmetry", 0.0),
+        "exposure": _checks.maybe(_checks.finite, exposure, "exposure", 0.0),
+    })
 
 
 def preview(source, pattern=None, *, frames=None, exposure=None, **options):
@@ -250,4 +269,5 @@ def list(source=None, *, display=None):
     """
     if source is not None and not os.fspath(source).lower().endswith(".toml"):
         raise _checks.refuse("source", f"{source} is no rig file", "give a rig file (.toml), or nothing")
-    return Report(_krylux.attached(None if source is None else os.fspath(source), display))
+    asked = {"file": None if source is None else os.fspath(source), "display": display}
+    return Report(_krylux.attached(as_json(asked)))

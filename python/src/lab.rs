@@ -1,5 +1,6 @@
 //! An open laboratory: its photos, its matrix, its operators, and the folder of its run.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use krylux::lab::{Lab as Laboratory, RunOptions, SourceKind};
 use krylux::measure::RigFile;
 use krylux::transport::Part;
+use krylux::verbs::rig::{Calibrate, measured_figures};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -16,6 +18,7 @@ use crate::arrays::{self, Fields};
 use crate::matrix::Matrix;
 use crate::operator::Operator;
 use crate::settings::{Request, one_of};
+use crate::verbs::asked::{attributes_of, request};
 use crate::{errors, work};
 
 /// A laboratory, until it is closed.
@@ -92,11 +95,10 @@ impl Lab {
     fn calibrate<'py>(
         &self,
         py: Python<'py>,
-        takes: u32,
-        map: Option<String>,
+        asked: BTreeMap<String, String>,
         flat_field: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let options = crate::bench::calibrate_options(py, takes, map)?;
+        let options = request::<Calibrate>(py, asked)?.options();
         let report = self.with(py, |lab| {
             let report = lab.calibrate(&options)?;
             if flat_field {
@@ -104,9 +106,7 @@ impl Lab {
             }
             Ok(report)
         })?;
-        let fields = Fields::new(py);
-        crate::bench::report_fields(&fields, &report)?;
-        Ok(fields.0)
+        attributes_of(py, &measured_figures(&report))
     }
 
     /// What is known without a photo.

@@ -11,7 +11,7 @@
 //! | `matrix`, `operator`, `arrays` | matrices, products and pictures as arrays |
 //! | `krylov` | krylux's solvers on operators of Python |
 //! | `pictures`, `figures` | pictures from files and their comparison, and the paper's figures |
-//! | `devices`, `bench`, `preview` | cameras and projectors of Python, and the devices of a rig |
+//! | `devices`, `bench` | cameras and projectors of Python, and the devices of a rig |
 
 mod answers;
 mod arrays;
@@ -24,7 +24,6 @@ mod lab;
 mod matrix;
 mod operator;
 mod pictures;
-mod preview;
 mod settings;
 mod verbs;
 mod watch;
@@ -42,7 +41,7 @@ fn _krylux(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<lab::Lab>()?;
     module.add_class::<matrix::Matrix>()?;
     module.add_class::<operator::Operator>()?;
-    module.add_class::<preview::Preview>()?;
+    module.add_class::<bench::Preview>()?;
     module.add_function(wrap_pyfunction!(verbs::verbs, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::solve, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::eigenpairs, module)?)?;
@@ -51,9 +50,6 @@ fn _krylux(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pictures::read_picture, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::compare, module)?)?;
     module.add_function(wrap_pyfunction!(figures::reproduce, module)?)?;
-    module.add_function(wrap_pyfunction!(preview::attached, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::calibrate, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::flat_field, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::check, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::align_rounds, module)?)
+    module.add_function(wrap_pyfunction!(bench::attached, module)?)?;
+    module.add_function(wrap_pyfunction!(bench::ask_rig, module)?)
 }
