@@ -25,14 +25,14 @@ pub(crate) struct ProgramDevices {
 fn failed(device: &str, error: PyErr) -> Error {
     let fault = error.to_string();
     work::keep(error);
-    let help = "see the exception that its Python code raised".into();
-    Error::Rig { device: device.into(), fault, help }
+    let help = "see the exception that its Python code raised";
+    Error::rig(device, fault).help(help)
 }
 
 /// The interpreter ends.
 fn gone(device: &str) -> Error {
     let (fault, help) = ("the interpreter ends", "take photos before the program ends");
-    Error::Rig { device: device.into(), fault: fault.into(), help: help.into() }
+    Error::rig(device, fault).help(help)
 }
 
 impl ProgramDevices {

@@ -35,7 +35,7 @@ pub(crate) fn raise(py: Python<'_>, error: &Error) -> PyErr {
 
 /// A wrong argument of a function in this package.
 pub(crate) fn option(py: Python<'_>, option: &str, fault: &str, help: &str) -> PyErr {
-    let error = Error::Option { option: option.into(), fault: fault.into(), help: help.into() };
+    let error = Error::option(option, fault).help(help);
     raise(py, &error)
 }
 

@@ -315,9 +315,6 @@ impl Lab {
 
 /// Photos of an open run are in its own folder.
 fn in_another_folder(open: &std::path::Path) -> krylux::Error {
-    krylux::Error::Option {
-        option: "-o".into(),
-        fault: format!("the photos of this laboratory go to {}", open.display()),
-        help: "save the answer there, by save() without a folder".into(),
-    }
+    krylux::Error::option("-o", format!("the photos of this laboratory go to {}", open.display()))
+        .help("save the answer there, by save() without a folder")
 }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use krylux::image::Resolution;
 use krylux::lab::{
-    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, Settings, SharedObserver, TraceOverrides,
+    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, OperatorSettings, Settings, SharedObserver,
+    TraceOverrides, View,
 };
 use krylux::render::Sampler;
 use krylux::sparse::Csr;
@@ -90,10 +91,12 @@ impl Request {
         Ok(Settings {
             // Processes under MPI are started by the program.
             team: None,
-            camera: self.camera.clone(),
-            camera_file: self.camera_file.clone(),
-            auto_camera: self.auto_camera,
-            strict: self.strict,
+            view: View {
+                camera: self.camera.clone(),
+                camera_file: self.camera_file.clone(),
+                auto_camera: self.auto_camera,
+                strict: self.strict,
+            },
             trace: TraceOverrides {
                 resolution: resolution(self.size),
                 projector: resolution(self.projector_size),
@@ -110,23 +113,25 @@ impl Request {
                 (true, Some(folder)) => CacheChoice::Folder(folder.clone()),
                 (true, None) => CacheChoice::Default,
             },
-            operator: one_of(
-                py,
-                "operator",
-                &self.operator,
-                &[
-                    ("auto", OperatorChoice::Auto),
-                    ("replay", OperatorChoice::Replay),
-                    ("retrace", OperatorChoice::Retrace),
-                ],
-            )?,
-            backend: one_of(
-                py,
-                "products",
-                &self.products,
-                &[("auto", Backend::Auto), ("cpu", Backend::Cpu), ("device", Backend::Gpu)],
-            )?,
-            memory: self.memory,
+            operator: OperatorSettings {
+                choice: one_of(
+                    py,
+                    "operator",
+                    &self.operator,
+                    &[
+                        ("auto", OperatorChoice::Auto),
+                        ("replay", OperatorChoice::Replay),
+                        ("retrace", OperatorChoice::Retrace),
+                    ],
+                )?,
+                backend: one_of(
+                    py,
+                    "products",
+                    &self.products,
+                    &[("auto", Backend::Auto), ("cpu", Backend::Cpu), ("device", Backend::Gpu)],
+                )?,
+                memory: self.memory,
+            },
             channels: one_of(
                 py,
                 "channels",

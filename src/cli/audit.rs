@@ -5,8 +5,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
-use super::operator::OperatorArgs;
-use super::options::{RunArgs, SourceArgs, count, number};
+use super::options::{OperatorArgs, RunArgs, SourceArgs, count, number};
 use super::trace::TraceArgs;
 use crate::bench::audit::AuditOptions;
 use crate::error::{Error, Result};
@@ -38,11 +37,11 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if args.run.resume {
-        return Err(Error::Option {
-            option: "--resume".into(),
-            fault: "an audit asks whether a photo taken twice is the same, so it keeps none".into(),
-            help: "audit anew, with --overwrite or into another folder".into(),
-        });
+        return Err(Error::option(
+            "--resume",
+            "an audit asks whether a photo taken twice is the same, so it keeps none",
+        )
+        .help("audit anew, with --overwrite or into another folder"));
     }
     let opening = Opening::new(&args.source, &args.trace).operator(&args.operator);
     let mut lab = opening.open(console)?;

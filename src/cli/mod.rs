@@ -18,7 +18,6 @@ mod man;
 mod matrix;
 mod opener;
 mod opening;
-mod operator;
 mod options;
 mod paint;
 mod photo;

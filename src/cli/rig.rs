@@ -14,7 +14,7 @@ use super::console::Console;
 use super::opening::{Opening, Traced, tell};
 use super::options::{SourceArgs, ViewArgs, free_file};
 use super::tev::LiveArgs;
-use super::trace::{SizeArgs, TraceArgs};
+use super::trace::TraceArgs;
 use crate::bench::align::Round;
 use crate::bench::preview::{FrameFigures, LivePreview};
 use crate::bench::rig_check::Finding;
@@ -62,7 +62,7 @@ impl RigArgs {
     /// Reads the rig file alone.
     fn source(&self, console: &Console) -> Result<RigSource> {
         require_rig(&self.rig, "RIG")?;
-        let trace = TraceArgs::for_looking(SizeArgs::default(), self.adapter.clone());
+        let trace = TraceArgs::for_looking(None, self.adapter.clone());
         let source = SourceArgs { source: self.rig.clone(), view: ViewArgs::default() };
         Opening::new(&source, &trace).builder(console).open_uncalibrated_rig()
     }
@@ -251,10 +251,9 @@ impl DescribeCamera {
             ("usb3", place) => Some(crate::rig::usb_camera_abilities(place.as_deref())),
             _ => None,
         };
-        let unknown = || Error::Option {
-            option: "KIND".into(),
-            fault: format!("a camera of kind {} has no description, or no address is given", self.kind),
-            help: "give gige and an address, or usb3 and a serial number".into(),
+        let unknown = || {
+            let fault = format!("a camera of kind {} has no description, or no address is given", self.kind);
+            Error::option("KIND", fault).help("give gige and an address, or usb3 and a serial number")
         };
         console.summary(&json!(abilities.ok_or_else(unknown)??))?;
         Ok(Outcome::Done)

@@ -167,11 +167,7 @@ impl FlatField {
     /// [`Error::Dimension`] if the sizes differ, and the errors of [`Self::check`].
     pub fn with_sheet(&self, sheet: &[f64]) -> Result<Self> {
         if sheet.len() != self.camera.len() {
-            return Err(Error::Dimension {
-                what: "pixels of the sheet's photo",
-                expected: self.camera.len().to_string(),
-                found: sheet.len().to_string(),
-            });
+            return Err(Error::dimension("pixels of the sheet's photo", self.camera.len(), sheet.len()));
         }
         let both = self.projector.iter().zip(&self.camera).map(|(p, c)| p / c).zip(sheet);
         let (projector, camera) =

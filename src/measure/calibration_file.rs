@@ -193,12 +193,13 @@ impl Calibration {
         ];
         for (device, calibrated, found) in pairs {
             if calibrated != found {
-                return Err(Error::Rig {
-                    device: device.into(),
-                    fault: format!("the calibration is of {calibrated}, but the rig has {found}"),
-                    help: "name the calibration that belongs to this rig, or make one with `krylux rig calibrate`"
-                        .into(),
-                });
+                return Err(Error::rig(
+                    device,
+                    format!("the calibration is of {calibrated}, but the rig has {found}"),
+                )
+                .help(
+                    "name the calibration that belongs to this rig, or make one with `krylux rig calibrate`",
+                ));
             }
         }
         Ok(())
@@ -266,7 +267,7 @@ fn size(Resolution { width, height }: Resolution) -> String {
 }
 
 fn damaged(path: &Path, fault: String) -> Error {
-    Error::Data { path: path.to_path_buf(), fault, help: HELP.into() }
+    Error::data(path, fault).help(HELP)
 }
 
 /// Reads an array of this shape. A 0 in the shape stands for any length.

@@ -107,11 +107,11 @@ impl JournaledPhoto {
 
 /// The error for a record that is intact but not in the format of this version.
 pub(crate) fn unknown_format(journal: &Journal, what: &str) -> Error {
-    Error::Journal {
-        path: journal.path().into(),
-        fault: format!("the record of {what} is intact, but this version does not know its format"),
-        help: "open it with the version of krylux that wrote it".into(),
-    }
+    Error::journal(
+        journal.path(),
+        format!("the record of {what} is intact, but this version does not know its format"),
+    )
+    .help("open it with the version of krylux that wrote it")
 }
 
 /// Encodes a frame: width, height and channels as 64-bit integers, then the levels as 16-bit integers.

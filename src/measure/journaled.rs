@@ -64,12 +64,11 @@ impl<'a> JournaledFrames<'a> {
     pub fn replay(mut journal: Journal) -> Result<Self> {
         match journal.read_note(DEVICES)? {
             Some(devices) => Self::with(journal, &devices, None),
-            None => Err(Error::Journal {
-                path: journal.path().into(),
-                fault: "it does not say which projector and camera its photos come from".into(),
-                help: "attach the rig, and go on with that run by the command that began it, and --resume"
-                    .into(),
-            }),
+            None => Err(Error::journal(
+                journal.path(),
+                "it does not say which projector and camera its photos come from",
+            )
+            .help("attach the rig, and go on with that run by the command that began it, and --resume")),
         }
     }
 
@@ -172,17 +171,17 @@ impl<'a> JournaledFrames<'a> {
         let mut inner = opener(after)?;
         let found = journal_records::encode_devices(inner.projector(), inner.camera());
         if found != journal_records::encode_devices(&self.projector, &self.camera) {
-            return Err(Error::Rig {
-                device: "rig".into(),
-                fault: format!(
+            return Err(Error::rig(
+                "rig",
+                format!(
                     "its projector and camera ({}, {}) are not those of the journal ({}, {})",
                     inner.projector().name,
                     inner.camera().name,
                     self.projector.name,
                     self.camera.name
                 ),
-                help: "attach the rig that the run was started with, or give another folder".into(),
-            });
+            )
+            .help("attach the rig that the run was started with, or give another folder"));
         }
         if let Some(settle) = self.settle {
             inner.set_settle(settle);
@@ -199,20 +198,16 @@ impl<'a> JournaledFrames<'a> {
     fn missing(&self, request: &CaptureRequest) -> Error {
         let path = self.journal.path();
         let folder = path.parent().and_then(|journal| journal.parent()).unwrap_or(path);
-        Error::NotTaken {
-            path: path.into(),
-            fault: format!(
+        Error::not_taken(path, format!(
                 "take {} at {} s of a frame with mean level {:.1} is not among its {} photos, and no rig is attached",
                 request.take,
                 request.exposure,
                 mean(&request.frame),
                 self.journal.photos()
-            ),
-            help: format!(
+            )).help(format!(
                 "ask for no more photos than the run took (--photos), or attach the rig: krylux VERB rig.toml --resume -o {}",
                 folder.display()
-            ),
-        }
+            ))
     }
 }
 

@@ -164,7 +164,7 @@ impl LiveFrames {
     }
 
     fn fault(&self, fault: String, help: &str) -> Error {
-        Error::Rig { device: self.devices.camera.info().name.clone(), fault, help: help.into() }
+        Error::rig(self.devices.camera.info().name.clone(), fault).help(help)
     }
 
     /// The error for frames that were `refused`, while `missing` packets never came.

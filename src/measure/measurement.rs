@@ -58,21 +58,21 @@ impl Measurement {
         options.check()?;
         let (projector, camera) = (frames.projector().clone(), frames.camera().clone());
         if calibration.projector.len() != projector.channels {
-            return Err(Error::Dimension {
-                what: "response curves of the projector in the calibration",
-                expected: format!("{}, one for each channel,", projector.channels),
-                found: calibration.projector.len().to_string(),
-            });
+            return Err(Error::dimension(
+                "response curves of the projector in the calibration",
+                format!("{}, one for each channel,", projector.channels),
+                calibration.projector.len(),
+            ));
         }
         let [shortest, longest] = camera.exposures;
         if let Some(exposure) =
             options.exposures.iter().find(|&&seconds| !(shortest..=longest).contains(&seconds))
         {
-            return Err(Error::Option {
-                option: "[measurement] exposures".into(),
-                fault: format!("{exposure} s is outside of the camera's range"),
-                help: format!("give seconds from {shortest} to {longest}"),
-            });
+            return Err(Error::option(
+                "[measurement] exposures",
+                format!("{exposure} s is outside of the camera's range"),
+            )
+            .help(format!("give seconds from {shortest} to {longest}")));
         }
         let curve = CameraCurve::new(&calibration.camera, camera.bits, options.response)?;
         let display = Display::new(
@@ -238,7 +238,7 @@ impl Measurement {
         if found == expected {
             return Ok(());
         }
-        Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+        Err(Error::dimension(what, expected, found))
     }
 }
 
@@ -295,11 +295,7 @@ impl Operator for MeasuredOperator<'_> {
         self.errors.clear();
         for (x, y) in xs.iter().zip(ys) {
             if y.len() != self.rows() {
-                return Err(Error::Dimension {
-                    what: "entries of the product",
-                    expected: self.rows().to_string(),
-                    found: y.len().to_string(),
-                });
+                return Err(Error::dimension("entries of the product", self.rows(), y.len()));
             }
             let product = self.measurement.product(self.part, self.channel, x)?;
             y.copy_from_slice(&product.values);

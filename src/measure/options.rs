@@ -163,11 +163,8 @@ impl MeasureOptions {
 pub(crate) const MOST_TAKES: u32 = 65_536;
 
 fn refused(key: &str, found: String, expected: String) -> Error {
-    Error::Option {
-        option: format!("[measurement] {key}"),
-        fault: format!("{found} is not a valid value"),
-        help: format!("give {expected}"),
-    }
+    Error::option(format!("[measurement] {key}"), format!("{found} is not a valid value"))
+        .help(format!("give {expected}"))
 }
 
 /// How the photos of a run on a rig were made, and their cost.

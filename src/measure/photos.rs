@@ -162,13 +162,13 @@ impl Measurement {
             return Ok(map);
         }
         let [shown, seen] = [shown, seen].map(|light| Ratio::of(light, white, 0.0));
-        Err(Error::Rig {
-            device: "rig".into(),
-            fault: format!(
-                "it was not calibrated, and its light is not in proportion to its levels: {shown} of white was shown, {seen} was seen"
-            ),
-            help: "calibrate it with `krylux rig calibrate RIG --use`; or say in the rig file, as `response = false` in [measurement], that levels and counts are to be used as they are".into(),
-        })
+        let fault = format!(
+            "it was not calibrated, and its light is not in proportion to its levels: {shown} of white was shown, {seen} was seen"
+        );
+        Err(Error::rig("rig", fault).help(
+            "calibrate it with `krylux rig calibrate RIG --use`; or say in the rig file, as `response = false` in \
+             [measurement], that levels and counts are to be used as they are",
+        ))
     }
 
     /// Random squares of a quarter and of three quarters of the light. Each side has at least eight, given enough pixels.

@@ -225,11 +225,11 @@ impl Measurement {
             return Ok(Arc::clone(direct));
         }
         if self.options.direct == DirectBy::None {
-            return Err(Error::Option {
-                option: "[measurement] direct".into(),
-                fault: "the direct light is needed, but this option excludes its measurement".into(),
-                help: "give \"patterns\", or keep the direct light (segment --keep-direct)".into(),
-            });
+            return Err(Error::option(
+                "[measurement] direct",
+                "the direct light is needed, but this option excludes its measurement",
+            )
+            .help("give \"patterns\", or keep the direct light (segment --keep-direct)"));
         }
         let channels = self.camera_channels();
         let patterns = match self.options.direct_square {
@@ -241,7 +241,7 @@ impl Measurement {
             Err(Error::NotTaken { path, fault, help }) if patterns == DirectPatterns::Codes => self
                 .photographs(DirectPatterns::Squares(2))
                 .or_else(|_| self.photographs(DirectPatterns::Squares(4)))
-                .map_err(|_| Error::NotTaken { path, fault, help })?,
+                .map_err(|_| Error::not_taken(path, fault).help(help))?,
             photos => photos?,
         };
         let blacks = &self.pipeline.references()?.blacks;

@@ -24,7 +24,7 @@ pub(crate) fn choose(
         ("projector pixels in the calibration", projector.resolution, calibrated.projector),
     ] {
         if expected != found {
-            return Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() });
+            return Err(Error::dimension(what, expected, found));
         }
     }
     let entries = calibrated.pixels.len();

@@ -96,8 +96,8 @@ impl Embedded {
             return Err(Error::option(
                 "-o",
                 "a page without server holds the light transport matrix, and this source has none in memory",
-                "give a scene or a matrix, or serve the page",
-            ));
+            )
+            .help("give a scene or a matrix, or serve the page"));
         }
         let most = options.max_bytes.unwrap_or(usize::MAX);
         let parts = Parts::new(canvas, options)?;
@@ -151,8 +151,8 @@ fn too_large(bytes: usize, most: usize) -> Error {
             100.0 * LEAST_SHARE,
             mebibytes(most)
         ),
-        "use a smaller --size, or allow more",
     )
+    .help("use a smaller --size, or allow more")
 }
 
 /// The largest relative error that the stored precision of the matrix causes in four photos.

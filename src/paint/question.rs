@@ -165,7 +165,7 @@ impl Canvas<'_> {
 }
 
 fn refused<T>(what: &str, help: &str) -> Result<T> {
-    Err(Error::option("question", format!("{what} cannot be answered"), help))
+    Err(Error::option("question", format!("{what} cannot be answered")).help(help))
 }
 
 /// `W A`: the operator with each camera pixel multiplied by its weight.

@@ -7,7 +7,7 @@ use super::figure::{Content, Panel, Rig};
 use crate::calibrate::CalibrateOptions;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
+use crate::lab::{Lab, LabOperator, OperatorChoice, OperatorSettings, Settings, SharedObserver};
 use crate::measure::{Calibration, RigFile, RigKind};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
@@ -132,8 +132,11 @@ impl OpenScene {
         let settings = Settings {
             adapter: options.adapter.clone(),
             team: options.team.clone(),
-            operator: OperatorChoice::Replay,
-            backend: Backend::Cpu,
+            operator: OperatorSettings {
+                choice: OperatorChoice::Replay,
+                backend: Backend::Cpu,
+                memory: None,
+            },
             ..Settings::default()
         };
         let mut lab = Lab::builder_of_scene(set.scene())
@@ -322,11 +325,7 @@ pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
 fn shipped(name: &str, bytes: &[u8], resolution: Resolution, finer: f64) -> Result<(RigFile, VirtualRig)> {
     let file = RigFile::from_bytes(Path::new(name), bytes)?;
     let RigKind::Virtual(mut rig) = file.kind.clone() else {
-        return Err(Error::Data {
-            path: name.into(),
-            fault: "its devices are real".into(),
-            help: "the figures are made by virtual devices".into(),
-        });
+        return Err(Error::data(name, "its devices are real").help("the figures are made by virtual devices"));
     };
     let side = |pixels: usize| (finer * pixels as f64).round() as usize;
     rig.camera.size = Some([side(resolution.width), side(resolution.height)]);

@@ -78,5 +78,5 @@ pub use x11::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 
 /// An error of the device "camera", with the remedy `help`.
 fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Error {
-    crate::Error::Rig { device: "camera".into(), fault: fault.into(), help: help.into() }
+    crate::Error::rig("camera", fault).help(help)
 }

@@ -107,11 +107,8 @@ impl DeviceOpener {
     }
 
     pub(crate) fn missing() -> Error {
-        Error::Rig {
-            device: "rig".into(),
-            fault: "its devices are those of a program, which has not handed them over".into(),
-            help: "open the rig by that program, or ask the folder of one of its runs".into(),
-        }
+        Error::rig("rig", "its devices are those of a program, which has not handed them over")
+            .help("open the rig by that program, or ask the folder of one of its runs")
     }
 }
 

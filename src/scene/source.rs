@@ -9,7 +9,7 @@ use crate::file;
 use crate::image::codec::Format;
 
 pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<String>) -> Error {
-    Error::Scene { path: path.to_path_buf(), fault: fault.into(), help: help.into() }
+    Error::scene(path, fault).help(help)
 }
 
 pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {

@@ -21,7 +21,7 @@ pub(crate) type Checked = Result<(), Error>;
 impl Check {
     /// An error of the file.
     pub(crate) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
-        Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
+        Error::data(&self.path, fault).help(help)
     }
 
     /// Checks that `value` lies from `low` to `high`. NaN fails.

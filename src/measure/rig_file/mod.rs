@@ -301,7 +301,7 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
 fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
     let message = error.message().trim_end();
     let place = error.span().map_or_else(String::new, |span| place(text, span.start));
-    let data = |fault, help| Error::Data { path: path.to_path_buf(), fault, help };
+    let data = |fault, help| Error::data(path, fault).help(help);
     // The messages of serde are "unknown field `a`, expected one of `b`, `c`" and "unknown variant `a`, expected `b` or `c`".
     let unknown = [("unknown field `", "key"), ("unknown variant `", "value")];
     for (beginning, what) in unknown {

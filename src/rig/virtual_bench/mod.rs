@@ -76,12 +76,9 @@ impl VirtualRig {
         let white = white.concat();
         let sensor =
             VirtualSensor::new(&self.camera, camera.resolution, self.seed, &white).ok_or_else(|| {
-                Error::Rig {
-                device: camera.name.clone(),
-                fault: "it sees nothing even when the projector shows white".into(),
-                help: "correct the poses of camera and projector, or the camera's shift, scale or homography"
-                    .into(),
-            }
+                Error::rig(&camera.name, "it sees nothing even when the projector shows white").help(
+                    "correct the poses of camera and projector, or the camera's shift, scale or homography",
+                )
             })?;
         let own_light = view.unlit()?;
         let mut world = World {
@@ -124,11 +121,8 @@ impl VirtualRig {
         } else {
             return Ok(());
         };
-        Err(Error::Rig {
-            device: "virtual rig".into(),
-            fault,
-            help: "give a coaxial scene of the size and channels that the rig file says".into(),
-        })
+        Err(Error::rig("virtual rig", fault)
+            .help("give a coaxial scene of the size and channels that the rig file says"))
     }
 }
 
@@ -233,11 +227,11 @@ impl Transport for MatteSheet {
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         if pattern.resolution() != self.resolution {
-            return Err(Error::Dimension {
-                what: "pixels of the pattern on a sheet",
-                expected: self.resolution.to_string(),
-                found: pattern.resolution().to_string(),
-            });
+            return Err(Error::dimension(
+                "pixels of the pattern on a sheet",
+                self.resolution,
+                pattern.resolution(),
+            ));
         }
         let count = self.channels.count();
         let pixel = |light: &[f32]| -> Vec<f32> {

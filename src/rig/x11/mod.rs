@@ -36,7 +36,7 @@ use crate::image::Resolution;
 const DEVICE: &str = "projector";
 
 fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
-    Error::Rig { device: DEVICE.into(), fault: fault.into(), help: help.into() }
+    Error::rig(DEVICE, fault).help(help)
 }
 
 /// The error of a server that failed or refused a request.

@@ -28,11 +28,8 @@ pub fn require_rig(path: &Path, argument: &str) -> Result<()> {
     if SourceKind::of(path) == SourceKind::Rig {
         return Ok(());
     }
-    Err(Error::Option {
-        option: argument.into(),
-        fault: format!("{} is no rig", path.display()),
-        help: "give a rig file (.toml): this verb asks devices".into(),
-    })
+    Err(Error::option(argument, format!("{} is no rig", path.display()))
+        .help("give a rig file (.toml): this verb asks devices"))
 }
 
 /// A rig at the bench, of which little may be known yet.
