@@ -76,7 +76,7 @@ impl Measurement {
     /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's three channels. The result is
     /// `None` when the projector or the camera is gray.
     pub fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
-        if self.camera_channels() != 3 || self.pipeline.camera.frames.projector().channels != 3 {
+        if self.camera_channels() != 3 || self.pipeline.frames.projector().channels != 3 {
             return Ok(None);
         }
         let pixels = self.resolution().pixels();
@@ -131,11 +131,11 @@ impl Measurement {
         let white = self.folded(&white, channel);
         let channel_weights = self.channel_weights(channel);
         let channels = self.camera_channels();
-        let (references, camera) = self.pipeline.parts()?;
+        let references = self.pipeline.references()?;
         let noise = NoisePrediction {
-            curve: &camera.curve,
+            curve: &self.pipeline.curve,
             options: &self.options,
-            references,
+            references: &references,
             importance: &self.importance,
             channel_weights: &channel_weights,
             channels,
@@ -229,13 +229,14 @@ impl Measurement {
                 .map_err(|_| Error::not_taken(path, fault).help(help))?,
             photos => photos?,
         };
-        let blacks = &self.pipeline.references()?.blacks;
+        let references = self.pipeline.references()?;
         let rate_frames: Vec<&RateFrame> = rate_frames.iter().map(|rate_frame| &**rate_frame).collect();
         let of_channel = |channel| -> Vec<Vec<f64>> {
             displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect()
         };
         let shown: Vec<Vec<Vec<f64>>> = (0..channels).map(of_channel).collect();
-        let direct = Arc::new(DirectMatrix::fit(&self.registration, &rate_frames, &shown, blacks));
+        let direct =
+            Arc::new(DirectMatrix::fit(&self.registration, &rate_frames, &shown, &references.blacks));
         self.direct = Some(Arc::clone(&direct));
         Ok(direct)
     }

@@ -5,7 +5,7 @@ use std::net::Ipv4Addr;
 use serde::Deserialize;
 
 use super::sensor::Sensor;
-use super::{CameraInfo, Colour, Gphoto2Spec, PixelFormat, camera_fault};
+use super::{CameraInfo, Colour, Gphoto2Spec, PixelFormat, camera_fault, number};
 
 /// The kinds of cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -80,13 +80,8 @@ impl CameraKind {
 }
 
 /// The default range of exposures in seconds. Most machine vision cameras have it.
-pub(crate) fn exposures() -> [f64; 2] {
+fn exposures() -> [f64; 2] {
     [1e-4, 1.0]
-}
-
-/// The default number of seconds to wait for a frame beyond its exposure.
-pub(crate) fn timeout() -> f64 {
-    1.0
 }
 
 /// A description of a machine vision camera that describes its features by GenICam: GigE Vision or USB3 Vision.
@@ -118,7 +113,7 @@ pub struct GenicamSpec {
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
     /// Seconds to wait for a frame beyond its exposure.
-    #[serde(default = "timeout")]
+    #[serde(default = "number::<1, _>")]
     pub timeout: f64,
     /// The largest size of a GigE Vision camera's packet in bytes. `None`: the largest that gets through the network.
     pub packet_size: Option<u32>,
@@ -143,7 +138,7 @@ impl GenicamSpec {
             saturation: None,
             gain: None,
             exposures: exposures(),
-            timeout: timeout(),
+            timeout: 1.0,
             packet_size: None,
         }
     }
@@ -191,11 +186,11 @@ pub struct V4lSpec {
     #[serde(default = "video_exposures")]
     pub exposures: [f64; 2],
     /// Seconds to wait for a frame beyond its exposure.
-    #[serde(default = "timeout")]
+    #[serde(default = "number::<1, _>")]
     pub timeout: f64,
     /// The number of additional frames to discard before each photo, because the camera itself may have begun them too early. The
     /// frames that the driver buffers are discarded anyway.
-    #[serde(default = "two")]
+    #[serde(default = "number::<2, _>")]
     pub skip: u32,
 }
 
@@ -249,10 +244,6 @@ impl V4lFormat {
 
 fn video_exposures() -> [f64; 2] {
     [1e-3, 0.1]
-}
-
-fn two() -> u32 {
-    2
 }
 
 impl V4lSpec {

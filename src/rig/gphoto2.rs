@@ -14,7 +14,7 @@ use tempfile::TempDir;
 
 use super::cameras::CameraKind;
 use super::sensor::{Colour, Sensor, Tiles};
-use super::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+use super::{Camera, CameraInfo, RawFrame, WallClock, camera_fault, number};
 use crate::error::{Error, Result};
 use answers::Setting;
 use body::{Body, Ran, last, prepare, run};
@@ -197,7 +197,7 @@ pub struct Gphoto2Spec {
     #[serde(default)]
     pub colour: Colour,
     /// Bits of a photosite's count.
-    #[serde(default = "fourteen")]
+    #[serde(default = "number::<14, _>")]
     pub bits: u32,
     /// The count from which a photosite is saturated. `None`: `2^bits − 1`. Most sensors have a lower white level.
     pub saturation: Option<u16>,
@@ -221,7 +221,7 @@ pub struct Gphoto2Spec {
     /// the camera's numbers are taken literally.
     pub stops: Option<u32>,
     /// Seconds beyond the exposure that `gphoto2` may take for a photo. The decoder may take the same number of seconds for the file.
-    #[serde(default = "half_a_minute")]
+    #[serde(default = "number::<30, _>")]
     pub timeout: f64,
     /// The `gphoto2` program: its absolute path, or a name on `PATH`.
     #[serde(default = "gphoto2")]
@@ -232,16 +232,8 @@ pub struct Gphoto2Spec {
     pub decoder: Vec<String>,
 }
 
-fn fourteen() -> u32 {
-    14
-}
-
 fn exposures() -> [f64; 2] {
     [1e-3, 30.0]
-}
-
-fn half_a_minute() -> f64 {
-    30.0
 }
 
 fn gphoto2() -> String {
@@ -272,7 +264,7 @@ impl Gphoto2Spec {
             offset: [0, 0],
             tiles: None,
             colour: Colour::default(),
-            bits: fourteen(),
+            bits: 14,
             saturation: None,
             iso: None,
             aperture: None,
@@ -280,7 +272,7 @@ impl Gphoto2Spec {
             settings: BTreeMap::new(),
             exposures: exposures(),
             stops: None,
-            timeout: half_a_minute(),
+            timeout: 30.0,
             program: gphoto2(),
             decoder: dcraw(),
         }

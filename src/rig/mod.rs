@@ -75,6 +75,11 @@ fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Err
     crate::Error::rig("camera", fault).help(help)
 }
 
+/// The default `N` of a number in a rig file.
+fn number<const N: u8, T: From<u8>>() -> T {
+    N.into()
+}
+
 /// The hint `; did you mean NAME?` with the known name that has the fewest edits from `name`, between two `quote`s. It is empty if all known
 /// names differ so much that they are probably other words.
 pub(crate) fn did_you_mean(name: &str, known: &[impl AsRef<str>], quote: &str) -> String {

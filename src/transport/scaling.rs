@@ -2,8 +2,9 @@
 
 use std::time::Instant;
 
-use super::assembled::{shape, whole};
+use super::assembled::shape;
 use super::share::Share;
+use super::spread::of_share;
 use super::{Channels, Part, TransportMatrix, pilot};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -120,7 +121,7 @@ impl Probe {
         let share = Share::<1>::trace(tracer, &pilot, &all, false, None)?;
         let summary = share.summary;
         let found: usize = share.found.chunks().map(|chunk| chunk.terms.len()).sum();
-        let matrix = whole(share, shape(tracer, &pilot), Channels::Luma, false)?.matrix;
+        let matrix = of_share(share, shape(tracer, &pilot), Channels::Luma, false)?.matrix;
         let rest = start.elapsed().saturating_sub(summary.tracing).as_secs_f64();
         let entries = matrix.nonzeros().max(1) as f64;
         let starts = (paths as f64).max(1.0);

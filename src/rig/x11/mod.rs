@@ -27,7 +27,7 @@ mod watch;
 
 use serde::{Deserialize, Serialize};
 
-use super::ProjectorInfo;
+use super::{ProjectorInfo, number};
 use crate::error::Error;
 use crate::image::Resolution;
 
@@ -75,18 +75,18 @@ pub struct X11Spec {
     pub size: [usize; 2],
     /// The side, in monitor pixels, of the square that shows one pattern pixel. The pattern is in the monitor's centre, and the monitor is
     /// black around it.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1, _>")]
     pub magnify: usize,
     /// Width and height in pixels that the monitor must have. A projector scales any other size, which blurs patterns. `None`: any size.
     pub monitor_size: Option<[usize; 2]>,
     /// 1 (gray) or 3.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1, _>")]
     pub channels: usize,
     /// Seconds from one refresh to the next.
     #[serde(default = "sixty_hertz")]
     pub frame_time: f64,
     /// The number of refreshes to wait after the server's confirmation before a frame counts as shown.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1, _>")]
     pub settle_frames: u64,
 }
 
@@ -145,10 +145,6 @@ pub struct MonitorInfo {
     #[serde(skip)]
     #[cfg(feature = "x11")]
     pub(crate) crtcs: Vec<u32>,
-}
-
-fn one<T: From<u8>>() -> T {
-    1.into()
 }
 
 fn sixty_hertz() -> f64 {

@@ -68,12 +68,14 @@ impl Screen {
         let canvas = Canvas::new(&connection, &screen, spec.magnify)?;
         let window = window(&connection, &screen, &monitor).map_err(opening)?;
         let (gc, pixmaps) = pixmaps(&connection, &screen, &monitor).map_err(opening)?;
-        let rows = rows(&connection, &screen, spec).map_err(opening)?;
+        let shown = spec.shown();
+        // The pattern fits the monitor, whose sides have 16 bits.
+        let rows = [shown.width, spec.size[1]].map(|side| side as u16);
+        let rows = pixmap(&connection, &screen, rows).map_err(opening)?;
         let (size, [x, y]) = (monitor.resolution, monitor.place.map(i32::from));
         let mut watch = Watch::new(window, [x, y, size.width as i32, size.height as i32]);
         connection.map_window(window).map_err(opening)?.check().map_err(opening)?;
         watch.until_mapped(&connection)?;
-        let shown = spec.shown();
         let middle = |of: usize, shown: usize| ((of - shown) / 2) as i16;
         let offset = [middle(size.width, shown.width), middle(size.height, shown.height)];
         let spec = spec.clone();
@@ -272,7 +274,7 @@ type Made<T> = std::result::Result<T, ReplyOrIdError>;
 
 /// Makes a black window that covers all of `monitor` and is not mapped yet. The window bypasses the window manager, so that it has no
 /// border and stays in its place.
-pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &MonitorInfo) -> Made<Window> {
+fn window(connection: &RustConnection, screen: &XScreen, monitor: &MonitorInfo) -> Made<Window> {
     let (root, [x, y], [width, height]) = (screen.root, monitor.place, sides(monitor));
     let window = connection.generate_id()?;
     let look = CreateWindowAux::new()
@@ -300,7 +302,14 @@ pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &Mo
     Ok(window)
 }
 
-pub(crate) fn pixmaps(
+fn pixmap(connection: &RustConnection, screen: &XScreen, [width, height]: [u16; 2]) -> Made<Pixmap> {
+    let pixmap = connection.generate_id()?;
+    connection.create_pixmap(screen.root_depth, pixmap, screen.root, width, height)?;
+    Ok(pixmap)
+}
+
+/// Makes two black pixmaps of the size of `monitor`, and the context to draw on them.
+fn pixmaps(
     connection: &RustConnection,
     screen: &XScreen,
     monitor: &MonitorInfo,
@@ -309,21 +318,12 @@ pub(crate) fn pixmaps(
     let gc = connection.generate_id()?;
     let black = CreateGCAux::new().foreground(screen.black_pixel).graphics_exposures(0);
     connection.create_gc(gc, screen.root, &black)?;
-    let mut pixmaps = [0; 2];
-    for pixmap in &mut pixmaps {
-        *pixmap = connection.generate_id()?;
-        connection.create_pixmap(screen.root_depth, *pixmap, screen.root, width, height)?;
-        connection.poly_fill_rectangle(*pixmap, gc, &[Rectangle { x: 0, y: 0, width, height }])?;
+    let new = || pixmap(connection, screen, [width, height]);
+    let pixmaps = [new()?, new()?];
+    for pixmap in pixmaps {
+        connection.poly_fill_rectangle(pixmap, gc, &[Rectangle { x: 0, y: 0, width, height }])?;
     }
     Ok((gc, pixmaps))
-}
-
-pub(crate) fn rows(connection: &RustConnection, screen: &XScreen, spec: &X11Spec) -> Made<Pixmap> {
-    let pixmap = connection.generate_id()?;
-    // The pattern fits the monitor, whose sides have 16 bits.
-    let [width, height] = [spec.shown().width, spec.size[1]].map(|side| side as u16);
-    connection.create_pixmap(screen.root_depth, pixmap, screen.root, width, height)?;
-    Ok(pixmap)
 }
 
 /// The monitor's sides as 16-bit numbers, the type from which they were read.
