@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::operator::CacheArgs;
+use super::trace::CacheArgs;
 use crate::cache::Cache;
 use crate::error::{Error, Result};
 use crate::io::name::Name;

@@ -102,10 +102,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 /// Loads the scene and says what was ignored in it.
 fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
     // A scene without a camera is described, too.
-    let (auto_camera, strict) = (true, view.strict);
-    let (camera, camera_file) = (view.camera.as_deref(), view.camera_file.as_deref());
-    let options = LoadOptions { camera, camera_file, auto_camera, strict, ..LoadOptions::default() };
-    let scene = scene::load_with(path, &options)?;
+    let scene = scene::load_with(path, &LoadOptions { auto_camera: true, ..view.options() })?;
     for warning in &scene.warnings {
         console.note(format_args!("warning: {}: {warning}", scene.path.display()));
     }

@@ -8,11 +8,12 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::Opening;
 use super::options::{SourceArgs, named_or_free};
-use super::trace::{SizeArgs, TraceArgs};
+use super::trace::TraceArgs;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::io::name::Name;
 use crate::io::{npy, picture};
+use crate::lab;
 use crate::report::palette;
 
 /// Write which region of the scene each pixel sees: the truth that a segmentation is measured against
@@ -21,8 +22,9 @@ use crate::report::palette;
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
-    #[command(flatten)]
-    size: SizeArgs,
+    /// Pixels of the camera, and of the projector where that has no --projector-size: 128, or 128x96 [default: 128]
+    #[arg(long, value_name = "N|WxH", value_parser = lab::size)]
+    size: Option<Resolution>,
     /// The graphics adapter whose name contains this; `krylux info` lists them
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,

@@ -6,8 +6,7 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
-use super::operator::OperatorArgs;
-use super::options::{RunArgs, SourceArgs, ViewArgs};
+use super::options::{OperatorArgs, RunArgs, SourceArgs, ViewArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use super::{embedded_page, opener, options::KeepArgs};
@@ -19,6 +18,7 @@ use crate::lab::{
 };
 use crate::paint::Canvas;
 use crate::paint::page::Kept;
+use crate::report::content::Content;
 use crate::transport::Channels;
 
 /// The options that open a source.
@@ -56,23 +56,16 @@ impl<'a> Opening<'a> {
 
     /// The settings of the laboratory.
     pub(super) fn settings(&self, console: &Console) -> Settings {
-        let mut settings = Settings {
-            camera: self.view.camera.clone(),
-            camera_file: self.view.camera_file.clone(),
-            auto_camera: self.view.auto_camera,
-            strict: self.view.strict,
-            trace: self.trace.overrides(),
+        Settings {
+            view: self.view.clone(),
+            trace: self.trace.overrides,
             adapter: self.trace.adapter.clone(),
             cache: self.trace.cache.choice(),
             channels: self.channels,
             split_bounces: self.split_bounces,
+            operator: self.operator.copied().unwrap_or_default(),
             team: console.team(),
-            ..Settings::default()
-        };
-        if let Some(operator) = self.operator {
-            operator.put_into(&mut settings);
         }
-        settings
     }
 
     /// The builder, watched by the console.
@@ -222,4 +215,30 @@ pub(super) fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
         Channels::Luma => &[""],
         Channels::Rgb => &[".r", ".g", ".b"],
     }
+}
+
+/// A source, and how a scene is traced.
+#[derive(clap::Args)]
+pub(super) struct Traced {
+    #[command(flatten)]
+    pub(super) source: SourceArgs,
+    #[command(flatten)]
+    pub(super) trace: TraceArgs,
+}
+
+impl Traced {
+    /// How the source is opened.
+    pub(super) fn opening(&self) -> Opening<'_> {
+        Opening::new(&self.source, &self.trace)
+    }
+}
+
+/// Says what an answer without a folder contains, and prints the summary.
+pub(super) fn tell(verb: &str, content: &Content<'_>, is_good: bool, console: &Console) -> Result<Outcome> {
+    content.lines.iter().try_for_each(|line| console.say(line))?;
+    content.notes.iter().for_each(|note| console.note(note));
+    let mut summary = json!({ "verb": verb });
+    merge(&mut summary, json!(content));
+    console.summary(&summary)?;
+    Ok(if is_good { Outcome::Done } else { Outcome::NotGoodEnough })
 }

@@ -25,6 +25,7 @@
 
 mod answers;
 mod builder;
+mod calibration;
 mod folder;
 mod independent;
 mod journal;
@@ -67,13 +68,13 @@ pub use observing::SharedObserver;
 pub use operator::LabOperator;
 pub(crate) use run_model::model_shape;
 pub use run_model::open_model;
-pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
+pub use settings::{
+    CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
+};
+pub(crate) use settings::{byte_count, size};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
-pub use verbs::{
-    Calibrated, JoinedShards, MatrixRequest, Plan, PlanRequest, Scaling, SinglePhoto, TracedShard,
-    join_shards,
-};
+pub use verbs::{JoinedShards, MatrixRequest, Scaling, SinglePhoto, TracedShard, join_shards};
 pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;

@@ -87,13 +87,18 @@ fn check_size(option: &str, size: Resolution) -> Result<()> {
 
 /// The kind of random numbers that decide the light paths. Either kind is a hash of pixel, sample, vertex and seed. Any path can therefore
 /// be traced alone, and the two halves of a pixel's samples ([`crate::render::Run::half`]) are independent of each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+///
+/// Sobol points are those of Burley 2020: the samples in each half of a pixel's samples are stratified, in pairs of numbers. Independent
+/// numbers are the baseline for comparisons.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, clap::ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampler {
-    /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in pairs of numbers.
+    /// Scrambled Sobol points: less noise for the same number of paths
     #[default]
     Sobol,
-    /// Independent numbers, the baseline for comparisons.
+    /// Each number independent of all others
     Independent,
 }
 

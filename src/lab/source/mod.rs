@@ -82,8 +82,7 @@ impl Source {
         Ok(match kind {
             SourceKind::Scene => Self::Scene(SceneSource::open(
                 path,
-                settings.camera.as_deref(),
-                settings.camera_file.as_deref(),
+                &settings.view,
                 settings.trace.for_scene(),
                 settings,
                 observer,

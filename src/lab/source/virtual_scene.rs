@@ -21,8 +21,9 @@ pub(in crate::lab) fn scene_of(
 ) -> Result<Option<SceneSource>> {
     match scene {
         VirtualScene::File { path, camera, camera_file, size, samples, max_bounces, seed } => {
-            let camera = settings.camera.clone().or(camera.take());
-            let camera_file = settings.camera_file.clone().or(camera_file.take());
+            let mut view = settings.view.clone();
+            view.camera = view.camera.or(camera.take());
+            view.camera_file = view.camera_file.or(camera_file.take());
             let of_file = TraceSettings {
                 max_bounces: *max_bounces,
                 seed: *seed,
@@ -33,8 +34,7 @@ pub(in crate::lab) fn scene_of(
                 return Err(projector_of_its_own(rig));
             }
             (*size, *samples, *max_bounces) = (trace.resolution, trace.samples, trace.max_bounces);
-            SceneSource::open(path, camera.as_deref(), camera_file.as_deref(), trace, settings, observer)
-                .map(Some)
+            SceneSource::open(path, &view, trace, settings, observer).map(Some)
         }
         VirtualScene::Matrix { .. } => refuse_tracing(rig, settings).map(|()| None),
     }

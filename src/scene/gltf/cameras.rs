@@ -4,12 +4,12 @@ use glam::{DVec3, Vec3};
 use gltf_json as json;
 use gltf_json::validation::Checked;
 
+use super::Document;
 use super::extensions::Extras;
 use super::nodes::Placed;
-use super::{Document, object_name};
 use crate::error::Result;
 use crate::scene::camera::{Posed, tan_half};
-use crate::scene::camera_file::{CameraFile, CameraPair};
+use crate::scene::camera_file::Cameras;
 use crate::scene::triangle::MAX_COORDINATE;
 use crate::scene::{Camera, LoadOptions};
 
@@ -23,86 +23,39 @@ struct Candidate<'a> {
     extras: Extras,
 }
 
-/// The camera at which the rig stands, unless a camera file states one.
-pub(super) enum Wanted {
-    Named(String),
-    Only,
-    /// The first perspective camera.
-    First,
-    /// A camera that krylux places, since the scene has none.
-    Placed,
-}
-
-/// The camera that the options want. If they allow a placed camera, the first perspective camera of the scene is taken, with a warning that
-/// names the others. A camera is placed only if the scene has no perspective camera.
-pub(super) fn wanted(
-    document: &mut Document,
-    placed: &[Placed],
-    options: &LoadOptions<'_>,
-    file: &Option<CameraFile>,
-) -> Result<Wanted> {
-    if let Some(name) = options.camera {
-        return Ok(Wanted::Named(name.into()));
-    }
-    if !options.auto_camera || file.as_ref().is_some_and(|file| file.camera.is_some()) {
-        return Ok(Wanted::Only);
-    }
-    let (cameras, _) = candidates(document, placed)?;
-    let (usable, others): (Vec<_>, Vec<_>) =
-        cameras.iter().partition(|candidate| candidate.camera.perspective.is_some());
-    let warning = match (usable.as_slice(), others.as_slice()) {
-        ([], []) => return Ok(Wanted::Placed),
-        ([], _) => Some(format!("cameras without a perspective are not used: {}", names(&others))),
-        ([_], _) => None,
-        ([first, rest @ ..], _) => {
-            let first = &first.name;
-            Some(format!(
-                "of several cameras the first, `{first}`, is used; --camera chooses another: {}",
-                names(rest)
-            ))
-        }
-    };
-    let is_empty = usable.is_empty();
-    warning.into_iter().for_each(|warning| document.warnings.add(warning));
-    Ok(if is_empty { Wanted::Placed } else { Wanted::First })
-}
-
 fn names(candidates: &[&Candidate<'_>]) -> String {
     candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ")
 }
 
-/// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from the scene's camera nodes. The
-/// camera is then the node that is `wanted`. The projector is the node that has `"krylux": "projector"` in its extras.
-pub(super) fn pair(
-    document: &Document,
+/// Completes the cameras that a camera file states from the scene's camera nodes. The camera is the node that the options want; `None` if
+/// krylux is to place one. The projector is the node that has `"krylux": "projector"` in its extras.
+pub(super) fn complete(
+    document: &mut Document,
     placed: &[Placed],
-    wanted: &Wanted,
-    file: Option<CameraFile>,
-) -> Result<CameraPair> {
-    let (camera, projector, mut resolution) = match file {
-        None => (None, None, None),
-        Some(file) => (file.camera, file.projector, file.projector_resolution),
-    };
+    options: &LoadOptions<'_>,
+    mut stated: Cameras,
+) -> Result<Cameras> {
     let (cameras, projectors) = candidates(document, placed)?;
-    let camera = match camera {
-        Some(camera) => camera,
-        None => build(document, choose(document, &cameras, wanted)?)?,
-    };
-    let projector = match (projector, projectors.as_slice()) {
-        (Some(projector), _) => Some(projector),
-        (None, []) => None,
+    let mut warning = None;
+    if stated.camera.is_none() {
+        let chosen;
+        (chosen, warning) = choose(document, &cameras, options)?;
+        stated.camera = chosen.map(|chosen| build(document, chosen)).transpose()?;
+    }
+    match (&stated.projector, projectors.as_slice()) {
+        (Some(_), _) | (None, []) => {}
         (None, [projector]) => {
-            resolution = projector.extras.resolution(document, &projector.name)?;
-            Some(build(document, projector)?)
+            stated.projector_resolution = projector.extras.resolution(document, &projector.name)?;
+            stated.projector = Some(build(document, projector)?);
         }
         (None, [first, second, ..]) => {
-            return Err(document.fault(
-                format!("two projectors, `{}` and `{}`", first.name, second.name),
-                "keep \"krylux\": \"projector\" in the extras of one of them only",
-            ));
+            return Err(document
+                .fault(format!("two projectors, `{}` and `{}`", first.name, second.name))
+                .help("keep \"krylux\": \"projector\" in the extras of one of them only"));
         }
-    };
-    Ok(CameraPair { camera, projector, projector_resolution: resolution })
+    }
+    warning.into_iter().for_each(|warning: String| document.file.warn(warning));
+    Ok(stated)
 }
 
 /// The camera nodes of the scene: the cameras, and those that are marked as projectors.
@@ -115,14 +68,13 @@ fn candidates<'a>(
     for placed in placed {
         let node = &document.root.nodes[placed.node];
         let extras = Extras::of(&node.extras);
-        let what = || object_name("node", placed.node, node.name.as_ref());
+        let what = || document.node_name(placed.node);
         let is_projector = extras.is_projector(document, &what)?;
         let Some(index) = node.camera.map(|camera| camera.value()) else {
             if is_projector {
-                return Err(document.fault(
-                    format!("{} is marked as the projector, but is not a camera", what()),
-                    "put \"krylux\": \"projector\" into the extras of a camera's node",
-                ));
+                return Err(document
+                    .fault(format!("{} is marked as the projector, but is not a camera", what()))
+                    .help("put \"krylux\": \"projector\" into the extras of a camera's node"));
             }
             continue;
         };
@@ -136,40 +88,49 @@ fn candidates<'a>(
     Ok((cameras, projectors))
 }
 
+/// The camera that the options want. If they allow a placed camera, it is the first perspective camera of the scene, with a warning that
+/// names the others; `None` if the scene has no perspective camera.
 fn choose<'a>(
     document: &Document,
     candidates: &'a [Candidate<'a>],
-    wanted: &Wanted,
-) -> Result<&'a Candidate<'a>> {
-    let names = || names(&candidates.iter().collect::<Vec<_>>());
-    let mut pinholes = candidates.iter().filter(|candidate| candidate.camera.perspective.is_some());
-    if let (Wanted::First, Some(first)) = (wanted, pinholes.next()) {
-        return Ok(first);
+    options: &LoadOptions<'_>,
+) -> Result<(Option<&'a Candidate<'a>>, Option<String>)> {
+    let wanted = options.camera;
+    if options.auto_camera && wanted.is_none() {
+        let (usable, others): (Vec<_>, Vec<_>) =
+            candidates.iter().partition(|candidate| candidate.camera.perspective.is_some());
+        let warning = match (usable.as_slice(), others.as_slice()) {
+            ([], []) | ([_], _) => None,
+            ([], _) => Some(format!("cameras without a perspective are not used: {}", names(&others))),
+            ([first, rest @ ..], _) => Some(format!(
+                "of several cameras the first, `{}`, is used; --camera chooses another: {}",
+                first.name,
+                names(rest)
+            )),
+        };
+        return Ok((usable.first().copied(), warning));
     }
-    let wanted = match wanted {
-        Wanted::Named(name) => Some(name.as_str()),
-        _ => None,
-    };
+    let names = || names(&candidates.iter().collect::<Vec<_>>());
     let matching: Vec<_> =
         candidates.iter().filter(|candidate| wanted.is_none_or(|wanted| wanted == candidate.name)).collect();
-    match (matching.as_slice(), wanted) {
-        ([candidate], _) => Ok(candidate),
-        _ if candidates.is_empty() => Err(document.fault(
-            "no camera in the scene",
+    let (fault, help) = match (matching.as_slice(), wanted) {
+        ([candidate], _) => return Ok((Some(candidate), None)),
+        _ if candidates.is_empty() => (
+            "no camera in the scene".into(),
             "add a perspective camera where the rig stands, and export the scene with cameras, give a camera file by \
              --camera-file, or let --auto-camera place one",
-        )),
-        ([], Some(wanted)) => Err(document.fault(
+        ),
+        ([], Some(wanted)) => (
             format!("no camera is called `{wanted}`; there are {}", names()),
             "give one of these names to --camera",
-        )),
-        (_, Some(wanted)) => Err(document.fault(
-            format!("{} cameras are called `{wanted}`", matching.len()),
-            "give the camera nodes different names",
-        )),
-        (_, None) => Err(document
-            .fault(format!("{} cameras: {}", candidates.len(), names()), "choose one with --camera NAME")),
-    }
+        ),
+        (_, Some(wanted)) => {
+            let fault = format!("{} cameras are called `{wanted}`", matching.len());
+            (fault, "give the camera nodes different names")
+        }
+        (_, None) => (format!("{} cameras: {}", candidates.len(), names()), "choose one with --camera NAME"),
+    };
+    Err(document.fault(fault).help(help))
 }
 
 fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Posed> {
@@ -179,31 +140,27 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Posed> {
             Checked::Valid(json::camera::Type::Orthographic) => "is orthographic",
             _ => "has no perspective",
         };
-        return Err(document.fault(
-            format!("camera `{name}` {fault}"),
-            "make it a perspective camera: the rig's projector and camera are pinholes",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` {fault}"))
+            .help("make it a perspective camera: the rig's projector and camera are pinholes"));
     };
     let field = f64::from(perspective.yfov);
     let Some(tan_half_fov) = tan_half(field) else {
-        return Err(document.fault(
-            format!("camera `{name}` has a vertical field of view of {field} rad"),
-            "it must lie between 0 and π",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` has a vertical field of view of {field} rad"))
+            .help("it must lie between 0 and π"));
     };
     if perspective.aspect_ratio.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
-        return Err(document.fault(
-            format!("camera `{name}` has an aspect ratio that is not positive"),
-            "correct aspectRatio, or leave it out",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` has an aspect ratio that is not positive"))
+            .help("correct aspectRatio, or leave it out"));
     }
     let [right, up, forward] = axes(document, name, placed)?;
     let position = placed.transform.translation;
     if !position.is_finite() || position.abs().max_element() > f64::from(MAX_COORDINATE) {
-        return Err(document.fault(
-            format!("camera `{name}` stands more than {MAX_COORDINATE:e} m from the origin"),
-            "glTF lengths are metres: scale the scene",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` stands more than {MAX_COORDINATE:e} m from the origin"))
+            .help("glTF lengths are metres: scale the scene"));
     }
     let camera = Camera {
         name: name.clone(),
@@ -223,22 +180,19 @@ fn axes(document: &Document, name: &str, placed: &Placed) -> Result<[DVec3; 3]> 
     let linear = placed.transform.matrix3;
     let normalized = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.try_normalize());
     let [Some(x), Some(y), Some(z)] = normalized else {
-        return Err(document.fault(
-            format!("camera `{name}` is scaled to nothing"),
-            "set the scale of the camera's node and its parents to 1",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` is scaled to nothing"))
+            .help("set the scale of the camera's node and its parents to 1"));
     };
     if x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs()) > MAX_SHEAR {
-        return Err(document.fault(
-            format!("camera `{name}` is sheared by its node's transform"),
-            "set the scale of the camera's parents to 1",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` is sheared by its node's transform"))
+            .help("set the scale of the camera's parents to 1"));
     }
     if x.cross(y).dot(z) < 0.0 {
-        return Err(document.fault(
-            format!("camera `{name}` is mirrored by its node's transform"),
-            "remove the negative scale from the camera's node or its parents",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` is mirrored by its node's transform"))
+            .help("remove the negative scale from the camera's node or its parents"));
     }
     // glTF cameras look along −Z with +Y up. Adding zero turns −0 into 0.
     let forward = -z + DVec3::ZERO;

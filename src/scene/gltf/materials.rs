@@ -38,7 +38,7 @@ impl Materials {
         let material = match index {
             Some(index) => self.convert(document, what, index)?,
             None => {
-                document.warnings.add(
+                document.file.warn(
                     "surfaces without a material get glTF's default, which is a rough white metal"
                         .to_string(),
                 );
@@ -75,10 +75,10 @@ impl Materials {
             return Ok(bare);
         }
         let set = texture.set;
-        document.leave_out(
+        document.file.tolerate(
             format!("{what} has no TEXCOORD_{set}, but its material's {role} texture reads it"),
+            "the texture is left out",
             "unwrap the mesh, or remove the texture from the material",
-            "the texture",
         )?;
         let mut bare = material.clone();
         bare.retain_textures(|texture| has_set[texture.set as usize]);
@@ -202,7 +202,8 @@ fn alpha_mode(checked: &Checks<'_>, source: &json::Material) -> Result<AlphaMode
         Checked::Invalid => {
             return Err(checked
                 .document
-                .fault(format!("{} has an unknown alphaMode", checked.what), "use OPAQUE, MASK or BLEND"));
+                .fault(format!("{} has an unknown alphaMode", checked.what))
+                .help("use OPAQUE, MASK or BLEND"));
         }
     })
 }
@@ -219,12 +220,12 @@ fn check_extensions(document: &mut Document, what: &str, source: &json::Material
     if is_unlit {
         let warning =
             format!("{what} is unlit ({UNLIT}), which transports no light: it is a matte surface here");
-        document.warnings.add(warning);
+        document.file.warn(warning);
     }
     let supported = |name: &str| [UNLIT, GLOSSINESS].contains(&name) || READ_HERE.contains(&name);
     for name in others.keys().filter(|name| !supported(name)) {
         let warning = format!("{name} is not supported and ignored; {what} uses it first");
-        document.warnings.add_once(name, warning);
+        document.file.warn_once(name, warning);
     }
     is_unlit
 }
@@ -282,10 +283,9 @@ impl Checks<'_> {
     }
 
     fn out_of_range(&self, factor: &str, value: f32, expected: &str) -> Error {
-        self.document.fault(
-            format!("{}: its {factor} is {value}", self.what),
-            format!("correct the material: the value must be {expected}"),
-        )
+        self.document
+            .fault(format!("{}: its {factor} is {value}", self.what))
+            .help(format!("correct the material: the value must be {expected}"))
     }
 }
 

@@ -13,8 +13,7 @@ use serde::Deserialize;
 use super::buffers::OpenAccessor;
 use super::extensions::INSTANCING;
 use super::nodes::Placed;
-use super::vertices::open_for;
-use super::{Document, buffers, object_name};
+use super::{Document, object_name, vertices};
 use crate::error::Result;
 
 /// An affine transform of points, with the corresponding transform of normals.
@@ -52,23 +51,19 @@ impl Transform {
 }
 
 /// The pose of a mesh: one transform for all vertices, or one for each vertex.
-pub(super) enum Pose<'a> {
+pub(super) enum Pose {
     /// The transform of the mesh's node, or of one of its instances.
     Rigid(Transform),
-    Skinned {
-        joints: Rc<[DAffine3]>,
-        influences: Influences<'a>,
-    },
+    /// One matrix for each joint of the skin.
+    Skinned(Rc<[DAffine3]>),
 }
 
-impl Pose<'_> {
+impl Pose {
     /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to a joint that the skin does not have.
-    pub(super) fn of(&self, index: usize) -> Option<Transform> {
+    pub(super) fn of(&self, index: usize, influences: &Influences<'_>) -> Option<Transform> {
         match self {
             Self::Rigid(transform) => Some(*transform),
-            Self::Skinned { joints, influences } => {
-                influences.matrix(index, joints).as_ref().map(Transform::new)
-            }
+            Self::Skinned(joints) => influences.matrix(index, joints).as_ref().map(Transform::new),
         }
     }
 }
@@ -98,24 +93,20 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
         return Ok(None);
     };
     let Attributes { translation, rotation, scale } = attributes;
-    let open =
-        |name: &str, accessor: Option<json::Index<json::Accessor>>, shape, components: &[ComponentType]| {
-            let what = format!("{what}: {name} of its instances");
-            accessor
-                .map(|accessor| buffers::open_accessor(document, &what, accessor, shape, components))
-                .transpose()
-        };
-    let translations = open("TRANSLATION", translation, Type::Vec3, &[ComponentType::F32])?;
-    let rotations =
-        open("ROTATION", rotation, Type::Vec4, &[ComponentType::F32, ComponentType::I8, ComponentType::I16])?;
-    let scales = open("SCALE", scale, Type::Vec3, &[ComponentType::F32])?;
+    let open = |name: &str, accessor, array| {
+        vertices::open(document, (what, &format!("{name} of its instances")), accessor, array, 0)
+    };
+    const FLOATS: &[ComponentType] = &[ComponentType::F32];
+    let translations = open("TRANSLATION", translation, (Type::Vec3, FLOATS))?;
+    let turns = [ComponentType::F32, ComponentType::I8, ComponentType::I16];
+    let rotations = open("ROTATION", rotation, (Type::Vec4, &turns))?;
+    let scales = open("SCALE", scale, (Type::Vec3, FLOATS))?;
     let counts = [&translations, &rotations, &scales].into_iter().flatten().map(|array| array.count);
     let (Some(least), Some(most)) = (counts.clone().min(), counts.max()) else { return Ok(Some(Vec::new())) };
     if least != most || most > MAX_INSTANCES {
-        return Err(document.fault(
-            format!("{what} has {most} instances, and {least} in another list of them"),
-            format!("give all lists the same length, of at most {MAX_INSTANCES} instances"),
-        ));
+        return Err(document
+            .fault(format!("{what} has {most} instances, and {least} in another list of them"))
+            .help(format!("give all lists the same length, of at most {MAX_INSTANCES} instances")));
     }
 
     let vector = |array: &Option<OpenAccessor<'_>>, index: usize, default: DVec3| match array {
@@ -140,12 +131,11 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
     (0..most)
         .map(|index| {
             place(index).ok_or_else(|| {
-                document.fault(
-                    format!(
+                document
+                    .fault(format!(
                         "{what}: the transform of its instance {index} is not finite, or its rotation is zero"
-                    ),
-                    "correct the instance's translation, rotation and scale",
-                )
+                    ))
+                    .help("correct the instance's translation, rotation and scale")
             })
         })
         .collect::<Result<Vec<_>>>()
@@ -185,20 +175,15 @@ impl Skins {
         }
         let skin = document.referred(&document.root.skins, user, "skin", index)?;
         let what = object_name("skin", index, skin.name.as_ref());
-        let inverse_bind = match skin.inverse_bind_matrices {
-            None => None,
-            Some(accessor) => {
-                let name = format!("{what}: inverseBindMatrices");
-                Some(buffers::open_accessor(document, &name, accessor, Type::Mat4, &[ComponentType::F32])?)
-            }
-        };
+        let array = (Type::Mat4, [ComponentType::F32].as_slice());
+        let inverse_bind =
+            vertices::open(document, (&what, "inverseBindMatrices"), skin.inverse_bind_matrices, array, 0)?;
         let mut matrices = Vec::new();
         for (position, joint) in skin.joints.iter().enumerate() {
             let Some(&Some(transform)) = self.placed.get(joint.value()) else {
-                return Err(document.fault(
-                    format!("{what}: its joint {} is not a node of the scene", joint.value()),
-                    "export the skeleton in the same scene as the mesh",
-                ));
+                return Err(document
+                    .fault(format!("{what}: its joint {} is not a node of the scene", joint.value()))
+                    .help("export the skeleton in the same scene as the mesh"));
             };
             let bound = match &inverse_bind {
                 None => DAffine3::IDENTITY,
@@ -228,6 +213,8 @@ fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     })
 }
 
+/// The joints of each vertex of a primitive, with their weights; empty if the primitive has no skin.
+#[derive(Default)]
 pub(super) struct Influences<'a> {
     sets: Vec<(OpenAccessor<'a>, OpenAccessor<'a>)>,
 }
@@ -243,30 +230,30 @@ impl<'a> Influences<'a> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let mut sets = Vec::new();
         for set in 0.. {
-            let pair = (attribute(Semantic::Joints(set)), attribute(Semantic::Weights(set)));
-            let (joints, weights) = match pair {
-                (Some(joints), Some(weights)) if set < MAX_SETS => (joints, weights),
+            let open = |name: &str, semantic, components: &[ComponentType]| {
+                let name = format!("{name}_{set}");
+                vertices::open(document, (what, &name), attribute(semantic), (Type::Vec4, components), count)
+            };
+            let joints = open("JOINTS", Semantic::Joints(set), &[ComponentType::U8, ComponentType::U16])?;
+            let weights = open(
+                "WEIGHTS",
+                Semantic::Weights(set),
+                &[ComponentType::F32, ComponentType::U8, ComponentType::U16],
+            )?;
+            match (joints, weights) {
+                (Some(joints), Some(weights)) if set < MAX_SETS => sets.push((joints, weights)),
                 (None, None) if set > 0 => break,
                 (Some(_), Some(_)) => {
-                    return Err(document.fault(
-                        format!("{what} has more than {} joints to a vertex", 4 * MAX_SETS),
-                        "limit the number of influences in the exporter",
-                    ));
+                    return Err(document
+                        .fault(format!("{what} has more than {} joints to a vertex", 4 * MAX_SETS))
+                        .help("limit the number of influences in the exporter"));
                 }
                 _ => {
                     return Err(document.damaged_mesh(format!(
                         "{what} is skinned, but lacks JOINTS_{set} or WEIGHTS_{set}"
                     )));
                 }
-            };
-            let open = |name: &str, accessor, components: &[ComponentType]| {
-                let what = format!("{what}: {name}_{set}");
-                open_for(document, &what, accessor, Type::Vec4, components, count)
-            };
-            sets.push((
-                open("JOINTS", joints, &[ComponentType::U8, ComponentType::U16])?,
-                open("WEIGHTS", weights, &[ComponentType::F32, ComponentType::U8, ComponentType::U16])?,
-            ));
+            }
         }
         Ok(Self { sets })
     }
