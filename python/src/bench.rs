@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::sync::{Mutex, PoisonError};
 
 use krylux::Error;
 use krylux::bench::preview::LivePreview;
@@ -16,6 +15,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{self, Fields};
 use crate::settings::Request;
 use crate::verbs::asked::{attributes_of, request};
+use crate::work::Held;
 use crate::{errors, work};
 
 /// The rig of a request, whose calibration may not be there yet.
@@ -82,19 +82,7 @@ pub(crate) fn attached<'py>(
 
 /// A preview that runs until it is closed.
 #[pyclass(frozen, module = "krylux._krylux", name = "Preview")]
-pub(crate) struct Preview {
-    open: Mutex<Option<LivePreview>>,
-    process: u32,
-}
-
-impl Drop for Preview {
-    fn drop(&mut self) {
-        if self.process != std::process::id() {
-            // The devices are the parent's: they are neither used nor closed here.
-            std::mem::forget(self.open.get_mut().unwrap_or_else(PoisonError::into_inner).take());
-        }
-    }
-}
+pub(crate) struct Preview(Held<LivePreview>);
 
 #[pymethods]
 impl Preview {
@@ -118,23 +106,17 @@ impl Preview {
             let help = format!("give an array of shape ({height}, {width}) or ({height}, {width}, 3)");
             return Err(errors::option(py, "pattern", &fault, &help));
         }
-        let open = work::detached(py, || BenchRig::new(rig).preview(&image, exposure))?;
-        Ok(Self { open: Mutex::new(Some(open)), process: std::process::id() })
+        work::detached(py, || BenchRig::new(rig).preview(&image, exposure)).map(Held::new).map(Self)
     }
 
     /// The next frame with its figures.
     fn next<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        if self.process != std::process::id() {
-            return Err(errors::forked(py));
-        }
-        let taken = work::detached(py, || {
-            let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
-            let Some(running) = open.as_mut() else { return Ok(None) };
+        let (figures, raw, range) = self.0.with(py, |running| {
             let figures = running.capture()?;
             // There is a last frame once one was captured.
-            Ok(running.last().cloned().map(|raw| (figures, raw, *running.range())))
+            let raw = running.last().cloned().ok_or(Error::Interrupted)?;
+            Ok((figures, raw, *running.range()))
         })?;
-        let Some((figures, raw, range)) = taken else { return Err(errors::closed(py)) };
         let fields = Fields::new(py);
         let picture = range.paint(&raw);
         fields.raster_of("picture", picture.bytes().to_vec(), raw.resolution, 3)?;
@@ -146,8 +128,6 @@ impl Preview {
 
     /// Closes the devices.
     fn close(&self, py: Python<'_>) {
-        if self.process == std::process::id() {
-            py.detach(|| drop(self.open.lock().unwrap_or_else(PoisonError::into_inner).take()));
-        }
+        py.detach(|| drop(self.0.take()));
     }
 }

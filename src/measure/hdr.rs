@@ -96,27 +96,6 @@ pub(crate) struct BlackPhotos {
     pub(crate) variance: Vec<Vec<f64>>,
 }
 
-impl BlackPhotos {
-    /// Photographs the frame `black` `takes` times at each exposure.
-    pub(crate) fn take(
-        frames: &mut dyn FrameSource,
-        curve: &CameraCurve,
-        black: &Arc<Frame>,
-        exposures: &[f64],
-        takes: u32,
-    ) -> Result<Self> {
-        let mut blacks = Self::default();
-        for &exposure in exposures {
-            let exposed = average(frames, curve, black, exposure, 0..takes)?;
-            let square = exposed.exposure * exposed.exposure;
-            let variance = |(sample, &mean): (usize, &f64)| exposed.variance(curve, sample, mean) / square;
-            blacks.variance.push(exposed.mean.iter().enumerate().map(variance).collect());
-            blacks.exposed.push(exposed);
-        }
-        Ok(blacks)
-    }
-}
-
 // The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and Kutulakos, section 7.2).
 //
 // Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, with the light `L_e` of the photo and `B_e` of the black photo.

@@ -125,11 +125,7 @@ impl<'a> JournaledFrames<'a> {
         let stored = self.journal.get(key)?;
         self.journal.damages()[known..].iter().for_each(&mut self.report);
         let Some(stored) = stored else { return Ok(None) };
-        let note = PhotoMetadata::parse(&stored.metadata)
-            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
-        let frame = note
-            .frame(&stored.payload)
-            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
+        let (note, frame) = journal_records::photo(&self.journal, &stored)?;
         self.last = Some(note.stamp());
         self.effort.replayed += 1;
         Ok(Some(frame))
@@ -145,23 +141,17 @@ impl<'a> JournaledFrames<'a> {
 
     /// Takes a photo with the rig in its state after the photo of stamp `after`.
     fn take(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
-        let inner = match self.inner.take() {
-            Some((inner, stamp)) if stamp == after => inner,
-            other => {
-                if let Some((inner, _)) = &other {
-                    self.effort = journal_records::sum(&self.effort, &inner.effort());
-                }
-                // The old rig is closed before the new one is opened.
-                drop(other);
-                self.open(request, after)?
+        if self.inner.as_ref().is_none_or(|(_, stamp)| *stamp != after) {
+            // The old rig is closed before the new one is opened.
+            if let Some((inner, _)) = self.inner.take() {
+                self.effort = journal_records::sum(&self.effort, &inner.effort());
             }
-        };
-        let (inner, _) = self.inner.insert((inner, after));
+            self.inner = Some((self.open(request, after)?, after));
+        }
+        let Some((inner, last)) = &mut self.inner else { return Err(self.missing(request)) };
         let frame = inner.capture(request)?;
         let stamp = Stamp::of(&frame);
-        if let Some((_, last)) = &mut self.inner {
-            *last = Some(stamp);
-        }
+        *last = Some(stamp);
         Ok((frame, stamp))
     }
 

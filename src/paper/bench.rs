@@ -224,49 +224,39 @@ impl Set {
     }
 
     pub(super) fn scene(self) -> Scene {
+        let mut scene = match self {
+            Self::Zigzag | Self::Apart | Self::Exchanged => builtin::zigzag(),
+            Self::Corner | Self::Defocused | Self::BothDefocused | Self::Beside(_) => builtin::corner(),
+            Self::TwoSheets => builtin::two_sheets(),
+            Self::Post => builtin::two_sheets_post(),
+            Self::FoldedSheet => builtin::folded_sheet(),
+            Self::Carton => builtin::nine_cells(false),
+            Self::CartonEggs => builtin::nine_cells(true),
+        }
+        .to_scene();
+        let mut projector = scene.camera.clone();
         match self {
-            Self::Zigzag => builtin::zigzag().to_scene(),
-            Self::Corner => builtin::corner().to_scene(),
-            Self::Defocused => {
-                let mut scene = builtin::corner().to_scene();
-                let mut projector = scene.camera.clone();
-                projector.lens = DEFOCUSED;
-                scene.projector = Some(projector);
-                scene
-            }
+            Self::Defocused => projector.lens = DEFOCUSED,
             Self::BothDefocused => {
-                let mut scene = builtin::corner().to_scene();
                 scene.camera.lens = DEFOCUSED;
-                scene
+                return scene;
             }
-            Self::TwoSheets => builtin::two_sheets().to_scene(),
-            Self::Post => builtin::two_sheets_post().to_scene(),
-            Self::FoldedSheet => builtin::folded_sheet().to_scene(),
-            Self::Carton => builtin::nine_cells(false).to_scene(),
-            Self::CartonEggs => builtin::nine_cells(true).to_scene(),
             Self::Apart | Self::Exchanged => {
-                let mut scene = builtin::zigzag().to_scene();
-                let mut projector = scene.camera.clone();
                 projector.position += APART * projector.right;
                 if self == Self::Exchanged {
                     std::mem::swap(&mut projector, &mut scene.camera);
                 }
-                scene.projector = Some(projector);
-                scene
             }
-            Self::Beside(0) => builtin::corner().to_scene(),
-            Self::Beside(tenths) => {
-                let mut scene = builtin::corner().to_scene();
-                let beside = 1e-4 * tenths as f32;
-                let mut projector = scene.camera.clone();
+            Self::Beside(tenths @ 1..) => {
                 let looks_at = projector.position + EDGE * projector.forward;
-                projector.position += beside * projector.right;
+                projector.position += 1e-4 * tenths as f32 * projector.right;
                 projector.forward = (looks_at - projector.position).normalize();
                 projector.right = projector.forward.cross(projector.up).normalize();
-                scene.projector = Some(projector);
-                scene
             }
+            _ => return scene,
         }
+        scene.projector = Some(projector);
+        scene
     }
 }
 
@@ -291,6 +281,11 @@ impl Stage {
 
     pub(super) fn white(&self) -> Vec<f64> {
         self.photo(&vec![1.0; self.pixels()])
+    }
+
+    pub(super) fn white_panel(&self) -> Panel {
+        let white = Content::Light { values: self.white(), white: None };
+        self.panel("white", "The photo under white, W/(m² sr)", white)
     }
 
     pub(super) fn panel(

@@ -116,8 +116,10 @@ fn relative(path: &Path, folder: &Path) -> Result<String> {
     })
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
 mod tests {
+    #![cfg(unix)]
+
     use super::*;
     use std::fs;
     use std::os::unix::fs::{PermissionsExt, symlink};
