@@ -251,8 +251,7 @@ class Lab(Asking):
             raise _checks.refuse("verb", f"there is no plan of {verb!r}", 'give "segment", "compensate" or "eigs"')
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
-        named = ("target",) if verb == "compensate" else ()
-        given, pictures = _declared.pictures_apart(self, bound.arguments, named)
+        given, pictures = _declared.pictures_apart(self, bound.arguments, ("target",) if verb == "compensate" else ())
         if any(picture.ndim == 3 for picture in pictures.values()):
             raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
         return answers.Plan(self._native.plan(verb, _declared.asked(given), pictures, trials))

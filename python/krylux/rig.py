@@ -226,9 +226,9 @@ def _rig(source, options):
     return lab.request(source, options)
 
 
-def _ask(verb, source, options, asked):
+def _ask(verb: str, request: Any, asked: dict[str, Any]) -> builtins.list[Report]:
     """The reports of a question to the devices of a rig."""
-    reports = _krylux.ask_rig(verb, _rig(source, options), _declared.asked(asked))
+    reports = _krylux.ask_rig(verb, request, _declared.asked(asked))
     for found in reports:
         if "folder" in found:
             found["folder"] = pathlib.Path(found["folder"])
@@ -256,7 +256,7 @@ def calibrate(source: _Source, folder: _checks.FilePath | None = None, *, takes:
         raise _checks.refuse("folder", "devices of Python have no rig file beside which it could be", "name a folder")
     asked = {"takes": _checks.count(takes, "takes"), "map": map, "folder": folder, "overwrite": bool(overwrite),
              "resume": bool(resume)}
-    return _ask("calibrate", source, options, asked)[0]
+    return _ask("calibrate", _rig(source, options), asked)[0]
 
 
 def flat_field(source: _checks.FilePath, **options: Any) -> Report:
@@ -272,7 +272,7 @@ def flat_field(source: _checks.FilePath, **options: Any) -> Report:
     Returns: ``folder`` of the calibration; ``projector`` and ``camera``, their brightness at each of the projector's
         pixels, row by row.
     """
-    return _ask("flat_field", source, options, {})[0]
+    return _ask("flat_field", _rig(source, options), {})[0]
 
 
 def check(source: _Source, folder: _checks.FilePath = "out", **options: Any) -> Report:
@@ -285,7 +285,7 @@ def check(source: _Source, folder: _checks.FilePath = "out", **options: Any) -> 
 
     Returns: ``findings``, ``passed``, ``complete`` and ``status``.
     """
-    return _ask("check", source, options, {"folder": folder})[0]
+    return _ask("check", _rig(source, options), {"folder": folder})[0]
 
 
 def align(source: _Source, *, rounds: int = 1, patterns: int = 6, asymmetry: float = 0.1, exposure: float | None = None,
@@ -302,7 +302,7 @@ def align(source: _Source, *, rounds: int = 1, patterns: int = 6, asymmetry: flo
 
     Returns: One for each round.
     """
-    return _ask("align", source, options, {
+    return _ask("align", _rig(source, options), {
         "rounds": _checks.count(rounds, "rounds"),
         "patterns": _checks.count(patterns, "patterns", 0),
         "asymmetry": _checks.finite(asymmetry, "asymmetry", 0.0),
@@ -377,4 +377,4 @@ def list(source: _checks.FilePath | None = None, *, display: str | None = None) 
     """
     if source is not None and not os.fspath(source).lower().endswith(".toml"):
         raise _checks.refuse("source", f"{source} is no rig file", "give a rig file (.toml), or nothing")
-    return Report(_krylux.attached(_declared.asked({"file": source, "display": display})))
+    return _ask("list", None, {"file": source, "display": display})[0]

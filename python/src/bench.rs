@@ -24,7 +24,7 @@ fn rig(py: Python<'_>, source: Request) -> PyResult<RigSource> {
     work::detached(py, || builder.open_uncalibrated_rig())
 }
 
-/// Asks about a rig. Returns the attributes of the answer; of an alignment those of each round.
+/// Asks about a rig, or about the devices that are attached. Returns the attributes of the answer; of an alignment those of each round.
 #[pyfunction]
 pub(crate) fn ask_rig<'py>(
     py: Python<'py>,
@@ -49,6 +49,10 @@ pub(crate) fn ask_rig<'py>(
             let found = work::detached(py, || asked.ask(Ok(rig), &mut |_| ControlFlow::Continue(())))?;
             CheckBench::content(&found)
         }
+        "list" => {
+            let asked: ListDevices = request(py, asked)?;
+            work::detached(py, || asked.ask())?.0
+        }
         _ => {
             let asked: Align = request(py, asked)?;
             let rig = rig(py, source)?;
@@ -67,17 +71,6 @@ pub(crate) fn ask_rig<'py>(
         }
     };
     Ok(vec![attributes_of(py, &content)?])
-}
-
-/// The monitors and cameras that are attached, and the devices that a virtual rig's file describes.
-#[pyfunction]
-pub(crate) fn attached<'py>(
-    py: Python<'py>,
-    asked: BTreeMap<String, String>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let asked: ListDevices = request(py, asked)?;
-    let (content, _) = work::detached(py, || asked.ask())?;
-    attributes_of(py, &content)
 }
 
 /// A preview that runs until it is closed.
@@ -106,7 +99,7 @@ impl Preview {
             let help = format!("give an array of shape ({height}, {width}) or ({height}, {width}, 3)");
             return Err(errors::option(py, "pattern", &fault, &help));
         }
-        work::detached(py, || BenchRig::new(rig).preview(&image, exposure)).map(Held::new).map(Self)
+        Ok(Self(Held::new(work::detached(py, || BenchRig::new(rig).preview(&image, exposure))?)))
     }
 
     /// The next frame with its figures.

@@ -36,7 +36,7 @@ mod _krylux {
     #[pymodule_export]
     use crate::answers::Answer;
     #[pymodule_export]
-    use crate::bench::{Preview, ask_rig, attached};
+    use crate::bench::{Preview, ask_rig};
     #[pymodule_export]
     use crate::figures::{Figures, compare, read_picture, reproduce};
     #[pymodule_export]
