@@ -27,7 +27,6 @@ mod progress;
 mod projector;
 mod reproduce;
 mod rig;
-mod rig_info;
 mod runs;
 mod solve;
 mod team;

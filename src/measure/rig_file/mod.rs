@@ -108,6 +108,15 @@ pub enum RigKind {
 const KINDS: [&str; 3] = ["virtual", "hardware", "program"];
 
 impl RigKind {
+    /// The name of the kind in a rig file.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Virtual(_) => "virtual",
+            Self::Hardware(_) => "hardware",
+            Self::Program(_) => "program",
+        }
+    }
+
     /// The description of the projector.
     pub fn projector_info(&self) -> ProjectorInfo {
         match self {
