@@ -25,6 +25,7 @@
 
 mod answers;
 mod builder;
+mod calibration;
 mod folder;
 mod independent;
 mod journal;
@@ -35,7 +36,9 @@ mod light;
 mod loading;
 mod lock;
 mod look;
+mod matrix;
 mod measured;
+mod model;
 mod notes;
 mod observing;
 mod operator;
@@ -44,6 +47,7 @@ mod replaced;
 mod run_model;
 mod saving;
 mod settings;
+mod shards;
 mod source;
 #[cfg(test)]
 mod tests_of_rigs;
@@ -71,12 +75,10 @@ pub use settings::{
     CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
 };
 pub(crate) use settings::{byte_count, size};
+pub use shards::{JoinedShards, Scaling, TracedShard, join_shards};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
-pub use verbs::{
-    Calibrated, JoinedShards, MatrixRequest, Plan, PlanRequest, Scaling, SinglePhoto, TracedShard,
-    join_shards,
-};
+pub use verbs::SinglePhoto;
 pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;
