@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use krylux::image::Resolution;
 use krylux::lab::{
-    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, OperatorSettings, Settings, SharedObserver,
-    TraceOverrides, View,
+    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, OperatorSettings, RunOptions, Settings,
+    SharedObserver, TraceOverrides, View,
 };
 use krylux::render::Sampler;
 use krylux::sparse::Csr;
@@ -73,14 +73,9 @@ impl Request {
         if let Some(devices) = self.devices {
             builder = builder.devices(devices.opener());
         }
-        if let Some(folder) = self.folder {
-            builder = builder.folder(folder);
-        }
-        if self.resume {
-            builder = builder.resume();
-        }
-        if self.overwrite {
-            builder = builder.overwrite();
+        let run = RunOptions { folder: self.folder, overwrite: self.overwrite, resume: self.resume };
+        if run.folder.is_some() || run.overwrite || run.resume {
+            builder = builder.run(run);
         }
         let watcher = Watcher::new(self.progress, self.log);
         Ok(builder.observer(SharedObserver(Arc::new(watcher))))

@@ -6,9 +6,8 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::bar::Bar;
 use super::options::GlobalArgs;
-use super::progress::Progress;
+use super::progress::{Bar, LINE, Progress};
 use crate::error::{Error, Result};
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 use crate::team::Team;
@@ -113,10 +112,13 @@ impl Console {
     /// Whether the user has asked to stop.
     pub(super) fn check(&self) -> ControlFlow<()> {
         self.asked.store(true, Ordering::SeqCst);
-        if self.interrupted.load(Ordering::SeqCst) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
+        self.is_interrupted()
+    }
+
+    fn is_interrupted(&self) -> ControlFlow<()> {
+        match self.interrupted.load(Ordering::SeqCst) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         }
     }
 
@@ -145,7 +147,7 @@ impl Console {
 
     /// One line that is rewritten again and again.
     pub(super) fn line(&self) -> Bar {
-        Bar::line(self.quiet)
+        Bar::new(self.quiet, "", LINE)
     }
 
     /// What is shown of a running computation.
@@ -159,10 +161,7 @@ impl Observer for Console {
         self.progress().step(step);
         if step.stage == "loading" {
             // Between these steps nothing may ask whether to stop for long, so that Ctrl-C still ends the program at once.
-            return match self.interrupted.load(Ordering::SeqCst) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            };
+            return self.is_interrupted();
         }
         self.check()
     }

@@ -4,7 +4,6 @@
 
 mod asked;
 mod audit;
-mod bar;
 mod cache;
 mod compare;
 mod completions;

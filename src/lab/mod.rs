@@ -29,7 +29,6 @@ mod folder;
 mod independent;
 mod journal;
 mod kept;
-mod labels;
 mod layout;
 mod light;
 mod loading;
@@ -53,7 +52,6 @@ mod transport;
 mod verb;
 mod verbs;
 mod verification;
-mod view;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};

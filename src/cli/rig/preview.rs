@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 
 use super::super::Outcome;
-use super::super::bar::{Bar, has_terminal};
 use super::super::console::Console;
 use super::super::options::{count, free_file, time};
 use super::super::pattern::Pattern;
+use super::super::progress::{Bar, has_terminal};
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::bench::preview::{self, CountRange, FrameFigures, Preview};

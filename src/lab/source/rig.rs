@@ -1,20 +1,22 @@
 //! A rig file as a source: its devices, real or virtual, and their calibration.
 
-mod record;
-
 use std::path::Path;
 
 use super::scene::SceneSource;
 use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, traced_scene, twin};
 use crate::analysis::plan::Twin;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::io::manifest;
 use crate::journal::{Identity, Journal};
-use crate::lab::layout::short_name;
+use crate::lab::layout::{calibration_folder, short_name};
 use crate::lab::measured::{MeasuredRig, measured};
+use crate::lab::notes::{self, Kind, SourceNote};
 use crate::lab::settings::Settings;
 use crate::lab::{Log, SharedObserver, Truth, journal};
-use crate::measure::{Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind};
+use crate::measure::{
+    Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind, RunManifest,
+};
 use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
@@ -282,5 +284,51 @@ impl RigSource {
             None => opener(None)?,
         };
         measured(frames, &self.calibration, &self.file, (channels, self.symmetry))
+    }
+
+    /// Stores beside the journal in `folder` the data of the rig that a replay needs: its note, its file and its calibration.
+    pub(in crate::lab) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
+        let path = &self.file.path;
+        let bytes = match &self.program.text {
+            Some(text) => text.clone().into_bytes(),
+            None => crate::file::read(path)?,
+        };
+        if RigFile::from_bytes(path, &bytes)? != self.file {
+            return Err(Error::Data {
+                path: path.clone(),
+                fault: "the file is not what the rig was opened by, and a run keeps the file".into(),
+                help: "open the rig by the file as it is, or take its photos without a folder for the run"
+                    .into(),
+            });
+        }
+        journal.note(notes::RIG_FILE, &bytes)?;
+        let calibration = calibration_folder(folder);
+        let is_kept =
+            Calibration::load(&calibration).is_ok_and(|kept| kept.identity() == self.calibration.identity());
+        if !is_kept {
+            self.calibration.save(&calibration)?;
+        }
+        Ok(())
+    }
+
+    pub(in crate::lab) fn note(&self, channels: Channels) -> SourceNote {
+        SourceNote {
+            kind: Kind::Rig,
+            name: self.name(),
+            path: self.file.path.clone(),
+            hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
+            photos: self.resolution(),
+            patterns: self.resolution(),
+            symmetric: self.is_symmetric(),
+            channels: channels.count(),
+        }
+    }
+
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
+        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
+        if let Some(scene) = &self.scene {
+            scene.describe(manifest);
+        }
+        manifest.scene = Some(manifest::SourceFile { path: (&self.file.path).into(), hash });
     }
 }

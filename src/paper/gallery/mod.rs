@@ -12,15 +12,13 @@ use super::{Content, Figure, Panel, Reproduced};
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::name::Name;
-use crate::io::raster::{develop, exposure};
+use crate::io::raster::exposure;
 use crate::lab::RunFolder;
 use crate::measure::RunManifest;
-use crate::report::colormap::{paint_sequential, paint_signed, robust_range};
+use crate::report::colormap::robust_range;
 use crate::report::contact_sheet::ContactSheet;
-use crate::report::html::{
-    Block, Figure as PageFigure, Kind, Legend, Measured, Outcome, Report, Section, Sheet, Values, Verdict,
-};
-use crate::report::palette::paint_labels;
+use crate::report::figure;
+use crate::report::html::{Block, Figure as PageFigure, Measured, Outcome, Report, Section, Sheet, Verdict};
 use crate::report::run::{self, Files};
 use crate::report::spectrum::narrowed;
 
@@ -193,40 +191,20 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
 
 fn painted(panel: &Panel) -> Result<PageFigure> {
     let resolution = panel.resolution;
-    let number = |values: &[f64]| Values::of_numbers(resolution, Kind::Number, values, "");
-    let (raster, legend, values) = match &panel.content {
-        Content::Labels(labels) => (
-            paint_labels(resolution, labels),
-            Legend::of_labels(labels),
-            Values::of_labels(resolution, labels),
-        ),
+    let caption = panel.caption.as_str();
+    let painted = match &panel.content {
+        Content::Labels(labels) => figure::labels(resolution, labels, caption),
         Content::Signed(values) => {
-            let range = robust_range(values, None);
-            (paint_signed(resolution, values, None, range)?, Legend::signed(range), number(values))
+            figure::signed(resolution, values, robust_range(values, None), "", caption)
         }
-        Content::Amounts(values) => {
-            let high = robust_range(values, None);
-            (
-                paint_sequential(resolution, values, None, (0.0, high))?,
-                Legend::sequential(0.0, high),
-                number(values),
-            )
-        }
+        Content::Amounts(values) => figure::amounts(resolution, values, "", caption),
         Content::Light { values, white } => {
             let image = narrowed(resolution, values)?;
             let scale = white.map_or_else(|| exposure(&image), |white| (1.0 / white) as f32);
-            let white = 1.0 / f64::from(scale);
-            (develop(&image, scale), Legend::light(white), Values::of_light(&image, white, ""))
+            figure::light(&image, scale, "", caption)
         }
     };
-    Ok(PageFigure {
-        png: raster.encode_png()?,
-        caption: panel.caption.clone(),
-        legend,
-        values: Some(values),
-        name: panel.name.clone(),
-        ..PageFigure::default()
-    })
+    Ok(painted?.named(&panel.name, ""))
 }
 
 fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
