@@ -5,10 +5,8 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from . import answers
-from ._lighting import Lighting
 
-class Asking(Lighting):
-    seed: int
+class Asking:
     # What krylux declares, as krylux._declared.stub() writes it: a test holds it.
     def compensate(
         self,
@@ -99,3 +97,4 @@ class Asking(Lighting):
         upper: float = 1.0,
     ) -> answers.Solution: ...
     def audit(self, *, patterns: int = 6, tolerance: float = 0.01, asymmetry: float = 0.1) -> answers.Audit: ...
+    def _budget(self, photos: int | None, default: int) -> int: ...

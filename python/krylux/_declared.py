@@ -52,22 +52,7 @@ def pictures_apart(lab, options, names):
 
 def asked(options):
     """Keyword arguments as JSON by name; what stays at ``None`` is left to krylux."""
-    return {name: _as_json(name, value) for name, value in options.items() if value is not None}
-
-
-def _as_json(name, value):
-    try:
-        return json.dumps(value, allow_nan=False, default=_plain)
-    except (TypeError, ValueError) as error:
-        fault = f"{value!r} cannot be used: {error}"
-        raise _checks.refuse(name, fault, "give finite numbers, texts, or sequences of them") from error
-
-
-def _plain(value):
-    """Numbers and arrays of NumPy, paths and other sequences as JSON has them."""
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    return value.tolist() if hasattr(value, "tolist") else list(value)
+    return {name: _checks.as_json(name, value) for name, value in options.items() if value is not None}
 
 
 def _kind(index):

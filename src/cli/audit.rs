@@ -37,11 +37,11 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if args.run.resume {
-        return Err(Error::Option {
-            option: "--resume".into(),
-            fault: "an audit asks whether a photo taken twice is the same, so it keeps none".into(),
-            help: "audit anew, with --overwrite or into another folder".into(),
-        });
+        return Err(Error::option(
+            "--resume",
+            "an audit asks whether a photo taken twice is the same, so it keeps none",
+        )
+        .help("audit anew, with --overwrite or into another folder"));
     }
     let opening = Opening::new(&args.source, &args.trace).operator(&args.operator);
     let mut lab = opening.open(console)?;

@@ -39,10 +39,9 @@ struct ActionArgs {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let (Action::List(of) | Action::Clear(of)) = &args.action;
-    let cache = of.cache.choice().open().ok_or_else(|| Error::Option {
-        option: "--cache".into(),
-        fault: "there is no cache to look at".into(),
-        help: "name its folder by --cache DIR or KRYLUX_CACHE".into(),
+    let cache = of.cache.choice().open().ok_or_else(|| {
+        Error::option("--cache", "there is no cache to look at")
+            .help("name its folder by --cache DIR or KRYLUX_CACHE")
     })?;
     match args.action {
         Action::List(_) => list(&cache, console),

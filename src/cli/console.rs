@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::ops::ControlFlow;
+use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -182,7 +183,7 @@ impl Observer for Console {
 }
 
 /// An error as one JSON object: `{"error": …, "help": …}`. The help is null where the message has none.
-pub(super) fn json_of(message: &str) -> String {
+fn json_of(message: &str) -> String {
     let (error, help) = match message.split_once("\n  help: ") {
         Some((error, help)) => (error, Some(help)),
         None => (message, None),
@@ -207,6 +208,25 @@ fn written(done: std::io::Result<()>) -> Result<()> {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::writing("standard output")(error)),
         _ => Ok(()),
     }
+}
+
+/// Says why the command line cannot be parsed, as JSON with `--json`; or prints the help that was asked for.
+pub(super) fn report_usage(why: &clap::Error) -> ExitCode {
+    let wants_json = std::env::args_os().any(|argument| argument == "--json");
+    if why.use_stderr() && wants_json {
+        let _ = writeln!(std::io::stderr().lock(), "{}", json_of(&as_error_and_help(&why.to_string())));
+    } else {
+        // A reader who has gone is not an error.
+        let _ = why.print();
+    }
+    ExitCode::from(u8::try_from(why.exit_code()).unwrap_or(2))
+}
+
+/// The message in the form of krylux's own errors: what is wrong first, then what to do about it.
+fn as_error_and_help(message: &str) -> String {
+    let message = message.trim();
+    let (error, help) = message.split_once("\n\n").unwrap_or((message, "see --help"));
+    format!("{}\n  help: {}", error.trim_start_matches("error: "), help.trim())
 }
 
 #[cfg(test)]

@@ -65,10 +65,9 @@ fn write(file: &Path, resolution: Resolution, labels: &[u8]) -> Result<()> {
     match extension.as_deref() {
         Some("npy") => npy::write_npy(file, &[resolution.height, resolution.width], labels),
         Some("png") => palette::paint_labels(resolution, labels).write_png(file),
-        _ => Err(Error::Data {
-            path: file.to_path_buf(),
-            fault: "labels are written as numbers or as a picture".into(),
-            help: "name it .npy or .png".into(),
-        }),
+        _ => {
+            Err(Error::data(file, "labels are written as numbers or as a picture")
+                .help("name it .npy or .png"))
+        }
     }
 }

@@ -101,12 +101,11 @@ pub(super) fn in_run<T>(
     work: impl FnOnce(&mut Lab) -> Result<T>,
 ) -> Result<T> {
     if run.paint && !matches!(lab.kind(), SourceKind::Scene | SourceKind::Matrix) {
-        return Err(Error::Option {
-            option: "--paint".into(),
-            fault: "the page holds the light transport matrix, which a rig or a run does not have in memory"
-                .into(),
-            help: "leave it out; `krylux paint` serves a page for them".into(),
-        });
+        return Err(Error::option(
+            "--paint",
+            "the page holds the light transport matrix, which a rig or a run does not have in memory",
+        )
+        .help("leave it out; `krylux paint` serves a page for them"));
     }
     lab.begin_run(verb, &run.into())?;
     let mut outcome = work(lab);
@@ -132,16 +131,14 @@ pub(super) fn in_journal<T>(
         None => work(lab).map_err(|error| match error {
             Error::NotTaken { path, fault, .. } => {
                 let help = "give the file of the scene or the rig as SOURCE instead of the run";
-                Error::NotTaken { path, fault, help: help.into() }
+                Error::not_taken(path, fault).help(help)
             }
             other => other,
         }),
-        Some(_) if lab.kind() != SourceKind::Rig => Err(Error::Option {
-            option: "--journal".into(),
-            fault: "only photos of a rig are kept: those of a scene are computed from it, and those of a run are there"
-                .into(),
-            help: "leave it out".into(),
-        }),
+        Some(_) if lab.kind() != SourceKind::Rig => {
+            let fault = "only photos of a rig are kept: those of a scene are computed from it, and those of a run are there";
+            Err(Error::option("--journal", fault).help("leave it out"))
+        }
         Some(run) => in_run(lab, &run, verb, work),
     }
 }

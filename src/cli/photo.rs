@@ -131,12 +131,8 @@ fn write(
 }
 
 fn unknown_error() -> Error {
-    Error::Option {
-        option: "--error".into(),
-        fault: "the standard error of this photo is not known".into(),
-        help: "of a scene, give --spp 2 or more, and leave out --operator replay; of other sources only a rig knows it"
-            .into(),
-    }
+    let help = "of a scene, give --spp 2 or more, and leave out --operator replay; of other sources only a rig knows it";
+    Error::option("--error", "the standard error of this photo is not known").help(help)
 }
 
 /// Mean, least and greatest sample.

@@ -48,11 +48,8 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if args.lower.partial_cmp(&args.upper) != Some(Ordering::Less) {
-        return Err(Error::Option {
-            option: "--lower".into(),
-            fault: format!("{} is not below --upper {}", args.lower, args.upper),
-            help: "give a lower bound below the upper one".into(),
-        });
+        return Err(Error::option("--lower", format!("{} is not below --upper {}", args.lower, args.upper))
+            .help("give a lower bound below the upper one"));
     }
     let (view, trace) = (ViewArgs::default(), TraceArgs::default());
     let opening = Opening {
@@ -67,11 +64,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let rhs = npy::read_npy(&args.rhs)?.values;
     let rows = lab.resolution().pixels();
     if rhs.len() != rows {
-        return Err(Error::Data {
-            path: args.rhs.clone(),
-            fault: format!("it has {} numbers, but the matrix has {rows} rows", rhs.len()),
-            help: "give a right-hand side that belongs to this matrix".into(),
-        });
+        return Err(Error::data(
+            &args.rhs,
+            format!("it has {} numbers, but the matrix has {rows} rows", rhs.len()),
+        )
+        .help("give a right-hand side that belongs to this matrix"));
     }
     in_run(&mut lab, &args.run, "solve", |lab| answer(args, lab, &rhs, console))
 }

@@ -26,12 +26,10 @@
 mod answers;
 mod builder;
 mod folder;
-mod independent;
 mod journal;
 mod kept;
 mod layout;
 mod light;
-mod loading;
 mod lock;
 mod look;
 mod measured;
@@ -283,16 +281,13 @@ impl Lab {
         match &self.source {
             Source::Scene(scene) => Ok(scene),
             Source::Rig(rig) => rig.scene(),
-            Source::Run(run) => Err(Error::Data {
-                path: run.note.path.clone(),
-                fault: "a run has photos of it, but not the scene itself".into(),
-                help: "give the scene".into(),
-            }),
-            Source::Matrix(_) | Source::Model(_) => Err(Error::Data {
-                path: self.name().into(),
-                fault: "there is no scene behind it".into(),
-                help: "give the scene".into(),
-            }),
+            Source::Run(run) => {
+                Err(Error::data(&run.note.path, "a run has photos of it, but not the scene itself")
+                    .help("give the scene"))
+            }
+            Source::Matrix(_) | Source::Model(_) => {
+                Err(Error::data(self.name(), "there is no scene behind it").help("give the scene"))
+            }
         }
     }
 }

@@ -79,11 +79,9 @@ impl Lab {
     /// As [`Lab::finish`], with further findings, for example whether the answer meets the request. Fails as [`Lab::finish`].
     pub fn finish_with(&mut self, answer: &(impl Answer + ?Sized), more: Vec<Finding>) -> Result<Saved> {
         let Some(mut run) = self.run.take() else {
-            return Err(Error::Option {
-                option: "-o".into(),
-                fault: "no run is open".into(),
-                help: "name the folder: lab.save(folder, &answer)".into(),
-            });
+            return Err(
+                Error::option("-o", "no run is open").help("name the folder: lab.save(folder, &answer)")
+            );
         };
         let written = self.write(answer, more, &mut run);
         match &written {

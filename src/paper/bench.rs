@@ -320,11 +320,7 @@ pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
 fn shipped(name: &str, bytes: &[u8], resolution: Resolution, finer: f64) -> Result<(RigFile, VirtualRig)> {
     let file = RigFile::from_bytes(Path::new(name), bytes)?;
     let RigKind::Virtual(mut rig) = file.kind.clone() else {
-        return Err(Error::Data {
-            path: name.into(),
-            fault: "its devices are real".into(),
-            help: "the figures are made by virtual devices".into(),
-        });
+        return Err(Error::data(name, "its devices are real").help("the figures are made by virtual devices"));
     };
     let side = |pixels: usize| (finer * pixels as f64).round() as usize;
     rig.camera.size = Some([side(resolution.width), side(resolution.height)]);

@@ -52,9 +52,8 @@ impl TraceSettings {
         if let Some(projector) = self.projector {
             check_size("--projector-size", projector)?;
         }
-        let unusable = |option: &str, fault: String, help: String| {
-            Err(Error::Option { option: option.into(), fault, help })
-        };
+        let unusable =
+            |option: &str, fault: String, help: String| Err(Error::option(option, fault).help(help));
         let Gather { radius, photons } = self.gather;
         if self.samples == 0 || self.samples > 1 << 20 {
             let fault = format!("{} samples per pixel cannot be traced", self.samples);
@@ -80,11 +79,8 @@ impl TraceSettings {
 fn check_size(option: &str, size: Resolution) -> Result<()> {
     let Resolution { width, height } = size;
     if width == 0 || height == 0 || width > 16384 || height > 16384 {
-        return Err(Error::Option {
-            option: option.into(),
-            fault: format!("{size} pixels cannot be traced"),
-            help: format!("give 1 to 16384 pixels a side, e.g. {option} 128 or {option} 128x96"),
-        });
+        return Err(Error::option(option, format!("{size} pixels cannot be traced"))
+            .help(format!("give 1 to 16384 pixels a side, e.g. {option} 128 or {option} 128x96")));
     }
     Ok(())
 }

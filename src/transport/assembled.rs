@@ -215,11 +215,11 @@ impl Assembled {
         self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
         if self.matrix.processes() > 1 && place == Backend::Gpu {
-            return Err(Error::Option {
-                option: "--products".into(),
-                fault: "each process multiplies its rows of the matrix on its processor".into(),
-                help: "leave it out, or start one process".into(),
-            });
+            return Err(Error::option(
+                "--products",
+                "each process multiplies its rows of the matrix on its processor",
+            )
+            .help("leave it out, or start one process"));
         }
         let suits = suits && self.matrix.processes() == 1;
         if place == Backend::Cpu || (place == Backend::Auto && !suits) {
@@ -231,7 +231,7 @@ impl Assembled {
             Err(Error::Device { fault, .. }) if place == Backend::Auto => return Ok(Some(fault)),
             Err(Error::Device { fault, .. }) => {
                 let help = "take the products on the processor (--products cpu), or use another --adapter";
-                return Err(Error::Device { fault, help: help.into() });
+                return Err(Error::device(fault).help(help));
             }
             Err(error) => return Err(error),
         }

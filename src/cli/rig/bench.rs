@@ -81,11 +81,8 @@ pub(super) fn require_rig(path: &Path, argument: &str) -> Result<()> {
     if SourceKind::of(path) == SourceKind::Rig {
         return Ok(());
     }
-    Err(Error::Option {
-        option: argument.into(),
-        fault: format!("{} is no rig", path.display()),
-        help: "give a rig file (.toml): this verb asks devices".into(),
-    })
+    Err(Error::option(argument, format!("{} is no rig", path.display()))
+        .help("give a rig file (.toml): this verb asks devices"))
 }
 
 /// Frames until the user asks to stop.

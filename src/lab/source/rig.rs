@@ -7,11 +7,11 @@ use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, trac
 use crate::analysis::plan::Twin;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::io::manifest;
+use crate::io::manifest::SourceFile;
 use crate::journal::{Identity, Journal};
 use crate::lab::layout::{calibration_folder, short_name};
 use crate::lab::measured::{MeasuredRig, measured};
-use crate::lab::notes::{self, Kind, SourceNote};
+use crate::lab::notes;
 use crate::lab::settings::Settings;
 use crate::lab::{Log, SharedObserver, Truth, journal};
 use crate::measure::{
@@ -294,12 +294,11 @@ impl RigSource {
             None => crate::file::read(path)?,
         };
         if RigFile::from_bytes(path, &bytes)? != self.file {
-            return Err(Error::Data {
-                path: path.clone(),
-                fault: "the file is not what the rig was opened by, and a run keeps the file".into(),
-                help: "open the rig by the file as it is, or take its photos without a folder for the run"
-                    .into(),
-            });
+            return Err(Error::data(
+                path.clone(),
+                "the file is not what the rig was opened by, and a run keeps the file",
+            )
+            .help("open the rig by the file as it is, or take its photos without a folder for the run"));
         }
         journal.note(notes::RIG_FILE, &bytes)?;
         let calibration = calibration_folder(folder);
@@ -311,24 +310,12 @@ impl RigSource {
         Ok(())
     }
 
-    pub(in crate::lab) fn note(&self, channels: Channels) -> SourceNote {
-        SourceNote {
-            kind: Kind::Rig,
-            name: self.name(),
-            path: self.file.path.clone(),
-            hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
-            photos: self.resolution(),
-            patterns: self.resolution(),
-            symmetric: self.is_symmetric(),
-            channels: channels.count(),
-        }
-    }
-
+    /// Describes the rig in a run's record: its file, and the scene that virtual devices look at.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
-        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
         if let Some(scene) = &self.scene {
             scene.describe(manifest);
         }
-        manifest.scene = Some(manifest::SourceFile { path: (&self.file.path).into(), hash });
+        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
+        manifest.scene = Some(SourceFile { path: (&self.file.path).into(), hash });
     }
 }
