@@ -197,6 +197,7 @@ pub(super) fn error_text(number: Option<u32>, message: &str) -> String {
 mod tests {
     use super::*;
     use crate::lab::{Lab, LabBuilder, Settings};
+    use crate::transport::Channels;
 
     /// The largest difference of two photos, relative to the brightest pixel.
     fn difference(a: &Planes, b: &Planes) -> f64 {
@@ -211,7 +212,11 @@ mod tests {
 
     #[test]
     fn strokes_add_up_to_the_photo_of_the_pattern_for_every_light() -> Result<()> {
-        let mut lab = split("assets/scenes/corner/scene.glb").size(16, 16).samples(16).rgb().open()?;
+        let mut lab = split("assets/scenes/corner/scene.glb")
+            .size(16, 16)
+            .samples(16)
+            .channels(Channels::Rgb)
+            .open()?;
         let mut session = Session::new(Canvas::new(&mut lab)?)?;
         assert_eq!(session.canvas().lights().len(), 5);
         for light in 0..5 {
