@@ -1,10 +1,11 @@
 """The verbs of a laboratory: what the command line asks, as methods that return arrays."""
 
-from . import _checks, _declared, answers
-from ._lighting import Lighting
+import numpy as np
+
+from . import _checks, _declared
 
 
-class Asking(Lighting):
+class Asking:
     """The questions that a laboratory answers; the base of :class:`krylux.Lab`."""
 
     def singular(self, count=6, *, part="full", photos=None, tolerance=None, confirm=None):
@@ -40,39 +41,47 @@ class Asking(Lighting):
         -------
         krylux.answers.Solution
         """
+        options = {"method": method, "photos": photos, "rtol": rtol, "lower": lower, "upper": upper}
         rhs = _checks.vector(b, "b", self.shape[0] * self.shape[1])
-        bounds = (_checks.finite(lower, "lower"), _checks.finite(upper, "upper"))
-        question = (_checks.count(photos, "photos"), _checks.finite(rtol, "rtol", 0.0), *bounds)
-        return answers.Solution(*self._native.solve(method, rhs, question), self)
+        return _declared.ask(self, "solve", options, [("values", "", rhs)])
 
-    def audit(self, *, patterns=6, tolerance=0.01, asymmetry=0.1):
-        """Checks that the source is the linear, symmetric operator that every other method takes it for.
+    def relight(self, patterns=None, *, duals=None, photographs=None, photos=None, block=None, max_error=None):
+        """Captures the light transport in a few dozen photos, and answers by the model; a run answers without any photo.
 
         Parameters
         ----------
-        patterns : int
-            Random patterns; symmetry is judged by all pairs of them.
-        tolerance : float
-            Relative deviation from additivity, homogeneity and repeatability that passes.
-        asymmetry : float
-            ``‖A − Aᵀ‖/‖A‖`` that passes.
+        patterns : dict of str to array_like
+            Patterns of the projector's pixels to relight with. Default: white.
+        duals : dict of str to array_like
+            Patterns of the camera's pixels, for dual photographs.
+        photographs : dict of str to array_like
+            Photos to take the interreflections out of.
+        photos : int
+            Photos of the capture. Default 40.
+        block : int
+            Patterns that are chosen beforehand; 1 is white alone. Default 12.
+        max_error : float
+            The largest error of a relit photo that is good enough (scenes only).
 
         Returns
         -------
-        krylux.answers.Audit
+        krylux.answers.Relighting
+
+        References
+        ----------
+        O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010).
         """
-        question = (_checks.count(patterns, "patterns"), _checks.finite(tolerance, "tolerance", 0.0),
-                    _checks.finite(asymmetry, "asymmetry", 0.0))
-        return answers.Audit(*self._native.audit(*question), self)
-
-    def _budget(self, photos, default):
-        """The photos that were given, or those of the run, or a default."""
-        return _checks.count(self._photos_of_run or default if photos is None else photos, "photos")
-
-    @property
-    def _pixels(self):
-        """Pixels of a pattern."""
-        return self.projector_shape[0] * self.projector_shape[1]
+        if patterns is None:
+            patterns = {"white": np.ones(self.projector_shape, np.float32)}
+        asked = [
+            ("patterns", patterns, self.projector_shape), ("duals", duals, self.shape),
+            ("photographs", photographs, self.shape),
+        ]
+        arrays = [
+            (field, name, _checks.picture(array, f"{field}[{name!r}]", size, self.channels))
+            for field, of, size in asked for name, array in dict(of or {}).items()
+        ]
+        return _declared.ask(self, "relight", {"photos": photos, "block": block, "max_error": max_error}, arrays)
 
 
 _declared.add_verbs(Asking)

@@ -54,10 +54,10 @@ class OnRigs(Asking):
         if verb in planned:
             return answers.Plan(planned[verb](as_json(bound.arguments), trials))
         given, pictures = pictures_apart(self, bound.arguments, ("target",))
-        if any(picture.ndim == 3 for picture in pictures.values()):
+        if any(array.ndim == 3 for _, _, array in pictures):
             raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
-        found = self._native.plan_compensate(as_json(given), pictures, trials)
-        return answers.Plan(found)
+        pictures = [(field, name, array.astype("float64")) for field, name, array in pictures]
+        return answers.Plan(self._native.plan_compensate(as_json(given), pictures, trials))
 
     def through_rig(self, rig, *, folder=None, resume=False, overwrite=False):
         """Looks at the same scene through the virtual devices of a rig file.

@@ -293,6 +293,12 @@ class Probing(Answer):
         The relative error, where the exact photo is known.
     """
 
+    truth = None
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        fields = {"paths": facts["name"], "noise": facts["relative_standard_error"], "error": facts["relative_error"]}
+        super().__init__({**fields, **arrays, "photos": facts["photos"], "status": facts["status"]}, native, lab)
+
     def _repr_html_(self):
         return _display.page("Probing", self.status, _display.image(_display.light(self.values), self.paths))
 
@@ -352,6 +358,12 @@ class Audit(Answer):
         ``float64[H, W]``: the white photo, the share of direct light, and the departure from additivity.
     """
 
+    white = direct_share = additivity = None
+
+    def __init__(self, arrays, facts, native=None, lab=None):
+        arrays = {name.replace("-", "_"): array for name, array in arrays.items()}
+        super().__init__({name: facts[name] for name in ("checks", "photos", "status")} | arrays, native, lab)
+
     def _repr_html_(self):
         rows = "".join(
             f"<tr><td>{check['name']}</td><td>{check['grade']}</td><td>{_display.text(check['found'])}</td></tr>"
@@ -371,14 +383,14 @@ class Solution(Answer):
         Its ``‖b − A x‖/‖b‖``.
     history, best : numpy.ndarray
         The residual after each product, and the least so far.
-    products : int
-        Products with ``A`` and ``Aᵀ``.
+    products, photos : int
+        Products with ``A`` and ``Aᵀ``; on a rig each is a photo.
     """
 
-    @property
-    def photos(self):
-        """The products: on a rig each is a photo."""
-        return self.products
+    def __init__(self, arrays, facts, native=None, lab=None):
+        fields = {"x": arrays["solution"], "residual": float(arrays["residual"]), "status": facts["ended"]}
+        fields |= {name: arrays[name] for name in ("history", "best")}
+        super().__init__(fields | {name: facts[name] for name in ("products", "photos")}, native, lab)
 
 
 class Plan:

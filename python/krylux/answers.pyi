@@ -162,8 +162,6 @@ class Solution(Answer):
     history: NDArray[np.float64]
     best: NDArray[np.float64]
     products: int
-    @property
-    def photos(self) -> int: ...  # type: ignore[override]
 
 class Plan:
     verb: Literal["segment", "compensate", "eigs"]

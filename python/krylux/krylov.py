@@ -82,7 +82,7 @@ def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None,
         "upper": _checks.finite(upper, "upper"),
         "diagonal": None if diagonal is None else _checks.vector(diagonal, "diagonal", n),
     }
-    return answers.Solution(_krylux.solve(method, described, _checks.vector(b, "b", m), question))
+    return answers.Solution(*_krylux.solve(method, described, _checks.vector(b, "b", m), question))
 
 
 def _named(method, about):

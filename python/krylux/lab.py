@@ -50,8 +50,6 @@ class Lab(OnRigs):
         self.unit = about["unit"]
         self.seed = about["seed"]
         self._matrices = weakref.WeakValueDictionary()
-        self._photos_of_run = about["photos_of_run"]
-        self._has_model = about["has_model"]
 
     def photo(self, pattern, *, with_error=False):
         """Takes the photo of a pattern, with the ambient light.

@@ -26,17 +26,6 @@ pub(crate) fn array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, 
     shaped(py, image.samples().to_vec(), height, width, image.channels())
 }
 
-/// Planes `[channel][pixel]` as an array of `H×W`, or of `H×W×3` in colour.
-pub(crate) fn planes<'py>(
-    py: Python<'py>,
-    planes: &[Vec<f64>],
-    resolution: Resolution,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let channels = planes.len();
-    let samples = (0..resolution.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel]));
-    shaped(py, samples.collect(), resolution.height, resolution.width, channels)
-}
-
 fn shaped<'py, T: numpy::Element>(
     py: Python<'py>,
     samples: Vec<T>,
@@ -81,10 +70,6 @@ impl<'py> Fields<'py> {
 
     pub(crate) fn image(&self, name: &str, value: &Image) -> PyResult<&Self> {
         self.put(name, array(self.0.py(), value)?)
-    }
-
-    pub(crate) fn planes(&self, name: &str, value: &[Vec<f64>], size: Resolution) -> PyResult<&Self> {
-        self.put(name, planes(self.0.py(), value, size)?)
     }
 
     /// One value for each pixel as an array of `H×W`.

@@ -112,13 +112,13 @@ impl Lab {
     /// What is known without a photo.
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let fields = Fields::new(py);
-        let (kind, name, photo, pattern, channels, unit, seed, photos, has_model) = self.with(py, |lab| {
+        let (kind, name, photo, pattern, channels, unit, seed) = self.with(py, |lab| {
             let [photo, pattern] = [lab.resolution(), lab.projector_resolution()];
             let channels = lab.channels().count();
             let known =
                 (lab.kind(), lab.name(), (photo.height, photo.width), (pattern.height, pattern.width));
-            let (unit, photos) = (lab.unit().to_owned(), lab.photos_of_run());
-            Ok((known.0, known.1, known.2, known.3, channels, unit, lab.seed(), photos, lab.has_model()))
+            let unit = lab.unit().to_owned();
+            Ok((known.0, known.1, known.2, known.3, channels, unit, lab.seed()))
         })?;
         let kind = match kind {
             SourceKind::Scene => "scene",
@@ -128,7 +128,6 @@ impl Lab {
         };
         fields.put("kind", kind)?.put("name", name)?.put("resolution", photo)?.put("projector", pattern)?;
         fields.put("channels", channels)?.put("unit", unit)?.put("seed", seed)?;
-        fields.put("photos_of_run", photos)?.put("has_model", has_model)?;
         Ok(fields.0)
     }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 pub(super) use crate::transport::Channels as ChannelsArg;
-pub(super) use crate::verbs::options::{count, method, number, time};
+pub(super) use crate::verbs::options::{count, number, time};
 
 /// Which source of photos.
 #[derive(Args, Clone)]

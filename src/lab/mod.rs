@@ -23,7 +23,6 @@
 //! [`Lab::builder`] changes the defaults: pixels, light paths, channels, a folder whose journal keeps every photo, and an
 //! [`Observer`](crate::observer::Observer) that receives progress and can stop all work.
 
-mod answers;
 mod builder;
 mod folder;
 mod independent;
@@ -69,7 +68,7 @@ pub(crate) use run_model::model_shape;
 pub use run_model::open_model;
 pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
 pub use source::{RigSource, SourceKind};
-pub use verb::{Answer, Saved, Verb, Verified};
+pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
 pub use verbs::{
     Calibrated, JoinedShards, MatrixRequest, Plan, PlanRequest, Scaling, SinglePhoto, TracedShard,
     join_shards,
@@ -82,8 +81,6 @@ use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::report::contact_sheet::ContactSheet;
-pub use crate::report::probing::ProbedLight;
-pub use crate::report::solution::Solved;
 pub use crate::report::text;
 use crate::scene::Scene;
 use crate::sparse::Csr;

@@ -5,7 +5,8 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the page of a calibration | [`calibration`] |
+//! | the kit of pages: sections, figures, files | [`run`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
@@ -14,7 +15,6 @@
 //! Files are written through [`crate::io`].
 
 pub mod alignment;
-pub mod audit;
 mod axis;
 pub mod calibration;
 pub mod colormap;
@@ -29,11 +29,9 @@ pub mod palette;
 pub(crate) mod planes;
 pub mod plot;
 pub mod preview;
-pub mod probing;
 pub(crate) mod residuals;
 pub mod run;
 pub mod scatter;
-pub mod solution;
 pub(crate) mod spectrum;
 mod svg;
 pub mod text;

@@ -1,17 +1,18 @@
-//! Verbs whose requests are declared in krylux: their fields come as keyword arguments, and their answers go out as attributes.
+//! The declared verbs: their fields come as keyword arguments, and their answers go out as attributes.
 
 use std::collections::BTreeMap;
 
 use krylux::Error;
-use krylux::lab::{Answer as Answering, Verb};
+use krylux::lab::{Answer as Answering, GivenArray, Verb};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Compensate, Eigs, Request, Segment, Separate, from_json, signature};
+use krylux::verbs::{Declared, Request, VERBS, from_json};
 use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{Element, IntoPyArray, PyReadonlyArrayDyn};
+use numpy::{Element, IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde_json::{Map, Value};
 
-use crate::answers::{Answer, Kept};
+use crate::answers::Answer;
 use crate::arrays::{self, Fields};
 use crate::errors::{self, in_python};
 use crate::lab::Lab;
@@ -22,37 +23,41 @@ type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 /// The verbs that [`Lab::ask`] knows.
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
-    vec![described::<Compensate>(), described::<Eigs>(), described::<Segment>(), described::<Separate>()]
+    let described = |verb: &Declared| {
+        let (about, parameters) = (verb.signature)();
+        let parameters = parameters.into_iter().map(|of| (of.name, of.default, of.kind, in_python(&of.help)));
+        (verb.name, in_python(&about), parameters.collect())
+    };
+    VERBS.iter().map(described).collect()
 }
 
-fn described<V: Request>() -> Signature {
-    let (about, parameters) = signature::<V>();
-    let parameters = parameters.into_iter().map(|of| (of.name, of.default, of.kind, in_python(&of.help)));
-    (V::NAME, in_python(&about), parameters.collect())
+/// Arrays that are given in place of files: the field, the name among several, and the array.
+pub(super) type Arrays<'py> = Vec<(String, String, PyReadonlyArrayDyn<'py, f64>)>;
+
+fn given(arrays: Arrays<'_>) -> impl Iterator<Item = PyResult<GivenArray>> {
+    arrays.into_iter().map(|(field, name, array)| {
+        Ok(GivenArray { field, name, shape: array.shape().to_vec(), values: array.as_slice()?.to_vec() })
+    })
 }
 
-/// Pictures that are asked about, by the names of their keyword arguments.
-pub(super) type Pictures<'py> = BTreeMap<String, PyReadonlyArrayDyn<'py, f32>>;
-
-/// The request of keyword arguments whose values are JSON.
-pub(crate) fn request<V: Request>(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<V> {
+/// The fields of keyword arguments whose values are JSON.
+fn fields(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<Map<String, Value>> {
     let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
     let fields = parsed.collect::<Result<_, serde_json::Error>>();
-    let fields = fields.map_err(|why| Error::Numerical(why.to_string()));
-    fields.and_then(from_json).map_err(|error| errors::raise(py, &error))
+    fields.map_err(|why| errors::raise(py, &Error::Numerical(why.to_string())))
 }
 
-/// The request of a compensation, whose target may be an array.
-pub(super) fn compensation(
+/// The request of keyword arguments and arrays.
+pub(crate) fn request<V: Request>(
     py: Python<'_>,
     asked: BTreeMap<String, String>,
-    pictures: &Pictures<'_>,
-) -> PyResult<Compensate> {
-    let asked: Compensate = request(py, asked)?;
-    match pictures.get("target") {
-        Some(target) => Ok(Compensate { target: Some(arrays::image(target)?.into()), ..asked }),
-        None => Ok(asked),
+    arrays: Arrays<'_>,
+) -> PyResult<V> {
+    let mut request: V = from_json(fields(py, asked)?).map_err(|error| errors::raise(py, &error))?;
+    for given in given(arrays) {
+        Verb::give(&mut request, given?).map_err(|error| errors::raise(py, &error))?;
     }
+    Ok(request)
 }
 
 #[pymethods]
@@ -63,30 +68,18 @@ impl Lab {
         py: Python<'py>,
         verb: &str,
         asked: BTreeMap<String, String>,
-        pictures: Pictures<'py>,
+        arrays: Arrays<'py>,
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)> {
-        match verb {
-            Compensate::NAME => self.answered(py, &compensation(py, asked, &pictures)?),
-            Eigs::NAME => self.answered(py, &request::<Eigs>(py, asked)?),
-            Segment::NAME => self.answered(py, &request::<Segment>(py, asked)?),
-            Separate::NAME => self.answered(py, &request::<Separate>(py, asked)?),
-            other => Err(errors::option(py, "verb", &format!("there is no {other}"), "see krylux.Lab")),
+        let Some(verb) = Declared::named(verb) else {
+            return Err(errors::option(py, "verb", &format!("there is no {verb}"), "see krylux.Lab"));
+        };
+        let mut request = (verb.from_json)(fields(py, asked)?).map_err(|error| errors::raise(py, &error))?;
+        for given in given(arrays) {
+            request.give(given?).map_err(|error| errors::raise(py, &error))?;
         }
-    }
-}
-
-impl Lab {
-    fn answered<'py, V>(
-        &self,
-        py: Python<'py>,
-        request: &V,
-    ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)>
-    where
-        V: Request + Verb<Answer: Send + 'static> + Sync,
-    {
-        let found = self.with(py, |lab| lab.ask(request))?;
-        let (arrays, facts) = attributes(py, &found)?;
-        Ok((arrays, facts, Answer::new(Kept::Asked(Box::new(found)))))
+        let found = self.with(py, |lab| request.ask(lab))?;
+        let (arrays, facts) = attributes(py, &*found)?;
+        Ok((arrays, facts, Answer::new(found)))
     }
 }
 

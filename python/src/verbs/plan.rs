@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use krylux::lab::{Plan, PlanRequest, RigSource};
 use krylux::transport::Channels;
-use krylux::verbs::{Eigs, Segment};
+use krylux::verbs::{Compensate, Eigs, Segment};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::asked::{Pictures, compensation};
+use super::asked::{Arrays, request};
 use crate::arrays::Fields;
 use crate::lab::Lab;
 
@@ -44,7 +44,7 @@ impl Lab {
         asked: BTreeMap<String, String>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let request: Segment = super::asked::request(py, asked)?;
+        let request: Segment = request(py, asked, Vec::new())?;
         request.check_plan().map_err(|error| crate::errors::raise(py, &error))?;
         let seed = self.with(py, |lab| Ok(lab.seed()))?;
         self.plan(py, &PlanRequest::Segment(request.part(), request.options(seed, None)), trials)
@@ -55,10 +55,10 @@ impl Lab {
         &self,
         py: Python<'py>,
         asked: BTreeMap<String, String>,
-        pictures: Pictures<'py>,
+        arrays: Arrays<'py>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let request = compensation(py, asked, &pictures)?;
+        let request: Compensate = request(py, asked, arrays)?;
         let (target, is_symmetric) = self.with(py, |lab| {
             request.check_plan()?;
             let target = request.target(lab.resolution(), Channels::Luma)?;
@@ -74,7 +74,7 @@ impl Lab {
         asked: BTreeMap<String, String>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let request: Eigs = super::asked::request(py, asked)?;
+        let request: Eigs = request(py, asked, Vec::new())?;
         let seed = self.with(py, |lab| Ok(lab.seed()))?;
         self.plan(py, &PlanRequest::Eigs(request.part.into(), request.options(seed, None)), trials)
     }

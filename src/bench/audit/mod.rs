@@ -51,7 +51,7 @@ impl Default for AuditOptions {
 
 /// The result of an audit.
 #[derive(Clone, Debug)]
-pub struct Audit {
+pub struct AuditReport {
     /// The checks, in the order of the report.
     pub checks: Vec<Finding>,
     /// The resolution of all images.
@@ -70,7 +70,7 @@ pub struct Audit {
     pub devices: Vec<Finding>,
 }
 
-impl Audit {
+impl AuditReport {
     /// The faults that were found in the devices.
     pub fn faults(&self) -> impl Iterator<Item = &Finding> {
         self.devices.iter().filter(|finding| finding.grade >= Grade::Warning)
@@ -119,7 +119,7 @@ const LIGHT: &str = "light";
 ///
 /// # Errors
 /// [`Error::Option`] for fewer than two patterns, and any error of taking photos.
-pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit> {
+pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<AuditReport> {
     if options.patterns < 2 {
         return Err(Error::Option {
             option: "--patterns".into(),
@@ -128,7 +128,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
         });
     }
     let resolution = subject.resolution();
-    let mut audit = Audit {
+    let mut audit = AuditReport {
         checks: Vec::new(),
         resolution,
         white: Vec::new(),

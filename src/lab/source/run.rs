@@ -172,11 +172,3 @@ fn incomplete(journal: &Journal, what: &str) -> Error {
         help: "go on with that run by the command that began it, and --resume".into(),
     }
 }
-
-pub(in crate::lab) fn not_for_runs(run: &Path) -> Error {
-    Error::Data {
-        path: run.to_path_buf(),
-        fault: "its photos do not answer this verb".into(),
-        help: "give the scene or the rig".into(),
-    }
-}
