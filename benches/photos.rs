@@ -14,7 +14,9 @@ use gige_camera::{GigeCamera, Scene, own_address};
 use krylux::image::Resolution;
 use krylux::journal::{Identity, Journal};
 use krylux::measure::{CaptureRequest, FrameSource, JournaledFrames, LiveFrames, Times};
-use krylux::rig::{Frame, GigeSpec, HardwareRig, Helper, PixelFormat, VirtualRig, VirtualScene, X11Spec};
+use krylux::rig::{
+    CameraSpec, Frame, GenicamSpec, HardwareRig, Helper, PixelFormat, VirtualRig, VirtualScene, X11Spec,
+};
 use krylux::sparse::Csr;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -76,12 +78,12 @@ impl Row {
             magnify,
             ..X11Spec::new(SIZE.width, SIZE.height)
         };
-        let of_camera = GigeSpec {
+        let of_camera = GenicamSpec {
             pixel_format: PixelFormat::Mono16,
             exposures: [1e-4, 1.0],
-            ..GigeSpec::new(address, SIZE.width, SIZE.height)
+            ..GenicamSpec::gige(address, SIZE.width, SIZE.height)
         };
-        let rig = HardwareRig { projector, camera: of_camera.into() };
+        let rig = HardwareRig { projector, camera: CameraSpec::Genicam(of_camera) };
         let folder = tempfile::tempdir()?;
         let journal = Journal::create(folder.path(), &Identity::new())?;
         let open = Box::new(|after| {

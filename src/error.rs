@@ -150,36 +150,78 @@ pub enum Error {
 }
 
 impl Error {
-    pub(crate) fn data(path: impl Into<PathBuf>, fault: impl Into<String>, help: impl Into<String>) -> Self {
-        Self::Data { path: path.into(), fault: fault.into(), help: help.into() }
+    /// [`Error::Scene`] about the file at `path`. [`Error::help`] adds the remedy.
+    pub fn scene(path: impl Into<PathBuf>, fault: impl Into<String>) -> Self {
+        Self::Scene { path: path.into(), fault: fault.into(), help: String::new() }
     }
 
-    pub(crate) fn journal(
-        path: impl Into<PathBuf>,
-        fault: impl Into<String>,
-        help: impl Into<String>,
-    ) -> Self {
-        Self::Journal { path: path.into(), fault: fault.into(), help: help.into() }
+    /// [`Error::Data`] about the file at `path`. [`Error::help`] adds the remedy.
+    pub fn data(path: impl Into<PathBuf>, fault: impl Into<String>) -> Self {
+        Self::Data { path: path.into(), fault: fault.into(), help: String::new() }
     }
 
-    pub(crate) fn option(
-        option: impl Into<String>,
-        fault: impl Into<String>,
-        help: impl Into<String>,
-    ) -> Self {
-        Self::Option { option: option.into(), fault: fault.into(), help: help.into() }
+    /// [`Error::Journal`] about the file at `path`. [`Error::help`] adds the remedy.
+    pub fn journal(path: impl Into<PathBuf>, fault: impl Into<String>) -> Self {
+        Self::Journal { path: path.into(), fault: fault.into(), help: String::new() }
     }
 
-    pub(crate) fn rig(device: impl Into<String>, fault: impl Into<String>, help: impl Into<String>) -> Self {
-        Self::Rig { device: device.into(), fault: fault.into(), help: help.into() }
+    /// [`Error::NotTaken`] about a photo that the journal at `path` lacks. [`Error::help`] adds the remedy.
+    pub fn not_taken(path: impl Into<PathBuf>, fault: impl Into<String>) -> Self {
+        Self::NotTaken { path: path.into(), fault: fault.into(), help: String::new() }
     }
 
-    pub(crate) fn dimension(
-        what: &'static str,
-        expected: impl Into<String>,
-        found: impl Into<String>,
-    ) -> Self {
-        Self::Dimension { what, expected: expected.into(), found: found.into() }
+    /// [`Error::Option`] about the value of `option`. [`Error::help`] adds the remedy.
+    pub fn option(option: impl Into<String>, fault: impl Into<String>) -> Self {
+        Self::Option { option: option.into(), fault: fault.into(), help: String::new() }
+    }
+
+    /// [`Error::Rig`] about `device`. [`Error::help`] adds the remedy.
+    pub fn rig(device: impl Into<String>, fault: impl Into<String>) -> Self {
+        Self::Rig { device: device.into(), fault: fault.into(), help: String::new() }
+    }
+
+    /// [`Error::Saturated`] about the camera `device`. [`Error::help`] adds the remedy.
+    pub fn saturated(device: impl Into<String>, fault: impl Into<String>) -> Self {
+        Self::Saturated { device: device.into(), fault: fault.into(), help: String::new() }
+    }
+
+    /// [`Error::Device`] about the graphics device. [`Error::help`] adds the remedy.
+    pub fn device(fault: impl Into<String>) -> Self {
+        Self::Device { fault: fault.into(), help: String::new() }
+    }
+
+    /// [`Error::Team`] about processes that work together. [`Error::help`] adds the remedy.
+    pub fn team(fault: impl Into<String>) -> Self {
+        Self::Team { fault: fault.into(), help: String::new() }
+    }
+
+    /// [`Error::Dimension`] about the size `found`, where the size `expected` is required.
+    pub fn dimension(what: &'static str, expected: impl ToString, found: impl ToString) -> Self {
+        Self::Dimension { what, expected: expected.to_string(), found: found.to_string() }
+    }
+
+    /// The same error with a remedy. An error that has no remedy stays as it is.
+    #[must_use]
+    pub fn help(mut self, remedy: impl Into<String>) -> Self {
+        match &mut self {
+            Self::Scene { help, .. }
+            | Self::Data { help, .. }
+            | Self::Option { help, .. }
+            | Self::NoAdapter { help, .. }
+            | Self::Device { help, .. }
+            | Self::Rig { help, .. }
+            | Self::Saturated { help, .. }
+            | Self::Journal { help, .. }
+            | Self::NotTaken { help, .. }
+            | Self::UnfinishedPaths { help, .. }
+            | Self::Team { help, .. } => *help = remedy.into(),
+            Self::Read { .. }
+            | Self::Write { .. }
+            | Self::Interrupted
+            | Self::Dimension { .. }
+            | Self::Numerical(_) => {}
+        }
+        self
     }
 
     /// A function for `map_err` that makes [`Error::Read`] for the file at `path`.
@@ -199,6 +241,6 @@ impl Error {
         if expected == found {
             return Ok(());
         }
-        Err(Self::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+        Err(Self::dimension(what, expected, found))
     }
 }

@@ -161,7 +161,7 @@ impl Finding {
             return Ok(());
         }
         let fault = format!("{}: {} ({} expected)", self.name, self.found, self.expected);
-        Err(Error::rig("rig", fault, self.help.clone()))
+        Err(Error::rig("rig", fault).help(&self.help))
     }
 }
 
@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn an_error_is_split_into_what_was_found_and_what_to_do() {
-        let error = Error::rig("camera", "it is off", "switch it on");
+        let error = Error::rig("camera", "it is off").help("switch it on");
         let finding = Finding::error("camera", &error);
         assert_eq!(finding.to_string(), "camera        FAILS    camera: it is off → switch it on");
         let fine = Finding::graded("disk", Grade::Ok, "3 GB free", "1 GB", "delete something");

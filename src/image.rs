@@ -76,13 +76,13 @@ impl Image {
     /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or when the number of samples is not `w·h·channels`.
     pub fn new(resolution: Resolution, channels: usize, samples: Vec<f32>) -> Result<Self> {
         if channels != 1 && channels != 3 {
-            return Err(Error::dimension("channels of an image", "1 or 3", channels.to_string()));
+            return Err(Error::dimension("channels of an image", "1 or 3", channels));
         }
         if samples.len() != resolution.pixels() * channels {
             return Err(Error::dimension(
                 "samples of an image",
                 format!("{resolution}x{channels}"),
-                samples.len().to_string(),
+                samples.len(),
             ));
         }
         Ok(Self { resolution, channels, samples })

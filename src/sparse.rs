@@ -25,8 +25,7 @@ impl Csr {
     /// # Errors
     /// [`Error::Dimension`] if they do not describe such a matrix.
     pub fn new(cols: usize, row_start: Vec<usize>, columns: Vec<u32>, weights: Vec<f64>) -> Result<Self> {
-        let mismatch =
-            |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
+        let mismatch = |what, expected: String, found: String| Err(Error::dimension(what, expected, found));
         if columns.len() != weights.len() {
             let found = columns.len().to_string();
             return mismatch("columns of a sparse matrix", weights.len().to_string(), found);

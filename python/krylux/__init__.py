@@ -4,56 +4,50 @@ A projector lights a scene, a camera takes the photo, the photo is projected bac
 Krylov subspace of the scene's light transport matrix ``A`` (photo = ``A`` · pattern), so that its eigenvectors, and
 what follows from them, are computed from a few dozen photos.
 
-Examples
---------
->>> import krylux
->>> lab = krylux.open("assets/scenes/zigzag/scene.glb", size=64)        # doctest: +SKIP
->>> groups = lab.segment(groups=[2])                                    # doctest: +SKIP
->>> A = lab.operator("global")                                          # doctest: +SKIP
->>> scipy.sparse.linalg.eigsh(A, k=4)                                   # doctest: +SKIP
+Examples:
+    >>> import krylux
+    >>> lab = krylux.open("assets/scenes/zigzag/scene.glb", size=64)        # doctest: +SKIP
+    >>> groups = lab.segment(groups=[2])                                    # doctest: +SKIP
+    >>> A = lab.operator("global")                                          # doctest: +SKIP
+    >>> scipy.sparse.linalg.eigsh(A, k=4)                                   # doctest: +SKIP
 
-The package answers from matrices and from the folders of earlier runs on any machine; scenes need a Vulkan driver,
-which may be a software driver. Nothing is loaded before it is needed: ``import krylux`` does not touch Vulkan, and
-SciPy is imported with the first matrix or operator.
+The package answers from matrices and from the folders of earlier runs on any machine; scenes need a Vulkan driver, which
+may be a software driver. Nothing is loaded before it is needed: ``import krylux`` does not touch Vulkan, and SciPy is
+imported with the first matrix or operator.
 
-References
-----------
-O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
+References: O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
 """
 
-from . import errors
-from ._krylux import __version__
-from .errors import Error
+from typing import TYPE_CHECKING
+
+from . import errors as errors
+from ._krylux import __version__ as __version__
+from .errors import Error as Error
 
 __all__ = [
-    "Error",
-    "Lab",
-    "LabOperator",
-    "__version__",
-    "answers",
-    "compare",
-    "errors",
-    "images",
-    "krylov",
-    "open",
-    "paper",
-    "reproduce",
-    "rig",
+    "Error", "Lab", "LabOperator", "__version__", "answers", "compare", "errors", "images", "krylov", "open", "paper",
+    "reproduce", "rig",
 ]
 
-#: Where each name is found, when it is first asked for.
-_PLACES = {"Lab": "lab", "open": "lab", "LabOperator": "operator", "compare": "images", "reproduce": "paper"}
+if TYPE_CHECKING:
+    from . import answers, images, krylov, lab as lab, operator as operator, paper, rig
+    from .images import compare
+    from .lab import Lab, open
+    from .operator import LabOperator
+    from .paper import reproduce
+else:
+    #: Where each name is found, when it is first asked for.
+    _PLACES = {"Lab": "lab", "open": "lab", "LabOperator": "operator", "compare": "images", "reproduce": "paper"}
+
+    def __getattr__(name):
+        import importlib
+
+        if name in _PLACES:
+            return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
+        if name in ("answers", "images", "krylov", "lab", "operator", "paper", "rig"):
+            return importlib.import_module(f".{name}", __name__)
+        raise AttributeError(f"module 'krylux' has no attribute '{name}'")
 
 
-def __getattr__(name):
-    import importlib
-
-    if name in _PLACES:
-        return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
-    if name in ("answers", "images", "krylov", "lab", "operator", "paper", "rig"):
-        return importlib.import_module(f".{name}", __name__)
-    raise AttributeError(f"module 'krylux' has no attribute '{name}'")
-
-
-def __dir__():
+def __dir__() -> list[str]:
     return sorted(__all__)

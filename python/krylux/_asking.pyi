@@ -1,4 +1,4 @@
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Literal
 
@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 from . import answers
 
 class Asking:
-    seed: int
     # What krylux declares, as krylux._declared.stub() writes it: a test holds it.
     def segment(
         self,
@@ -111,13 +110,3 @@ class Asking:
         lower: float = 0.0,
         upper: float = 1.0,
     ) -> answers.Solution: ...
-    def relight(
-        self,
-        patterns: Mapping[str, ArrayLike] | None = None,
-        *,
-        duals: Mapping[str, ArrayLike] | None = None,
-        photographs: Mapping[str, ArrayLike] | None = None,
-        photos: int | None = None,
-        block: int | None = None,
-        max_error: float | None = None,
-    ) -> answers.Relighting: ...

@@ -1,10 +1,18 @@
 """Checks of arguments. Each error names the argument, says what was expected, and what to do."""
 
+from __future__ import annotations
+
+import json
 import operator as _operator
+import os
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import errors
+
+FilePath = str | os.PathLike[str]
 
 
 def refuse(option, fault, help, kind=errors.OptionError):
@@ -17,7 +25,7 @@ def closed(fault, help):
     return errors.ClosedError(f"{fault}\n  help: {help}", help=help)
 
 
-def real_array(value, option, dtype):
+def real_array(value: Any, option: str, dtype: Any) -> NDArray[Any]:
     """A C-contiguous array of real, finite numbers in ``dtype``; copied only where it has to be."""
     try:
         array = np.asarray(value)
@@ -33,7 +41,7 @@ def real_array(value, option, dtype):
     return array
 
 
-def picture(value, option, size, channels=None):
+def picture(value: Any, option: str, size: tuple[int, int], channels: int | None = None) -> NDArray[np.float32]:
     """An array of ``H×W`` or ``H×W×3`` in single precision.
 
     ``size`` is ``(H, W)``; ``channels`` is the largest number of channels that is allowed.
@@ -50,7 +58,7 @@ def picture(value, option, size, channels=None):
     return array
 
 
-def vector(value, option, length):
+def vector(value: Any, option: str, length: int) -> NDArray[np.float64]:
     """A contiguous vector in double precision; a picture of as many pixels is taken row by row."""
     array = real_array(value, option, np.float64)
     if array.size != length:
@@ -92,9 +100,7 @@ def vectors(number, option, length):
 
 
 def size(value, option):
-    """``(width, height)`` of a number, or of a pair of numbers; nothing stays nothing."""
-    if value is None:
-        return None
+    """``(width, height)`` of a number, or of a pair of numbers."""
     try:
         pair = (value, value) if np.ndim(value) == 0 else tuple(value)
     except TypeError:
@@ -114,3 +120,18 @@ def finite(value, option, least=None):
         bound = "a finite number" if least is None else f"a finite number from {least} on"
         raise refuse(option, f"it is {number}", f"give {bound}")
     return number
+
+
+def as_json(option, value):
+    """A number, a text, a path, or a sequence of them, of Python or of NumPy, as JSON."""
+    try:
+        return json.dumps(value, allow_nan=False, ensure_ascii=False, default=_plain)
+    except (TypeError, ValueError) as error:
+        fault = f"{value!r} cannot be used: {error}"
+        raise refuse(option, fault, "give finite numbers, texts, or sequences of them") from error
+
+
+def _plain(value):
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value.tolist() if hasattr(value, "tolist") else list(value)

@@ -8,7 +8,6 @@ import textwrap
 import numpy as np
 
 from . import _checks, _krylux, answers
-from ._answer import Answer
 
 #: The class of each verb's answer.
 _ANSWERS = {
@@ -33,9 +32,9 @@ def _declared():
 
 def ask(lab, verb, options, arrays=()):
     """The answer of a verb. ``arrays`` are ``(field, name, array)`` in place of files."""
-    arrays = [(field, name, np.asarray(array, np.float64)) for field, name, array in arrays]
+    arrays = [(field, name, np.ascontiguousarray(array, np.float64)) for field, name, array in arrays]
     answered = lab._native.ask(verb, asked(options), arrays)
-    kind = answers.SingularTriplets if options.get("singular", False) else _ANSWERS.get(verb, Answer)
+    kind = answers.SingularTriplets if options.get("singular", False) else _ANSWERS.get(verb, answers.Answer)
     return kind(*answered, lab)
 
 
@@ -60,7 +59,7 @@ def _method(cls, verb, about, parameters):
 def pictures_apart(lab, options, names):
     """The options, and as ``(field, "", array)`` the pictures among them that are no files, which have the camera's pixels."""
     pictures = [
-        (name, "", _checks.picture(options[name], name, lab.shape, lab.channels))
+        (name, "", _checks.picture(options[name], name, lab.shape, lab.channels).astype(np.float64))
         for name in names if options.get(name) is not None and not isinstance(options[name], (str, os.PathLike))
     ]
     given = {name for name, _, _ in pictures}
@@ -69,22 +68,7 @@ def pictures_apart(lab, options, names):
 
 def asked(options):
     """Keyword arguments as JSON by name; what stays at ``None`` is left to krylux."""
-    return {name: _as_json(name, value) for name, value in options.items() if value is not None}
-
-
-def _as_json(name, value):
-    try:
-        return json.dumps(value, allow_nan=False, default=_plain)
-    except (TypeError, ValueError) as error:
-        fault = f"{value!r} cannot be used: {error}"
-        raise _checks.refuse(name, fault, "give finite numbers, texts, or sequences of them") from error
-
-
-def _plain(value):
-    """Numbers and arrays of NumPy, paths and other sequences as JSON has them."""
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    return value.tolist() if hasattr(value, "tolist") else list(value)
+    return {name: _checks.as_json(name, value) for name, value in options.items() if value is not None}
 
 
 def _kind(index):
@@ -101,7 +85,7 @@ def _documentation(verb, about, parameters):
     lines = [f"{about}.", "", "Parameters", "----------"]
     for name, _, kind, text in parameters:
         lines += [f"{name} : {kind}", textwrap.fill(f"{text}.", 110, initial_indent="    ", subsequent_indent="    ")]
-    return "\n".join([*lines, "", "Returns", "-------", f"krylux.answers.{_ANSWERS.get(verb, Answer).__name__}", ""])
+    return "\n".join([*lines, "", "Returns", "-------", f"krylux.answers.{_ANSWERS.get(verb, answers.Answer).__name__}", ""])
 
 
 def stub():
@@ -112,5 +96,5 @@ def stub():
         for index, (name, default, kind, _) in enumerate(parameters):
             lines += ["        *,"] if index == 1 else []
             lines.append(f"        {name}: {kind} = {_default(default)!r},".replace("'", '"'))
-        lines.append(f"    ) -> answers.{_ANSWERS.get(verb, Answer).__name__}: ...")
+        lines.append(f"    ) -> answers.{_ANSWERS.get(verb, answers.Answer).__name__}: ...")
     return "\n".join(lines) + "\n"

@@ -14,7 +14,9 @@ _COLORS = np.array(
 
 
 def png(pixels):
-    """The bytes of a PNG of ``uint8[H, W, 3]``."""
+    """The bytes of a PNG of ``uint8[H, W, 3]``, whose pixels are repeated so that a small picture can be seen."""
+    factor = max(1, 192 // max(pixels.shape[:2]))
+    pixels = pixels.repeat(factor, 0).repeat(factor, 1)
     height, width, _ = pixels.shape
 
     def chunk(kind, data):
@@ -24,12 +26,6 @@ def png(pixels):
     rows = b"".join(b"\0" + row.tobytes() for row in np.ascontiguousarray(pixels))
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
-
-
-def enlarged(pixels, side=192):
-    """Pixels repeated so that a small picture can be seen."""
-    factor = max(1, side // max(pixels.shape[:2]))
-    return pixels.repeat(factor, 0).repeat(factor, 1)
 
 
 def light(values):
@@ -59,19 +55,15 @@ def groups(labels):
     return np.where((labels == 255)[..., None], np.uint8(0), colors)
 
 
-def text(words):
-    """Words as HTML."""
-    return html.escape(str(words))
+def _figure(content, caption):
+    return (f'<figure style="display:inline-block;margin:4px;text-align:center">{content}'
+            f"<figcaption>{html.escape(caption)}</figcaption></figure>")
 
 
 def image(pixels, caption):
     """An HTML figure."""
-    data = base64.b64encode(png(enlarged(pixels))).decode()
-    return (
-        '<figure style="display:inline-block;margin:4px;text-align:center">'
-        f'<img style="image-rendering:pixelated" src="data:image/png;base64,{data}"/>'
-        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-    )
+    data = base64.b64encode(png(pixels)).decode()
+    return _figure(f'<img style="image-rendering:pixelated" src="data:image/png;base64,{data}"/>', caption)
 
 
 def spectrum(values, residuals):
@@ -89,12 +81,15 @@ def spectrum(values, residuals):
             f'<line x1="{13 + 16 * index}" x2="{13 + 16 * index}" y1="{100 - height - spread:.1f}" '
             f'y2="{100 - height + spread:.1f}" stroke="#bb5566" stroke-width="2"/>'
         )
-    width = 16 * len(values) + 16
-    return (
-        '<figure style="display:inline-block;margin:4px;text-align:center">'
-        f'<svg width="{width}" height="104">{"".join(bars)}</svg>'
-        f"<figcaption>{len(values)} eigenvalues, the largest {top:.4g}</figcaption></figure>"
-    )
+    drawn = f'<svg width="{16 * len(values) + 16}" height="104">{"".join(bars)}</svg>'
+    return _figure(drawn, f"{len(values)} eigenvalues, the largest {top:.4g}")
+
+
+def table(rows, head=()):
+    """An HTML table of cells."""
+    lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in head)] if head else []
+    lines += ["".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) for row in rows]
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
 
 def page(title, sentence, *figures):

@@ -2,14 +2,13 @@
 
 import logging
 import sys
+from collections.abc import Callable
+
+#: Bars or none, or a function of ``(stage, done, total, estimate)``.
+Progress = bool | Callable[[str, int, int, str], object] | None
 
 _LOGGER = logging.getLogger("krylux")
-_LEVELS = {
-    "warning": logging.WARNING,
-    "note": logging.INFO,
-    "info": logging.INFO,
-    "detail": logging.DEBUG,
-}
+_LEVELS = {"warning": logging.WARNING, "note": logging.INFO, "info": logging.INFO, "detail": logging.DEBUG}
 
 
 def log(level, message):
@@ -58,7 +57,7 @@ def choose(progress):
     if not progress:
         return None
     try:
-        from tqdm.auto import tqdm
+        from tqdm.auto import tqdm  # type: ignore
     except ImportError:
         return None
     return Bar(tqdm)

@@ -9,28 +9,19 @@ those of a camera written in Python, come out unchanged.
 class Error(Exception):
     """The base of all errors of krylux.
 
-    Parameters
-    ----------
-    message : str
-        What is wrong, and what to do.
-    help : str, optional
-        What to do, by itself.
-    option, path, device, what : str, optional
-        The argument, the file, the device or the quantity at fault.
+    Args:
+        message: What is wrong, and what to do.
+        help: What to do, by itself.
+        option, path, device, what: The argument, the file, the device or the quantity at fault.
 
-    Attributes
-    ----------
-    help, option, path, device, what : str or None
-        As the parameters.
+    Attributes:
+        help, option, path, device, what: As the parameters.
     """
 
-    def __init__(self, message, *, help=None, option=None, path=None, device=None, what=None):
+    def __init__(self, message: str, *, help: str | None = None, option: str | None = None, path: str | None = None,
+                 device: str | None = None, what: str | None = None) -> None:
         super().__init__(message)
-        self.help = help
-        self.option = option
-        self.path = path
-        self.device = device
-        self.what = what
+        self.help, self.option, self.path, self.device, self.what = help, option, path, device, what
 
 
 class SceneError(Error):

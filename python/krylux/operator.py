@@ -1,12 +1,24 @@
 """The light transport of a laboratory as a linear operator of SciPy."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from . import _checks
+from . import _checks, _krylux
+
+if TYPE_CHECKING:
+    _LinearOperator = LinearOperator[np.float64]
+else:
+    _LinearOperator = LinearOperator
+
+_FLOAT64 = np.dtype(np.float64)
 
 
-class LabOperator(LinearOperator):
+class LabOperator(_LinearOperator):
     """One part and channel of a light transport matrix: ``y = A x``, each product one photo.
 
     It is a :class:`scipy.sparse.linalg.LinearOperator`, so that everything that takes one works with it. On a scene a
@@ -16,42 +28,34 @@ class LabOperator(LinearOperator):
 
     Obtain one by :meth:`krylux.Lab.operator`.
 
-    Attributes
-    ----------
-    shape : tuple of int
-        ``(pixels of a photo, pixels of a pattern)``.
-    dtype : numpy.dtype
-        ``float64``.
-    part : str
-        ``"full"``, ``"direct"`` or ``"global"`` light.
-    channel : int
-        The channel, from 0.
-    is_symmetric : bool
-        Whether ``A = Aᵀ``, as for a coaxial rig.
-    photo_shape, pattern_shape : tuple of int
-        ``(height, width)`` of photos and of patterns, as vectors are flattened row by row.
+    Attributes:
+        shape: ``(pixels of a photo, pixels of a pattern)``.
+        dtype: ``float64``.
+        part: ``"full"``, ``"direct"`` or ``"global"`` light.
+        channel: The channel, from 0.
+        is_symmetric: Whether ``A = Aᵀ``, as for a coaxial rig.
+        photo_shape, pattern_shape: ``(height, width)`` of photos and of patterns, as vectors are flattened row by row.
     """
 
-    def __init__(self, native, part, channel, photo_shape, pattern_shape):
+    def __init__(self, native: _krylux.Operator, part: str, channel: int, photo_shape: tuple[int, int],
+                 pattern_shape: tuple[int, int]) -> None:
         self._native = native
-        self.part = part
-        self.channel = channel
-        self.photo_shape = photo_shape
-        self.pattern_shape = pattern_shape
+        self.part, self.channel = part, channel
+        self.photo_shape, self.pattern_shape = photo_shape, pattern_shape
         self.is_symmetric = native.is_symmetric
-        super().__init__(np.dtype(np.float64), native.shape)
+        super().__init__(np.dtype(np.float64), native.shape)  # type: ignore[call-arg]
 
     @property
-    def photos(self):
+    def photos(self) -> int:
         """The number of products so far, those with the transpose among them."""
         return self._native.photos()
 
     @property
-    def standard_errors(self):
+    def standard_errors(self) -> NDArray[np.float64]:
         """The expected error ``‖y − A x‖₂`` of each product of the last call, ``float64[k]``; empty where it is not known."""
         return self._native.standard_errors()
 
-    def __matmul__(self, x):
+    def __matmul__(self, x: Any) -> Any:
         # Most products are of plain vectors. SciPy would look at them several times on the way.
         if type(x) is np.ndarray and x.ndim == 1 and x.dtype is _FLOAT64 and x.size == self.shape[1]:
             return self._native.product(x, False)
@@ -96,9 +100,6 @@ class LabOperator(LinearOperator):
         return f"<LabOperator of {rows}×{cols}: {self.part} light, channel {self.channel}{symmetric}; {self.photos} photos>"
 
 
-_FLOAT64 = np.dtype(np.float64)
-
-
 def _vector(x, option, length):
     """A contiguous vector in double precision; most vectors are one already, and then nothing is looked at twice."""
     if type(x) is np.ndarray and x.dtype is _FLOAT64 and x.size == length:
@@ -106,7 +107,7 @@ def _vector(x, option, length):
     return _checks.vector(x, option, length)
 
 
-class _Transposed(LinearOperator):
+class _Transposed(_LinearOperator):
     """The transpose of a laboratory's operator; its products are counted there."""
 
     def __init__(self, of):

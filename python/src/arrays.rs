@@ -1,8 +1,9 @@
 //! Arrays between NumPy and krylux. The Python side hands over contiguous arrays that it has checked.
 
 use krylux::image::{Image, Resolution};
-use numpy::ndarray::{Array2, Array3};
-use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::ndarray::{ArrayD, IxDyn};
+use numpy::{Element, IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -21,32 +22,39 @@ pub(crate) fn image(array: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<Image> {
 }
 
 /// An image as an array of `H×W`, or of `H×W×3` in colour.
-pub(crate) fn array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    let Resolution { width, height } = image.resolution();
-    shaped(py, image.samples().to_vec(), height, width, image.channels())
+pub(crate) fn array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyAny>> {
+    shaped(py, &shape(image.resolution(), image.channels()), image.samples().to_vec())
 }
 
-fn shaped<'py, T: numpy::Element>(
+/// The shape of a picture: `H×W`, or `H×W×3` in colour.
+pub(crate) fn shape(size: Resolution, channels: usize) -> Vec<usize> {
+    [size.height, size.width].into_iter().chain((channels > 1).then_some(channels)).collect()
+}
+
+/// Values as an array of this shape.
+pub(crate) fn shaped<'py, T: Element>(
     py: Python<'py>,
-    samples: Vec<T>,
-    height: usize,
-    width: usize,
-    channels: usize,
-) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    let of_another_size = |error| pyo3::exceptions::PyValueError::new_err(format!("{error}"));
-    if channels == 1 {
-        let array = Array2::from_shape_vec((height, width), samples).map_err(of_another_size)?;
-        return Ok(array.into_dyn().into_pyarray(py));
-    }
-    let array = Array3::from_shape_vec((height, width, channels), samples).map_err(of_another_size)?;
-    Ok(array.into_dyn().into_pyarray(py))
+    shape: &[usize],
+    values: Vec<T>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let array = ArrayD::from_shape_vec(IxDyn(shape), values);
+    let array = array.map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(array.into_pyarray(py).into_any())
 }
 
 /// Vectors of one length as an array with one vector in each row.
 pub(crate) fn rows<'py>(py: Python<'py>, vectors: &[Vec<f64>], length: usize) -> PyResult<Bound<'py, PyAny>> {
-    let made = Array2::from_shape_vec((vectors.len(), length), vectors.concat());
-    let array = made.map_err(|error| pyo3::exceptions::PyValueError::new_err(format!("{error}")))?;
-    Ok(array.into_pyarray(py).into_any())
+    shaped(py, &[vectors.len(), length], vectors.concat())
+}
+
+/// A record of krylux, as the lists and dictionaries that its JSON describes.
+pub(crate) fn record<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    parsed(py, serde_json::to_string(value).map_err(|error| PyValueError::new_err(error.to_string()))?)
+}
+
+/// The value of a text in JSON.
+pub(crate) fn parsed<'py>(py: Python<'py>, text: String) -> PyResult<Bound<'py, PyAny>> {
+    py.import("json")?.call_method1("loads", (text,))
 }
 
 /// The attributes of an answer, by name.
@@ -64,7 +72,7 @@ impl<'py> Fields<'py> {
     }
 
     /// Numbers as an array of one dimension.
-    pub(crate) fn numbers<T: numpy::Element>(&self, name: &str, values: Vec<T>) -> PyResult<&Self> {
+    pub(crate) fn numbers<T: Element>(&self, name: &str, values: Vec<T>) -> PyResult<&Self> {
         self.put(name, values.into_pyarray(self.0.py()))
     }
 
@@ -73,43 +81,22 @@ impl<'py> Fields<'py> {
     }
 
     /// One value for each pixel as an array of `H×W`.
-    pub(crate) fn raster<T: numpy::Element>(
-        &self,
-        name: &str,
-        values: Vec<T>,
-        size: Resolution,
-    ) -> PyResult<&Self> {
-        self.put(name, shaped(self.0.py(), values, size.height, size.width, 1)?)
+    pub(crate) fn raster<T: Element>(&self, name: &str, values: Vec<T>, size: Resolution) -> PyResult<&Self> {
+        self.raster_of(name, values, size, 1)
     }
 
     /// Interleaved samples as an array of `H×W`, or of `H×W×3` in colour.
-    pub(crate) fn raster_of<T: numpy::Element>(
+    pub(crate) fn raster_of<T: Element>(
         &self,
         name: &str,
         samples: Vec<T>,
         size: Resolution,
         channels: usize,
     ) -> PyResult<&Self> {
-        self.put(name, shaped(self.0.py(), samples, size.height, size.width, channels)?)
+        self.put(name, shaped(self.0.py(), &shape(size, channels), samples)?)
     }
 
-    /// Vectors of one value for each pixel as an array of `k×H×W`.
-    pub(crate) fn stack(&self, name: &str, vectors: &[Vec<f64>], size: Resolution) -> PyResult<&Self> {
-        let stacked = Array3::from_shape_vec((vectors.len(), size.height, size.width), vectors.concat());
-        let array = stacked.map_err(|error| pyo3::exceptions::PyValueError::new_err(format!("{error}")))?;
-        self.put(name, array.into_pyarray(self.0.py()))
-    }
-
-    /// A record of krylux, as the lists and dictionaries that its JSON describes.
     pub(crate) fn record(&self, name: &str, value: &impl serde::Serialize) -> PyResult<&Self> {
-        let text = serde_json::to_string(value)
-            .map_err(|error| pyo3::exceptions::PyValueError::new_err(error.to_string()))?;
-        self.json(name, text)
-    }
-
-    /// A value as JSON.
-    pub(crate) fn json(&self, name: &str, text: String) -> PyResult<&Self> {
-        let value = self.0.py().import("json")?.call_method1("loads", (text,))?;
-        self.put(name, value)
+        self.put(name, record(self.0.py(), value)?)
     }
 }

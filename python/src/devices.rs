@@ -5,11 +5,10 @@ use krylux::rig::{
     Camera, CameraInfo, DeviceOpener, Devices, Frame, ProgramRig, Projector, ProjectorInfo, RawFrame, Shown,
     Stamp, WallClock,
 };
-use numpy::ndarray::Array3;
-use numpy::{IntoPyArray, PyReadonlyArray1};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::work;
+use crate::{arrays, work};
 
 /// Devices of Python, with what the rig file says of them.
 #[derive(FromPyObject)]
@@ -21,18 +20,17 @@ pub(crate) struct ProgramDevices {
     description: String,
 }
 
-/// A device of Python that failed; its exception comes out in place of this.
-fn failed(device: &str, error: PyErr) -> Error {
-    let fault = error.to_string();
-    work::keep(error);
-    let help = "see the exception that its Python code raised".into();
-    Error::Rig { device: device.into(), fault, help }
-}
-
-/// The interpreter ends.
-fn gone(device: &str) -> Error {
-    let (fault, help) = ("the interpreter ends", "take photos before the program ends");
-    Error::Rig { device: device.into(), fault: fault.into(), help: help.into() }
+/// Lets `call` use a device of Python. An exception comes out in place of the error.
+fn ask<T>(device: &str, call: impl FnOnce(Python<'_>) -> PyResult<T>) -> krylux::Result<T> {
+    match Python::try_attach(call) {
+        Some(Ok(answer)) => Ok(answer),
+        Some(Err(error)) => {
+            let fault = error.to_string();
+            work::keep(error);
+            Err(Error::rig(device, fault).help("see the exception that its Python code raised"))
+        }
+        None => Err(Error::rig(device, "the interpreter ends").help("take photos before the program ends")),
+    }
 }
 
 impl ProgramDevices {
@@ -42,7 +40,7 @@ impl ProgramDevices {
             let described: ProgramRig = serde_json::from_str(&self.description)
                 .map_err(|error| Error::Numerical(format!("the description of the devices: {error}")))?;
             let clock = WallClock::starting_at(after.map_or(0.0, |stamp| stamp.time));
-            let opened = Python::try_attach(|py| {
+            ask("rig", |py| {
                 let projector = PythonProjector {
                     device: self.projector.clone_ref(py),
                     info: described.projector_info(),
@@ -55,9 +53,8 @@ impl ProgramDevices {
                     exposure: 0.0,
                     id: after.map_or(0, |stamp| stamp.id),
                 };
-                Devices::new(projector, camera, clock)
-            });
-            opened.ok_or_else(|| gone("rig"))
+                Ok(Devices::new(projector, camera, clock))
+            })
         })
     }
 }
@@ -76,19 +73,12 @@ impl Projector for PythonProjector {
 
     fn show(&mut self, frame: &Frame) -> krylux::Result<Shown> {
         self.info.check(frame)?;
-        let size = frame.resolution();
-        let shown = Python::try_attach(|py| -> PyResult<()> {
-            let shape = (size.height, size.width, frame.channels());
-            let levels = Array3::from_shape_vec(shape, frame.levels().to_vec())
-                .map_err(|error| pyo3::exceptions::PyValueError::new_err(error.to_string()))?;
-            let levels = match frame.channels() {
-                1 => levels.remove_axis(numpy::ndarray::Axis(2)).into_pyarray(py).into_any(),
-                _ => levels.into_pyarray(py).into_any(),
-            };
+        ask("projector", |py| {
+            let shape = arrays::shape(frame.resolution(), frame.channels());
+            let levels = arrays::shaped(py, &shape, frame.levels().to_vec())?;
             py.check_signals()?;
             self.device.call_method1(py, "show", (levels,)).map(|_| ())
-        });
-        shown.ok_or_else(|| gone("projector"))?.map_err(|error| failed("projector", error))?;
+        })?;
         Ok(Shown { at: self.clock.seconds() })
     }
 }
@@ -109,17 +99,14 @@ impl Camera for PythonCamera {
 
     fn configure(&mut self, exposure: f64) -> krylux::Result<f64> {
         self.info.check_exposure(exposure)?;
-        let set = Python::try_attach(|py| -> PyResult<f64> {
-            let set: Option<f64> = self.device.call_method1(py, "configure", (exposure,))?.extract(py)?;
-            Ok(set.unwrap_or(exposure))
-        });
-        self.exposure = set.ok_or_else(|| gone("camera"))?.map_err(|error| failed("camera", error))?;
+        self.exposure =
+            ask("camera", |py| self.device.call_method1(py, "configure", (exposure,))?.extract(py))?;
         Ok(self.exposure)
     }
 
     fn capture(&mut self) -> krylux::Result<Option<RawFrame>> {
         let (called, info) = (self.clock.seconds(), &self.info);
-        let taken = Python::try_attach(|py| -> PyResult<Option<(Vec<u16>, f64)>> {
+        let taken = ask("camera", |py| {
             py.check_signals()?;
             let answer = self.device.call_method0(py, "capture")?;
             // The counts, and how many seconds ago their exposure began, where the camera says so.
@@ -128,8 +115,7 @@ impl Camera for PythonCamera {
             // Any other frame was triggered by this call.
             let started = age.map_or(called, |age| self.clock.seconds() - age);
             Ok(Some((counts.as_slice()?.to_vec(), started)))
-        });
-        let taken = taken.ok_or_else(|| gone("camera"))?.map_err(|error| failed("camera", error))?;
+        })?;
         let Some((counts, started)) = taken else { return Ok(None) };
         self.id += 1;
         Ok(Some(RawFrame {
@@ -143,12 +129,9 @@ impl Camera for PythonCamera {
     }
 
     fn restart(&mut self) -> krylux::Result<()> {
-        let done = Python::try_attach(|py| -> PyResult<()> {
-            match self.device.getattr(py, "restart") {
-                Ok(restart) => restart.call0(py).map(|_| ()),
-                Err(_) => Ok(()),
-            }
-        });
-        done.ok_or_else(|| gone("camera"))?.map_err(|error| failed("camera", error))
+        ask("camera", |py| match self.device.getattr(py, "restart") {
+            Ok(restart) => restart.call0(py).map(|_| ()),
+            Err(_) => Ok(()),
+        })
     }
 }

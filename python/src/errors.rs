@@ -7,73 +7,59 @@ use pyo3::types::PyDict;
 /// The exception for an error: a class of `krylux.errors` whose attributes name what to check.
 pub(crate) fn raise(py: Python<'_>, error: &Error) -> PyErr {
     let path = |path: &std::path::Path| Some(("path", path.display().to_string()));
-    let (class, about, help) = match error {
-        Error::Scene { path: of, help, .. } => ("SceneError", path(of), Some(help)),
-        Error::Data { path: of, help, .. } => ("DataError", path(of), Some(help)),
-        Error::Option { option, help, .. } => {
-            ("OptionError", Some(("option", in_python(option))), Some(help))
-        }
-        Error::Read { path: of, .. } => ("ReadError", path(of), None),
-        Error::Write { path: of, .. } => ("WriteError", path(of), None),
-        Error::NoAdapter { help, .. } => ("NoAdapterError", None, Some(help)),
-        Error::Device { help, .. } => ("DeviceError", None, Some(help)),
-        Error::Rig { device, help, .. } => ("RigError", Some(("device", device.clone())), Some(help)),
-        Error::Saturated { device, help, .. } => {
-            ("SaturatedError", Some(("device", device.clone())), Some(help))
-        }
-        Error::Journal { path: of, help, .. } | Error::NotTaken { path: of, help, .. } => {
-            ("JournalError", path(of), Some(help))
-        }
-        Error::UnfinishedPaths { .. } => ("UnfinishedPathsError", None, None),
-        Error::Interrupted => ("Interrupted", None, None),
-        Error::Dimension { what, .. } => ("DimensionError", Some(("what", (*what).to_owned())), None),
-        Error::Numerical(_) => ("NumericalError", None, None),
-        _ => ("Error", None, None),
+    let device = |device: &String| Some(("device", device.clone()));
+    let (class, about) = match error {
+        Error::Scene { path: of, .. } => ("SceneError", path(of)),
+        Error::Data { path: of, .. } => ("DataError", path(of)),
+        Error::Option { option, .. } => ("OptionError", Some(("option", in_python(option)))),
+        Error::Read { path: of, .. } => ("ReadError", path(of)),
+        Error::Write { path: of, .. } => ("WriteError", path(of)),
+        Error::NoAdapter { .. } => ("NoAdapterError", None),
+        Error::Device { .. } => ("DeviceError", None),
+        Error::Rig { device: of, .. } => ("RigError", device(of)),
+        Error::Saturated { device: of, .. } => ("SaturatedError", device(of)),
+        Error::Journal { path: of, .. } | Error::NotTaken { path: of, .. } => ("JournalError", path(of)),
+        Error::UnfinishedPaths { .. } => ("UnfinishedPathsError", None),
+        Error::Interrupted => ("Interrupted", None),
+        Error::Dimension { what, .. } => ("DimensionError", Some(("what", (*what).to_owned()))),
+        Error::Numerical(_) => ("NumericalError", None),
+        _ => ("Error", None),
     };
-    make(py, class, &in_python(&error.to_string()), about, help.map(|help| in_python(help)))
+    make(py, class, &in_python(&error.to_string()), about)
 }
 
 /// A wrong argument of a function in this package.
 pub(crate) fn option(py: Python<'_>, option: &str, fault: &str, help: &str) -> PyErr {
-    let error = Error::Option { option: option.into(), fault: fault.into(), help: help.into() };
+    let error = Error::option(option, fault).help(help);
     raise(py, &error)
 }
 
 /// A panic, which is a fault of krylux.
 pub(crate) fn internal(py: Python<'_>, reason: &str) -> PyErr {
     let help = "please report it with the lines that led here; nothing else in this process is affected";
-    let text = format!("krylux failed: {reason}\n  help: {help}");
-    make(py, "InternalError", &text, None, Some(help.into()))
+    make(py, "InternalError", &format!("krylux failed: {reason}\n  help: {help}"), None)
 }
 
 /// The use of a laboratory that is closed.
 pub(crate) fn closed(py: Python<'_>) -> PyErr {
-    let help = "open the source again";
-    make(py, "ClosedError", &format!("the laboratory is closed\n  help: {help}"), None, Some(help.into()))
+    make(py, "ClosedError", "the laboratory is closed\n  help: open the source again", None)
 }
 
 /// The use of a laboratory by a process that was forked after it was opened.
 pub(crate) fn forked(py: Python<'_>) -> PyErr {
+    let fault =
+        "the laboratory was opened before this process was forked: devices and threads stay with the parent";
     let help = "open the source in the child, or start processes by multiprocessing's `spawn`";
-    let text = format!(
-        "the laboratory was opened before this process was forked: devices and threads stay with the parent\n  help: {help}"
-    );
-    make(py, "ForkedError", &text, None, Some(help.into()))
+    make(py, "ForkedError", &format!("{fault}\n  help: {help}"), None)
 }
 
-fn make(
-    py: Python<'_>,
-    class: &str,
-    text: &str,
-    about: Option<(&str, String)>,
-    help: Option<String>,
-) -> PyErr {
+fn make(py: Python<'_>, class: &str, text: &str, about: Option<(&str, String)>) -> PyErr {
     let made = || -> PyResult<PyErr> {
         let attributes = PyDict::new(py);
         if let Some((name, value)) = about {
             attributes.set_item(name, value)?;
         }
-        attributes.set_item("help", help)?;
+        attributes.set_item("help", text.split_once("\n  help: ").map(|(_, help)| help))?;
         let class = py.import("krylux.errors")?.getattr(class)?;
         Ok(PyErr::from_value(class.call((text,), Some(&attributes))?))
     };

@@ -1,17 +1,18 @@
-//! The paper's figures.
+//! Pictures from files and their comparison, and the paper's figures.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use krylux::analysis::similarity::{data_range, similarity};
+use krylux::io::picture;
 use krylux::lab::{RunFolder, RunOptions, SharedObserver};
 use krylux::operator::Product;
 use krylux::paper::{self, BenchOptions, Content, Figure, Gallery, Panel, Plot, Reproduced, Rig, Strip};
-use numpy::IntoPyArray;
-use numpy::ndarray::Array2;
+use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::Fields;
+use crate::arrays::{self, Fields, shaped};
 use crate::settings::one_of;
 use crate::watch::Watcher;
 use crate::work;
@@ -21,15 +22,13 @@ use crate::work;
 pub(crate) struct Figures {
     made: Vec<Reproduced>,
     quick: bool,
-    log: Py<PyAny>,
 }
 
 #[pymethods]
 impl Figures {
     /// Writes the page and its pictures into a folder. Returns the folder.
-    #[pyo3(signature = (folder, overwrite))]
     fn save(&self, py: Python<'_>, folder: Option<PathBuf>, overwrite: bool) -> PyResult<PathBuf> {
-        let observer = SharedObserver(Arc::new(Watcher::new(None, self.log.clone_ref(py))));
+        let observer = SharedObserver(Arc::new(Watcher::new(py, None)?));
         work::detached(py, || {
             let options = RunOptions { folder, overwrite, resume: false };
             let mut run = RunFolder::create(&options, "reproduce", None, &observer)?;
@@ -44,26 +43,16 @@ impl Figures {
     }
 }
 
-/// What is asked of the figures.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct FiguresQuestion {
-    /// By name; all where there are none.
-    figures: Vec<String>,
-    rig: String,
-    quick: bool,
-    adapter: Option<String>,
-    progress: Option<Py<PyAny>>,
-    log: Py<PyAny>,
-}
-
-/// Makes figures of the paper again.
+/// Makes figures of the paper again: those of these names, or all where there are none.
 #[pyfunction]
 pub(crate) fn reproduce<'py>(
     py: Python<'py>,
-    question: FiguresQuestion,
+    figures: Vec<String>,
+    rig: &str,
+    quick: bool,
+    adapter: Option<String>,
+    progress: Watcher,
 ) -> PyResult<(Bound<'py, PyDict>, Figures)> {
-    let FiguresQuestion { figures, rig, quick, adapter, progress, log } = question;
     let names = Figure::ALL.map(|figure| (figure.name(), figure));
     let asked = figures.iter().map(|name| one_of(py, "figures", name, &names));
     let asked = asked.collect::<PyResult<Vec<Figure>>>()?;
@@ -71,8 +60,8 @@ pub(crate) fn reproduce<'py>(
     let wanted: Vec<Figure> = wanted.collect();
     let rigs: [(&str, &[Rig]); 3] =
         [("ideal", &[Rig::Ideal]), ("virtual", &[Rig::Virtual]), ("both", &[Rig::Ideal, Rig::Virtual])];
-    let rigs = one_of(py, "rig", &rig, &rigs)?;
-    let observer = SharedObserver(Arc::new(Watcher::new(progress, log.clone_ref(py))));
+    let rigs = one_of(py, "rig", rig, &rigs)?;
+    let observer = SharedObserver(Arc::new(progress));
     let made = work::detached(py, || {
         let benches =
             rigs.iter().map(|&rig| BenchOptions { rig, quick, adapter: adapter.clone(), team: None });
@@ -82,16 +71,14 @@ pub(crate) fn reproduce<'py>(
     let fields = Fields::new(py);
     fields.put("status", gallery.verdict().sentence)?.record("summary", &gallery.summary())?;
     let all = made.iter().map(|one| figure_fields(py, one)).collect::<PyResult<Vec<_>>>()?;
-    fields.put("figures", all)?.put("quick", quick)?;
-    Ok((fields.0, Figures { made, quick, log }))
+    fields.put("figures", all)?;
+    Ok((fields.0, Figures { made, quick }))
 }
 
 fn figure_fields<'py>(py: Python<'py>, made: &Reproduced) -> PyResult<Bound<'py, PyDict>> {
     let fields = Fields::new(py);
     fields.put("name", made.figure.name())?.put("title", made.figure.title())?;
-    fields.put("statement", made.figure.statement())?.put("rig", made.rig.name())?;
-    fields.put("setting", made.setting.clone())?.put("photos", made.photos)?;
-    fields.put("seconds", made.seconds)?.put("met", made.is_met())?;
+    fields.put("statement", made.figure.statement())?;
     let panels = PyDict::new(py);
     for panel in &made.panels {
         panels.set_item(&panel.name, panel_fields(py, panel)?)?;
@@ -125,10 +112,8 @@ fn panel_fields<'py>(py: Python<'py>, panel: &Panel) -> PyResult<Bound<'py, PyDi
 fn plot_fields<'py>(py: Python<'py>, plot: &Plot) -> PyResult<Bound<'py, PyDict>> {
     let lines = PyList::empty(py);
     for line in &plot.lines.series {
-        let points: Vec<f64> = line.points.iter().flat_map(|&(x, y)| [x, y]).collect();
-        let points = Array2::from_shape_vec((line.points.len(), 2), points);
-        let points = points.map_err(|error| pyo3::exceptions::PyValueError::new_err(error.to_string()))?;
-        lines.append((&line.name, points.into_pyarray(py)))?;
+        let points = line.points.iter().flat_map(|&(x, y)| [x, y]).collect();
+        lines.append((&line.name, shaped::<f64>(py, &[line.points.len(), 2], points)?))?;
     }
     let fields = Fields::new(py);
     fields.put("caption", &plot.caption)?.put("x_label", &plot.lines.x_label)?;
@@ -139,12 +124,36 @@ fn plot_fields<'py>(py: Python<'py>, plot: &Plot) -> PyResult<Bound<'py, PyDict>
 
 /// The photos of a run in order, with their patterns.
 fn strip_fields<'py>(py: Python<'py>, strip: &Strip) -> PyResult<Bound<'py, PyDict>> {
-    let side = |of: fn(&Product) -> &Vec<f64>| -> Vec<Vec<f64>> {
-        strip.photos.iter().map(|product| of(product).clone()).collect()
+    let shape = [strip.photos.len(), strip.resolution.height, strip.resolution.width];
+    let side = |of: fn(&Product) -> &Vec<f64>| {
+        shaped(py, &shape, strip.photos.iter().flat_map(of).copied().collect())
     };
     let fields = Fields::new(py);
     fields.put("caption", &strip.caption)?;
-    fields.stack("patterns", &side(|product| &product.from), strip.resolution)?;
-    fields.stack("photos", &side(|product| &product.to), strip.resolution)?;
+    fields.put("patterns", side(|product| &product.from)?)?.put("photos", side(|product| &product.to)?)?;
+    Ok(fields.0)
+}
+
+/// The picture in a file.
+#[pyfunction]
+pub(crate) fn read_picture(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
+    arrays::array(py, &work::detached(py, || picture::read(&path))?)
+}
+
+/// How alike two pictures of one shape are.
+#[pyfunction]
+pub(crate) fn compare<'py>(
+    py: Python<'py>,
+    image: PyReadonlyArrayDyn<'py, f32>,
+    reference: PyReadonlyArrayDyn<'py, f32>,
+    range: Option<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (image, reference) = (arrays::image(&image)?, arrays::image(&reference)?);
+    let range = range.unwrap_or_else(|| data_range(&reference));
+    let found = work::detached(py, || similarity(&image, &reference, range))?;
+    let fields = Fields::new(py);
+    fields.put("rmse", found.rmse)?.put("relative_rmse", found.relative_rmse)?;
+    fields.put("largest", found.largest)?.put("psnr", found.psnr)?;
+    fields.put("ssim", found.ssim)?.put("range", found.range)?;
     Ok(fields.0)
 }

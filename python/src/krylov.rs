@@ -1,12 +1,13 @@
 //! krylux's own solvers on operators of Python.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use krylux::krylov::{
     Diagonal, EigsOptions, LowRankOptions, Method, Preconditioner, Side, SolveOptions, Start,
     UserPreconditioner, eigs, hutch_plus_plus, hutchinson, randomized_svd, solve_adjoint,
 };
-use krylux::observer::{Observer, Step};
+use krylux::observer::Observer;
 use krylux::operator::{Adjoint, Operator, Symmetry};
 use krylux::verbs::eigs::Eigenpairs;
 use krylux::verbs::{Eigs, Solved};
@@ -16,24 +17,22 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::rows;
-use crate::settings::one_of;
+use crate::settings::{chosen, item, one_of};
 use crate::verbs;
 use crate::watch::Watcher;
 use crate::{errors, work};
 
 /// An operator whose products Python takes: `product(rows of vectors, adjoint)` returns rows.
-struct Called {
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Called {
     product: Py<PyAny>,
     shape: (usize, usize),
+    #[pyo3(item("symmetric"))]
     is_symmetric: bool,
     block: usize,
+    #[pyo3(item("progress"))]
     watcher: Watcher,
-}
-
-/// An error that stands for an exception, which comes out in its place.
-fn raised(error: PyErr) -> Error {
-    work::keep(error);
-    Error::Interrupted
 }
 
 impl Called {
@@ -42,7 +41,7 @@ impl Called {
         for x in xs {
             Error::check_size("entries of the vector to multiply", from, x.len())?;
         }
-        let taken = Python::try_attach(|py| -> PyResult<Vec<f64>> {
+        let values = work::in_python(|py| {
             py.check_signals()?;
             let vectors: Vec<Vec<f64>> = xs.iter().map(|x| x.to_vec()).collect();
             let answer = self.product.call1(py, (rows(py, &vectors, from)?, adjoint))?;
@@ -52,8 +51,7 @@ impl Called {
                 return Err(errors::option(py, "A", &fault, &format!("return {to} numbers for each vector")));
             }
             Ok(answer.as_slice()?.to_vec())
-        });
-        let values = taken.ok_or(Error::Interrupted)?.map_err(raised)?;
+        })?;
         ys.iter_mut().zip(values.chunks(to.max(1))).for_each(|(y, value)| y.copy_from_slice(value));
         Ok(())
     }
@@ -85,13 +83,7 @@ impl Operator for Called {
     }
 
     fn observer(&self) -> &dyn Observer {
-        self
-    }
-}
-
-impl Observer for Called {
-    fn step(&self, step: &Step<'_>) -> std::ops::ControlFlow<()> {
-        self.watcher.step(step)
+        &self.watcher
     }
 }
 
@@ -105,76 +97,37 @@ impl Adjoint for Called {
     }
 }
 
-/// An operator of Python as its side describes it.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Described {
-    product: Py<PyAny>,
-    shape: (usize, usize),
-    symmetric: bool,
-    block: usize,
-    progress: Option<Py<PyAny>>,
-    log: Py<PyAny>,
-}
-
-impl From<Described> for Called {
-    fn from(of: Described) -> Self {
-        let watcher = Watcher::new(of.progress, of.log);
-        Self { product: of.product, shape: of.shape, is_symmetric: of.symmetric, block: of.block, watcher }
-    }
-}
-
 /// The options of a solver.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct SolveQuestion {
-    products: usize,
-    rtol: f64,
-    atol: f64,
-    noise: f64,
-    x0: Option<Vec<f64>>,
-    /// A diagonal to divide by.
-    divide_by: Option<Vec<f64>>,
-    /// A function of rows, as of an operator.
-    preconditioner: Option<Py<PyAny>>,
-    side: String,
-    restart: Option<usize>,
-    lower: f64,
-    upper: f64,
-    diagonal: Option<Vec<f64>>,
-}
-
-impl SolveQuestion {
-    fn options(self, py: Python<'_>) -> PyResult<SolveOptions> {
-        let preconditioner: Option<std::sync::Arc<dyn Preconditioner>> =
-            match (self.divide_by, self.preconditioner) {
-                (Some(entries), _) => Some(std::sync::Arc::new(
-                    Diagonal::new(entries).map_err(|error| errors::raise(py, &error))?,
-                )),
-                (None, Some(product)) => Some(std::sync::Arc::new(called_preconditioner(product))),
-                (None, None) => None,
-            };
-        Ok(SolveOptions {
-            products: self.products,
-            rtol: self.rtol,
-            atol: self.atol,
-            noise: self.noise,
-            x0: self.x0,
-            preconditioner,
-            side: one_of(py, "side", &self.side, &[("right", Side::Right), ("left", Side::Left)])?,
-            restart: self.restart,
-            lower: self.lower,
-            upper: self.upper,
-            diagonal: self.diagonal,
-            surrogate: None,
-        })
-    }
+fn options(question: &Bound<'_, PyAny>) -> PyResult<SolveOptions> {
+    let py = question.py();
+    let preconditioner: Option<Arc<dyn Preconditioner>> =
+        match (item(question, "divide_by")?, item(question, "preconditioner")?) {
+            (Some(entries), _) => {
+                Some(Arc::new(Diagonal::new(entries).map_err(|error| errors::raise(py, &error))?))
+            }
+            (None, Some(product)) => Some(Arc::new(called_preconditioner(product))),
+            (None, None) => None,
+        };
+    Ok(SolveOptions {
+        products: item(question, "products")?,
+        rtol: item(question, "rtol")?,
+        atol: item(question, "atol")?,
+        noise: item(question, "noise")?,
+        x0: item(question, "x0")?,
+        preconditioner,
+        side: chosen(question, "side", &[("right", Side::Right), ("left", Side::Left)])?,
+        restart: item(question, "restart")?,
+        lower: item(question, "lower")?,
+        upper: item(question, "upper")?,
+        diagonal: item(question, "diagonal")?,
+        surrogate: None,
+    })
 }
 
 /// `M⁻¹` by a function of Python, which is taken for positive definite.
 fn called_preconditioner(product: Py<PyAny>) -> UserPreconditioner {
     UserPreconditioner::closure(true, move |r, z| {
-        let taken = Python::try_attach(|py| -> PyResult<()> {
+        work::in_python(|py| {
             let answer = product.call1(py, (r.to_vec().into_pyarray(py),))?;
             let answer: PyReadonlyArray1<'_, f64> = answer.extract(py)?;
             if answer.len() != z.len() {
@@ -183,8 +136,7 @@ fn called_preconditioner(product: Py<PyAny>) -> UserPreconditioner {
             }
             z.copy_from_slice(answer.as_slice()?);
             Ok(())
-        });
-        taken.ok_or(Error::Interrupted)?.map_err(raised)
+        })
     })
 }
 
@@ -193,13 +145,13 @@ fn called_preconditioner(product: Py<PyAny>) -> UserPreconditioner {
 pub(crate) fn solve<'py>(
     py: Python<'py>,
     method: &str,
-    operator: Described,
+    mut operator: Called,
     b: PyReadonlyArray1<'py, f64>,
-    question: SolveQuestion,
+    question: Bound<'py, PyAny>,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
     let method = Method::from_name(method).map_err(|error| errors::raise(py, &error))?;
-    let options = question.options(py)?;
-    let (mut operator, b) = (Called::from(operator), b.as_slice()?);
+    let options = options(&question)?;
+    let b = b.as_slice()?;
     let found = work::detached(py, || solve_adjoint(method, &mut operator, b, &options))?;
     verbs::attributes(py, &Solved { found, method, file: None })
 }
@@ -211,7 +163,7 @@ type Beside = (u64, f64, Option<Vec<f64>>, Vec<Vec<f64>>);
 #[pyfunction(name = "eigs")]
 pub(crate) fn eigenpairs<'py>(
     py: Python<'py>,
-    operator: Described,
+    mut operator: Called,
     asked: BTreeMap<String, String>,
     beside: Beside,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
@@ -221,7 +173,6 @@ pub(crate) fn eigenpairs<'py>(
     if let Some(start) = start {
         options.start = Start::Given(start);
     }
-    let mut operator = Called::from(operator);
     let found = work::detached(py, || eigs(&mut operator, &options))?;
     verbs::attributes(py, &Eigenpairs::new(found, &request, None))
 }
@@ -230,12 +181,11 @@ pub(crate) fn eigenpairs<'py>(
 #[pyfunction]
 pub(crate) fn trace(
     py: Python<'_>,
-    operator: Described,
+    mut operator: Called,
     products: usize,
     seed: u64,
     method: &str,
 ) -> PyResult<(f64, f64, usize)> {
-    let mut operator = Called::from(operator);
     let is_plus = one_of(py, "method", method, &[("hutch++", true), ("hutchinson", false)])?;
     let found = work::detached(py, || match is_plus {
         true => hutch_plus_plus(&mut operator, products, seed),
@@ -249,10 +199,9 @@ pub(crate) fn trace(
 #[allow(clippy::type_complexity, reason = "the three arrays of a singular value decomposition")]
 pub(crate) fn svd<'py>(
     py: Python<'py>,
-    operator: Described,
+    mut operator: Called,
     question: (usize, usize, usize, u64),
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>, Bound<'py, PyAny>)> {
-    let mut operator = Called::from(operator);
     let (rank, oversampling, power, seed) = question;
     let options = LowRankOptions { rank, oversampling, power, seed, ..LowRankOptions::default() };
     let found = work::detached(py, || randomized_svd(&mut operator, &options))?;

@@ -2,39 +2,33 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 use krylux::lab::{Lab as Laboratory, RunOptions, SourceKind};
 use krylux::measure::RigFile;
 use krylux::transport::Part;
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::answers::Answer;
-use crate::arrays::{self, Fields};
+use crate::arrays::{self, Fields, record, shaped};
 use crate::matrix::Matrix;
 use crate::operator::Operator;
 use crate::settings::{Request, one_of};
+use crate::work::Held;
 use crate::{errors, work};
 
 /// A laboratory, until it is closed.
 #[pyclass(frozen, module = "krylux._krylux", name = "Lab")]
 pub(crate) struct Lab {
-    lab: Arc<Mutex<Option<Laboratory>>>,
+    lab: Held<Laboratory>,
     /// Photos that were asked for one by one, beside those of operators.
     photos: AtomicUsize,
-    process: u32,
 }
 
 /// A laboratory that goes out of scope leaves a record of its run that is as complete as that of a closed one.
 impl Drop for Lab {
     fn drop(&mut self) {
-        if self.process != std::process::id() {
-            // Its devices are the parent's: they are neither used nor closed here.
-            std::mem::forget(Arc::clone(&self.lab));
-            return;
-        }
         // Nobody is left who could be told of an error. Another thread may be at work with an operator, and need the interpreter.
         let _ = Python::try_attach(|py| work::detached(py, || self.end()));
     }
@@ -42,8 +36,7 @@ impl Drop for Lab {
 
 impl Lab {
     fn around(lab: Laboratory) -> Self {
-        let lab = Arc::new(Mutex::new(Some(lab)));
-        Self { lab, photos: AtomicUsize::new(0), process: std::process::id() }
+        Self { lab: Held::new(lab), photos: AtomicUsize::new(0) }
     }
 
     /// Lets `work` use the laboratory, without the interpreter's lock. Threads take turns.
@@ -52,14 +45,7 @@ impl Lab {
         py: Python<'_>,
         work: impl FnOnce(&mut Laboratory) -> krylux::Result<T> + Send,
     ) -> PyResult<T> {
-        if self.process != std::process::id() {
-            return Err(errors::forked(py));
-        }
-        let done = work::detached(py, || {
-            let mut lab = self.lab.lock().unwrap_or_else(PoisonError::into_inner);
-            lab.as_mut().map(work).transpose()
-        })?;
-        done.ok_or_else(|| errors::closed(py))
+        self.lab.with(py, work)
     }
 }
 
@@ -109,75 +95,56 @@ impl Lab {
         Ok(fields.0)
     }
 
-    /// What is known without a photo.
-    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let fields = Fields::new(py);
-        let (kind, name, photo, pattern, channels, unit, seed) = self.with(py, |lab| {
-            let [photo, pattern] = [lab.resolution(), lab.projector_resolution()];
-            let channels = lab.channels().count();
-            let known =
-                (lab.kind(), lab.name(), (photo.height, photo.width), (pattern.height, pattern.width));
-            let unit = lab.unit().to_owned();
-            Ok((known.0, known.1, known.2, known.3, channels, unit, lab.seed()))
+    /// What is known without a photo: kind, name, the shapes of photos and of patterns, channels, unit, seed, and the photos of a run.
+    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let about = self.with(py, |lab| {
+            let kind = match lab.kind() {
+                SourceKind::Scene => "scene",
+                SourceKind::Rig => "rig",
+                SourceKind::Run => "run",
+                SourceKind::Matrix => "matrix",
+            };
+            let [photo, pattern] =
+                [lab.resolution(), lab.projector_resolution()].map(|size| (size.height, size.width));
+            let (channels, unit) = (lab.channels().count(), lab.unit().to_owned());
+            Ok((kind, lab.name(), photo, pattern, channels, unit, lab.seed()))
         })?;
-        let kind = match kind {
-            SourceKind::Scene => "scene",
-            SourceKind::Rig => "rig",
-            SourceKind::Run => "run",
-            SourceKind::Matrix => "matrix",
-        };
-        fields.put("kind", kind)?.put("name", name)?.put("resolution", photo)?.put("projector", pattern)?;
-        fields.put("channels", channels)?.put("unit", unit)?.put("seed", seed)?;
-        Ok(fields.0)
+        about.into_pyobject(py)
     }
 
-    /// The photo of a pattern.
+    /// The photo of a pattern, and if asked for, the standard error of each sample where it is known.
     fn photo<'py>(
         &self,
         py: Python<'py>,
         pattern: PyReadonlyArrayDyn<'py, f32>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let pattern = arrays::image(&pattern)?;
-        let photo = self.with(py, |lab| lab.photo(&pattern))?;
-        self.photos.fetch_add(1, Ordering::Relaxed);
-        Ok(arrays::array(py, &photo)?.into_any())
-    }
-
-    /// The photo of a pattern, and the standard error of each sample where it is known.
-    fn photo_with_error<'py>(
-        &self,
-        py: Python<'py>,
-        pattern: PyReadonlyArrayDyn<'py, f32>,
+        with_error: bool,
     ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
         let pattern = arrays::image(&pattern)?;
-        let (photo, error) = self.with(py, |lab| lab.photo_with_error(&pattern))?;
+        let (photo, error) = self.with(py, |lab| match with_error {
+            true => lab.photo_with_error(&pattern),
+            false => Ok((lab.photo(&pattern)?, None)),
+        })?;
         self.photos.fetch_add(1, Ordering::Relaxed);
-        let error = error.map(|error| arrays::array(py, &error).map(Bound::into_any)).transpose()?;
-        Ok((arrays::array(py, &photo)?.into_any(), error))
+        Ok((arrays::array(py, &photo)?, error.map(|error| arrays::array(py, &error)).transpose()?))
     }
 
     /// The photo under an all-ones pattern, or without a projector.
     fn plain<'py>(&self, py: Python<'py>, is_white: bool) -> PyResult<Bound<'py, PyAny>> {
         let photo = self.with(py, |lab| if is_white { lab.white() } else { lab.ambient() })?;
         self.photos.fetch_add(1, Ordering::Relaxed);
-        Ok(arrays::array(py, &photo)?.into_any())
+        arrays::array(py, &photo)
     }
 
     /// The region that each pixel of a scene sees.
-    fn labels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (labels, resolution) = self.with(py, |lab| Ok((lab.labels()?, lab.resolution())))?;
-        let fields = Fields::new(py);
-        fields.raster("labels", labels, resolution)?;
-        Ok(fields.0)
+    fn labels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let (labels, size) = self.with(py, |lab| Ok((lab.labels()?, lab.resolution())))?;
+        shaped(py, &arrays::shape(size, 1), labels)
     }
 
     /// The labels of the scene's author with the regions' names, where there are any.
-    fn truth<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let (truth, resolution) = self.with(py, |lab| Ok((lab.known_truth()?, lab.resolution())))?;
-        let Some(truth) = truth else { return Ok(None) };
-        let fields = Fields::new(py);
-        fields.raster("labels", truth.labels, resolution)?.put("regions", truth.regions)?;
-        Ok(Some(fields.0))
+    fn truth<'py>(&self, py: Python<'py>) -> PyResult<Option<(Bound<'py, PyAny>, Vec<String>)>> {
+        let (truth, size) = self.with(py, |lab| Ok((lab.known_truth()?, lab.resolution())))?;
+        truth.map(|of| Ok((shaped(py, &arrays::shape(size, 1), of.labels)?, of.regions))).transpose()
     }
 
     /// The noise of a traced matrix, where it is known.
@@ -201,18 +168,15 @@ impl Lab {
     }
 
     /// What a rig has cost so far; nothing for other sources.
-    fn costs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let costs = self.with(py, Laboratory::costs)?;
-        let fields = Fields::new(py);
-        fields.record("costs", &costs)?;
-        Ok(fields.0)
+    fn costs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        record(py, &self.with(py, Laboratory::costs)?)
     }
 
     /// One part and channel of the matrix.
     fn matrix(&self, py: Python<'_>, part: &str, channel: usize) -> PyResult<Matrix> {
         let part = crate::lab::part(py, part)?;
         self.check_channel(py, channel)?;
-        self.with(py, |lab| lab.matrix(part, channel)).map(Matrix::new)
+        self.with(py, |lab| lab.matrix(part, channel)).map(Matrix)
     }
 
     /// One part and channel of the light transport as an operator.
@@ -224,7 +188,6 @@ impl Lab {
     }
 
     /// Writes an answer into a folder, or into that of the open run. Returns the folder.
-    #[pyo3(signature = (answer, folder, overwrite))]
     fn save(
         &self,
         py: Python<'_>,
@@ -248,19 +211,20 @@ impl Lab {
     }
 
     /// What was found of an answer and of the rig whose photos it is from.
-    fn findings<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Bound<'py, PyDict>> {
-        let found = self.with(py, |lab| Ok(answer.findings(lab)))?;
-        let fields = Fields::new(py);
-        fields.record("findings", &found)?;
-        Ok(fields.0)
+    fn findings<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Bound<'py, PyAny>> {
+        record(py, &self.with(py, |lab| Ok(answer.findings(lab)))?)
     }
 
     /// Compares the photos that an answer predicts with independent ones.
     fn check<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(found) = self.with(py, |lab| answer.check(lab))? else { return Ok(None) };
-        let fields = Fields::new(py);
-        fields.record("verification", &found.verification)?;
-        fields.record("of_scene", &found.estimates)?.put("residual", found.residual)?;
+        let fields = Fields(record(py, &found.verification)?.cast_into()?);
+        if !found.estimates.is_empty() {
+            fields.record("of_scene", &found.estimates)?;
+        }
+        if let Some(residual) = found.residual {
+            fields.put("residual", residual)?;
+        }
         if let Some([photo, standard_error]) = &found.photo {
             fields.image("observed", photo)?.image("standard_error", standard_error)?;
         }
@@ -279,18 +243,14 @@ impl Lab {
 
     #[getter]
     fn is_closed(&self, py: Python<'_>) -> bool {
-        py.detach(|| self.lab.lock().unwrap_or_else(PoisonError::into_inner).is_none())
+        py.detach(|| self.lab.is_taken())
     }
 }
 
 impl Lab {
     /// Ends the open run and drops the laboratory. A run that took no photo, or whose rig no longer answers, counts as interrupted.
     fn end(&self) -> krylux::Result<()> {
-        if self.process != std::process::id() {
-            return Ok(());
-        }
-        let lab = self.lab.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let Some(mut lab) = lab else { return Ok(()) };
+        let Some(mut lab) = self.lab.take() else { return Ok(()) };
         let photos = lab.contact_sheet().len() + self.photos.load(Ordering::Relaxed);
         if lab.run().is_none() {
             return Ok(());
@@ -314,9 +274,6 @@ impl Lab {
 
 /// Photos of an open run are in its own folder.
 fn in_another_folder(open: &std::path::Path) -> krylux::Error {
-    krylux::Error::Option {
-        option: "-o".into(),
-        fault: format!("the photos of this laboratory go to {}", open.display()),
-        help: "save the answer there, by save() without a folder".into(),
-    }
+    krylux::Error::option("-o", format!("the photos of this laboratory go to {}", open.display()))
+        .help("save the answer there, by save() without a folder")
 }

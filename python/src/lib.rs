@@ -10,7 +10,7 @@
 //! | `lab`, `verbs`, `answers` | the laboratory, its questions, and what can be saved |
 //! | `matrix`, `operator`, `arrays` | matrices, products and pictures as arrays |
 //! | `krylov` | krylux's solvers on operators of Python |
-//! | `pictures`, `figures` | pictures from files and their comparison, and the paper's figures |
+//! | `figures` | pictures from files and their comparison, and the paper's figures |
 //! | `devices`, `bench`, `preview` | cameras and projectors of Python, and the devices of a rig |
 
 mod answers;
@@ -23,37 +23,39 @@ mod krylov;
 mod lab;
 mod matrix;
 mod operator;
-mod pictures;
 mod preview;
 mod settings;
 mod verbs;
 mod watch;
 mod work;
 
-use pyo3::prelude::*;
-
 /// The native part of the package.
-#[pymodule]
-fn _krylux(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    work::note_process();
-    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add_class::<answers::Answer>()?;
-    module.add_class::<figures::Figures>()?;
-    module.add_class::<lab::Lab>()?;
-    module.add_class::<matrix::Matrix>()?;
-    module.add_class::<operator::Operator>()?;
-    module.add_class::<preview::Preview>()?;
-    module.add_function(wrap_pyfunction!(verbs::verbs, module)?)?;
-    module.add_function(wrap_pyfunction!(krylov::solve, module)?)?;
-    module.add_function(wrap_pyfunction!(krylov::eigenpairs, module)?)?;
-    module.add_function(wrap_pyfunction!(krylov::trace, module)?)?;
-    module.add_function(wrap_pyfunction!(krylov::svd, module)?)?;
-    module.add_function(wrap_pyfunction!(pictures::read_picture, module)?)?;
-    module.add_function(wrap_pyfunction!(pictures::compare, module)?)?;
-    module.add_function(wrap_pyfunction!(figures::reproduce, module)?)?;
-    module.add_function(wrap_pyfunction!(preview::attached, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::calibrate, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::flat_field, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::check, module)?)?;
-    module.add_function(wrap_pyfunction!(bench::align_rounds, module)?)
+#[pyo3::pymodule]
+mod _krylux {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::answers::Answer;
+    #[pymodule_export]
+    use crate::bench::{align_rounds, calibrate, check, flat_field};
+    #[pymodule_export]
+    use crate::figures::{Figures, compare, read_picture, reproduce};
+    #[pymodule_export]
+    use crate::krylov::{eigenpairs, solve, svd, trace};
+    #[pymodule_export]
+    use crate::lab::Lab;
+    #[pymodule_export]
+    use crate::matrix::Matrix;
+    #[pymodule_export]
+    use crate::operator::Operator;
+    #[pymodule_export]
+    use crate::preview::{Preview, attached};
+    #[pymodule_export]
+    use crate::verbs::verbs;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::work::note_process();
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
 }

@@ -7,53 +7,32 @@ use pyo3::prelude::*;
 
 use crate::errors;
 
-/// Offsets of rows in the type that SciPy wants: that of the columns.
-enum Starts {
-    Narrow(Vec<i32>),
-    Wide(Vec<i64>),
-}
-
 /// Keeps the arrays of a matrix alive for the views of them.
 #[pyclass(frozen, weakref, module = "krylux._krylux", name = "Matrix")]
-pub(crate) struct Matrix {
-    matrix: Csr,
-    starts: Starts,
-}
-
-impl Matrix {
-    pub(crate) fn new(matrix: Csr) -> Self {
-        let is_narrow = i32::try_from(matrix.weights().len().max(matrix.cols())).is_ok();
-        let starts = matrix.row_start().iter();
-        let starts = if is_narrow {
-            Starts::Narrow(starts.map(|&start| start as i32).collect())
-        } else {
-            Starts::Wide(starts.map(|&start| start as i64).collect())
-        };
-        Self { matrix, starts }
-    }
-}
+pub(crate) struct Matrix(pub(crate) Csr);
 
 #[pymethods]
 impl Matrix {
     /// Rows and columns.
     #[getter]
     fn shape(&self) -> (usize, usize) {
-        (self.matrix.rows(), self.matrix.cols())
+        (self.0.rows(), self.0.cols())
     }
 
-    /// `(data, indices, indptr)` as SciPy has them: views, which cannot be written to. `indptr` is 64 bits wide for a matrix of 2³¹ entries
+    /// `(data, indices, indptr)` as SciPy has them: views, which cannot be written to, and offsets that are made anew. `indptr` is 64 bits wide for a matrix of 2³¹ entries
     /// or more; SciPy then widens `indices` too, by a copy.
     fn arrays<'py>(
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let this = slf.get();
+        let (py, matrix) = (slf.py(), &slf.get().0);
         // Columns are below 2³¹ wherever they are read as signed numbers: SciPy has no matrices of unsigned ones.
-        let columns: &[i32] = bytemuck::cast_slice(this.matrix.columns());
-        let starts = match &this.starts {
-            Starts::Narrow(starts) => view(slf, starts)?,
-            Starts::Wide(starts) => view(slf, starts)?,
+        let columns: &[i32] = bytemuck::cast_slice(matrix.columns());
+        let starts = matrix.row_start().iter();
+        let starts = match i32::try_from(matrix.weights().len().max(matrix.cols())) {
+            Ok(_) => PyArray1::from_iter(py, starts.map(|&start| start as i32)).into_any(),
+            Err(_) => PyArray1::from_iter(py, starts.map(|&start| start as i64)).into_any(),
         };
-        Ok((view(slf, this.matrix.weights())?, view(slf, columns)?, starts))
+        Ok((view(slf, matrix.weights())?, view(slf, columns)?, starts))
     }
 }
 
@@ -70,17 +49,15 @@ fn view<'py, T: Element>(owner: &Bound<'py, Matrix>, values: &[T]) -> PyResult<B
     Ok(array.into_any())
 }
 
-/// The matrix of SciPy's three arrays, which are copied once.
-pub(crate) fn from_arrays(
-    py: Python<'_>,
-    cols: usize,
-    data: &PyReadonlyArray1<'_, f64>,
-    indices: &PyReadonlyArray1<'_, i64>,
-    indptr: &PyReadonlyArray1<'_, i64>,
-) -> PyResult<Csr> {
+/// The number of columns of a matrix of SciPy, and its data, indices and row starts.
+type Arrays<'py> =
+    (usize, PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, i64>, PyReadonlyArray1<'py, i64>);
+
+/// A matrix of SciPy, whose arrays are copied once.
+pub(crate) fn csr(py: Python<'_>, (cols, data, indices, indptr): &Arrays<'_>) -> PyResult<Csr> {
     let refused = |_| errors::option(py, "source", "its columns exceed 32 bits", "give a smaller matrix");
     let row_start = indptr.as_slice()?.iter().map(|&start| usize::try_from(start)).collect::<Result<_, _>>();
     let columns = indices.as_slice()?.iter().map(|&column| u32::try_from(column)).collect::<Result<_, _>>();
     let (row_start, columns) = (row_start.map_err(refused)?, columns.map_err(refused)?);
-    Csr::new(cols, row_start, columns, data.as_slice()?.to_vec()).map_err(|error| errors::raise(py, &error))
+    Csr::new(*cols, row_start, columns, data.as_slice()?.to_vec()).map_err(|error| errors::raise(py, &error))
 }

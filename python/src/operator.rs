@@ -1,50 +1,34 @@
 //! A part of a laboratory's light transport: products with vectors of NumPy.
 
-use std::sync::{Arc, Mutex, PoisonError};
-
 use krylux::lab::LabOperator;
 use krylux::operator::{Adjoint, Operator as _, Symmetry};
-use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::{errors, work};
+use crate::arrays::shaped;
+use crate::errors;
+use crate::work::Held;
 
 /// One part and channel of a light transport matrix.
 #[pyclass(frozen, module = "krylux._krylux", name = "Operator")]
 pub(crate) struct Operator {
-    operator: Arc<Mutex<LabOperator>>,
+    operator: Held<LabOperator>,
+    #[pyo3(get)]
     shape: (usize, usize),
+    #[pyo3(get)]
     is_symmetric: bool,
-    process: u32,
-}
-
-impl Drop for Operator {
-    fn drop(&mut self) {
-        if self.process != std::process::id() {
-            // Its devices are the parent's: they are neither used nor closed here.
-            std::mem::forget(Arc::clone(&self.operator));
-        }
-    }
 }
 
 impl Operator {
     pub(crate) fn new(operator: LabOperator) -> Self {
         let shape = (operator.rows(), operator.cols());
         let is_symmetric = operator.symmetry() == Symmetry::Symmetric;
-        Self { operator: Arc::new(Mutex::new(operator)), shape, is_symmetric, process: std::process::id() }
+        Self { operator: Held::new(operator), shape, is_symmetric }
     }
 
-    /// Lets `work` use the operator, without the interpreter's lock.
-    pub(crate) fn with<T: Send>(
-        &self,
-        py: Python<'_>,
-        work: impl FnOnce(&mut LabOperator) -> krylux::Result<T> + Send,
-    ) -> PyResult<T> {
-        if self.process != std::process::id() {
-            return Err(errors::forked(py));
-        }
-        work::detached(py, || work(&mut self.operator.lock().unwrap_or_else(PoisonError::into_inner)))
+    /// The length of products.
+    fn length(&self, adjoint: bool) -> usize {
+        if adjoint { self.shape.1 } else { self.shape.0 }
     }
 }
 
@@ -66,26 +50,14 @@ fn check_finite(py: Python<'_>, argument: &str, values: &[f64]) -> PyResult<()> 
 
 #[pymethods]
 impl Operator {
-    /// Rows and columns.
-    #[getter]
-    fn shape(&self) -> (usize, usize) {
-        self.shape
-    }
-
-    /// Whether the matrix is symmetric.
-    #[getter]
-    fn is_symmetric(&self) -> bool {
-        self.is_symmetric
-    }
-
     /// Products so far, those with the transpose among them.
     fn photos(&self, py: Python<'_>) -> PyResult<usize> {
-        self.with(py, |operator| Ok(operator.photos()))
+        self.operator.with(py, |operator| Ok(operator.photos()))
     }
 
     /// Standard errors of the products of the last call.
     fn standard_errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        Ok(self.with(py, |operator| Ok(operator.standard_errors()))?.into_pyarray(py))
+        Ok(self.operator.with(py, |operator| Ok(operator.standard_errors()))?.into_pyarray(py))
     }
 
     /// `A x`, or `Aᵀ x`.
@@ -99,8 +71,8 @@ impl Operator {
         let copied = if x.is_contiguous() { Vec::new() } else { x.as_array().to_vec() };
         let x = if copied.is_empty() { x.as_slice()? } else { &copied };
         check_finite(py, if adjoint { "y" } else { "x" }, x)?;
-        let mut y = vec![0.0; if adjoint { self.shape.1 } else { self.shape.0 }];
-        self.with(py, |operator| match adjoint {
+        let mut y = vec![0.0; self.length(adjoint)];
+        self.operator.with(py, |operator| match adjoint {
             true => operator.apply_adjoint(x, &mut y),
             false => operator.apply(x, &mut y),
         })?;
@@ -111,7 +83,7 @@ impl Operator {
     /// adds, which makes and frees an array, too.
     fn seconds(&self, x: PyReadonlyArray1<'_, f64>, repeats: usize) -> PyResult<f64> {
         let (py, x) = (x.py(), x.as_slice()?);
-        self.with(py, |operator| {
+        self.operator.with(py, |operator| {
             let mut least = f64::INFINITY;
             for _ in 0..repeats {
                 let start = std::time::Instant::now();
@@ -125,23 +97,17 @@ impl Operator {
     }
 
     /// The products of the rows of `xs`, as rows: one block of krylux.
-    fn products<'py>(
-        &self,
-        xs: PyReadonlyArray2<'py, f64>,
-        adjoint: bool,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn products<'py>(&self, xs: PyReadonlyArray2<'py, f64>, adjoint: bool) -> PyResult<Bound<'py, PyAny>> {
         let (py, count, length) = (xs.py(), xs.shape()[0], xs.shape()[1]);
         check_finite(py, if adjoint { "Y" } else { "X" }, xs.as_slice()?)?;
-        let to = if adjoint { self.shape.1 } else { self.shape.0 };
+        let to = self.length(adjoint);
         let mut values = vec![0.0; count * to];
         let xs: Vec<&[f64]> = xs.as_slice()?.chunks(length.max(1)).collect();
         let mut ys: Vec<&mut [f64]> = values.chunks_mut(to.max(1)).collect();
-        self.with(py, |operator| match adjoint {
+        self.operator.with(py, |operator| match adjoint {
             true => operator.apply_adjoint_block(&xs, &mut ys),
             false => operator.apply_block(&xs, &mut ys),
         })?;
-        let made = Array2::from_shape_vec((count, to), values);
-        let array = made.map_err(|error| pyo3::exceptions::PyValueError::new_err(format!("{error}")))?;
-        Ok(array.into_pyarray(py))
+        shaped(py, &[count, to], values)
     }
 }

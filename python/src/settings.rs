@@ -5,147 +5,114 @@ use std::sync::Arc;
 
 use krylux::image::Resolution;
 use krylux::lab::{
-    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, Settings, SharedObserver, TraceOverrides,
+    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, OperatorSettings, Settings, SharedObserver,
+    TraceOverrides, View,
 };
 use krylux::render::Sampler;
-use krylux::sparse::Csr;
 use krylux::transport::Backend;
+use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
 
 use crate::devices::ProgramDevices;
-use crate::errors;
-use crate::matrix;
 use crate::watch::Watcher;
+use crate::{errors, matrix};
 
-/// The number of columns of a matrix, and its data, indices and row starts as SciPy has them.
-type Arrays = (usize, Py<PyAny>, Py<PyAny>, Py<PyAny>);
-
-/// The source, and the arguments beside it.
+/// A dictionary of the source and of the arguments beside it.
 #[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Request {
-    /// A path; or a name, with one of the next two.
-    source: PathBuf,
-    /// `(cols, data, indices, indptr)` of a matrix.
-    matrix: Option<Arrays>,
-    /// The text of a rig file whose devices are Python's.
-    rig: Option<String>,
-    devices: Option<ProgramDevices>,
-    size: Option<(usize, usize)>,
-    projector_size: Option<(usize, usize)>,
-    spp: Option<u32>,
-    max_bounces: Option<u32>,
-    seed: Option<u32>,
-    sampler: Option<String>,
-    russian_roulette: bool,
-    channels: String,
-    camera: Option<String>,
-    camera_file: Option<PathBuf>,
-    auto_camera: bool,
-    strict: bool,
-    allow_programs: bool,
-    adapter: Option<String>,
-    cache: Option<PathBuf>,
-    cached: bool,
-    operator: String,
-    products: String,
-    memory: Option<u64>,
-    split_bounces: bool,
-    folder: Option<PathBuf>,
-    resume: bool,
-    overwrite: bool,
-    progress: Option<Py<PyAny>>,
-    log: Py<PyAny>,
-}
+pub(crate) struct Request(Py<PyAny>);
 
 impl Request {
     /// The builder of the laboratory.
     pub(crate) fn builder(self, py: Python<'_>) -> PyResult<LabBuilder> {
-        let settings = self.settings(py)?;
-        let name = self.source.display().to_string();
-        let mut builder = match (&self.matrix, self.rig) {
-            (Some(matrix), _) => Lab::builder_of_matrix(csr(py, matrix)?, name),
-            (None, Some(text)) => Lab::builder_of_rig(&self.source, text),
-            (None, None) => Lab::builder(&self.source),
+        let asked = self.0.bind(py);
+        let source: PathBuf = item(asked, "source")?;
+        let mut builder = match (item(asked, "matrix")?, item::<Option<String>>(asked, "rig")?) {
+            // The source of these is a name.
+            (Some(matrix), _) => {
+                Lab::builder_of_matrix(matrix::csr(py, &matrix)?, source.display().to_string())
+            }
+            (None, Some(text)) => Lab::builder_of_rig(&source, text),
+            (None, None) => Lab::builder(&source),
         };
-        builder = builder.settings(settings).allow_programs(self.allow_programs);
-        if let Some(devices) = self.devices {
+        builder = builder.settings(settings(asked)?).allow_programs(item(asked, "allow_programs")?);
+        if let Some(devices) = item::<Option<ProgramDevices>>(asked, "devices")? {
             builder = builder.devices(devices.opener());
         }
-        if let Some(folder) = self.folder {
+        if let Some(folder) = item::<Option<PathBuf>>(asked, "folder")? {
             builder = builder.folder(folder);
         }
-        if self.resume {
+        if item(asked, "resume")? {
             builder = builder.resume();
         }
-        if self.overwrite {
+        if item(asked, "overwrite")? {
             builder = builder.overwrite();
         }
-        let watcher = Watcher::new(self.progress, self.log);
-        Ok(builder.observer(SharedObserver(Arc::new(watcher))))
+        Ok(builder.observer(SharedObserver(Arc::new(item::<Watcher>(asked, "progress")?))))
     }
+}
 
-    fn settings(&self, py: Python<'_>) -> PyResult<Settings> {
-        let resolution = |size: Option<(usize, usize)>| size.map(|(w, h)| Resolution::new(w, h));
-        Ok(Settings {
-            // Processes under MPI are started by the program.
-            team: None,
-            camera: self.camera.clone(),
-            camera_file: self.camera_file.clone(),
-            auto_camera: self.auto_camera,
-            strict: self.strict,
-            trace: TraceOverrides {
-                resolution: resolution(self.size),
-                projector: resolution(self.projector_size),
-                samples: self.spp,
-                max_bounces: self.max_bounces,
-                seed: self.seed,
-                sampler: self.sampler(py)?,
-                russian_roulette: self.russian_roulette,
-                ..TraceOverrides::default()
-            },
-            adapter: self.adapter.clone(),
-            cache: match (self.cached, &self.cache) {
-                (false, _) => CacheChoice::Off,
-                (true, Some(folder)) => CacheChoice::Folder(folder.clone()),
-                (true, None) => CacheChoice::Default,
-            },
-            operator: one_of(
-                py,
-                "operator",
-                &self.operator,
-                &[
-                    ("auto", OperatorChoice::Auto),
-                    ("replay", OperatorChoice::Replay),
-                    ("retrace", OperatorChoice::Retrace),
-                ],
-            )?,
-            backend: one_of(
-                py,
-                "products",
-                &self.products,
-                &[("auto", Backend::Auto), ("cpu", Backend::Cpu), ("device", Backend::Gpu)],
-            )?,
-            memory: self.memory,
-            channels: one_of(
-                py,
-                "channels",
-                &self.channels,
-                &[
-                    ("luma", ChannelChoice::Luma),
-                    ("rgb", ChannelChoice::Rgb),
-                    ("native", ChannelChoice::Native),
-                ],
-            )?,
-            split_bounces: self.split_bounces,
-        })
-    }
+fn settings(asked: &Bound<'_, PyAny>) -> PyResult<Settings> {
+    let samplers = [("sobol", Some(Sampler::Sobol)), ("independent", Some(Sampler::Independent))];
+    let operators = [
+        ("auto", OperatorChoice::Auto),
+        ("replay", OperatorChoice::Replay),
+        ("retrace", OperatorChoice::Retrace),
+    ];
+    let backends = [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("device", Backend::Gpu)];
+    let channels =
+        [("luma", ChannelChoice::Luma), ("rgb", ChannelChoice::Rgb), ("native", ChannelChoice::Native)];
+    let size = |name| Ok::<_, PyErr>(item::<Option<_>>(asked, name)?.map(|(w, h)| Resolution::new(w, h)));
+    let sampler = match asked.get_item("sampler")?.is_none() {
+        true => None,
+        false => chosen(asked, "sampler", &samplers)?,
+    };
+    Ok(Settings {
+        // Processes under MPI are started by the program.
+        team: None,
+        view: View {
+            camera: item(asked, "camera")?,
+            camera_file: item(asked, "camera_file")?,
+            auto_camera: item(asked, "auto_camera")?,
+            strict: item(asked, "strict")?,
+        },
+        trace: TraceOverrides {
+            resolution: size("size")?,
+            projector: size("projector_size")?,
+            samples: item(asked, "spp")?,
+            max_bounces: item(asked, "max_bounces")?,
+            seed: item(asked, "seed")?,
+            sampler,
+            russian_roulette: item(asked, "russian_roulette")?,
+            ..TraceOverrides::default()
+        },
+        adapter: item(asked, "adapter")?,
+        cache: match (item(asked, "cached")?, item::<Option<PathBuf>>(asked, "cache")?) {
+            (false, _) => CacheChoice::Off,
+            (true, Some(folder)) => CacheChoice::Folder(folder),
+            (true, None) => CacheChoice::Default,
+        },
+        operator: OperatorSettings {
+            choice: chosen(asked, "operator", &operators)?,
+            backend: chosen(asked, "products", &backends)?,
+            memory: item(asked, "memory")?,
+        },
+        channels: chosen(asked, "channels", &channels)?,
+        split_bounces: item(asked, "split_bounces")?,
+    })
+}
 
-    fn sampler(&self, py: Python<'_>) -> PyResult<Option<Sampler>> {
-        let Some(name) = &self.sampler else { return Ok(None) };
-        one_of(py, "sampler", name, &[("sobol", Sampler::Sobol), ("independent", Sampler::Independent)])
-            .map(Some)
-    }
+/// The value of an argument in a dictionary.
+pub(crate) fn item<'py, T: FromPyObjectOwned<'py>>(asked: &Bound<'py, PyAny>, argument: &str) -> PyResult<T> {
+    asked.get_item(argument)?.extract().map_err(Into::into)
+}
+
+/// The choice that an argument in a dictionary names.
+pub(crate) fn chosen<T: Copy>(
+    asked: &Bound<'_, PyAny>,
+    argument: &str,
+    choices: &[(&str, T)],
+) -> PyResult<T> {
+    one_of(asked.py(), argument, &item::<String>(asked, argument)?, choices)
 }
 
 /// The choice of this name; `argument` is the one at fault where there is none.
@@ -164,8 +131,4 @@ pub(crate) fn one_of<T: Copy>(
             &format!("give {}", names.join(", ")),
         )
     })
-}
-
-fn csr(py: Python<'_>, (cols, data, indices, indptr): &Arrays) -> PyResult<Csr> {
-    matrix::from_arrays(py, *cols, &data.extract(py)?, &indices.extract(py)?, &indptr.extract(py)?)
 }

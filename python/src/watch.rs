@@ -7,32 +7,33 @@ use pyo3::prelude::*;
 
 use crate::work;
 
-/// Tells Python of progress and messages, and stops where a signal or a callback raises.
+/// Tells Python of progress and messages, and stops where a signal or a callback raises. It is extracted from the function that shows
+/// progress, or from nothing.
 pub(crate) struct Watcher {
-    /// `(stage, done, total, estimate)`, or nothing.
+    /// `(stage, done, total, estimate)`.
     progress: Option<Py<PyAny>>,
     /// `(level, message)`.
     log: Py<PyAny>,
 }
 
+impl FromPyObject<'_, '_> for Watcher {
+    type Error = PyErr;
+
+    fn extract(progress: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        Self::new(progress.py(), progress.extract()?)
+    }
+}
+
 impl Watcher {
-    pub(crate) fn new(progress: Option<Py<PyAny>>, log: Py<PyAny>) -> Self {
-        Self { progress, log }
+    pub(crate) fn new(py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Self> {
+        Ok(Self { progress, log: py.import("krylux._progress")?.getattr("log")?.unbind() })
     }
 
-    /// Runs `ask` in Python. An exception is kept, and stops the computation.
+    /// Runs `ask` in Python, unless an exception waits there already.
     fn ask(ask: impl FnOnce(Python<'_>) -> PyResult<()>) -> ControlFlow<()> {
-        if work::has_caught() {
-            return ControlFlow::Break(());
-        }
-        match Python::try_attach(ask) {
-            Some(Ok(())) => ControlFlow::Continue(()),
-            Some(Err(error)) => {
-                work::keep(error);
-                ControlFlow::Break(())
-            }
-            // The interpreter ends.
-            None => ControlFlow::Break(()),
+        match work::has_caught() || work::in_python(ask).is_err() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         }
     }
 }

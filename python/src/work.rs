@@ -3,8 +3,9 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use krylux::Error;
 use pyo3::prelude::*;
 
 use crate::errors;
@@ -24,6 +25,15 @@ pub(crate) fn keep(error: PyErr) {
 /// Whether an exception waits for the end of the call on this thread.
 pub(crate) fn has_caught() -> bool {
     CAUGHT.with(|caught| caught.borrow().is_some())
+}
+
+/// Runs `call` in Python. An exception is kept, and the error stands for it; so it does where the interpreter ends.
+pub(crate) fn in_python<T>(call: impl FnOnce(Python<'_>) -> PyResult<T>) -> krylux::Result<T> {
+    let done = Python::try_attach(call).ok_or(Error::Interrupted)?;
+    done.map_err(|error| {
+        keep(error);
+        Error::Interrupted
+    })
 }
 
 /// Runs `body` without the interpreter's lock. An exception that Python code raised in it comes out unchanged; an error of krylux comes
@@ -90,5 +100,55 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
         Ok(pool) => pool.install(body),
         // Without threads the loops run one after the other on this one.
         Err(_) => body(),
+    }
+}
+
+/// Something that threads use in turns until it is taken away. It is of the process that made it: in a forked child, what it stands for
+/// belongs to the parent, and is neither used nor closed.
+pub(crate) struct Held<T> {
+    kept: Mutex<Option<T>>,
+    process: u32,
+}
+
+impl<T> Held<T> {
+    pub(crate) fn new(kept: T) -> Self {
+        Self { kept: Mutex::new(Some(kept)), process: std::process::id() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<T>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether it was taken away.
+    pub(crate) fn is_taken(&self) -> bool {
+        self.lock().is_none()
+    }
+
+    /// Takes it away; a forked child gets nothing.
+    pub(crate) fn take(&self) -> Option<T> {
+        if self.process == std::process::id() { self.lock().take() } else { None }
+    }
+
+    /// Lets `work` use it, without the interpreter's lock.
+    pub(crate) fn with<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut T) -> krylux::Result<R> + Send,
+    ) -> PyResult<R>
+    where
+        T: Send,
+    {
+        if self.process != std::process::id() {
+            return Err(errors::forked(py));
+        }
+        detached(py, || self.lock().as_mut().map(work).transpose())?.ok_or_else(|| errors::closed(py))
+    }
+}
+
+impl<T> Drop for Held<T> {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            std::mem::forget(self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        }
     }
 }

@@ -16,13 +16,9 @@ pub fn check_photos(resolution: Resolution, channels: Channels, allowed: Option<
     if needed <= allowed {
         return Ok(());
     }
-    Err(Error::Option {
-        option: "--photos".into(),
-        fault: format!(
+    Err(Error::option("--photos", format!(
             "a matrix of {resolution} pixels takes {needed} photos, one for each column, but {allowed} are allowed"
-        ),
-        help: format!("give --photos {needed} if the rig has so much time, or fewer pixels"),
-    })
+        )).help(format!("give --photos {needed} if the rig has so much time, or fewer pixels")))
 }
 
 /// Measures the matrix column by column. Every entry that is not exactly 0 is stored, noise included.

@@ -48,11 +48,7 @@ impl<'a> WithoutDirect<'a> {
     /// The operator for `A` (`n × n`) and `d` (`n`). Fails with [`Error::Dimension`] if the sizes differ.
     pub fn new(operator: &'a mut dyn Operator, direct: &'a [f64]) -> Result<Self> {
         if [operator.rows(), operator.cols()].iter().any(|&side| side != direct.len()) {
-            return Err(Error::Dimension {
-                what: "pixels of the direct image",
-                expected: operator.cols().to_string(),
-                found: direct.len().to_string(),
-            });
+            return Err(Error::dimension("pixels of the direct image", operator.cols(), direct.len()));
         }
         Ok(Self { operator, direct })
     }
@@ -102,11 +98,11 @@ impl<'a> Blurred<'a> {
     pub fn new(operator: &'a mut dyn Operator, blur: Blur) -> Result<Self> {
         let pixels = blur.resolution().pixels();
         if [operator.rows(), operator.cols()].iter().any(|&side| side != pixels) {
-            return Err(Error::Dimension {
-                what: "rows and columns of an operator to be blurred",
-                expected: pixels.to_string(),
-                found: format!("{}x{}", operator.rows(), operator.cols()),
-            });
+            return Err(Error::dimension(
+                "rows and columns of an operator to be blurred",
+                pixels,
+                format!("{}x{}", operator.rows(), operator.cols()),
+            ));
         }
         Ok(Self { operator, blur, photo: vec![0.0; pixels] })
     }

@@ -59,11 +59,8 @@ impl Probing {
         if (0.0..=4096.0).contains(&sigma) && (sigma > 0.0 || matches!(self, Self::Direct | Self::Indirect)) {
             return Ok(());
         }
-        Err(Error::Option {
-            option: "--sigma".into(),
-            fault: format!("{sigma} pixels"),
-            help: "give a distance above 0 and up to 4096 pixels".into(),
-        })
+        Err(Error::option("--sigma", format!("{sigma} pixels"))
+            .help("give a distance above 0 and up to 4096 pixels"))
     }
 
     /// The number of photos for a number of random patterns.
@@ -137,18 +134,14 @@ pub fn probe(
     probing.check()?;
     let n = resolution.pixels();
     if operator.rows() != n || operator.cols() != n {
-        return Err(Error::Dimension {
-            what: "the transport operator to be probed",
-            expected: format!("{n}x{n}"),
-            found: format!("{}x{}", operator.rows(), operator.cols()),
-        });
+        return Err(Error::dimension(
+            "the transport operator to be probed",
+            format!("{n}x{n}"),
+            format!("{}x{}", operator.rows(), operator.cols()),
+        ));
     }
     if photos < 2 {
-        return Err(Error::Option {
-            option: "--photos".into(),
-            fault: format!("{photos} tell no error"),
-            help: "give at least 2".into(),
-        });
+        return Err(Error::option("--photos", format!("{photos} tell no error")).help("give at least 2"));
     }
     let mut random = Pcg64::seed_from_u64(seed);
     let kernel = kernel(probing.sigma());

@@ -20,11 +20,7 @@ use crate::error::{Error, Result};
 /// [`Error::Dimension`] if the lengths differ.
 pub fn adjusted_rand_index(a: &[u8], b: &[u8]) -> Result<f64> {
     if a.len() != b.len() {
-        return Err(Error::Dimension {
-            what: "labels to compare",
-            expected: a.len().to_string(),
-            found: b.len().to_string(),
-        });
+        return Err(Error::dimension("labels to compare", a.len(), b.len()));
     }
     let mut both = BTreeMap::new();
     let mut left = BTreeMap::new();

@@ -138,14 +138,10 @@ pub fn separate(
     seed: u64,
 ) -> Result<Separation> {
     if operator.symmetry() != Symmetry::Symmetric {
-        return Err(Error::Option {
-            option: "--by".into(),
-            fault: format!(
+        return Err(Error::option("--by", format!(
                 "{} needs a coaxial rig, where the light that a pixel sees directly comes from that very pixel of the projector",
                 by.name()
-            ),
-            help: "use --by exact on a scene, or put the projector where the camera is".into(),
-        });
+            )).help("use --by exact on a scene, or put the projector where the camera is"));
     }
     match by {
         SeparateBy::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
@@ -195,11 +191,7 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
 pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let n = model.cols();
     if white.len() != n {
-        return Err(Error::Dimension {
-            what: "pixels of the white photo",
-            expected: n.to_string(),
-            found: white.len().to_string(),
-        });
+        return Err(Error::dimension("pixels of the white photo", n, white.len()));
     }
     let (mut products, mut squares) = (vec![0.0; n], vec![0.0; n]);
     for (pattern, photo) in model.basis().iter().zip(model.photos()) {

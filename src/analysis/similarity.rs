@@ -41,18 +41,15 @@ pub struct Similarity {
 pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Similarity> {
     let shape = |image: &Image| format!("{}x{}", image.resolution(), image.channels());
     if shape(image) != shape(reference) {
-        return Err(Error::Dimension {
-            what: "pixels and channels of the two images",
-            expected: shape(reference),
-            found: shape(image),
-        });
+        return Err(Error::dimension(
+            "pixels and channels of the two images",
+            shape(reference),
+            shape(image),
+        ));
     }
     if !(range > 0.0 && range.is_finite()) {
-        return Err(Error::Option {
-            option: "--range".into(),
-            fault: format!("{range} is no data range"),
-            help: "give a positive number: what the values could span, 1 for pictures in [0, 1]".into(),
-        });
+        return Err(Error::option("--range", format!("{range} is no data range"))
+            .help("give a positive number: what the values could span, 1 for pictures in [0, 1]"));
     }
     let differences = || {
         let pairs = image.samples().iter().zip(reference.samples());

@@ -47,11 +47,7 @@ impl CountRange {
 pub fn level_frame(image: &Image, projector: &ProjectorInfo) -> Result<Frame> {
     let (size, channels, top) = (projector.resolution, projector.channels, f32::from(projector.highest()));
     if image.resolution() != size {
-        return Err(crate::Error::Dimension {
-            what: "pixels of the pattern",
-            expected: size.to_string(),
-            found: image.resolution().to_string(),
-        });
+        return Err(crate::Error::dimension("pixels of the pattern", size, image.resolution()));
     }
     let level = |sample: usize| {
         let channel = (sample % channels).min(image.channels() - 1);

@@ -167,34 +167,25 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
     let text = String::from_utf8_lossy(line);
     match text.strip_prefix(NAME) {
         Some(format) if format == format!("{FORMAT}\n") => Ok(()),
-        Some(format) if format.ends_with('\n') => Err(Error::Data {
-            path: path.into(),
-            fault: format!(
-                "it is a shard of format {}, and this program reads format {FORMAT}",
-                format.trim()
-            ),
-            help: "use the version of krylux that wrote it".into(),
-        }),
+        Some(format) if format.ends_with('\n') => Err(Error::data(
+            path,
+            format!("it is a shard of format {}, and this program reads format {FORMAT}", format.trim()),
+        )
+        .help("use the version of krylux that wrote it")),
         // An empty file also counts as one that ends early.
         _ if format!("{NAME}{FORMAT}\n").as_bytes().starts_with(line) => {
             Err(damaged(path, "it ends early", None))
         }
-        _ => Err(Error::Data {
-            path: path.into(),
-            fault: "it is not a shard".into(),
-            help: "give files that `krylux matrix SOURCE --shard K/N -o FILE` wrote".into(),
-        }),
+        _ => Err(Error::data(path, "it is not a shard")
+            .help("give files that `krylux matrix SOURCE --shard K/N -o FILE` wrote")),
     }
 }
 
 /// The error for an incomplete file. `of` is the shard's part and the number of parts, if the head could be read.
 fn damaged(path: &Path, why: &str, of: Option<(usize, usize)>) -> Error {
     let (part, parts) = of.map_or(("K".into(), "N".into()), |(k, n)| (k.to_string(), n.to_string()));
-    Error::Data {
-        path: path.into(),
-        fault: format!("the shard is cut short or damaged ({why})"),
-        help: format!("trace it again: krylux matrix SOURCE … --shard {part}/{parts} -o {}", path.display()),
-    }
+    Error::data(path, format!("the shard is cut short or damaged ({why})"))
+        .help(format!("trace it again: krylux matrix SOURCE … --shard {part}/{parts} -o {}", path.display()))
 }
 
 /// A reader or writer with the hash of all bytes that passed through it.

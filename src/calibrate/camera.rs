@@ -104,11 +104,11 @@ fn series(
     let mut down = exposures.iter().rev().map(|&e| session.capture(white, e)).collect::<Result<Vec<_>>>()?;
     down.reverse();
     if up.len() < 3 {
-        return Err(Error::Rig {
-            device: "camera".into(),
-            fault: "its exposures leave no room for a series: white fills the range near the shortest".into(),
-            help: "close the aperture, lower the gain, or dim the projector".into(),
-        });
+        return Err(Error::rig(
+            "camera",
+            "its exposures leave no room for a series: white fills the range near the shortest",
+        )
+        .help("close the aperture, lower the gain, or dim the projector"));
     }
     Ok((up, down))
 }

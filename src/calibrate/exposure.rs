@@ -95,22 +95,14 @@ pub(crate) fn search(
 }
 
 fn saturated(exposure: f64) -> Error {
-    Error::Saturated {
-        device: "camera".into(),
-        fault: format!(
+    Error::saturated("camera", format!(
             "the white frame saturates it even at {exposure} s, the shortest exposure that suits the projector"
-        ),
-        help: "close the lens's aperture, lower the gain, or dim the projector".into(),
-    }
+        )).help("close the lens's aperture, lower the gain, or dim the projector")
 }
 
 fn unseen(exposure: f64) -> Error {
-    Error::Rig {
-        device: "camera".into(),
-        fault: format!("it hardly sees the white frame at {exposure} s, its longest exposure"),
-        help: "take off the lens cap, open the aperture, or let the projector light what the camera sees"
-            .into(),
-    }
+    Error::rig("camera", format!("it hardly sees the white frame at {exposure} s, its longest exposure"))
+        .help("take off the lens cap, open the aperture, or let the projector light what the camera sees")
 }
 
 /// The count that overexposed samples reach.

@@ -234,14 +234,11 @@ pub fn flat_field_of_sheet(measurement: &mut Measurement, known: &FlatField) -> 
         all += light[pixel].powi(2);
     }
     if !(off <= EVEN * EVEN * all && smooth.iter().all(|light| *light > 0.0)) {
-        return Err(Error::Rig {
-            device: "sheet".into(),
-            fault: format!(
-                "its photo departs by {:.1} % from a smooth one, so this is no even sheet",
-                100.0 * (off / all).sqrt()
-            ),
-            help: "fill the view with one matte sheet of one colour, square to the camera, and keep other light away".into(),
-        });
+        let percent = 100.0 * (off / all).sqrt();
+        let fault =
+            format!("its photo departs by {percent:.1} % from a smooth one, so this is no even sheet");
+        let help = "fill the view with one matte sheet of one colour, square to the camera, and keep other light away";
+        return Err(Error::rig("sheet", fault).help(help));
     }
     known.with_sheet(&smooth)
 }

@@ -75,13 +75,9 @@ pub(crate) fn no_map(count: usize, camera: Resolution, projector: Resolution) ->
             "bring the projector's image into the camera's view and into focus, and remove what moves".into(),
         )
     });
-    Error::Rig {
-        device: "camera".into(),
-        fault: format!(
+    Error::rig("camera", format!(
             "only {count} points agree on where projector pixels are seen, and no map can be fitted to them{because}"
-        ),
-        help,
-    }
+        )).help(help)
 }
 
 /// The distance of each point from the map, in normalized coordinates.

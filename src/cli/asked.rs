@@ -7,8 +7,7 @@ use serde_json::{Value, json};
 
 use super::console::Console;
 use super::opening::{Opening, in_run, merge};
-use super::operator::OperatorArgs;
-use super::options::{CheckArgs, RunArgs, SourceArgs};
+use super::options::{CheckArgs, OperatorArgs, RunArgs, SourceArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use super::{Outcome, embedded_page, opener};
@@ -101,7 +100,7 @@ impl Asked {
         let Self { before, request, after, .. } = self;
         if let (true, Some(fault)) = (after.run.resume, request.not_resumed()) {
             let help = format!("{} anew, with --overwrite or into another folder", self.name);
-            return Err(Error::option("--resume", fault, help));
+            return Err(Error::option("--resume", fault).help(help));
         }
         // Wrong options should show before anything is written or traced.
         request.check()?;

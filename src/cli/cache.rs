@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::operator::CacheArgs;
+use super::trace::CacheArgs;
 use crate::cache::Cache;
 use crate::error::{Error, Result};
 use crate::io::name::Name;
@@ -46,10 +46,9 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let cache = args.action().cache.choice().open().ok_or_else(|| Error::Option {
-        option: "--cache".into(),
-        fault: "there is no cache to look at".into(),
-        help: "name its folder by --cache DIR or KRYLUX_CACHE".into(),
+    let cache = args.action().cache.choice().open().ok_or_else(|| {
+        Error::option("--cache", "there is no cache to look at")
+            .help("name its folder by --cache DIR or KRYLUX_CACHE")
     })?;
     match args.action {
         Action::List(_) => list(&cache, console),

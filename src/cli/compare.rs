@@ -98,11 +98,8 @@ fn require_common_size(args: &Args) -> Result<()> {
 
 /// The error for images that cannot be compared.
 fn different(args: &Args, image: &str, reference: &str) -> Error {
-    Error::Data {
-        path: args.image.clone(),
-        fault: format!("it has {image}, but {} has {reference}", args.reference.display()),
-        help: "give two images of one size, both gray or both coloured".into(),
-    }
+    Error::data(&args.image, format!("it has {image}, but {} has {reference}", args.reference.display()))
+        .help("give two images of one size, both gray or both coloured")
 }
 
 fn channels(image: &Image) -> &'static str {
@@ -112,11 +109,8 @@ fn channels(image: &Image) -> &'static str {
 /// What is worse than asked for.
 fn misses(args: &Args, found: &Similarity) -> Result<Vec<String>> {
     if args.min_ssim.is_some() && found.ssim.is_none() {
-        return Err(Error::Option {
-            option: "--min-ssim".into(),
-            fault: "the images are smaller than SSIM's window, 11x11 pixels".into(),
-            help: "use --max-relative-rmse or --min-psnr".into(),
-        });
+        return Err(Error::option("--min-ssim", "the images are smaller than SSIM's window, 11x11 pixels")
+            .help("use --max-relative-rmse or --min-psnr"));
     }
     let above = [
         ("the RMSE", found.rmse, args.max_rmse),

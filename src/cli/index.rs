@@ -32,19 +32,16 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         && !args.overwrite
         && !index::is_own(&old)
     {
-        return Err(Error::Option {
-            option: page.display().to_string(),
-            fault: "is the page of another program".into(),
-            help: "move it aside, or add --overwrite".into(),
-        });
+        return Err(Error::option(page.display().to_string(), "is the page of another program")
+            .help("move it aside, or add --overwrite"));
     }
     let runs = index::find(&args.folder)?;
     if runs.is_empty() {
-        return Err(Error::Option {
-            option: args.folder.display().to_string(),
-            fault: "holds no run: no folder in it has a run.json".into(),
-            help: "name the folder that the folders of runs lie in, such as out".into(),
-        });
+        return Err(Error::option(
+            args.folder.display().to_string(),
+            "holds no run: no folder in it has a run.json",
+        )
+        .help("name the folder that the folders of runs lie in, such as out"));
     }
     let page = index::write(&args.folder, &runs)?;
     console.say(format_args!("runs      {}", runs.len()))?;

@@ -59,11 +59,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         say_scene(scene, console)?;
         show(scene, args, console)?;
     } else if let Some(option) = args.picture.as_ref().map(|_| "--output").or(args.draw.then_some("--draw")) {
-        return Err(Error::Option {
-            option: option.into(),
-            fault: "only scenes are drawn, and this is a rig".into(),
-            help: "give the scene that the rig file names".into(),
-        });
+        return Err(Error::option(option, "only scenes are drawn, and this is a rig")
+            .help("give the scene that the rig file names"));
     }
     if let (Some(scene), Some(file)) = (&scene, &args.write_camera) {
         atomic::write_bytes(file, scene.camera.to_toml(scene.origin).as_bytes())?;
@@ -105,10 +102,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 /// Loads the scene and says what was ignored in it.
 fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
     // A scene without a camera is described, too.
-    let (auto_camera, strict) = (true, view.strict);
-    let (camera, camera_file) = (view.camera.as_deref(), view.camera_file.as_deref());
-    let options = LoadOptions { camera, camera_file, auto_camera, strict, ..LoadOptions::default() };
-    let scene = scene::load_with(path, &options)?;
+    let scene = scene::load_with(path, &LoadOptions { auto_camera: true, ..view.options() })?;
     for warning in &scene.warnings {
         console.note(format_args!("warning: {}: {warning}", scene.path.display()));
     }
@@ -165,11 +159,8 @@ fn show(scene: &Scene, args: &Args, console: &Console) -> Result<()> {
     }
     let Some(file) = &args.picture else { return Ok(()) };
     if file.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
-        return Err(Error::Data {
-            path: file.clone(),
-            fault: "what the camera sees is written as a picture for people".into(),
-            help: "name it .png; `krylux photo` writes light as .exr or .npy".into(),
-        });
+        return Err(Error::data(&file, "what the camera sees is written as a picture for people")
+            .help("name it .png; `krylux photo` writes light as .exr or .npy"));
     }
     let short = |ratio: f32| ((SIDE as f32 * ratio).round() as usize).max(1);
     let size = match aspect >= 1.0 {

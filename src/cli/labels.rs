@@ -8,11 +8,12 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::Opening;
 use super::options::{SourceArgs, named_or_free};
-use super::trace::{SizeArgs, TraceArgs};
+use super::trace::TraceArgs;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::io::name::Name;
 use crate::io::{npy, picture};
+use crate::lab;
 use crate::report::palette;
 
 /// Write which region of the scene each pixel sees: the truth that a segmentation is measured against
@@ -21,8 +22,9 @@ use crate::report::palette;
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
-    #[command(flatten)]
-    size: SizeArgs,
+    /// Pixels of the camera, and of the projector where that has no --projector-size: 128, or 128x96 [default: 128]
+    #[arg(long, value_name = "N|WxH", value_parser = lab::size)]
+    size: Option<Resolution>,
     /// The graphics adapter whose name contains this; `krylux info` lists them
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
@@ -63,10 +65,9 @@ fn write(file: &Path, resolution: Resolution, labels: &[u8]) -> Result<()> {
     match extension.as_deref() {
         Some("npy") => npy::write_npy(file, &[resolution.height, resolution.width], labels),
         Some("png") => palette::paint_labels(resolution, labels).write_png(file),
-        _ => Err(Error::Data {
-            path: file.to_path_buf(),
-            fault: "labels are written as numbers or as a picture".into(),
-            help: "name it .npy or .png".into(),
-        }),
+        _ => {
+            Err(Error::data(file, "labels are written as numbers or as a picture")
+                .help("name it .npy or .png"))
+        }
     }
 }

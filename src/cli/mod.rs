@@ -17,7 +17,6 @@ mod man;
 mod matrix;
 mod opener;
 mod opening;
-mod operator;
 mod options;
 mod paint;
 mod photo;

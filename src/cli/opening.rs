@@ -5,8 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::console::Console;
-use super::operator::OperatorArgs;
-use super::options::{KeepArgs, RunArgs, SourceArgs, ViewArgs};
+use super::options::{KeepArgs, OperatorArgs, RunArgs, SourceArgs, ViewArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::{Error, Result};
@@ -48,23 +47,16 @@ impl<'a> Opening<'a> {
 
     /// The settings of the laboratory.
     pub(super) fn settings(&self, console: &Console) -> Settings {
-        let mut settings = Settings {
-            camera: self.view.camera.clone(),
-            camera_file: self.view.camera_file.clone(),
-            auto_camera: self.view.auto_camera,
-            strict: self.view.strict,
-            trace: self.trace.overrides(),
+        Settings {
+            view: self.view.clone(),
+            trace: self.trace.overrides,
             adapter: self.trace.adapter.clone(),
             cache: self.trace.cache.choice(),
             channels: self.channels,
             split_bounces: self.split_bounces,
+            operator: self.operator.copied().unwrap_or_default(),
             team: console.team(),
-            ..Settings::default()
-        };
-        if let Some(operator) = self.operator {
-            operator.put_into(&mut settings);
         }
-        settings
     }
 
     /// The builder, watched by the console.
@@ -101,12 +93,11 @@ pub(super) fn in_run<T>(
     work: impl FnOnce(&mut Lab) -> Result<T>,
 ) -> Result<T> {
     if run.paint && !matches!(lab.kind(), SourceKind::Scene | SourceKind::Matrix) {
-        return Err(Error::Option {
-            option: "--paint".into(),
-            fault: "the page holds the light transport matrix, which a rig or a run does not have in memory"
-                .into(),
-            help: "leave it out; `krylux paint` serves a page for them".into(),
-        });
+        return Err(Error::option(
+            "--paint",
+            "the page holds the light transport matrix, which a rig or a run does not have in memory",
+        )
+        .help("leave it out; `krylux paint` serves a page for them"));
     }
     lab.begin_run(verb, &run.into())?;
     let mut outcome = work(lab);
@@ -132,16 +123,14 @@ pub(super) fn in_journal<T>(
         None => work(lab).map_err(|error| match error {
             Error::NotTaken { path, fault, .. } => {
                 let help = "give the file of the scene or the rig as SOURCE instead of the run";
-                Error::NotTaken { path, fault, help: help.into() }
+                Error::not_taken(path, fault).help(help)
             }
             other => other,
         }),
-        Some(_) if lab.kind() != SourceKind::Rig => Err(Error::Option {
-            option: "--journal".into(),
-            fault: "only photos of a rig are kept: those of a scene are computed from it, and those of a run are there"
-                .into(),
-            help: "leave it out".into(),
-        }),
+        Some(_) if lab.kind() != SourceKind::Rig => {
+            let fault = "only photos of a rig are kept: those of a scene are computed from it, and those of a run are there";
+            Err(Error::option("--journal", fault).help("leave it out"))
+        }
         Some(run) => in_run(lab, &run, verb, work),
     }
 }

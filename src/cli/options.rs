@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+pub(super) use crate::lab::{OperatorSettings as OperatorArgs, View as ViewArgs};
 pub(super) use crate::transport::Channels as ChannelsArg;
 pub(super) use crate::verbs::options::{count, number, time};
 
@@ -15,24 +16,6 @@ pub(super) struct SourceArgs {
     pub(super) source: PathBuf,
     #[command(flatten)]
     pub(super) view: ViewArgs,
-}
-
-/// Where camera and projector stand.
-#[derive(Args, Clone, Default)]
-pub(super) struct ViewArgs {
-    /// The camera to use, where the scene has several
-    #[arg(long, value_name = "NAME")]
-    pub(super) camera: Option<String>,
-    /// Where camera and projector stand, in TOML, instead of the scene's own [default: NAME.rig.toml next to the scene]
-    #[arg(long, value_name = "RIG")]
-    pub(super) camera_file: Option<PathBuf>,
-    /// Place a camera in front of a scene that has none, from where all of it is seen; of several cameras take the first
-    #[arg(long)]
-    pub(super) auto_camera: bool,
-    /// End where a picture, a material library or texture coordinates of the scene are missing or cannot be read, instead of showing its surfaces
-    /// without them
-    #[arg(long)]
-    pub(super) strict: bool,
 }
 
 /// Where a run leaves its folder.

@@ -13,12 +13,11 @@ use super::console::Console;
 use super::embedded_page;
 use super::opener;
 use super::opening::{Opening, in_journal};
-use super::operator::Bytes;
 use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, time};
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::io::atomic;
-use crate::lab::Lab;
+use crate::lab::{Lab, byte_count};
 use crate::paint::page::{EmbedOptions, Kept, Precision};
 use crate::paint::{Canvas, Ended, Light, Question, ServeOptions, Session, serve};
 
@@ -66,8 +65,8 @@ struct EmbedArgs {
     #[arg(long, value_enum, default_value = "half", requires = "file")]
     precision: PrecisionArg,
     /// The largest file of -o; a matrix that takes more is thinned by chance so that every photo stays right on average, and the error is stated
-    #[arg(long, value_name = "BYTES", default_value = "32M", requires = "file")]
-    max_size: Bytes,
+    #[arg(long, value_name = "BYTES", default_value = "32M", value_parser = byte_count, requires = "file")]
+    max_size: u64,
     /// Numbers of groups that the file of -o shows
     #[arg(long, value_name = "K,K,...", value_delimiter = ',', value_parser = count::<usize>, requires = "file")]
     groups: Vec<usize>,
@@ -101,13 +100,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &Console) -> Result<Outcome> {
-    let Bytes(most) = args.max_size;
     let options = EmbedOptions {
         precision: match args.precision {
             PrecisionArg::Half => Precision::Half,
             PrecisionArg::Single => Precision::Single,
         },
-        max_bytes: usize::try_from(most).ok(),
+        max_bytes: usize::try_from(args.max_size).ok(),
         kept: kept(args, canvas)?,
     };
     let mut summary = embedded_page::write_with(file, canvas, &options, console)?;

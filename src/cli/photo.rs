@@ -7,8 +7,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, in_journal, merge};
-use super::operator::{Bytes, OperatorArg};
-use super::options::{ChannelsArg, KeepArgs, SourceArgs, named_or_free};
+use super::options::{ChannelsArg, KeepArgs, OperatorArgs, SourceArgs, named_or_free};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -18,7 +17,7 @@ use crate::image::Image;
 use crate::io::name::Name;
 use crate::io::picture;
 use crate::lab::{
-    ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind,
+    ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind, byte_count,
     text::{decimal, percent},
 };
 
@@ -39,10 +38,10 @@ pub(super) struct Args {
     /// Trace for this one photo, or build the matrix and multiply (the same photo, to rounding); auto multiplies if the
     /// matrix is in the cache
     #[arg(long, value_enum, default_value = "auto")]
-    operator: OperatorArg,
+    operator: OperatorChoice,
     /// The memory that the photo may take, or the matrix while it is assembled, e.g. 8GiB or 500MB [default: half of the machine's]
-    #[arg(long, value_name = "BYTES")]
-    memory: Option<Bytes>,
+    #[arg(long, value_name = "BYTES", value_parser = byte_count)]
+    memory: Option<u64>,
     /// Where the photo goes, by extension: .exr and .npy keep the radiance, .png is for people; may be given several times
     /// [default: photo.png, or the first free one of photo-2.png, photo-3.png, …]
     #[arg(short = 'o', long = "output", value_name = "FILE")]
@@ -62,12 +61,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let channels = args.channels.map_or(ChannelChoice::Native, Into::into);
     let opening = Opening::new(&args.source, &args.trace).channels(channels);
     let mut settings = opening.settings(console);
-    settings.operator = args.operator.into();
+    settings.operator = OperatorArgs { choice: args.operator, memory: args.memory, ..settings.operator };
     let is_scene = SourceKind::of(&args.source.source) == SourceKind::Scene;
-    if args.error.is_some() && is_scene && settings.operator == OperatorChoice::Auto {
-        settings.operator = OperatorChoice::Retrace;
+    if args.error.is_some() && is_scene && args.operator == OperatorChoice::Auto {
+        settings.operator.choice = OperatorChoice::Retrace;
     }
-    settings.memory = args.memory.map(|Bytes(bytes)| bytes);
     let mut lab = opening.builder(console).settings(settings).open()?;
     args.live.show(&lab, console);
     let pattern = args.pattern.image(lab.projector_resolution())?;
@@ -133,12 +131,8 @@ fn write(
 }
 
 fn unknown_error() -> Error {
-    Error::Option {
-        option: "--error".into(),
-        fault: "the standard error of this photo is not known".into(),
-        help: "of a scene, give --spp 2 or more, and leave out --operator replay; of other sources only a rig knows it"
-            .into(),
-    }
+    let help = "of a scene, give --spp 2 or more, and leave out --operator replay; of other sources only a rig knows it";
+    Error::option("--error", "the standard error of this photo is not known").help(help)
 }
 
 /// Mean, least and greatest sample.

@@ -61,18 +61,15 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let path = &args.source.source;
     let Some(question) = &args.question else {
-        return Err(Error::Option {
-            option: "plan".into(),
-            fault: "it is not said what is to be planned".into(),
-            help: "give a verb on a rig (segment, compensate or eigs), or --ranks with a scene".into(),
-        });
+        return Err(Error::option("plan", "it is not said what is to be planned")
+            .help("give a verb on a rig (segment, compensate or eigs), or --ranks with a scene"));
     };
     if SourceKind::of(path) != SourceKind::Rig || args.trials == 0 {
         let (option, fault, help) = match args.trials {
             0 => ("--trials", "0 runs predict nothing".into(), "ask for at least 1, better 3"),
             _ => ("SOURCE", format!("{} is no rig", path.display()), "give a rig file (.toml)"),
         };
-        return Err(Error::Option { option: option.into(), fault, help: help.into() });
+        return Err(Error::option(option, fault).help(help));
     }
     let opening = Opening::new(&args.source, &args.trace).channels(ChannelChoice::Native);
     let lab = opening.open(console)?;
@@ -80,11 +77,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         (request, false) => request,
         (PlanRequest::Compensate(target, options), true) => PlanRequest::CompareMethods(target, options),
         _ => {
-            return Err(Error::Option {
-                option: "--compare-methods".into(),
-                fault: "only methods of a compensation are compared".into(),
-                help: "leave it out, or plan compensate".into(),
-            });
+            return Err(Error::option("--compare-methods", "only methods of a compensation are compared")
+                .help("leave it out, or plan compensate"));
         }
     };
     let found = lab.plan(&request, args.trials)?;

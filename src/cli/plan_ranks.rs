@@ -29,7 +29,7 @@ pub(super) fn run(
             false => ("--network", "messages need a bandwidth above 0"),
         };
         let help = "give numbers above 0, e.g. --ranks 1,8,64 --network 10";
-        return Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() });
+        return Err(Error::option(option, fault).help(help));
     }
     let network = Network { bandwidth: gigabits * 1e9 / 8.0, latency: LATENCY };
     let lab = Opening::new(source, trace).open(console)?;

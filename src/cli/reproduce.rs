@@ -90,11 +90,8 @@ impl Args {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if args.run.resume {
-        return Err(Error::Option {
-            option: "--resume".into(),
-            fault: "figures are made anew each time, and keep no journal".into(),
-            help: "leave it out, and add --overwrite to write into the same folder".into(),
-        });
+        return Err(Error::option("--resume", "figures are made anew each time, and keep no journal")
+            .help("leave it out, and add --overwrite to write into the same folder"));
     }
     let observer = SharedObserver(Arc::new(console.clone()));
     let mut folder = RunFolder::create(&(&args.run).into(), "reproduce", None, &observer)?;

@@ -80,12 +80,10 @@ fn joined() -> Result<Role> {
     };
     match (number("SIZE"), number("RANK")) {
         (None | Some(0 | 1), _) => Ok(Role::Leader(None)),
-        (Some(processes), None | Some(0)) => Err(Error::Team {
-            fault: format!(
-                "{processes} processes were started together, but this krylux was built without MPI"
-            ),
-            help: "build it with `--features mpi`, or start one process".into(),
-        }),
+        (Some(processes), None | Some(0)) => Err(Error::team(format!(
+            "{processes} processes were started together, but this krylux was built without MPI"
+        ))
+        .help("build it with `--features mpi`, or start one process")),
         _ => Ok(Role::Ended(ExitCode::from(2))),
     }
 }

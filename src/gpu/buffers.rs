@@ -103,15 +103,13 @@ impl Gpu {
     }
 
     fn too_large(&self, label: &str, bytes: u64, limit: u64) -> Error {
-        Error::Device {
-            fault: format!(
-                "the {label} need {:.0} MiB, and {} allows {:.0} MiB",
-                bytes as f64 / 1048576.0,
-                self.summary.name,
-                limit as f64 / 1048576.0
-            ),
-            help: "use a simpler scene or smaller textures, or another --adapter".into(),
-        }
+        Error::device(format!(
+            "the {label} need {:.0} MiB, and {} allows {:.0} MiB",
+            bytes as f64 / 1048576.0,
+            self.summary.name,
+            limit as f64 / 1048576.0
+        ))
+        .help("use a simpler scene or smaller textures, or another --adapter")
     }
 }
 

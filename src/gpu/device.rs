@@ -121,11 +121,12 @@ impl Gpu {
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
         };
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&request)).map_err(|e| Error::Device {
-                fault: format!("{} cannot be opened: {e}", summary.name),
-                help: "close other programs that use it, or choose another with --adapter; `krylux info` lists them. A limit of processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it".into(),
-            })?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(|error| {
+            Error::device(format!("{} cannot be opened: {error}", summary.name)).help(
+                "close other programs that use it, or choose another with --adapter; `krylux info` lists them. A limit of \
+                 processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it",
+            )
+        })?;
         // Without these two callbacks, wgpu reports no loss to krylux, and ends the process at an error that has no scope.
         let failure = Arc::new(OnceLock::new());
         let (lost, failed) = (Arc::clone(&failure), Arc::clone(&failure));
@@ -155,15 +156,12 @@ impl Gpu {
         let short = faults.iter().any(|fault| matches!(fault, wgpu::Error::OutOfMemory { .. }));
         match faults.first() {
             None => Ok(result),
-            Some(_) if short => Err(Error::Device {
-                fault: format!("no memory of {} is left for {what}", self.summary.name),
-                help: OUT_OF_MEMORY.into(),
-            }),
-            Some(e) => Err(Error::Device {
-                fault: format!("{what}: {e}"),
-                help: "this is a fault in krylux or in the driver; try another --adapter, and report it"
-                    .into(),
-            }),
+            Some(_) if short => {
+                Err(Error::device(format!("no memory of {} is left for {what}", self.summary.name))
+                    .help(OUT_OF_MEMORY))
+            }
+            Some(e) => Err(Error::device(format!("{what}: {e}"))
+                .help("this is a fault in krylux or in the driver; try another --adapter, and report it")),
         }
     }
 
@@ -186,7 +184,7 @@ impl Gpu {
 
     pub(super) fn lost(&self, why: &str) -> Error {
         let why = why.trim().trim_end_matches('.');
-        Error::Device { fault: format!("{} was lost: {why}", self.summary.name), help: LOST.into() }
+        Error::device(format!("{} was lost: {why}", self.summary.name)).help(LOST)
     }
 }
 
@@ -224,16 +222,14 @@ fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
 /// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves. Otherwise it may end the process without a message.
 fn require_address_space(limit: Option<u64>) -> Result<()> {
     match limit {
-        Some(limit) if limit < ADDRESS_SPACE => Err(Error::Device {
-            fault: format!(
-                "this process may use {} MiB of address space (`ulimit -v`), too little for a graphics driver",
-                limit >> 20
-            ),
-            help: format!(
-                "raise the limit to {} KiB or more, or lift it: ulimit -v unlimited",
-                ADDRESS_SPACE >> 10
-            ),
-        }),
+        Some(limit) if limit < ADDRESS_SPACE => Err(Error::device(format!(
+            "this process may use {} MiB of address space (`ulimit -v`), too little for a graphics driver",
+            limit >> 20
+        ))
+        .help(format!(
+            "raise the limit to {} KiB or more, or lift it: ulimit -v unlimited",
+            ADDRESS_SPACE >> 10
+        ))),
         _ => Ok(()),
     }
 }

@@ -162,10 +162,7 @@ pub fn module(name: &str) -> Result<naga::Module> {
 }
 
 fn fault(name: &str, what: &str) -> Error {
-    Error::Device {
-        fault: format!("shader {name}: {what}"),
-        help: "this is a fault in krylux; please report it".into(),
-    }
+    Error::device(format!("shader {name}: {what}")).help("this is a fault in krylux; please report it")
 }
 
 #[cfg(test)]

@@ -111,7 +111,7 @@ pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::data(path, fault, "give an EXR file with channels R, G, B or Y, bare or in a layer")
+    Error::data(path, fault).help("give an EXR file with channels R, G, B or Y, bare or in a layer")
 }
 
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {

@@ -351,7 +351,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
     pub fn read(path: &Path) -> Result<Self> {
         path.parent().into_iter().for_each(file::follow_no_links_below);
         let bytes = file::read(path)?;
-        let unusable = |fault: String| Error::data(path, fault, "give the run.json of a krylux run");
+        let unusable = |fault: String| Error::data(path, fault).help("give the run.json of a krylux run");
         let manifest: Self = serde_json::from_slice(&bytes).map_err(|error| unusable(error.to_string()))?;
         match manifest.krylux_format {
             FORMAT => Ok(manifest),

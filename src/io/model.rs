@@ -281,7 +281,7 @@ fn numbers(path: &Path, shape: &[usize]) -> Result<Vec<f64>> {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::data(path, fault, "capture the model anew with `krylux relight SCENE`")
+    Error::data(path, fault).help("capture the model anew with `krylux relight SCENE`")
 }
 
 #[cfg(test)]

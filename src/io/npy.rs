@@ -32,7 +32,7 @@ pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &
         return Err(Error::dimension(
             "values of an array",
             format!("{} = {expected}", describe_shape(shape)),
-            values.len().to_string(),
+            values.len(),
         ));
     }
     atomic::write_with(path, |file| write_array(file, shape, values))
@@ -236,5 +236,6 @@ fn describe_shape(shape: &[usize]) -> String {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::data(path, fault, "write it with numpy.save, as an array of real numbers of shape H×W or H×W×3")
+    Error::data(path, fault)
+        .help("write it with numpy.save, as an array of real numbers of shape H×W or H×W×3")
 }

@@ -40,11 +40,8 @@ pub fn read(path: &Path) -> Result<Image> {
 pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Image> {
     let require = |found: Resolution| match found == expected {
         true => Ok(()),
-        false => Err(Error::data(
-            path,
-            format!("it has {found} pixels, but {whose} has {expected}"),
-            format!("resize it to {expected} pixels, or use --size {found}"),
-        )),
+        false => Err(Error::data(path, format!("it has {found} pixels, but {whose} has {expected}"))
+            .help(format!("resize it to {expected} pixels, or use --size {found}"))),
     };
     let stated = stated_sizes(path)?;
     if let Some(&first) = stated.first()
@@ -98,11 +95,8 @@ pub fn require_finite(path: &Path, image: &Image) -> Result<()> {
     };
     let pixel = at / image.channels();
     let width = image.resolution().width;
-    Err(Error::data(
-        path,
-        format!("pixel ({}, {}) is {}", pixel % width, pixel / width, image.samples()[at]),
-        "replace NaN and infinite values by finite ones",
-    ))
+    Err(Error::data(path, format!("pixel ({}, {}) is {}", pixel % width, pixel / width, image.samples()[at]))
+        .help("replace NaN and infinite values by finite ones"))
 }
 
 fn kind(path: &Path) -> Option<Kind> {
@@ -116,11 +110,8 @@ fn kind(path: &Path) -> Option<Kind> {
 }
 
 fn unknown(path: &Path) -> Error {
-    Error::data(
-        path,
-        "its extension is not that of an image format that can be used here",
-        "name it .npy, .exr or .png (.jpg can be read, but not written)",
-    )
+    Error::data(path, "its extension is not that of an image format that can be used here")
+        .help("name it .npy, .exr or .png (.jpg can be read, but not written)")
 }
 
 /// The largest size of decoded pixels in bytes: a 16-bit RGB picture of 8192² pixels has less. It limits the memory for hostile headers.
@@ -150,7 +141,7 @@ fn no_picture(path: &Path, fault: String) -> Error {
 }
 
 fn unusable_picture(path: &Path, fault: String, help: &str) -> Error {
-    Error::data(path, fault, help)
+    Error::data(path, fault).help(help)
 }
 
 /// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The pattern has one channel if the

@@ -101,11 +101,8 @@ fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, 
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::data(
-        path,
-        fault,
-        "write it with scipy.sparse.save_npz(FILE, A.tocsr()), scipy.io.mmwrite or numpy.save",
-    )
+    Error::data(path, fault)
+        .help("write it with scipy.sparse.save_npz(FILE, A.tocsr()), scipy.io.mmwrite or numpy.save")
 }
 
 enum Kind {
@@ -117,11 +114,8 @@ fn kind(path: &Path) -> Result<Kind> {
     match path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).as_deref() {
         Some("npz") => Ok(Kind::Npz),
         Some("mtx") => Ok(Kind::Mtx),
-        _ => Err(Error::data(
-            path,
-            "its extension is not that of a sparse matrix format",
-            "name it .npz (SciPy) or .mtx (Matrix Market)",
-        )),
+        _ => Err(Error::data(path, "its extension is not that of a sparse matrix format")
+            .help("name it .npz (SciPy) or .mtx (Matrix Market)")),
     }
 }
 

@@ -112,10 +112,10 @@ impl Journal {
         let entry = &self.entries[index];
         let length = usize::try_from(entry.length).map_err(|_| {
             Error::journal(
-                self.path.clone(),
+                &self.path,
                 format!("a record of {} bytes does not fit into the address space", entry.length),
-                "open it on a 64-bit machine",
             )
+            .help("open it on a 64-bit machine")
         })?;
         let mut payload = vec![0; length];
         read_at(&self.file, entry.payload_at(), &mut payload).map_err(Error::reading(&self.path))?;
@@ -252,7 +252,7 @@ impl Journal {
     }
 
     pub(super) fn refusal(&self, fault: String, help: &str) -> Error {
-        Error::journal(self.path.clone(), fault, help)
+        Error::journal(&self.path, fault).help(help)
     }
 
     fn unwritable(&self, source: &io::Error) -> Error {

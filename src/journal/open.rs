@@ -28,11 +28,8 @@ impl Journal {
     pub fn create(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
         if Self::is_in(folder) {
-            return Err(Error::journal(
-                path,
-                "the journal already has photos of an earlier run",
-                "continue that run with --resume, or name another folder",
-            ));
+            return Err(Error::journal(path, "the journal already has photos of an earlier run")
+                .help("continue that run with --resume, or name another folder"));
         }
         create_file(path, lock, identity)
     }
@@ -93,11 +90,8 @@ fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
 /// Creates a journal file with a header. The file appears under its name only after the header is on disk.
 fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
     if !record::fits_header(identity) {
-        return Err(Error::journal(
-            path,
-            "its identity is longer than 64 KiB",
-            "store hashes instead of long values",
-        ));
+        return Err(Error::journal(path, "its identity is longer than 64 KiB")
+            .help("store hashes instead of long values"));
     }
     let header = record::encode_header(identity);
     let write = || {
@@ -111,11 +105,8 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
         Ok(file)
     };
     let file = write().map_err(|source: Error| {
-        Error::journal(
-            path.clone(),
-            format!("the journal cannot be created: {source}"),
-            "free disk space, or name a folder that can be written",
-        )
+        Error::journal(&path, format!("the journal cannot be created: {source}"))
+            .help("free disk space, or name a folder that can be written")
     })?;
     open(path, file, Some(lock))
 }
@@ -126,7 +117,7 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let mut start = Vec::new();
     let read = (&file).take(record::MAX_HEADER_BYTES as u64).read_to_end(&mut start);
     read.map_err(Error::reading(&path))?;
-    let refusal = |fault: String, help: &str| Error::journal(path.clone(), fault, help);
+    let refusal = |fault: String, help: &str| Error::journal(&path, fault).help(help);
     let (identity, records_at, whole) = match record::read_header(&start) {
         record::Header::Known { identity, records_at, whole } => (identity, records_at, whole),
         record::Header::Later(version) => {
@@ -177,11 +168,8 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
 /// Takes the journal's lock. The system releases it when the file is closed, however the process ends.
 fn take_lock(path: &Path) -> Result<File> {
     let unusable = |source: std::io::Error| {
-        Error::journal(
-            path,
-            format!("a journal cannot be written here: {source}"),
-            "name a folder that can be written, on a file system with locks",
-        )
+        Error::journal(path, format!("a journal cannot be written here: {source}"))
+            .help("name a folder that can be written, on a file system with locks")
     };
     let mut file = file::open_or_make(path).map_err(unusable)?;
     match lock_with_retries(&file) {
@@ -192,11 +180,8 @@ fn take_lock(path: &Path) -> Result<File> {
             let _ = file.read_to_string(&mut holder);
             let holder = holder.trim();
             let who = if holder.is_empty() { "another process".into() } else { format!("process {holder}") };
-            return Err(Error::journal(
-                path,
-                format!("the journal is being written by {who}"),
-                "wait until that run has ended, or name another folder",
-            ));
+            return Err(Error::journal(path, format!("the journal is being written by {who}"))
+                .help("wait until that run has ended, or name another folder"));
         }
         Err(TryLockError::Error(source)) => return Err(unusable(source)),
     }

@@ -164,11 +164,8 @@ impl Confirm {
     pub(super) fn check(&self) -> Result<()> {
         for (value, option) in [(self.share, "--confirm"), (self.chance, "Confirm::chance")] {
             if !(1e-9..=MOST).contains(&value) {
-                return Err(Error::Option {
-                    option: option.into(),
-                    fault: format!("{value} is no share between 0 and one half"),
-                    help: "give a number such as 0.05".into(),
-                });
+                return Err(Error::option(option, format!("{value} is no share between 0 and one half"))
+                    .help("give a number such as 0.05"));
             }
         }
         Ok(())

@@ -75,11 +75,7 @@ fn at_least(value: usize, least: usize, option: &str) -> Result<()> {
     if value >= least {
         return Ok(());
     }
-    Err(Error::Option {
-        option: option.into(),
-        fault: format!("{value} is too few"),
-        help: format!("give at least {least}"),
-    })
+    Err(Error::option(option, format!("{value} is too few")).help(format!("give at least {least}")))
 }
 
 fn square(operator: &dyn Operator) -> Result<usize> {

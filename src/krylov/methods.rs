@@ -111,11 +111,8 @@ impl Method {
     pub fn from_name(name: &str) -> Result<Self> {
         METHODS.iter().find(|facts| facts.name == name).map(|facts| facts.method).ok_or_else(|| {
             let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
-            Error::Option {
-                option: "--method".into(),
-                fault: format!("there is no method {name:?} for A x = b"),
-                help: format!("use one of {}", names.join(", ")),
-            }
+            Error::option("--method", format!("there is no method {name:?} for A x = b"))
+                .help(format!("use one of {}", names.join(", ")))
         })
     }
 

@@ -264,11 +264,11 @@ impl UserPreconditioner {
     pub fn operator(positive_definite: bool, operator: impl Operator + Send + 'static) -> Result<Self> {
         let (rows, cols) = (operator.rows(), operator.cols());
         if rows != cols {
-            return Err(Error::Dimension {
-                what: "an operator used as preconditioner",
-                expected: "as many rows as columns".into(),
-                found: format!("{rows}x{cols}"),
-            });
+            return Err(Error::dimension(
+                "an operator used as preconditioner",
+                "as many rows as columns",
+                format!("{rows}x{cols}"),
+            ));
         }
         let operator = Mutex::new(operator);
         let apply = move |r: &[f64], z: &mut [f64]| {

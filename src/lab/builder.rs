@@ -116,14 +116,14 @@ impl LabBuilder {
     /// How the photos of a scene are computed.
     #[must_use]
     pub fn operator(mut self, operator: OperatorChoice) -> Self {
-        self.settings.operator = operator;
+        self.settings.operator.choice = operator;
         self
     }
 
     /// The place where products with a scene's matrix are computed.
     #[must_use]
     pub fn backend(mut self, backend: Backend) -> Self {
-        self.settings.backend = backend;
+        self.settings.operator.backend = backend;
         self
     }
 

@@ -78,11 +78,8 @@ impl RunFolder {
         let is_source = source.is_some_and(|source| real(source) == real(&path));
         require_plain_files(&path)?;
         let unfinished = Replaced::recover(&path)?;
-        let refusal = |fault: &str, help: &str| Error::Option {
-            option: "-o".into(),
-            fault: format!("{} {fault}", path.display()),
-            help: help.into(),
-        };
+        let refusal =
+            |fault: &str, help: &str| Error::option("-o", format!("{} {fault}", path.display())).help(help);
         let record = RunManifest::read(&path.join(RECORD)).ok();
         let mut manifest = RunManifest::new(std::env::args_os());
         let is_other =
@@ -269,11 +266,8 @@ pub(super) fn lock(path: &Path) -> Result<Option<File>> {
             Err(TryLockError::Error(_)) => return Ok(None),
         }
     }
-    Err(Error::Option {
-        option: "-o".into(),
-        fault: format!("a run is at work in {}", path.display()),
-        help: "wait until it has ended, or name another folder".into(),
-    })
+    Err(Error::option("-o", format!("a run is at work in {}", path.display()))
+        .help("wait until it has ended, or name another folder"))
 }
 
 /// Refuses links, pipes and devices among the files of a run, before any photo is taken. Folders of other programs may be links.
@@ -296,11 +290,11 @@ fn require_plain_files(folder: &Path) -> Result<()> {
             FileKind::Link => "a link",
             FileKind::Other => "a device or a pipe",
         };
-        return Err(Error::Option {
-            option: "-o".into(),
-            fault: format!("{} is {what}, and a run has only files of its own", path.display()),
-            help: "remove it, or name another folder".into(),
-        });
+        return Err(Error::option(
+            "-o",
+            format!("{} is {what}, and a run has only files of its own", path.display()),
+        )
+        .help("remove it, or name another folder"));
     }
     Ok(())
 }

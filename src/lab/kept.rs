@@ -71,11 +71,11 @@ impl KeptRun {
         match Self::at(&self.path).map(|now| now.photos) {
             Some(KeptPhotos::Recomputable) => {}
             _ => {
-                return Err(Error::Option {
-                    option: "FOLDER".into(),
-                    fault: format!("the photos in {} cannot be computed again", self.path.display()),
-                    help: "delete the folder yourself if you do not need them".into(),
-                });
+                return Err(Error::option(
+                    "FOLDER",
+                    format!("the photos in {} cannot be computed again", self.path.display()),
+                )
+                .help("delete the folder yourself if you do not need them"));
             }
         }
         let journal = journal_folder(&self.path);

@@ -136,12 +136,8 @@ impl Lab {
         }
         match self.assembled()? {
             Some(traced) => traced.matrix.to_csr(part, channel),
-            None => Err(Error::Option {
-                option: "SOURCE".into(),
-                fault: "this source takes photos, and has no matrix in memory".into(),
-                help: "photograph the matrix column by column, or open a scene with the replay operator"
-                    .into(),
-            }),
+            None => Err(Error::option("SOURCE", "this source takes photos, and has no matrix in memory")
+                .help("photograph the matrix column by column, or open a scene with the replay operator")),
         }
     }
 

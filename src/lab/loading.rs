@@ -39,16 +39,16 @@ fn require_memory(scene: &Scene, most: u64) -> Result<()> {
     if needed <= most {
         return Ok(());
     }
-    Err(Error::Scene {
-        path: scene.path.clone(),
-        fault: format!(
+    Err(Error::scene(
+        &scene.path,
+        format!(
             "its {} triangles take about {} of memory, more than the {} that there are",
             grouped(scene.triangles.len() as u64),
             bytes(needed),
             bytes(most)
         ),
-        help: "simplify the meshes, place fewer of them, or use a machine with more memory".into(),
-    })
+    )
+    .help("simplify the meshes, place fewer of them, or use a machine with more memory"))
 }
 
 /// The share of reading the files in the time to load a scene. The rest builds the search tree.

@@ -63,11 +63,11 @@ pub(super) fn measured(
     match channels {
         Some(Channels::Luma) => measurement = measurement.in_luma(),
         Some(Channels::Rgb) if measurement.channels() != 3 => {
-            return Err(Error::Option {
-                option: "--channels".into(),
-                fault: format!("the camera of {} sees no colours", file.path.display()),
-                help: "give --channels luma".into(),
-            });
+            return Err(Error::option(
+                "--channels",
+                format!("the camera of {} sees no colours", file.path.display()),
+            )
+            .help("give --channels luma"));
         }
         _ => {}
     }

@@ -66,7 +66,10 @@ pub use observing::SharedObserver;
 pub use operator::LabOperator;
 pub(crate) use run_model::model_shape;
 pub use run_model::open_model;
-pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
+pub use settings::{
+    CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
+};
+pub(crate) use settings::{byte_count, size};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
 pub use verbs::{
@@ -279,16 +282,13 @@ impl Lab {
         match &self.source {
             Source::Scene(scene) => Ok(scene),
             Source::Rig(rig) => rig.scene(),
-            Source::Run(run) => Err(Error::Data {
-                path: run.note.path.clone(),
-                fault: "a run has photos of it, but not the scene itself".into(),
-                help: "give the scene".into(),
-            }),
-            Source::Matrix(_) | Source::Model(_) => Err(Error::Data {
-                path: self.name().into(),
-                fault: "there is no scene behind it".into(),
-                help: "give the scene".into(),
-            }),
+            Source::Run(run) => {
+                Err(Error::data(&run.note.path, "a run has photos of it, but not the scene itself")
+                    .help("give the scene"))
+            }
+            Source::Matrix(_) | Source::Model(_) => {
+                Err(Error::data(self.name(), "there is no scene behind it").help("give the scene"))
+            }
         }
     }
 }

@@ -43,12 +43,8 @@ impl Lab {
         match &self.source {
             Source::Model(source) => Ok(source.model.clone()),
             Source::Run(run) => open_model(&run.folder, &self.observer),
-            _ => Err(Error::Data {
-                path: self.name().into(),
-                fault: "it holds no model, and no photos to make one of".into(),
-                help: "give the folder of a `krylux relight` run, or of another run that kept its photos"
-                    .into(),
-            }),
+            _ => Err(Error::data(self.name(), "it holds no model, and no photos to make one of")
+                .help("give the folder of a `krylux relight` run, or of another run that kept its photos")),
         }
     }
 
@@ -71,11 +67,8 @@ fn run_with_photos(folder: &Path) -> Result<RunSource> {
     if Journal::is_in(&journal_folder(folder)) {
         return RunSource::open(folder);
     }
-    Err(Error::Data {
-        path: folder.to_path_buf(),
-        fault: "there is no model in this folder, and there are no photos to make one of".into(),
-        help: "give the folder of a `krylux relight` run, or of another run that kept its photos".into(),
-    })
+    Err(Error::data(folder, "there is no model in this folder, and there are no photos to make one of")
+        .help("give the folder of a `krylux relight` run, or of another run that kept its photos"))
 }
 
 /// The model of each channel, made from all photos in the run's journal.
@@ -89,11 +82,11 @@ fn from_photos(run: &RunSource, observer: &SharedObserver) -> Result<SavedModel>
             Some(direct) => direct,
             None if global.is_empty() => estimated(&full, observer)?,
             None => {
-                return Err(Error::Journal {
-                    path: note.path.clone(),
-                    fault: "the run kept photos without direct light, but not the direct light itself".into(),
-                    help: "run it anew with this version of krylux, or give the scene".into(),
-                });
+                return Err(Error::journal(
+                    &note.path,
+                    "the run kept photos without direct light, but not the direct light itself",
+                )
+                .help("run it anew with this version of krylux, or give the scene"));
             }
         };
         let less_direct = full.into_iter().map(|mut product: Product| {

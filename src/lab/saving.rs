@@ -74,7 +74,9 @@ impl Lab {
     /// [`Error::Option`] if no run is open; otherwise as [`Lab::save`].
     pub fn finish(&mut self, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
         let Some(mut run) = self.run.take() else {
-            return Err(Error::option("-o", "no run is open", "name the folder: lab.save(folder, &answer)"));
+            return Err(
+                Error::option("-o", "no run is open").help("name the folder: lab.save(folder, &answer)")
+            );
         };
         let written = self.write(answer, &mut run);
         match &written {

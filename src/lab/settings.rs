@@ -7,20 +7,15 @@ use crate::cache::{self, Cache};
 use crate::image::Resolution;
 use crate::machine;
 use crate::render::{Gather, Sampler, TraceSettings};
+use crate::scene::LoadOptions;
 use crate::team::Team;
 use crate::transport::{Backend, Channels};
 
 /// Settings for opening a source. The default suits every source.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// The name of the camera to use, if the scene has several.
-    pub camera: Option<String>,
-    /// A camera file. Its poses of camera and projector replace those of the scene.
-    pub camera_file: Option<PathBuf>,
-    /// Places a camera in front of a scene that has none.
-    pub auto_camera: bool,
-    /// Makes a missing picture or material library of a scene an error instead of a warning.
-    pub strict: bool,
+    /// Where camera and projector stand.
+    pub view: View,
     /// How light is traced.
     pub trace: TraceOverrides,
     /// Part of the name of the graphics adapter to use. If it is `None`, any suitable adapter is used.
@@ -28,11 +23,7 @@ pub struct Settings {
     /// The place where matrices are kept for later runs.
     pub cache: CacheChoice,
     /// How the photos of a scene are computed.
-    pub operator: OperatorChoice,
-    /// The place where products with a scene's matrix are computed.
-    pub backend: Backend,
-    /// The bytes of memory for a matrix during assembly, or for a traced photo. If it is `None`, half of the machine's memory is allowed.
-    pub memory: Option<u64>,
+    pub operator: OperatorSettings,
     /// Gray or coloured photos.
     pub channels: ChannelChoice,
     /// Other processes that trace scenes and keep a part of their matrices. This process leads them.
@@ -45,10 +36,10 @@ impl Settings {
     /// The option name of the first setting that affects tracing. A source that traces nothing refuses it.
     pub fn first_of_trace(&self) -> Option<&'static str> {
         let view = [
-            (self.camera.is_some(), "--camera"),
-            (self.camera_file.is_some(), "--camera-file"),
-            (self.auto_camera, "--auto-camera"),
-            (self.strict, "--strict"),
+            (self.view.camera.is_some(), "--camera"),
+            (self.view.camera_file.is_some(), "--camera-file"),
+            (self.view.auto_camera, "--auto-camera"),
+            (self.view.strict, "--strict"),
         ];
         let trace = self.trace.given();
         let adapter = self.adapter.is_some().then_some("--adapter");
@@ -58,28 +49,74 @@ impl Settings {
     /// The option name of the first setting that affects how the photos of a scene are computed. Other sources refuse it.
     pub fn first_of_operator(&self) -> Option<&'static str> {
         let given = [
-            (self.operator != OperatorChoice::Auto, "--operator"),
-            (self.backend != Backend::Auto, "--products"),
-            (self.memory.is_some(), "--memory"),
+            (self.operator.choice != OperatorChoice::Auto, "--operator"),
+            (self.operator.backend != Backend::Auto, "--products"),
+            (self.operator.memory.is_some(), "--memory"),
         ];
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
 
     /// The limit of memory for a matrix or a photo, in bytes.
     pub(super) fn memory_limit(&self) -> u64 {
-        self.memory.unwrap_or_else(|| machine::memory() / 2)
+        self.operator.memory.unwrap_or_else(|| machine::memory() / 2)
     }
 }
 
+/// Where camera and projector stand.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct View {
+    /// The camera to use, where the scene has several
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Where camera and projector stand, in TOML, instead of the scene's own [default: NAME.rig.toml next to the scene]
+    #[arg(long, value_name = "RIG")]
+    pub camera_file: Option<PathBuf>,
+    /// Place a camera in front of a scene that has none, from where all of it is seen; of several cameras take the first
+    #[arg(long)]
+    pub auto_camera: bool,
+    /// End where a picture, a material library or texture coordinates of the scene are missing or cannot be read, instead of showing its surfaces
+    /// without them
+    #[arg(long)]
+    pub strict: bool,
+}
+
+impl View {
+    /// The options that load a scene with this view.
+    pub(crate) fn options(&self) -> LoadOptions<'_> {
+        LoadOptions {
+            camera: self.camera.as_deref(),
+            camera_file: self.camera_file.as_deref(),
+            auto_camera: self.auto_camera,
+            strict: self.strict,
+            ..LoadOptions::default()
+        }
+    }
+}
+
+/// How the photos of a scene are computed.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct OperatorSettings {
+    /// How photos are computed: as products with a matrix, or each traced anew (the same photos, to rounding); auto decides by --memory
+    #[arg(long = "operator", value_enum, default_value = "auto")]
+    pub choice: OperatorChoice,
+    /// Where products with the matrix are computed (the same, to the rounding of sums); auto: on a GPU that has f64 and room for the matrix,
+    /// else on the processor
+    #[arg(long = "products", value_enum, default_value = "auto")]
+    pub backend: Backend,
+    /// The memory that a matrix may take while it is assembled, e.g. 8GiB or 500MB [default: half of the machine's]
+    #[arg(long, value_name = "BYTES", value_parser = byte_count)]
+    pub memory: Option<u64>,
+}
+
 /// How the photos of a scene are computed. All choices give the same photos, up to rounding.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum OperatorChoice {
-    /// As products with a matrix, unless the matrix would exceed the memory.
+    /// A matrix, unless it would exceed the memory
     #[default]
     Auto,
-    /// As products with a matrix that is traced once.
+    /// Trace once, keep the matrix, multiply
     Replay,
-    /// By tracing each photo anew.
+    /// Trace for every photo, keep nothing
     Retrace,
 }
 
@@ -131,28 +168,82 @@ impl CacheChoice {
     }
 }
 
-/// Settings of the tracer. `None` means 64 paths of at most six surfaces for each of 128×128 pixels, or the value in a virtual rig's file.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Settings of the tracer. `None` means the stated default, or the value in a virtual rig's file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct TraceOverrides {
-    /// Pixels of the camera, and of the projector if `projector` is `None`.
+    /// Pixels of the camera, and of the projector where that has no --projector-size: 128, or 128x96 [default: 128]
+    #[arg(long = "size", value_name = "N|WxH", value_parser = size)]
     pub resolution: Option<Resolution>,
-    /// Pixels of a projector that stands apart from the camera.
-    pub projector: Option<Resolution>,
-    /// Light paths per camera pixel.
+    /// Light paths per camera pixel [default: 64]
+    #[arg(long = "spp", value_name = "N")]
     pub samples: Option<u32>,
-    /// The largest number of surfaces that a light path meets; 1 gives direct light only.
+    /// Surfaces that a light path meets at most; 1 is direct light only [default: 6]
+    #[arg(long, value_name = "N")]
     pub max_bounces: Option<u32>,
-    /// Selects the random numbers of the tracer and of starting vectors. On a rig it selects only those of starting vectors, since the file
-    /// of a virtual rig names the seed of its devices.
+    /// Selects the random numbers; equal seeds give equal results. On a rig, those of starting vectors only: what its
+    /// devices do is its file's [default: 0]
+    #[arg(long, value_name = "N")]
     pub seed: Option<u32>,
-    /// The distribution of random numbers.
-    pub sampler: Option<Sampler>,
-    /// Ends dim light paths at random.
+    /// End dim light paths by chance; at six bounces that costs more variance than it saves time
+    #[arg(long)]
     pub russian_roulette: bool,
-    /// Specular chains traced from each pixel ([`Gather::photons`]).
+    /// How the random numbers are spread [default: sobol]
+    #[arg(long, value_enum)]
+    pub sampler: Option<Sampler>,
+    /// Chains through mirrors and glass traced from each pixel, for light that is mirrored at both ends; 0 leaves it out
+    /// [default: 16]
+    #[arg(long = "gather-photons", value_name = "N")]
     pub photons: Option<u32>,
-    /// The radius around a point within which such chains count ([`Gather::radius`]).
+    /// How far around a point such chains count: 1 is what a pixel sees through its chain; smaller is sharper, and noisier
+    /// [default: 1]
+    #[arg(long = "gather-radius", value_name = "R", value_parser = radius)]
     pub radius: Option<f32>,
+    /// Pixels of a projector that stands apart from the camera [default: those of the camera]
+    #[arg(long = "projector-size", value_name = "N|WxH", value_parser = size)]
+    pub projector: Option<Resolution>,
+}
+
+/// Pixels: `128` is square, `128x96` is width by height.
+pub(crate) fn size(text: &str) -> Result<Resolution, String> {
+    let side = |side: &str| match side.parse::<usize>() {
+        Ok(side @ 1..=16384) => Ok(side),
+        _ => Err(format!("`{side}` is not a number of pixels from 1 to 16384; write 128 or 128x96")),
+    };
+    let (width, height) = text.split_once(['x', '×']).unwrap_or((text, text));
+    Ok(Resolution::new(side(width)?, side(height)?))
+}
+
+fn radius(text: &str) -> Result<f32, String> {
+    let number = text.trim().parse::<f32>().ok().filter(|number| !number.is_nan());
+    number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
+}
+
+/// A number of bytes: `8GiB`, `500MB`, `1.5G` or `1000`.
+pub(crate) fn byte_count(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, u64); 14] = [
+        ("", 1),
+        ("b", 1),
+        ("k", 1 << 10),
+        ("kib", 1 << 10),
+        ("m", 1 << 20),
+        ("mib", 1 << 20),
+        ("g", 1 << 30),
+        ("gib", 1 << 30),
+        ("t", 1 << 40),
+        ("tib", 1 << 40),
+        ("kb", 1_000),
+        ("mb", 1_000_000),
+        ("gb", 1_000_000_000),
+        ("tb", 1_000_000_000_000),
+    ];
+    let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(split);
+    let unit = unit.trim().to_ascii_lowercase();
+    let scale = UNITS.iter().find(|(name, _)| *name == unit).map(|(_, scale)| *scale as f64);
+    let bytes = number.parse::<f64>().ok().zip(scale).map(|(number, scale)| number * scale);
+    let bytes = bytes.filter(|bytes| (1.0..=(1_u64 << 60) as f64).contains(bytes));
+    let unusable = || format!("`{text}` is no number of bytes; write 8GiB, 500MB or 1.5G");
+    bytes.map(|bytes| bytes as u64).ok_or_else(unusable)
 }
 
 impl TraceOverrides {
@@ -217,5 +308,38 @@ mod tests {
         let some = TraceOverrides { samples: Some(32), seed: Some(3), ..none };
         assert_eq!(some.for_rig(file), TraceSettings { samples: 32, ..file });
         assert_eq!((some.for_scene().seed, some.vector_seed(), some.given()), (3, 3, Some("--spp")));
+    }
+
+    #[test]
+    fn a_size_is_a_square_or_width_by_height() {
+        assert_eq!(size("64"), Ok(Resolution::new(64, 64)));
+        assert_eq!(size("128x96"), Ok(Resolution::new(128, 96)));
+        for wrong in ["", "0", "64x", "x64", "-3", "64x64x3", "20000"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_help_tells_the_tracers_defaults() {
+        let gather = Gather::default();
+        let bounces = TraceSettings::new(Resolution::new(1, 1), 1).max_bounces;
+        assert_eq!((gather.photons, gather.radius, bounces), (16, 1.0, 6));
+    }
+
+    #[test]
+    fn bytes_have_binary_or_decimal_units() {
+        for (text, bytes) in [
+            ("8GiB", 8 << 30),
+            ("500MB", 500_000_000),
+            ("1.5g", 3 << 29),
+            ("16 KiB", 16384),
+            ("1000", 1000),
+            ("2tb", 2_000_000_000_000),
+        ] {
+            assert_eq!(byte_count(text), Ok(bytes), "{text}");
+        }
+        for wrong in ["", "GiB", "-1", "8 apples", "1e3", "0", "1.2.3G", "99999999TiB"] {
+            assert!(byte_count(wrong).is_err(), "{wrong}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::settings::{OperatorChoice, Settings};
+use super::settings::OperatorChoice;
 use super::source::{Source, not_a_rig};
 use super::{Lab, RigSource};
 use crate::error::{Error, Result};
@@ -36,7 +36,8 @@ impl Lab {
     /// pixels than its camera; the errors of loading the calibration that the file names.
     pub fn through_rig(&self, file: RigFile) -> Result<Self> {
         let rig = RigSource::in_front_of(self.scene_source()?, file, &self.observer)?;
-        let settings = Settings { operator: OperatorChoice::Auto, ..self.settings.clone() };
+        let mut settings = self.settings.clone();
+        settings.operator.choice = OperatorChoice::Auto;
         Ok(Self::new(Source::Rig(Box::new(rig)), settings, self.observer.clone()))
     }
 
@@ -64,7 +65,7 @@ mod tests {
     use super::*;
     use crate::analysis::plan::Twin;
     use crate::image::Resolution;
-    use crate::lab::RunOptions;
+    use crate::lab::{RunOptions, Settings};
     use crate::measure::RigKind;
     use crate::rig::CameraInfo;
     use crate::scene::builtin;

@@ -251,12 +251,12 @@ impl LightTransport {
     /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light.
     pub(super) fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
         if let Engine::Measured(rig) = &mut self.engine {
-            return rig.measurement.primaries()?.ok_or_else(|| Error::Option {
-                option: "--crosstalk".into(),
-                fault:
-                    "a projector and a camera of three channels each mix colours, and one of these is gray"
-                        .into(),
-                help: "leave it out".into(),
+            return rig.measurement.primaries()?.ok_or_else(|| {
+                Error::option(
+                    "--crosstalk",
+                    "a projector and a camera of three channels each mix colours, and one of these is gray",
+                )
+                .help("leave it out")
             });
         }
         let (resolution, ambient) = (self.shape.patterns, self.ambient()?);
@@ -286,14 +286,11 @@ impl LightTransport {
             return Image::new(resolution, samples.len() / resolution.pixels().max(1), samples);
         }
         if let Engine::JournalOnly = self.engine {
-            return Err(Error::NotTaken {
-                path: journal.path().into(),
-                fault: format!(
-                    "the photo `{name}` is not among its {}, and there is no scene",
-                    journal.photos()
-                ),
-                help: "give the scene, with -o and --resume".into(),
-            });
+            return Err(Error::not_taken(
+                journal.path(),
+                format!("the photo `{name}` is not among its {}, and there is no scene", journal.photos()),
+            )
+            .help("give the scene, with -o and --resume"));
         }
         let image = take(&mut self.engine)?;
         let bytes: Vec<u8> = image.samples().iter().flat_map(|sample| sample.to_le_bytes()).collect();

@@ -39,7 +39,7 @@ impl GivenArray {
     }
 
     fn refused(&self, fault: &str, help: &str) -> Error {
-        Error::option(format!("--{}", self.field.replace('_', "-")), fault, help)
+        Error::option(format!("--{}", self.field.replace('_', "-")), fault).help(help)
     }
 }
 

@@ -64,7 +64,8 @@ pub struct Registration {
 }
 
 /// The stability of a rig over time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Stability {
     /// Seconds from the confirmation of a frame until all of its light and none of the previous frame's light is there.
     pub settle: f64,
@@ -119,22 +120,14 @@ impl Registration {
                 nearest..nearest + 1
             }
         };
-        let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
-        for y in 0..projector.height {
-            for x in 0..projector.width {
-                let [rows, columns] =
-                    [span(y, projector.height, camera.height), span(x, projector.width, camera.width)];
-                let weight = 1.0 / (rows.len() * columns.len()) as f64;
-                for row in rows {
-                    for column in columns.clone() {
-                        pixels.push((row * camera.width + column) as u32);
-                        weights.push(weight);
-                    }
-                }
-                starts.push(pixels.len());
-            }
-        }
-        Self { camera, projector, starts, pixels, weights, lens: None }
+        let row = |pixel: usize| {
+            let rows = span(pixel / projector.width, projector.height, camera.height);
+            let columns = span(pixel % projector.width, projector.width, camera.width);
+            let weight = 1.0 / (rows.len() * columns.len()) as f64;
+            let pixels = rows.flat_map(|row| columns.clone().map(move |column| row * camera.width + column));
+            pixels.map(|pixel| (pixel as u32, weight)).collect()
+        };
+        Self::of_rows(camera, projector, (0..projector.pixels()).map(row).collect())
     }
 }
 
@@ -167,11 +160,7 @@ impl FlatField {
     /// [`Error::Dimension`] if the sizes differ, and the errors of [`Self::check`].
     pub fn with_sheet(&self, sheet: &[f64]) -> Result<Self> {
         if sheet.len() != self.camera.len() {
-            return Err(Error::Dimension {
-                what: "pixels of the sheet's photo",
-                expected: self.camera.len().to_string(),
-                found: sheet.len().to_string(),
-            });
+            return Err(Error::dimension("pixels of the sheet's photo", self.camera.len(), sheet.len()));
         }
         let both = self.projector.iter().zip(&self.camera).map(|(p, c)| p / c).zip(sheet);
         let (projector, camera) =

@@ -45,7 +45,7 @@ struct Record {
     projector: ProjectorInfo,
     camera: CameraInfo,
     response: Response,
-    stability: Steadiness,
+    stability: Stability,
     map: Option<Map>,
     #[serde(default)]
     flat_field: bool,
@@ -66,13 +66,6 @@ struct Response {
     gain: f64,
     read_noise: f64,
     linear: bool,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Steadiness {
-    settle: f64,
-    drift_per_hour: f64,
 }
 
 impl Calibration {
@@ -128,19 +121,23 @@ impl Calibration {
         let lens =
             map.map(|Map { homography, distortion }| LensMap { camera, projector, homography, distortion });
         let registration = Registration { lens, ..registration(folder, camera, projector)? };
-        let curve = if response.linear { None } else { Some(camera_curve(folder, camera_info.bits)?) };
+        let Response { black, saturation, gain, read_noise, linear } = response;
+        let curve = match linear {
+            true => None,
+            false => Some(curves(folder, CAMERA, None, camera_info.bits, "count")?.concat()),
+        };
         let calibration = Self {
-            projector: projector_curves(folder, &projector_info)?,
-            camera: CameraResponse {
-                black: response.black,
-                saturation: response.saturation,
-                gain: response.gain,
-                read_noise: response.read_noise,
-                curve,
-            },
+            projector: curves(
+                folder,
+                PROJECTOR,
+                Some(projector_info.channels),
+                projector_info.bits,
+                "level",
+            )?,
+            camera: CameraResponse { black, saturation, gain, read_noise, curve },
             registration,
             flat_field,
-            stability: Stability { settle: stability.settle, drift_per_hour: stability.drift_per_hour },
+            stability,
             projector_info,
             camera_info,
         };
@@ -193,12 +190,13 @@ impl Calibration {
         ];
         for (device, calibrated, found) in pairs {
             if calibrated != found {
-                return Err(Error::Rig {
-                    device: device.into(),
-                    fault: format!("the calibration is of {calibrated}, but the rig has {found}"),
-                    help: "name the calibration that belongs to this rig, or make one with `krylux rig calibrate`"
-                        .into(),
-                });
+                return Err(Error::rig(
+                    device,
+                    format!("the calibration is of {calibrated}, but the rig has {found}"),
+                )
+                .help(
+                    "name the calibration that belongs to this rig, or make one with `krylux rig calibrate`",
+                ));
             }
         }
         Ok(())
@@ -266,7 +264,7 @@ fn size(Resolution { width, height }: Resolution) -> String {
 }
 
 fn damaged(path: &Path, fault: String) -> Error {
-    Error::Data { path: path.to_path_buf(), fault, help: HELP.into() }
+    Error::data(path, fault).help(HELP)
 }
 
 /// Reads an array of this shape. A 0 in the shape stands for any length.
@@ -289,40 +287,32 @@ fn flat_field(folder: &Path, projector: Resolution) -> Result<FlatField> {
     Ok(flat)
 }
 
-fn projector_curves(folder: &Path, info: &ProjectorInfo) -> Result<Vec<Vec<f64>>> {
-    let levels = 1_usize.checked_shl(info.bits).unwrap_or(0);
-    let values = array(folder, PROJECTOR, &[info.channels, levels])?;
-    let curves: Vec<Vec<f64>> = values.chunks(levels.max(1)).map(<[f64]>::to_vec).collect();
+/// Reads curves with `2^bits` ascending values: `channels` of them, or a single one without a dimension for channels.
+fn curves(folder: &Path, name: &str, channels: Option<usize>, bits: u32, of: &str) -> Result<Vec<Vec<f64>>> {
+    let length = 1_usize.checked_shl(bits).unwrap_or(0);
+    let shape: Vec<usize> = channels.into_iter().chain([length]).collect();
+    let values = array(folder, name, &shape)?;
+    let curves: Vec<Vec<f64>> = values.chunks(length.max(1)).map(<[f64]>::to_vec).collect();
     // A curve with NaN is not sorted.
     if curves.iter().any(|curve| !curve.is_sorted_by(|a, b| a <= b)) {
-        return Err(damaged(&folder.join(PROJECTOR), "its values do not ascend with the level".into()));
+        return Err(damaged(&folder.join(name), format!("its values do not ascend with the {of}")));
     }
     Ok(curves)
 }
 
-fn camera_curve(folder: &Path, bits: u32) -> Result<Vec<f64>> {
-    let values = array(folder, CAMERA, &[1_usize.checked_shl(bits).unwrap_or(0)])?;
-    if !values.is_sorted_by(|a, b| a <= b) {
-        return Err(damaged(&folder.join(CAMERA), "its values do not ascend with the count".into()));
-    }
-    Ok(values)
-}
-
 fn registration(folder: &Path, camera: Resolution, projector: Resolution) -> Result<Registration> {
-    let starts: Vec<usize> =
-        array(folder, STARTS, &[projector.pixels() + 1])?.into_iter().map(|start| start as usize).collect();
-    let pixels: Vec<u32> = array(folder, PIXELS, &[0])?.into_iter().map(|pixel| pixel as u32).collect();
-    let weights = array(folder, WEIGHTS, &[pixels.len()])?;
-    if starts.first() != Some(&0) || starts.last() != Some(&pixels.len()) || !starts.is_sorted() {
-        let fault = format!("rows do not ascend from 0 to {}, the number of weights", pixels.len());
-        return Err(damaged(&folder.join(STARTS), fault));
+    let starts = array(folder, STARTS, &[projector.pixels() + 1])?;
+    let pixels = array(folder, PIXELS, &[0])?;
+    let map = Registration {
+        camera,
+        projector,
+        starts: starts.into_iter().map(|start| start as usize).collect(),
+        weights: array(folder, WEIGHTS, &[pixels.len()])?,
+        pixels: pixels.into_iter().map(|pixel| pixel as u32).collect(),
+        lens: None,
+    };
+    match map.fault() {
+        Some((part, fault)) => Err(damaged(&folder.join(format!("registration-{part}.npy")), fault)),
+        None => Ok(map),
     }
-    if let Some(pixel) = pixels.iter().find(|&&pixel| pixel as usize >= camera.pixels()) {
-        let fault = format!("it contains pixel {pixel}, but the camera has {} pixels", camera.pixels());
-        return Err(damaged(&folder.join(PIXELS), fault));
-    }
-    if weights.iter().any(|weight| !weight.is_finite()) {
-        return Err(damaged(&folder.join(WEIGHTS), "a weight is not finite".into()));
-    }
-    Ok(Registration { camera, projector, starts, pixels, weights, lens: None })
 }

@@ -115,62 +115,51 @@ impl DirectMatrix {
     }
 }
 
-pub(crate) struct DirectPhotos<'a> {
-    pub(crate) registration: &'a Registration,
-    pub(crate) rate_frames: &'a [&'a RateFrame],
-    /// The patterns that were shown, for each of the camera's channels.
-    pub(crate) shown: &'a [Vec<Vec<f64>>],
-    pub(crate) blacks: &'a BlackPhotos,
-}
-
-impl DirectPhotos<'_> {
-    pub(crate) fn fit(&self) -> DirectMatrix {
-        let spread =
-            self.registration.lens.as_ref().map(|lens| Arc::new(Spread::new(self.registration, lens)));
-        let channels = self.shown.len();
-        let photos: Vec<Vec<Vec<f64>>> = (0..channels).map(|channel| self.photos(channel)).collect();
-        let lit = self.registration.seen();
-        let fitted = |channel: usize, blur: Option<&Blur>, steps: usize| {
-            let mut fit =
-                DirectFit::new(&self.shown[channel], &lit, blur, spread.as_deref(), &photos[channel]);
+impl DirectMatrix {
+    /// Fits the direct light to `rate_frames`, the photos of patterns. `shown` holds the patterns that were shown, for each of the camera's
+    /// channels.
+    pub(crate) fn fit(
+        registration: &Registration,
+        rate_frames: &[&RateFrame],
+        shown: &[Vec<Vec<f64>>],
+        blacks: &BlackPhotos,
+    ) -> Self {
+        let size = registration.projector;
+        let spread = registration.lens.as_ref().map(|lens| Arc::new(Spread::new(registration, lens)));
+        let channels = shown.len();
+        let combined = |channel: usize, coefficient: &dyn Fn(usize, usize) -> f64| {
+            combine(registration, rate_frames, coefficient, blacks, (channel, channels))
+        };
+        // The photos of one channel, minus their mean.
+        let photos = |channel: usize| {
+            let only =
+                |photo: usize| combined(channel, &|_, other| f64::from(u8::from(other == photo))).values;
+            without_mean((0..rate_frames.len()).map(only).collect())
+        };
+        let photos: Vec<Vec<Vec<f64>>> = (0..channels).map(photos).collect();
+        let lit = registration.seen();
+        let fitted = |channel: usize, shown: &[Vec<f64>], blur: Option<&Blur>, steps: usize| {
+            let mut fit = DirectFit::new(shown, &lit, blur, spread.as_deref(), &photos[channel]);
             fit.improve(steps);
             fit
         };
         let residual = |deviation: f64| -> f64 {
-            let blur = Blur::new(self.registration.projector, deviation);
-            (0..channels).map(|channel| fitted(channel, blur.as_ref(), STEPS[0]).residual()).sum()
+            let blur = Blur::new(size, deviation);
+            let of = |channel: usize| fitted(channel, &shown[channel], blur.as_ref(), STEPS[0]).residual();
+            (0..channels).map(of).sum()
         };
-        let blur = Blur::new(self.registration.projector, least(&residual));
-        let doubt = BlurDoubt::of(self.registration.projector, channels, &|channel, by| {
-            let widened: Vec<Vec<f64>> = self.shown[channel]
-                .iter()
-                .map(|pattern| wider(self.registration.projector, pattern, by))
-                .collect();
-            let mut fit = DirectFit::new(&widened, &lit, blur.as_ref(), spread.as_deref(), &photos[channel]);
-            fit.improve(STEPS[1]);
-            fit
+        let blur = Blur::new(size, least(&residual));
+        let doubt = BlurDoubt::of(size, channels, &|channel, by| {
+            let widened: Vec<Vec<f64>> =
+                shown[channel].iter().map(|pattern| wider(size, pattern, by)).collect();
+            fitted(channel, &widened, blur.as_ref(), STEPS[1])
         });
-        let planes = (0..channels)
-            .map(|channel| {
-                let fit = fitted(channel, blur.as_ref(), STEPS[1]);
-                let noise = self.combined(channel, &|pixel, photo| fit.slope(pixel, photo)).variance;
-                fit.plane(noise, self.registration.projector)
-            })
-            .collect();
-        DirectMatrix { planes, doubt, blur, spread }
-    }
-
-    /// The photos of one channel, minus their mean.
-    fn photos(&self, channel: usize) -> Vec<Vec<f64>> {
-        let of = |photo: usize| {
-            let only = |_: usize, other: usize| f64::from(u8::from(other == photo));
-            self.combined(channel, &only).values
+        let plane = |channel: usize| {
+            let fit = fitted(channel, &shown[channel], blur.as_ref(), STEPS[1]);
+            let noise = combined(channel, &|pixel, photo| fit.slope(pixel, photo)).variance;
+            fit.plane(noise, size)
         };
-        without_mean((0..self.rate_frames.len()).map(of).collect())
-    }
-
-    fn combined(&self, channel: usize, coefficient: &dyn Fn(usize, usize) -> f64) -> Plane {
-        combine(self.registration, self.rate_frames, coefficient, self.blacks, (channel, self.shown.len()))
+        Self { planes: (0..channels).map(plane).collect(), doubt, blur, spread }
     }
 }
 

@@ -123,17 +123,12 @@ impl<'a> DirectFit<'a> {
         (0..self.square.len()).map(of).collect()
     }
 
-    pub(crate) fn direct(&self) -> &[f64] {
-        &self.direct
-    }
-
     /// The direct light with its variance. The variance comes from the photos' `noise`, or from the residual when that is clearly larger. A
     /// few photos say little about one pixel, so the residuals of neighbours are averaged.
     pub(crate) fn plane(self, noise: Vec<f64>, resolution: Resolution) -> Plane {
         // Each pixel has two unknowns: direct and global light.
         let freedom = self.left.len().saturating_sub(2).max(1) as f64;
-        let of = |pixel: usize| self.left.iter().map(|left| left[pixel].powi(2)).sum::<f64>() / freedom;
-        let left: Vec<f64> = (0..self.square.len()).map(of).collect();
+        let left: Vec<f64> = self.residuals().iter().map(|squares| squares / freedom).collect();
         let left = Blur::new(resolution, 1.0).map_or_else(|| left.clone(), |blur| blur.apply(&left));
         let shown = left.iter().zip(&self.square).map(|(left, square)| ratio(*left, *square));
         let either = |(noise, shown): (f64, f64)| if shown > CLEARLY * noise { shown } else { noise };
@@ -195,7 +190,7 @@ impl BlurDoubt {
                 sum.iter_mut().zip(fit.residuals()).for_each(|(sum, square)| *sum += square);
             }
             let [less, _, more] = &fits;
-            let change = less.direct().iter().zip(more.direct());
+            let change = less.direct.iter().zip(&more.direct);
             slopes.push(change.map(|(less, more)| (more - less) / (2.0 * SHARE_STEP)).collect());
         }
         Self { resolution, error: share_error(resolution, &squares), slopes }

@@ -180,12 +180,6 @@ impl Displayed {
 // `t/K` seconds instead of one of `t`, the standard deviation due to read noise grows by the factor `K √Σ w_k²`
 // ([`bit_plane_amplification`]). In little light, more frames can therefore be worse than fewer.
 
-#[derive(Clone, Debug)]
-pub(crate) struct BitPlane {
-    pub(crate) weight: f64,
-    pub(crate) displayed: Displayed,
-}
-
 /// The weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to 1).
 pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
     let mut range = 1.0;
@@ -206,13 +200,13 @@ pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
         * bit_plane_weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
 }
 
-/// Decomposes the pattern `target` into `count` frames. It has one plane for all channels or one per channel. Dark frames are left out.
+/// Decomposes the pattern `target` into `count` frames with their weights. It has one plane for all channels or one per channel. Dark frames are left out.
 pub(crate) fn decompose(
     display: &Display,
     target: &[Vec<f64>],
     part: Part,
     count: u32,
-) -> Result<Vec<BitPlane>> {
+) -> Result<Vec<(f64, Displayed)>> {
     let mut left = target.to_vec();
     let bit_plane_weights = bit_plane_weights(count, display.widest_step());
     let mut planes = Vec::with_capacity(bit_plane_weights.len());
@@ -234,7 +228,7 @@ pub(crate) fn decompose(
                 .collect();
         }
         if displayed.frame.levels().iter().any(|&level| level > 0) {
-            planes.push(BitPlane { weight, displayed });
+            planes.push((weight, displayed));
         }
     }
     Ok(planes)

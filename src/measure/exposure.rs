@@ -102,11 +102,11 @@ fn darkest_is_well(photo: &AveragedExposure, curve: &CameraCurve, used: &[bool],
 }
 
 fn too_bright(shortest: f64) -> Error {
-    Error::Saturated {
-        device: "camera".into(),
-        fault: format!("a white frame saturates it even at its shortest exposure, {shortest} s"),
-        help: "close the lens, or darken the projector or the room".into(),
-    }
+    Error::saturated(
+        "camera",
+        format!("a white frame saturates it even at its shortest exposure, {shortest} s"),
+    )
+    .help("close the lens, or darken the projector or the room")
 }
 
 #[cfg(test)]

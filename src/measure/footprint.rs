@@ -14,18 +14,19 @@ const COVERED: f64 = 0.25;
 /// low. Camera pixels that are not `lit` do not count. Projector pixels that are covered too little have empty rows.
 pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let (areas, rows) = overlaps(map, lit);
-    let shares = Shares::new(&areas, &rows);
-    let covered = |row: &Vec<Entry>| row.iter().map(|entry| entry.1).sum::<f64>() > COVERED;
-    let overlaps = Overlaps { projector: map.projector, rows: &rows };
-    let sharp = |(pixel, row)| if covered(row) { shares.sharpened(pixel, &overlaps) } else { Vec::new() };
-    let rows = rows.par_iter().enumerate().map(sharp).collect();
-    Registration { lens: Some(map.clone()), ..Registration::of_rows(map.camera, map.projector, rows) }
+    let shares = shares_of(&areas, &rows);
+    let sharp = |pixel: usize| {
+        let is_covered = rows[pixel].iter().map(|entry| entry.1).sum::<f64>() > COVERED;
+        if is_covered { sharpened(pixel, around(pixel, map.projector, &rows), &shares) } else { Vec::new() }
+    };
+    let sharp = (0..rows.len()).into_par_iter().map(sharp).collect();
+    Registration { lens: Some(map.clone()), ..Registration::of_rows(map.camera, map.projector, sharp) }
 }
 
-/// The shares of the areas of the `lit` camera pixels that lie in projector pixels.
-pub(crate) fn shares(map: &LensMap, lit: &[bool]) -> Shares {
+/// The shares of the areas of the `lit` camera pixels that lie in projector pixels, in one row per camera pixel.
+pub(crate) fn shares(map: &LensMap, lit: &[bool]) -> SparseRows {
     let (areas, rows) = overlaps(map, lit);
-    Shares::new(&areas, &rows)
+    shares_of(&areas, &rows)
 }
 
 /// The areas of the `lit` camera pixels in the projector's raster, and their overlaps with each projector pixel.
@@ -136,102 +137,84 @@ const REACH: usize = 2;
 /// The conjugate gradients end when the gradient is reduced to this.
 const ACCURACY: f64 = 1e-6;
 
-/// The share of each camera pixel's area that lies in each projector pixel.
-pub(crate) struct Shares(SparseRows);
-
-impl Shares {
-    /// Makes the shares from the areas of the camera's pixels and the areas of their overlaps. The overlaps are listed by projector pixel.
-    pub(crate) fn new(areas: &[f64], overlaps: &[Vec<Entry>]) -> Self {
-        let share = |&(camera, area): &Entry| (camera, area / areas[camera as usize]);
-        let shares: Vec<Vec<Entry>> = overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
-        Self(SparseRows::transposed(&shares, areas.len()))
-    }
-
-    pub(crate) fn of(&self, camera: u32) -> &[Entry] {
-        self.0.row(camera as usize)
-    }
-
-    /// The weights of the camera pixels of one projector pixel. `rows` holds the overlaps of all projector pixels.
-    pub(crate) fn sharpened(&self, pixel: usize, rows: &Overlaps<'_>) -> Vec<Entry> {
-        let mut row = rows.around(pixel);
-        let columns: Vec<&[Entry]> = row.iter().map(|entry| self.of(entry.0)).collect();
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        // The condition is `lit · r = 1`.
-        let lit: Vec<f64> =
-            columns.iter().map(|column| column.iter().map(|entry| entry.1).sum::<f64>()).collect();
-        let overlaps: Vec<f64> = row.iter().map(|entry| entry.1).collect();
-        let total = dot(&overlaps, &lit);
-        let mut weights: Vec<f64> = overlaps.iter().map(|area| area / total).collect();
-        let near = neighbours(&columns);
-        let product = |r: &[f64]| -> Vec<f64> {
-            let mut seen = vec![0.0; near.len()];
-            for (r, column) in r.iter().zip(&columns) {
-                column.iter().for_each(|(at, share)| seen[position(&near, *at)] += r * share);
-            }
-            let back = |(r, column): (&f64, &&[Entry])| {
-                NOISE * r + column.iter().map(|(at, share)| share * seen[position(&near, *at)]).sum::<f64>()
-            };
-            r.iter().zip(&columns).map(back).collect()
-        };
-        let own = |column: &&[Entry]| {
-            column.iter().find(|(at, _)| *at as usize == pixel).map_or(0.0, |entry| entry.1)
-        };
-        // These conjugate gradients keep the condition: residual and directions are orthogonal to `lit`.
-        let within = |mut v: Vec<f64>| {
-            let along = dot(&v, &lit) / dot(&lit, &lit);
-            v.iter_mut().zip(&lit).for_each(|(value, lit)| *value -= along * lit);
-            v
-        };
-        let gradient = product(&weights);
-        let mut residual =
-            within(columns.iter().zip(&gradient).map(|(column, gradient)| own(column) - gradient).collect());
-        let mut direction = residual.clone();
-        let mut square = dot(&residual, &residual);
-        let enough = ACCURACY * ACCURACY;
-        for _ in 0..weights.len() {
-            if square <= enough {
-                break;
-            }
-            let image = within(product(&direction));
-            let step = square / dot(&direction, &image);
-            weights.iter_mut().zip(&direction).for_each(|(weight, d)| *weight += step * d);
-            residual.iter_mut().zip(&image).for_each(|(r, image)| *r -= step * image);
-            let next = dot(&residual, &residual);
-            direction.iter_mut().zip(&residual).for_each(|(d, r)| *d = r + next / square * *d);
-            square = next;
-        }
-        row.iter_mut().zip(weights).for_each(|(entry, weight)| entry.1 = weight);
-        row
-    }
+/// The shares, from the areas of the camera's pixels and the areas of their overlaps, which are listed by projector pixel.
+fn shares_of(areas: &[f64], overlaps: &[Vec<Entry>]) -> SparseRows {
+    let share = |&(camera, area): &Entry| (camera, area / areas[camera as usize]);
+    let shares: Vec<Vec<Entry>> = overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
+    SparseRows::transposed(&shares, areas.len())
 }
 
-/// The areas of overlap of all projector pixels with camera pixels.
-pub(crate) struct Overlaps<'a> {
-    pub(crate) projector: Resolution,
-    pub(crate) rows: &'a [Vec<Entry>],
+/// The weights of the camera pixels of one projector pixel. `row` lists these camera pixels with their overlaps.
+fn sharpened(pixel: usize, mut row: Vec<Entry>, shares: &SparseRows) -> Vec<Entry> {
+    let columns: Vec<&[Entry]> = row.iter().map(|entry| shares.row(entry.0 as usize)).collect();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    // The condition is `lit · r = 1`.
+    let lit: Vec<f64> =
+        columns.iter().map(|column| column.iter().map(|entry| entry.1).sum::<f64>()).collect();
+    let overlaps: Vec<f64> = row.iter().map(|entry| entry.1).collect();
+    let total = dot(&overlaps, &lit);
+    let mut weights: Vec<f64> = overlaps.iter().map(|area| area / total).collect();
+    let near = neighbours(&columns);
+    let product = |r: &[f64]| -> Vec<f64> {
+        let mut seen = vec![0.0; near.len()];
+        for (r, column) in r.iter().zip(&columns) {
+            column.iter().for_each(|(at, share)| seen[position(&near, *at)] += r * share);
+        }
+        let back = |(r, column): (&f64, &&[Entry])| {
+            NOISE * r + column.iter().map(|(at, share)| share * seen[position(&near, *at)]).sum::<f64>()
+        };
+        r.iter().zip(&columns).map(back).collect()
+    };
+    let own =
+        |column: &&[Entry]| column.iter().find(|(at, _)| *at as usize == pixel).map_or(0.0, |entry| entry.1);
+    // These conjugate gradients keep the condition: residual and directions are orthogonal to `lit`.
+    let within = |mut v: Vec<f64>| {
+        let along = dot(&v, &lit) / dot(&lit, &lit);
+        v.iter_mut().zip(&lit).for_each(|(value, lit)| *value -= along * lit);
+        v
+    };
+    let gradient = product(&weights);
+    let mut residual =
+        within(columns.iter().zip(&gradient).map(|(column, gradient)| own(column) - gradient).collect());
+    let mut direction = residual.clone();
+    let mut square = dot(&residual, &residual);
+    let enough = ACCURACY * ACCURACY;
+    for _ in 0..weights.len() {
+        if square <= enough {
+            break;
+        }
+        let image = within(product(&direction));
+        let step = square / dot(&direction, &image);
+        weights.iter_mut().zip(&direction).for_each(|(weight, d)| *weight += step * d);
+        residual.iter_mut().zip(&image).for_each(|(r, image)| *r -= step * image);
+        let next = dot(&residual, &residual);
+        direction.iter_mut().zip(&residual).for_each(|(d, r)| *d = r + next / square * *d);
+        square = next;
+    }
+    row.iter_mut().zip(weights).for_each(|(entry, weight)| entry.1 = weight);
+    row
 }
 
-impl Overlaps<'_> {
-    /// The camera pixels for a projector pixel, with their overlaps, in ascending order. If few overlap it, none may lie inside it. The
-    /// surrounding camera pixels, with an overlap of 0, then show how much light of the neighbours they see.
-    fn around(&self, pixel: usize) -> Vec<Entry> {
-        let own = &self.rows[pixel];
-        if own.len() >= ENOUGH {
-            return own.clone();
-        }
-        let Resolution { width, height } = self.projector;
-        let near = |at: usize, of: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(of);
-        let columns = near(pixel % width, width);
-        let around = near(pixel / width, height).flat_map(|y| columns.clone().map(move |x| y * width + x));
-        let mut row: Vec<Entry> = around
-            .flat_map(|other| self.rows[other].iter().map(|entry| (entry.0, 0.0)))
-            .chain(own.iter().copied())
-            .collect();
-        // The overlap of a camera pixel sorts before its zeros, so it is the entry that is kept.
-        row.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
-        row.dedup_by_key(|entry| entry.0);
-        row
+/// The camera pixels for a projector pixel, with their overlaps, in ascending order. If few overlap it, none may lie inside it. The
+/// surrounding camera pixels, with an overlap of 0, then show how much light of the neighbours they see. `overlaps` lists the overlaps of
+/// all projector pixels.
+fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<Entry>]) -> Vec<Entry> {
+    let own = &overlaps[pixel];
+    if own.len() >= ENOUGH {
+        return own.clone();
     }
+    let Resolution { width, height } = projector;
+    let near = |at: usize, of: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(of);
+    let columns = near(pixel % width, width);
+    let around = near(pixel / width, height).flat_map(|y| columns.clone().map(move |x| y * width + x));
+    let mut row: Vec<Entry> = around
+        .flat_map(|other| overlaps[other].iter().map(|entry| (entry.0, 0.0)))
+        .chain(own.iter().copied())
+        .collect();
+    // The overlap of a camera pixel sorts before its zeros, so it is the entry that is kept.
+    row.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    row.dedup_by_key(|entry| entry.0);
+    row
 }
 
 /// The projector pixels that these camera pixels see, in ascending order.

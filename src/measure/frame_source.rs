@@ -110,23 +110,40 @@ pub struct Times {
 }
 
 impl Times {
+    /// The parts with their names.
+    fn parts(&self) -> [(&'static str, f64); 6] {
+        let Self { show, refresh, settle, expose, transfer, process } = *self;
+        [
+            ("show", show),
+            ("refresh", refresh),
+            ("settle", settle),
+            ("expose", expose),
+            ("transfer", transfer),
+            ("process", process),
+        ]
+    }
+
+    /// Combines each part with the same part of `other`.
+    fn zip(self, other: Self, of: impl Fn(f64, f64) -> f64) -> Self {
+        Self {
+            show: of(self.show, other.show),
+            refresh: of(self.refresh, other.refresh),
+            settle: of(self.settle, other.settle),
+            expose: of(self.expose, other.expose),
+            transfer: of(self.transfer, other.transfer),
+            process: of(self.process, other.process),
+        }
+    }
+
     /// The sum of all parts.
     pub fn sum(&self) -> f64 {
-        self.show + self.refresh + self.settle + self.expose + self.transfer + self.process
+        self.parts().iter().map(|(_, seconds)| seconds).sum()
     }
 
     /// The mean time of one of `photos` photos.
     pub fn each(self, photos: u64) -> Self {
         let share = 1.0 / photos.max(1) as f64;
-        let Self { show, refresh, settle, expose, transfer, process } = self;
-        Self {
-            show: share * show,
-            refresh: share * refresh,
-            settle: share * settle,
-            expose: share * expose,
-            transfer: share * transfer,
-            process: share * process,
-        }
+        self.zip(self, |part, _| share * part)
     }
 }
 
@@ -134,34 +151,15 @@ impl Add for Times {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        Self {
-            show: self.show + other.show,
-            refresh: self.refresh + other.refresh,
-            settle: self.settle + other.settle,
-            expose: self.expose + other.expose,
-            transfer: self.transfer + other.transfer,
-            process: self.process + other.process,
-        }
+        self.zip(other, f64::add)
     }
 }
 
 /// Writes the times in milliseconds, with their names.
 impl fmt::Display for Times {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parts = [
-            ("show", self.show),
-            ("refresh", self.refresh),
-            ("settle", self.settle),
-            ("expose", self.expose),
-            ("transfer", self.transfer),
-            ("process", self.process),
-        ];
-        write!(f, "{:.1} ms:", 1e3 * self.sum())?;
-        for (at, (name, seconds)) in parts.into_iter().enumerate() {
-            let separator = if at == 0 { "" } else { "," };
-            write!(f, "{separator} {name} {:.1}", 1e3 * seconds)?;
-        }
-        Ok(())
+        let parts = self.parts().map(|(name, seconds)| format!("{name} {:.1}", 1e3 * seconds));
+        write!(f, "{:.1} ms: {}", 1e3 * self.sum(), parts.join(", "))
     }
 }
 
@@ -181,5 +179,79 @@ mod tests {
             "36.5 ms: show 2.0, refresh 10.0, settle 16.0, expose 4.0, transfer 1.0, process 3.5"
         );
         assert_eq!(Times::default().each(0), Times::default());
+    }
+}
+
+/// A rig for tests. A function of the request and of the wait before the exposure makes the counts of each photo.
+#[cfg(test)]
+pub(crate) mod simulated {
+    use super::{CameraInfo, CaptureRequest, Effort, FrameSource, ProjectorInfo, RawFrame, Result};
+    use crate::image::Resolution;
+
+    /// A simulated rig. The function `photo` computes the counts of a frame from the request and the waiting time in seconds. The clock advances
+    /// by one for each photo.
+    pub(crate) struct Simulated<F> {
+        /// A gray projector of 8 bits, without a refresh unless it is set.
+        pub(crate) projector: ProjectorInfo,
+        /// A gray camera with exposures from 1 ms to 100 s, unless they are set.
+        pub(crate) camera: CameraInfo,
+        pub(crate) photo: F,
+        /// Seconds between the confirmation of a frame and its exposure.
+        pub(crate) settle: f64,
+        pub(crate) asked: Vec<CaptureRequest>,
+    }
+
+    impl<F> Simulated<F> {
+        pub(crate) fn new(projector: Resolution, camera: Resolution, bits: u32, photo: F) -> Self {
+            Self {
+                projector: ProjectorInfo {
+                    name: "projector".into(),
+                    resolution: projector,
+                    channels: 1,
+                    bits: 8,
+                    frame_time: 0.0,
+                },
+                camera: CameraInfo {
+                    name: "camera".into(),
+                    resolution: camera,
+                    channels: 1,
+                    bits,
+                    exposures: [1e-3, 100.0],
+                },
+                photo,
+                settle: 0.0,
+                asked: Vec::new(),
+            }
+        }
+    }
+
+    impl<F: FnMut(&CaptureRequest, f64) -> Vec<u16> + Send> FrameSource for Simulated<F> {
+        fn projector(&self) -> &ProjectorInfo {
+            &self.projector
+        }
+
+        fn camera(&self) -> &CameraInfo {
+            &self.camera
+        }
+
+        fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
+            self.asked.push(request.clone());
+            Ok(RawFrame {
+                resolution: self.camera.resolution,
+                channels: self.camera.channels,
+                counts: (self.photo)(request, self.settle),
+                exposure: request.exposure,
+                id: self.asked.len() as u64,
+                started: self.asked.len() as f64,
+            })
+        }
+
+        fn set_settle(&mut self, seconds: f64) {
+            self.settle = seconds;
+        }
+
+        fn effort(&self) -> Effort {
+            Effort { taken: self.asked.len() as u64, ..Effort::default() }
+        }
     }
 }

@@ -50,11 +50,7 @@ pub(crate) fn average(
         let raw = frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })?;
         raw.check()?;
         if raw.counts.len() != samples {
-            return Err(Error::Dimension {
-                what: "counts of a camera's frame",
-                expected: samples.to_string(),
-                found: raw.counts.len().to_string(),
-            });
+            return Err(Error::dimension("counts of a camera's frame", samples, raw.counts.len()));
         }
         if take == takes.start {
             (sum.started, sum.exposure) = (raw.started, raw.exposure);
@@ -98,27 +94,6 @@ pub(crate) struct BlackPhotos {
     pub(crate) exposed: Vec<AveragedExposure>,
     /// The variance of the rate, in (linear DN per second)², for each exposure and sample.
     pub(crate) variance: Vec<Vec<f64>>,
-}
-
-impl BlackPhotos {
-    /// Photographs the frame `black` `takes` times at each exposure.
-    pub(crate) fn take(
-        frames: &mut dyn FrameSource,
-        curve: &CameraCurve,
-        black: &Arc<Frame>,
-        exposures: &[f64],
-        takes: u32,
-    ) -> Result<Self> {
-        let mut blacks = Self::default();
-        for &exposure in exposures {
-            let exposed = average(frames, curve, black, exposure, 0..takes)?;
-            let square = exposed.exposure * exposed.exposure;
-            let variance = |(sample, &mean): (usize, &f64)| exposed.variance(curve, sample, mean) / square;
-            blacks.variance.push(exposed.mean.iter().enumerate().map(variance).collect());
-            blacks.exposed.push(exposed);
-        }
-        Ok(blacks)
-    }
 }
 
 // The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and Kutulakos, section 7.2).
@@ -210,16 +185,14 @@ pub(crate) fn merge(
 
 /// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the shortest exposure in seconds.
 pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
-    Error::Saturated {
-        device: "camera".into(),
-        fault: format!(
-            "{count} pixel{} saturated in every exposure, the first at column {}, row {}; the shortest exposure is {shortest} s",
-            if count == 1 { " is" } else { "s are" },
-            pixel % camera.width,
-            pixel / camera.width
-        ),
-        help: "add a shorter one to [measurement] exposures, close the lens, or darken the projector or the room".into(),
-    }
+    let are = if count == 1 { " is" } else { "s are" };
+    let (column, row) = (pixel % camera.width, pixel / camera.width);
+    let fault = format!(
+        "{count} pixel{are} saturated in every exposure, the first at column {column}, row {row}; the shortest exposure is {shortest} s"
+    );
+    let help =
+        "add a shorter one to [measurement] exposures, close the lens, or darken the projector or the room";
+    Error::saturated("camera", fault).help(help)
 }
 
 /// The value and the variance of one sample. The `weights` of its exposures are written. It is `None` when no exposure can be used.

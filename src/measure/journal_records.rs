@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{CaptureRequest, Effort};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::journal::{Entry, Journal, Key, Kind};
+use crate::journal::{Entry, Journal, Key, Kind, Stored};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
 /// The metadata of a photo, which is stored beside its counts.
@@ -94,9 +94,7 @@ impl JournaledPhoto {
     /// Reads the photo with this key. The result is `None` when its record or the record of its pattern is damaged.
     pub(crate) fn read(journal: &mut Journal, key: Key) -> Result<Option<Self>> {
         let Some(stored) = journal.get(key)? else { return Ok(None) };
-        let note =
-            PhotoMetadata::parse(&stored.metadata).ok_or_else(|| unknown_format(journal, "a photo"))?;
-        let seen = note.frame(&stored.payload).ok_or_else(|| unknown_format(journal, "a photo"))?;
+        let (note, seen) = photo(journal, &stored)?;
         let pattern = Key::from_hex(&note.pattern).ok_or_else(|| unknown_format(journal, "a photo"))?;
         let Some(pattern) = journal.get(pattern)? else { return Ok(None) };
         let shown = decode_frame(&pattern.payload).ok_or_else(|| unknown_format(journal, "a pattern"))?;
@@ -105,13 +103,20 @@ impl JournaledPhoto {
     }
 }
 
+/// The metadata and the frame of a photo's record.
+pub(crate) fn photo(journal: &Journal, stored: &Stored) -> Result<(PhotoMetadata, RawFrame)> {
+    let note = PhotoMetadata::parse(&stored.metadata);
+    let photo = note.and_then(|note| note.frame(&stored.payload).map(|frame| (note, frame)));
+    photo.ok_or_else(|| unknown_format(journal, "a photo"))
+}
+
 /// The error for a record that is intact but not in the format of this version.
 pub(crate) fn unknown_format(journal: &Journal, what: &str) -> Error {
-    Error::Journal {
-        path: journal.path().into(),
-        fault: format!("the record of {what} is intact, but this version does not know its format"),
-        help: "open it with the version of krylux that wrote it".into(),
-    }
+    Error::journal(
+        journal.path(),
+        format!("the record of {what} is intact, but this version does not know its format"),
+    )
+    .help("open it with the version of krylux that wrote it")
 }
 
 /// Encodes a frame: width, height and channels as 64-bit integers, then the levels as 16-bit integers.

@@ -64,12 +64,11 @@ impl<'a> JournaledFrames<'a> {
     pub fn replay(mut journal: Journal) -> Result<Self> {
         match journal.read_note(DEVICES)? {
             Some(devices) => Self::with(journal, &devices, None),
-            None => Err(Error::Journal {
-                path: journal.path().into(),
-                fault: "it does not say which projector and camera its photos come from".into(),
-                help: "attach the rig, and go on with that run by the command that began it, and --resume"
-                    .into(),
-            }),
+            None => Err(Error::journal(
+                journal.path(),
+                "it does not say which projector and camera its photos come from",
+            )
+            .help("attach the rig, and go on with that run by the command that began it, and --resume")),
         }
     }
 
@@ -126,11 +125,7 @@ impl<'a> JournaledFrames<'a> {
         let stored = self.journal.get(key)?;
         self.journal.damages()[known..].iter().for_each(&mut self.report);
         let Some(stored) = stored else { return Ok(None) };
-        let note = PhotoMetadata::parse(&stored.metadata)
-            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
-        let frame = note
-            .frame(&stored.payload)
-            .ok_or_else(|| journal_records::unknown_format(&self.journal, "a photo"))?;
+        let (note, frame) = journal_records::photo(&self.journal, &stored)?;
         self.last = Some(note.stamp());
         self.effort.replayed += 1;
         Ok(Some(frame))
@@ -146,23 +141,17 @@ impl<'a> JournaledFrames<'a> {
 
     /// Takes a photo with the rig in its state after the photo of stamp `after`.
     fn take(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
-        let inner = match self.inner.take() {
-            Some((inner, stamp)) if stamp == after => inner,
-            other => {
-                if let Some((inner, _)) = &other {
-                    self.effort = journal_records::sum(&self.effort, &inner.effort());
-                }
-                // The old rig is closed before the new one is opened.
-                drop(other);
-                self.open(request, after)?
+        if self.inner.as_ref().is_none_or(|(_, stamp)| *stamp != after) {
+            // The old rig is closed before the new one is opened.
+            if let Some((inner, _)) = self.inner.take() {
+                self.effort = journal_records::sum(&self.effort, &inner.effort());
             }
-        };
-        let (inner, _) = self.inner.insert((inner, after));
+            self.inner = Some((self.open(request, after)?, after));
+        }
+        let Some((inner, last)) = &mut self.inner else { return Err(self.missing(request)) };
         let frame = inner.capture(request)?;
         let stamp = Stamp::of(&frame);
-        if let Some((_, last)) = &mut self.inner {
-            *last = Some(stamp);
-        }
+        *last = Some(stamp);
         Ok((frame, stamp))
     }
 
@@ -172,17 +161,17 @@ impl<'a> JournaledFrames<'a> {
         let mut inner = opener(after)?;
         let found = journal_records::encode_devices(inner.projector(), inner.camera());
         if found != journal_records::encode_devices(&self.projector, &self.camera) {
-            return Err(Error::Rig {
-                device: "rig".into(),
-                fault: format!(
+            return Err(Error::rig(
+                "rig",
+                format!(
                     "its projector and camera ({}, {}) are not those of the journal ({}, {})",
                     inner.projector().name,
                     inner.camera().name,
                     self.projector.name,
                     self.camera.name
                 ),
-                help: "attach the rig that the run was started with, or give another folder".into(),
-            });
+            )
+            .help("attach the rig that the run was started with, or give another folder"));
         }
         if let Some(settle) = self.settle {
             inner.set_settle(settle);
@@ -199,20 +188,16 @@ impl<'a> JournaledFrames<'a> {
     fn missing(&self, request: &CaptureRequest) -> Error {
         let path = self.journal.path();
         let folder = path.parent().and_then(|journal| journal.parent()).unwrap_or(path);
-        Error::NotTaken {
-            path: path.into(),
-            fault: format!(
+        Error::not_taken(path, format!(
                 "take {} at {} s of a frame with mean level {:.1} is not among its {} photos, and no rig is attached",
                 request.take,
                 request.exposure,
                 mean(&request.frame),
                 self.journal.photos()
-            ),
-            help: format!(
+            )).help(format!(
                 "ask for no more photos than the run took (--photos), or attach the rig: krylux VERB rig.toml --resume -o {}",
                 folder.display()
-            ),
-        }
+            ))
     }
 }
 

@@ -29,14 +29,6 @@ pub struct LiveFrames {
     effort: Effort,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Rejection {
-    Dropped,
-    Incomplete,
-    Repeated,
-    Late,
-}
-
 impl LiveFrames {
     /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed. Each frame has `tries` tries.
     pub fn new(devices: Devices, settle: f64, tries: u32) -> Self {
@@ -99,30 +91,33 @@ impl LiveFrames {
         Ok(set)
     }
 
-    /// Takes one frame. Its exposure must not begin before the time `ready`.
-    fn take(&mut self, exposure: f64, ready: f64) -> Result<std::result::Result<RawFrame, Rejection>> {
+    /// Takes one frame. Its exposure must not begin before the time `ready`. `None`: the frame was refused, which is counted.
+    fn take(&mut self, exposure: f64, ready: f64) -> Result<Option<RawFrame>> {
         let before = self.devices.camera.losses().incomplete;
         let captured = self.timed(|times| &mut times.transfer, |devices| devices.camera.capture())?;
         let Some(frame) = captured else {
             let came = self.devices.camera.losses().incomplete > before;
-            return Ok(Err(if came { Rejection::Incomplete } else { Rejection::Dropped }));
+            *(if came { &mut self.effort.incomplete } else { &mut self.effort.dropped }) += 1;
+            return Ok(None);
         };
         self.check_shape(&frame)?;
         let (last_id, last_started) = self.last;
-        let is_repeated = last_id.map_or(frame.started <= last_started, |last| frame.id <= last);
-        if is_repeated {
-            return Ok(Err(Rejection::Repeated));
+        if last_id.map_or(frame.started <= last_started, |last| frame.id <= last) {
+            self.effort.repeated += 1;
+            return Ok(None);
         }
         self.last = (Some(frame.id), frame.started.max(last_started));
         let is_as_set = (frame.exposure - exposure).abs() <= EXPOSURE_TOLERANCE * exposure;
         if frame.started < ready || frame.started <= last_started || !is_as_set {
-            return Ok(Err(Rejection::Late));
+            self.effort.late += 1;
+            return Ok(None);
         }
         self.effort.times.expose += frame.exposure;
         self.effort.times.transfer -= frame.exposure;
         // The projector may have shown something else in the meantime.
         self.timed(|times| &mut times.show, |devices| devices.projector.confirm())?;
-        Ok(Ok(frame))
+        self.effort.taken += 1;
+        Ok(Some(frame))
     }
 
     fn check_shape(&self, frame: &RawFrame) -> Result<()> {
@@ -146,15 +141,6 @@ impl LiveFrames {
         Ok(())
     }
 
-    fn count(&mut self, refused: Rejection) {
-        match refused {
-            Rejection::Dropped => self.effort.dropped += 1,
-            Rejection::Incomplete => self.effort.incomplete += 1,
-            Rejection::Repeated => self.effort.repeated += 1,
-            Rejection::Late => self.effort.late += 1,
-        }
-    }
-
     fn restart(&mut self) -> Result<()> {
         self.timed(|times| &mut times.transfer, |devices| devices.camera.restart())?;
         // The camera may restart its frame numbers. New frames are then recognized by their time.
@@ -164,14 +150,14 @@ impl LiveFrames {
     }
 
     fn fault(&self, fault: String, help: &str) -> Error {
-        Error::Rig { device: self.devices.camera.info().name.clone(), fault, help: help.into() }
+        Error::rig(self.devices.camera.info().name.clone(), fault).help(help)
     }
 
-    /// The error for frames that were `refused`, while `missing` packets never came.
-    fn give_up(&self, refused: &[Rejection], missing: u64, restarted: bool) -> Error {
-        let number = |what| refused.iter().filter(|&&refused| refused == what).count();
-        let [dropped, incomplete, repeated, late] =
-            [Rejection::Dropped, Rejection::Incomplete, Rejection::Repeated, Rejection::Late].map(number);
+    /// The error for frames that were all refused since the effort was `before`, while `missing` packets never came.
+    fn give_up(&self, before: &Effort, missing: u64) -> Error {
+        let now = &self.effort;
+        let [dropped, incomplete] = [now.dropped - before.dropped, now.incomplete - before.incomplete];
+        let [repeated, late] = [now.repeated - before.repeated, now.late - before.late];
         let lacking = match incomplete {
             0 => String::new(),
             _ => format!(" {incomplete} came incomplete ({missing} packets were lost, and not sent again),"),
@@ -179,9 +165,9 @@ impl LiveFrames {
         let mut fault = format!(
             "no good frame in {} tries: {dropped} did not come,{lacking} {repeated} came a second time, {late} were exposed \
              before the pattern had settled",
-            refused.len()
+            self.tries
         );
-        if restarted {
+        if now.restarts > before.restarts {
             fault.push_str("; a restart of the camera did not help");
         }
         self.fault(
@@ -210,36 +196,25 @@ impl FrameSource for LiveFrames {
     fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
         let exposure = self.configure(request.exposure)?;
         let ready = self.show(&request.frame)?;
-        let missing = self.devices.camera.losses().missing;
-        let mut refused = Vec::new();
-        let mut restarted = false;
-        loop {
-            let wait = |devices: &mut Devices| {
-                // A real clock may wake up a little early.
-                while devices.clock.now() < ready {
-                    devices.clock.sleep(ready - devices.clock.now());
-                }
-            };
-            self.timed(|times| &mut times.settle, wait);
-            let why = match self.take(exposure, ready)? {
-                Ok(frame) => {
-                    self.effort.taken += 1;
-                    return Ok(frame);
-                }
-                Err(why) => why,
-            };
-            self.count(why);
-            refused.push(why);
-            if refused.len() >= self.tries as usize {
-                let missing = self.devices.camera.losses().missing - missing;
-                return Err(self.give_up(&refused, missing, restarted));
+        let (before, missing) = (self.effort, self.devices.camera.losses().missing);
+        let wait = |devices: &mut Devices| {
+            // A real clock may wake up a little early.
+            while devices.clock.now() < ready {
+                devices.clock.sleep(ready - devices.clock.now());
             }
-            let hangs = !refused.contains(&Rejection::Late);
-            if !restarted && hangs && 2 * refused.len() >= self.tries as usize {
+        };
+        for tried in 1..=self.tries {
+            self.timed(|times| &mut times.settle, wait);
+            if let Some(frame) = self.take(exposure, ready)? {
+                return Ok(frame);
+            }
+            let hangs = (self.effort.late, self.effort.restarts) == (before.late, before.restarts);
+            if hangs && tried < self.tries && 2 * tried >= self.tries {
                 self.restart()?;
-                restarted = true;
             }
         }
+        let missing = self.devices.camera.losses().missing - missing;
+        Err(self.give_up(&before, missing))
     }
 
     fn follow(&mut self, request: &CaptureRequest, frame: &RawFrame) -> Result<()> {

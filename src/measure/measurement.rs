@@ -1,6 +1,5 @@
 //! A measured rig: all stages between its raw frames and its photos.
 
-use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::calibration::{Calibration, FlatField, Registration};
@@ -8,14 +7,13 @@ use super::direct::DirectMatrix;
 use super::display::Display;
 use super::frame_source::{Effort, FrameSource};
 use super::options::MeasureOptions;
-use super::photo_pipeline::{DriftReport, HdrCamera, PhotoPipeline};
+use super::photo_pipeline::{DriftReport, PhotoPipeline};
 use super::photos::{Photo, Plane};
 use super::registration::choose;
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::image::{Blur, LUMINANCE, Resolution};
 use crate::operator::{Adjoint, Operator, Symmetry};
-use crate::rig::Frame;
 use crate::transport::Part;
 
 /// A measured rig: it takes raw frames, and makes photos and products from them.
@@ -58,21 +56,21 @@ impl Measurement {
         options.check()?;
         let (projector, camera) = (frames.projector().clone(), frames.camera().clone());
         if calibration.projector.len() != projector.channels {
-            return Err(Error::Dimension {
-                what: "response curves of the projector in the calibration",
-                expected: format!("{}, one for each channel,", projector.channels),
-                found: calibration.projector.len().to_string(),
-            });
+            return Err(Error::dimension(
+                "response curves of the projector in the calibration",
+                format!("{}, one for each channel,", projector.channels),
+                calibration.projector.len(),
+            ));
         }
         let [shortest, longest] = camera.exposures;
         if let Some(exposure) =
             options.exposures.iter().find(|&&seconds| !(shortest..=longest).contains(&seconds))
         {
-            return Err(Error::Option {
-                option: "[measurement] exposures".into(),
-                fault: format!("{exposure} s is outside of the camera's range"),
-                help: format!("give seconds from {shortest} to {longest}"),
-            });
+            return Err(Error::option(
+                "[measurement] exposures",
+                format!("{exposure} s is outside of the camera's range"),
+            )
+            .help(format!("give seconds from {shortest} to {longest}")));
         }
         let curve = CameraCurve::new(&calibration.camera, camera.bits, options.response)?;
         let display = Display::new(
@@ -87,18 +85,9 @@ impl Measurement {
         let importance = registration.importance(camera.resolution);
         let mask: Vec<f64> = seen.iter().map(|&seen| f64::from(u8::from(seen))).collect();
         let white = display.show_below(&[mask])?.frame;
-        let black = Arc::new(Frame::filled(projector.resolution, projector.channels, 0));
-        let exposer = HdrCamera {
-            frames,
-            curve,
-            used: importance.iter().map(|&importance| importance > 0.0).collect(),
-            white,
-            black,
-            options: options.clone(),
-            shown: HashSet::new(),
-        };
+        let used = importance.iter().map(|&importance| importance > 0.0).collect();
         Ok(Self {
-            pipeline: PhotoPipeline::new(exposer),
+            pipeline: PhotoPipeline::new(frames, curve, used, white, options.clone()),
             display,
             blur: Blur::new(projector.resolution, options.blur),
             flat: calibration.flat_field.filter(|_| options.flat_field),
@@ -156,12 +145,12 @@ impl Measurement {
 
     /// The costs so far.
     pub fn effort(&self) -> Effort {
-        self.pipeline.camera.frames.effort()
+        self.pipeline.frames.effort()
     }
 
     /// The number of different patterns that were shown so far, including black and white.
     pub fn patterns(&self) -> usize {
-        self.pipeline.camera.shown.len()
+        self.pipeline.shown.len()
     }
 
     /// The exposures in use, in seconds.
@@ -176,7 +165,8 @@ impl Measurement {
 
     /// The drift of the lamp, measured by the sentinels.
     pub fn drift(&mut self) -> Result<DriftReport> {
-        Ok(self.pipeline.references()?.drift.report())
+        self.pipeline.references()?;
+        Ok(self.pipeline.drift.report())
     }
 
     /// The last product of an operator of this rig, with the variance of each entry.
@@ -226,7 +216,7 @@ impl Measurement {
     }
 
     pub(crate) fn camera_channels(&self) -> usize {
-        self.pipeline.camera.frames.camera().channels
+        self.pipeline.frames.camera().channels
     }
 
     pub(crate) fn masked(&self, x: &[f64]) -> Vec<f64> {
@@ -238,7 +228,7 @@ impl Measurement {
         if found == expected {
             return Ok(());
         }
-        Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+        Err(Error::dimension(what, expected, found))
     }
 }
 
@@ -295,11 +285,7 @@ impl Operator for MeasuredOperator<'_> {
         self.errors.clear();
         for (x, y) in xs.iter().zip(ys) {
             if y.len() != self.rows() {
-                return Err(Error::Dimension {
-                    what: "entries of the product",
-                    expected: self.rows().to_string(),
-                    found: y.len().to_string(),
-                });
+                return Err(Error::dimension("entries of the product", self.rows(), y.len()));
             }
             let product = self.measurement.product(self.part, self.channel, x)?;
             y.copy_from_slice(&product.values);

@@ -47,13 +47,13 @@ mod response;
 mod rig_file;
 pub(crate) mod sight;
 mod signed;
-#[cfg(test)]
-pub(crate) mod simulated;
 pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
 pub use direct_patterns::{checkerboard, code_patterns};
 pub use display::{bit_plane_amplification, bit_plane_weights};
+#[cfg(test)]
+pub(crate) use frame_source::simulated;
 pub use frame_source::{CaptureRequest, Effort, FrameSource, Times};
 pub use journal_records::JournaledPhoto;
 pub use journaled::{JournaledFrames, Opener};

@@ -115,58 +115,50 @@ impl Default for MeasureOptions {
     }
 }
 
+/// The largest number of takes of one frame. Larger take numbers, starting at this one, belong to the sentinels.
+pub(crate) const MOST_TAKES: u32 = 65_536;
+
 impl MeasureOptions {
     /// Checks that every value is valid.
     ///
     /// # Errors
     /// [`Error::Option`] with the key of a rig file.
     pub fn check(&self) -> Result<()> {
-        let counts = [
-            ("bit_planes", self.bit_planes, 1, 16),
-            ("brackets", self.brackets, 1, 12),
-            ("takes", self.takes, 1, MOST_TAKES),
-            ("black_takes", self.black_takes, 1, MOST_TAKES),
-            ("direct_square", self.direct_square.unwrap_or(1), 1, 1024),
-            ("tries", self.tries, 1, 1000),
-        ];
-        for (key, value, least, most) in counts {
-            if !(least..=most).contains(&value) {
-                return Err(refused(
-                    key,
-                    value.to_string(),
-                    format!("a whole number from {least} to {most}"),
-                ));
-            }
-        }
-        for &exposure in &self.exposures {
-            if !(exposure > 0.0 && exposure.is_finite()) {
-                return Err(refused("exposures", exposure.to_string(), "seconds, more than 0".into()));
-            }
-        }
-        if self.exposures.windows(2).any(|pair| pair[0] >= pair[1]) {
-            let found = format!("{:?}", self.exposures);
-            return Err(refused("exposures", found, "each longer than the one before".into()));
-        }
-        if !(0.0..=100.0).contains(&self.blur) {
-            return Err(refused("blur", self.blur.to_string(), "pixels, from 0 to 100".into()));
-        }
-        match self.settle {
-            Some(seconds) if !(0.0..=3600.0).contains(&seconds) => {
-                Err(refused("settle", seconds.to_string(), "seconds, from 0 to 3600".into()))
-            }
-            _ => Ok(()),
-        }
+        self.fault().map_or(Ok(()), |[key, found, expected]| {
+            let fault = format!("{found} is not a valid value");
+            Err(Error::option(format!("[measurement] {key}"), fault).help(format!("give {expected}")))
+        })
     }
-}
 
-/// The largest number of takes of one frame. Larger take numbers, starting at this one, belong to the sentinels.
-pub(crate) const MOST_TAKES: u32 = 65_536;
-
-fn refused(key: &str, found: String, expected: String) -> Error {
-    Error::Option {
-        option: format!("[measurement] {key}"),
-        fault: format!("{found} is not a valid value"),
-        help: format!("give {expected}"),
+    /// The first invalid value: its key, the value, and the expected values.
+    pub(crate) fn fault(&self) -> Option<[String; 3]> {
+        let whole = "a whole number";
+        let ranges = [
+            ("bit_planes", self.bit_planes.into(), whole, 1.0, 16.0),
+            ("brackets", self.brackets.into(), whole, 1.0, 12.0),
+            ("takes", self.takes.into(), whole, 1.0, MOST_TAKES.into()),
+            ("black_takes", self.black_takes.into(), whole, 1.0, MOST_TAKES.into()),
+            ("direct_square", self.direct_square.unwrap_or(1).into(), whole, 1.0, 1024.0),
+            ("tries", self.tries.into(), whole, 1.0, 1000.0),
+            ("blur", self.blur, "pixels,", 0.0, 100.0),
+            ("settle", self.settle.unwrap_or(0.0), "seconds,", 0.0, 3600.0),
+        ];
+        let wrong = ranges.into_iter().find(|(_, value, _, least, most)| !(*least..=*most).contains(value));
+        if let Some((key, value, unit, least, most)) = wrong {
+            return Some([key.into(), f64::to_string(&value), format!("{unit} from {least} to {most}")]);
+        }
+        let of_exposures = |found, expected: &str| Some(["exposures".into(), found, expected.into()]);
+        if let Some(exposure) =
+            self.exposures.iter().find(|seconds| !(**seconds > 0.0 && seconds.is_finite()))
+        {
+            return of_exposures(exposure.to_string(), "seconds, more than 0");
+        }
+        let ascend = self.exposures.windows(2).all(|pair| pair[0] < pair[1]);
+        if ascend {
+            None
+        } else {
+            of_exposures(format!("{:?}", self.exposures), "each longer than the one before")
+        }
     }
 }
 

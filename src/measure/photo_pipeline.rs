@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::exposure;
@@ -16,31 +17,6 @@ use crate::rig::Frame;
 /// Takes photos with drift correction. The captured frames depend only on the options, on the requested frames and on the content of
 /// earlier frames, so that a journal can replay them.
 pub(crate) struct PhotoPipeline {
-    pub(crate) camera: HdrCamera,
-    references: Option<ReferencePhotos>,
-    /// Patterns since the last photo of white.
-    since_white: u32,
-}
-
-/// The exposures and the photos of black and white, which all other photos need. They are taken before the first photo.
-pub(crate) struct ReferencePhotos {
-    /// The exposures in seconds, the shortest first.
-    pub(crate) exposures: Vec<f64>,
-    pub(crate) blacks: BlackPhotos,
-    pub(crate) white: Arc<RateFrame>,
-    /// The share of the used samples that are saturated in at least one exposure of white.
-    pub(crate) saturated: f64,
-    /// The drift of the lamp since the white photo.
-    pub(crate) drift: LampDrift,
-    /// White at the shortest exposure. Sentinels are compared with it.
-    reference: AveragedExposure,
-    /// The number of sentinels between the run's patterns. Sentinels at an end of the run do not count.
-    sentinels: u32,
-    /// The take of the last sentinel at an end of the run.
-    last: Option<u32>,
-}
-
-pub(crate) struct HdrCamera {
     pub(crate) frames: Box<dyn FrameSource>,
     pub(crate) curve: CameraCurve,
     /// Whether each camera pixel is used by some projector pixel.
@@ -51,40 +27,69 @@ pub(crate) struct HdrCamera {
     pub(crate) options: MeasureOptions,
     /// The hashes of the frames shown so far.
     pub(crate) shown: HashSet<u64>,
+    /// The drift of the lamp since the white photo.
+    pub(crate) drift: LampDrift,
+    references: Option<Arc<ReferencePhotos>>,
+    /// Patterns since the last photo of white.
+    since_white: u32,
+    /// The number of sentinels between the run's patterns. Sentinels at an end of the run do not count.
+    sentinels: u32,
+    /// The take of the last sentinel at an end of the run.
+    last: Option<u32>,
+}
+
+/// The exposures and the photos of black and white, which all other photos need. They are taken before the first photo.
+pub(crate) struct ReferencePhotos {
+    /// The exposures in seconds, the shortest first.
+    pub(crate) exposures: Vec<f64>,
+    pub(crate) blacks: BlackPhotos,
+    pub(crate) white: Arc<RateFrame>,
+    /// The share of the used samples that are saturated in at least one exposure of white.
+    pub(crate) saturated: f64,
+    /// White at the shortest exposure. Sentinels are compared with it.
+    reference: AveragedExposure,
 }
 
 impl PhotoPipeline {
-    pub(crate) fn new(camera: HdrCamera) -> Self {
-        Self { camera, references: None, since_white: 0 }
-    }
-
-    /// The reference photos. They are taken now unless they have been taken before.
-    pub(crate) fn references(&mut self) -> Result<&mut ReferencePhotos> {
-        Ok(self.parts()?.0)
-    }
-
-    pub(crate) fn parts(&mut self) -> Result<(&mut ReferencePhotos, &mut HdrCamera)> {
-        let references = match &mut self.references {
-            Some(references) => references,
-            missing => missing.insert(self.camera.references()?),
-        };
-        Ok((references, &mut self.camera))
+    /// The pipeline of the frames of a rig. `used` tells for each camera pixel whether some projector pixel uses it, and `white` lights every
+    /// pixel that is not masked.
+    pub(crate) fn new(
+        frames: Box<dyn FrameSource>,
+        curve: CameraCurve,
+        used: Vec<bool>,
+        white: Arc<Frame>,
+        options: MeasureOptions,
+    ) -> Self {
+        Self {
+            frames,
+            curve,
+            used,
+            black: Arc::new(Frame::filled(white.resolution(), white.channels(), 0)),
+            white,
+            options,
+            shown: HashSet::new(),
+            drift: LampDrift::default(),
+            references: None,
+            since_white: 0,
+            sentinels: 0,
+            last: None,
+        }
     }
 
     /// The photo of `frame`, corrected for drift. The photo of white is the reference.
     pub(crate) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
-        let due = self.camera.options.sentinel_every;
-        let sentinel_is_due = due > 0 && self.since_white >= due;
-        let (references, camera) = self.parts()?;
-        if *frame == camera.white {
+        let references = self.references()?;
+        if *frame == self.white {
             return Ok(Arc::clone(&references.white));
         }
+        let due = self.options.sentinel_every;
+        let sentinel_is_due = due > 0 && self.since_white >= due;
         if sentinel_is_due {
-            camera.take_sentinel(references, MOST_TAKES + references.sentinels)?;
-            references.sentinels += 1;
+            self.take_sentinel(MOST_TAKES + self.sentinels)?;
+            self.sentinels += 1;
         }
-        let mut seen = camera.see(frame, &references.exposures, &references.blacks)?.0;
-        seen.scale(1.0 / references.drift.light(seen.started));
+        let mut seen = self.see(frame, &references.exposures, &references.blacks)?.0;
+        seen.scale(1.0 / self.drift.light(seen.started));
         self.since_white = if sentinel_is_due { 1 } else { self.since_white + 1 };
         Ok(Arc::new(seen))
     }
@@ -92,24 +97,21 @@ impl PhotoPipeline {
     /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that continues with more patterns
     /// takes its other sentinels as if this one had not been taken.
     pub(crate) fn look_again(&mut self) -> Result<()> {
-        if self.since_white == 0 {
-            return Ok(());
+        let take = 2 * MOST_TAKES + self.shown.len() as u32;
+        if self.since_white > 0 && self.last != Some(take) {
+            self.take_sentinel(take)?;
+            self.last = Some(take);
         }
-        let (references, camera) = self.parts()?;
-        let take = 2 * MOST_TAKES + camera.shown.len() as u32;
-        if references.last == Some(take) {
-            return Ok(());
-        }
-        camera.take_sentinel(references, take)?;
-        references.last = Some(take);
         Ok(())
     }
-}
 
-impl HdrCamera {
-    /// Chooses the exposures, and photographs black and white.
-    fn references(&mut self) -> Result<ReferencePhotos> {
-        let (white, black) = (Arc::clone(&self.white), Arc::clone(&self.black));
+    /// The reference photos. They are taken now unless they have been taken before: the exposures are chosen, and black and white are
+    /// photographed.
+    pub(crate) fn references(&mut self) -> Result<Arc<ReferencePhotos>> {
+        if let Some(references) = &self.references {
+            return Ok(Arc::clone(references));
+        }
+        let white = Arc::clone(&self.white);
         let exposures = if self.options.exposures.is_empty() {
             exposure::choose(&mut *self.frames, &self.curve, &white, &self.used, self.options.brackets)?
         } else {
@@ -117,24 +119,32 @@ impl HdrCamera {
         };
         let mut blacks = BlackPhotos::default();
         if self.options.ambient {
-            self.note(&black);
-            let takes = self.options.black_takes;
-            blacks = BlackPhotos::take(&mut *self.frames, &self.curve, &black, &exposures, takes)?;
+            self.note(&Arc::clone(&self.black));
+            blacks = self.blacks(&exposures, self.options.black_takes)?;
         }
         let (seen, mut exposed) = self.see(&white, &exposures, &blacks)?;
         let saturated = self.saturated(&exposed);
-        let drift = LampDrift::new(seen.started);
-        let reference = exposed.swap_remove(0);
-        Ok(ReferencePhotos {
-            exposures,
-            blacks,
-            white: Arc::new(seen),
-            saturated,
-            drift,
-            reference,
-            sentinels: 0,
-            last: None,
-        })
+        self.drift = LampDrift::new(seen.started);
+        let (white, reference) = (Arc::new(seen), exposed.swap_remove(0));
+        let references = Arc::new(ReferencePhotos { exposures, blacks, white, saturated, reference });
+        Ok(Arc::clone(self.references.insert(references)))
+    }
+
+    /// Photographs black `takes` times at each exposure.
+    pub(crate) fn blacks(&mut self, exposures: &[f64], takes: u32) -> Result<BlackPhotos> {
+        let mut blacks = BlackPhotos::default();
+        for &exposure in exposures {
+            let exposed = self.average(&Arc::clone(&self.black), exposure, 0..takes)?;
+            let square = exposed.exposure * exposed.exposure;
+            let of = |(sample, &mean): (usize, &f64)| exposed.variance(&self.curve, sample, mean) / square;
+            blacks.variance.push(exposed.mean.iter().enumerate().map(of).collect());
+            blacks.exposed.push(exposed);
+        }
+        Ok(blacks)
+    }
+
+    fn average(&mut self, frame: &Arc<Frame>, exposure: f64, takes: Range<u32>) -> Result<AveragedExposure> {
+        average(&mut *self.frames, &self.curve, frame, exposure, takes)
     }
 
     fn saturated(&self, exposed: &[AveragedExposure]) -> f64 {
@@ -153,19 +163,16 @@ impl HdrCamera {
     ) -> Result<(RateFrame, Vec<AveragedExposure>)> {
         self.note(frame);
         let takes = 0..self.options.takes;
-        let exposed: Vec<AveragedExposure> = exposures
-            .iter()
-            .map(|&exposure| average(&mut *self.frames, &self.curve, frame, exposure, takes.clone()))
-            .collect::<Result<_>>()?;
-        let merged =
-            merge(&exposed, &blacks.exposed, &self.curve, &self.used, self.frames.camera().resolution)?;
-        Ok((merged, exposed))
+        let exposed = exposures.iter().map(|&exposure| self.average(frame, exposure, takes.clone()));
+        let exposed = exposed.collect::<Result<Vec<AveragedExposure>>>()?;
+        let camera = self.frames.camera().resolution;
+        Ok((merge(&exposed, &blacks.exposed, &self.curve, &self.used, camera)?, exposed))
     }
 
     /// Takes a sentinel, which is a photo of white with this take number, and adds the brightness of the lamp to the drift.
-    fn take_sentinel(&mut self, references: &mut ReferencePhotos, take: u32) -> Result<()> {
-        let white = Arc::clone(&self.white);
-        let now = average(&mut *self.frames, &self.curve, &white, references.exposures[0], take..take + 1)?;
+    fn take_sentinel(&mut self, take: u32) -> Result<()> {
+        let references = self.references()?;
+        let now = self.average(&Arc::clone(&self.white), references.exposures[0], take..take + 1)?;
         let black = references.blacks.exposed.first();
         let channels = self.frames.camera().channels;
         let [mut sum, mut reference, mut variance] = [0.0; 3];
@@ -179,7 +186,7 @@ impl HdrCamera {
         }
         let light = Ratio::of(sum, reference, 0.0).value().unwrap_or(1.0);
         let error = Ratio::of(variance.sqrt(), reference, 0.0).value().unwrap_or(1.0);
-        references.drift.add(now.started, [light, error]);
+        self.drift.add(now.started, [light, error]);
         Ok(())
     }
 

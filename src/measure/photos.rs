@@ -23,38 +23,29 @@ const PROPORTIONAL: f64 = 0.03;
 /// The correlation of a photo with the pattern that was shown must be at least this. With a wrong pixel map it is 0 ± 0.13 for 64 squares.
 const LEAST_CORRELATION: f64 = 0.5;
 
-/// Sums over all pixels of the products of white `w`, white times pattern `h` and photo `y`, for the correlation of photo and pattern.
+/// Sums over all pixels of the products of any two of white `w`, white times pattern `h`, and photo `y`, for the correlation of photo and
+/// pattern.
 #[derive(Default)]
-struct Likeness {
-    ww: f64,
-    wh: f64,
-    wy: f64,
-    hh: f64,
-    hy: f64,
-    yy: f64,
-}
+struct Likeness([[f64; 3]; 3]);
 
 impl Likeness {
     fn add(&mut self, white: &[f64], pattern: &[f64], photo: &[f64]) {
         for ((&w, share), &y) in white.iter().zip(pattern).zip(photo) {
-            let h = w * share;
-            self.ww += w * w;
-            self.wh += w * h;
-            self.wy += w * y;
-            self.hh += h * h;
-            self.hy += h * y;
-            self.yy += y * y;
+            let values = [w, w * share, y];
+            for (row, a) in self.0.iter_mut().zip(values) {
+                row.iter_mut().zip(values).for_each(|(sum, b)| *sum += a * b);
+            }
         }
     }
 
     /// The correlation of pattern and photo after the part that each shares with white is removed.
     fn finding(&self) -> Finding {
-        let rest = |both: f64, a: f64, b: f64| both - Ratio::of(a * b, self.ww, 0.0).value().unwrap_or(0.0);
-        let [hh, hy, yy] = [
-            rest(self.hh, self.wh, self.wh),
-            rest(self.hy, self.wh, self.wy),
-            rest(self.yy, self.wy, self.wy),
-        ];
+        let [[ww, of_white @ ..], ..] = self.0;
+        let rest = |a: usize, b: usize| {
+            let shared = Ratio::of(of_white[a - 1] * of_white[b - 1], ww, 0.0);
+            self.0[a][b] - shared.value().unwrap_or(0.0)
+        };
+        let [hh, hy, yy] = [rest(1, 1), rest(1, 2), rest(2, 2)];
         let Some(value) = Ratio::of(hy, (hh * yy).max(0.0).sqrt(), 0.0).value() else {
             return Finding::unmeasured("pixel map", "the photo shows no pattern");
         };
@@ -74,8 +65,7 @@ impl Measurement {
         let planes = match &self.flat {
             Some(flat) if !flat.leaves_patterns() => {
                 let target = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
-                let mut terms = Vec::new();
-                self.capture(1.0, &[target], Part::Full, &mut terms)?;
+                let terms = self.capture(1.0, &[target], Part::Full)?;
                 Arc::new(self.sums(&terms, 0.0)?)
             }
             _ => self.full_white()?,
@@ -101,17 +91,9 @@ impl Measurement {
             shares: None,
             scale: 0.0,
         };
-        let planes: Vec<Plane> = (0..channels)
-            .map(|channel| {
-                combine(
-                    &self.registration,
-                    &[&rate_frame],
-                    &|_, _| 1.0,
-                    &references.blacks,
-                    (channel, channels),
-                )
-            })
-            .collect();
+        let (map, blacks) = (&self.registration, &references.blacks);
+        let plane = |channel| combine(map, &[&rate_frame], &|_, _| 1.0, blacks, (channel, channels));
+        let planes: Vec<Plane> = (0..channels).map(plane).collect();
         Ok(self.photo(&planes))
     }
 
@@ -139,8 +121,7 @@ impl Measurement {
             Symmetry::Symmetric => self.squares(),
             Symmetry::General => vec![0.5; self.resolution().pixels()],
         };
-        let mut terms = Vec::new();
-        self.capture(1.0, &[self.masked(&squares)], Part::Full, &mut terms)?;
+        let terms = self.capture(1.0, &[self.masked(&squares)], Part::Full)?;
         let [mut shown, mut seen, mut white, mut error] = [0.0; 4];
         let mut likeness = Likeness::default();
         let whole = self.full_white()?;
@@ -162,13 +143,13 @@ impl Measurement {
             return Ok(map);
         }
         let [shown, seen] = [shown, seen].map(|light| Ratio::of(light, white, 0.0));
-        Err(Error::Rig {
-            device: "rig".into(),
-            fault: format!(
-                "it was not calibrated, and its light is not in proportion to its levels: {shown} of white was shown, {seen} was seen"
-            ),
-            help: "calibrate it with `krylux rig calibrate RIG --use`; or say in the rig file, as `response = false` in [measurement], that levels and counts are to be used as they are".into(),
-        })
+        let fault = format!(
+            "it was not calibrated, and its light is not in proportion to its levels: {shown} of white was shown, {seen} was seen"
+        );
+        Err(Error::rig("rig", fault).help(
+            "calibrate it with `krylux rig calibrate RIG --use`; or say in the rig file, as `response = false` in \
+             [measurement], that levels and counts are to be used as they are",
+        ))
     }
 
     /// Random squares of a quarter and of three quarters of the light. Each side has at least eight, given enough pixels.
@@ -217,8 +198,7 @@ impl Measurement {
         }
         let target: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
-        let mut terms = Vec::new();
-        self.capture(1.0, &target, Part::Full, &mut terms)?;
+        let terms = self.capture(1.0, &target, Part::Full)?;
         let planes = self.sums(&terms, 0.0)?;
         Ok(self.photo(&planes))
     }
@@ -229,11 +209,11 @@ impl Measurement {
         let mut left: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
         let planes = decompose(&self.display, &left, Part::Full, self.options.bit_planes)?;
-        let channels = planes.first().map_or(0, |plane| plane.displayed.light.len());
+        let channels = planes.first().map_or(0, |(_, displayed)| displayed.light.len());
         left.resize(channels.max(left.len()), left[0].clone());
-        for plane in planes {
-            for (left, shown) in left.iter_mut().zip(&plane.displayed.light) {
-                left.iter_mut().zip(shown).for_each(|(left, shown)| *left -= plane.weight * shown);
+        for (weight, displayed) in planes {
+            for (left, shown) in left.iter_mut().zip(&displayed.light) {
+                left.iter_mut().zip(shown).for_each(|(left, shown)| *left -= weight * shown);
             }
         }
         let most = |pixel: usize| left.iter().map(|left| left[pixel].abs()).fold(0.0, f64::max);

@@ -11,7 +11,7 @@
 
 use std::sync::Arc;
 
-use super::direct::{DirectMatrix, DirectPhotos};
+use super::direct::DirectMatrix;
 use super::direct_patterns::DirectPatterns;
 use super::display::{Displayed, decompose};
 use super::hdr::RateFrame;
@@ -76,7 +76,7 @@ impl Measurement {
     /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's three channels. The result is
     /// `None` when the projector or the camera is gray.
     pub fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
-        if self.camera_channels() != 3 || self.pipeline.camera.frames.projector().channels != 3 {
+        if self.camera_channels() != 3 || self.pipeline.frames.projector().channels != 3 {
             return Ok(None);
         }
         let pixels = self.resolution().pixels();
@@ -84,8 +84,7 @@ impl Measurement {
         for (primary, photo) in photos.iter_mut().enumerate() {
             let plane = |channel| self.even_pattern(&vec![f64::from(u8::from(channel == primary)); pixels]);
             let target: Vec<Vec<f64>> = (0..3).map(plane).collect();
-            let mut terms = Vec::new();
-            self.capture(1.0, &target, Part::Full, &mut terms)?;
+            let terms = self.capture(1.0, &target, Part::Full)?;
             for (channel, plane) in photo.iter_mut().enumerate() {
                 let sum = self.sum(&terms, 0.0, channel)?;
                 *plane = self.light(sum).values;
@@ -103,29 +102,24 @@ impl Measurement {
             let signed = self.signed(channel, target)?;
             white = signed.white;
             for (coefficient, pattern) in signed.parts {
-                self.capture(coefficient, &[pattern], part, &mut terms)?;
+                terms.extend(self.capture(coefficient, &[pattern], part)?);
             }
         }
         let mut product = Plane::zero(target.len());
         for (camera_channel, weight) in channel_weights {
-            let light = match part {
+            let mut light = match part {
                 Part::Direct => self.direct_under(camera_channel, target)?,
-                Part::Full if self.options.compensate_rounding => {
-                    let mut light = self.sum(&terms, white, camera_channel)?;
-                    let shown = self.shown(&terms, white, camera_channel);
-                    let missing: Vec<f64> =
-                        target.iter().zip(shown).map(|(target, shown)| target - shown).collect();
-                    light.add(1.0, &self.direct_under(camera_channel, &missing)?);
-                    light
-                }
-                Part::Full => self.sum(&terms, white, camera_channel)?,
-                Part::Global => {
-                    let mut light = self.sum(&terms, white, camera_channel)?;
-                    let shown = self.shown(&terms, white, camera_channel);
-                    light.add(-1.0, &self.direct_under(camera_channel, &shown)?);
-                    light
-                }
+                Part::Full | Part::Global => self.sum(&terms, white, camera_channel)?,
             };
+            if part == Part::Global {
+                let shown = self.shown(&terms, white, camera_channel);
+                light.add(-1.0, &self.direct_under(camera_channel, &shown)?);
+            } else if part == Part::Full && self.options.compensate_rounding {
+                let shown = self.shown(&terms, white, camera_channel);
+                let missing: Vec<f64> =
+                    target.iter().zip(shown).map(|(target, shown)| target - shown).collect();
+                light.add(1.0, &self.direct_under(camera_channel, &missing)?);
+            }
             product.add(weight, &light);
         }
         Ok(product)
@@ -137,11 +131,11 @@ impl Measurement {
         let white = self.folded(&white, channel);
         let channel_weights = self.channel_weights(channel);
         let channels = self.camera_channels();
-        let (references, camera) = self.pipeline.parts()?;
+        let references = self.pipeline.references()?;
         let noise = NoisePrediction {
-            curve: &camera.curve,
+            curve: &self.pipeline.curve,
             options: &self.options,
-            references,
+            references: &references,
             importance: &self.importance,
             channel_weights: &channel_weights,
             channels,
@@ -150,23 +144,14 @@ impl Measurement {
         Ok(Signed::choose(target, &self.seen, self.options.signed, &noise))
     }
 
-    /// Shows a pattern in bit planes, and adds the photos to `terms`.
-    pub(crate) fn capture(
-        &mut self,
-        coefficient: f64,
-        target: &[Vec<f64>],
-        part: Part,
-        terms: &mut Vec<Term>,
-    ) -> Result<()> {
-        for plane in decompose(&self.display, target, part, self.options.bit_planes)? {
-            let rate_frame = self.pipeline.photograph(&plane.displayed.frame)?;
-            terms.push(Term {
-                coefficient: coefficient * plane.weight,
-                rate_frame,
-                displayed: plane.displayed,
-            });
-        }
-        Ok(())
+    /// Shows a pattern in bit planes. Returns their photos.
+    pub(crate) fn capture(&mut self, coefficient: f64, target: &[Vec<f64>], part: Part) -> Result<Vec<Term>> {
+        let planes = decompose(&self.display, target, part, self.options.bit_planes)?;
+        let term = |(weight, displayed): (f64, Displayed)| {
+            let rate_frame = self.pipeline.photograph(&displayed.frame)?;
+            Ok(Term { coefficient: coefficient * weight, rate_frame, displayed })
+        };
+        planes.into_iter().map(term).collect()
     }
 
     /// `Σ coefficient · photo + white · A 1` for one channel of the camera.
@@ -225,11 +210,11 @@ impl Measurement {
             return Ok(Arc::clone(direct));
         }
         if self.options.direct == DirectBy::None {
-            return Err(Error::Option {
-                option: "[measurement] direct".into(),
-                fault: "the direct light is needed, but this option excludes its measurement".into(),
-                help: "give \"patterns\", or keep the direct light (segment --keep-direct)".into(),
-            });
+            return Err(Error::option(
+                "[measurement] direct",
+                "the direct light is needed, but this option excludes its measurement",
+            )
+            .help("give \"patterns\", or keep the direct light (segment --keep-direct)"));
         }
         let channels = self.camera_channels();
         let patterns = match self.options.direct_square {
@@ -241,22 +226,17 @@ impl Measurement {
             Err(Error::NotTaken { path, fault, help }) if patterns == DirectPatterns::Codes => self
                 .photographs(DirectPatterns::Squares(2))
                 .or_else(|_| self.photographs(DirectPatterns::Squares(4)))
-                .map_err(|_| Error::NotTaken { path, fault, help })?,
+                .map_err(|_| Error::not_taken(path, fault).help(help))?,
             photos => photos?,
         };
-        let blacks = &self.pipeline.references()?.blacks;
+        let references = self.pipeline.references()?;
         let rate_frames: Vec<&RateFrame> = rate_frames.iter().map(|rate_frame| &**rate_frame).collect();
         let of_channel = |channel| -> Vec<Vec<f64>> {
             displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect()
         };
         let shown: Vec<Vec<Vec<f64>>> = (0..channels).map(of_channel).collect();
-        let photos = DirectPhotos {
-            registration: &self.registration,
-            rate_frames: &rate_frames,
-            shown: &shown,
-            blacks,
-        };
-        let direct = Arc::new(photos.fit());
+        let direct =
+            Arc::new(DirectMatrix::fit(&self.registration, &rate_frames, &shown, &references.blacks));
         self.direct = Some(Arc::clone(&direct));
         Ok(direct)
     }

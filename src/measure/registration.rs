@@ -23,21 +23,9 @@ pub(crate) fn choose(
         ("camera pixels in the calibration", camera.resolution, calibrated.camera),
         ("projector pixels in the calibration", projector.resolution, calibrated.projector),
     ] {
-        if expected != found {
-            return Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() });
-        }
+        Error::check_size(what, expected, found)?;
     }
-    let entries = calibrated.pixels.len();
-    let rows = calibrated.projector.pixels();
-    let ascends = calibrated.starts.windows(2).all(|pair| pair[0] <= pair[1]);
-    let ends = calibrated.starts.first() == Some(&0) && calibrated.starts.last() == Some(&entries);
-    let inside = calibrated.pixels.iter().all(|&pixel| (pixel as usize) < calibrated.camera.pixels());
-    if calibrated.starts.len() != rows + 1
-        || !ascends
-        || !ends
-        || !inside
-        || calibrated.weights.len() != entries
-    {
+    if calibrated.fault().is_some() {
         return Err(Error::Numerical(
             "the pixel map in the calibration does not consist of sparse rows\n  help: calibrate the rig again: krylux rig calibrate"
                 .into(),
@@ -47,6 +35,25 @@ pub(crate) fn choose(
 }
 
 impl Registration {
+    /// The array that does not fit a pixel map, `starts`, `pixels` or `weights`, and its fault.
+    pub(crate) fn fault(&self) -> Option<(&'static str, String)> {
+        let (entries, camera) = (self.pixels.len(), self.camera.pixels());
+        let ends = [self.starts.first(), self.starts.last()] == [Some(&0), Some(&entries)];
+        if self.starts.len() != self.projector.pixels() + 1 || !ends || !self.starts.is_sorted() {
+            let fault = format!("rows do not ascend from 0 to {entries}, the number of weights");
+            return Some(("starts", fault));
+        }
+        if let Some(pixel) = self.pixels.iter().find(|&&pixel| pixel as usize >= camera) {
+            return Some((
+                "pixels",
+                format!("it contains pixel {pixel}, but the camera has {camera} pixels"),
+            ));
+        }
+        let are_finite =
+            self.weights.len() == entries && self.weights.iter().all(|weight| weight.is_finite());
+        if are_finite { None } else { Some(("weights", "a weight is not finite".into())) }
+    }
+
     /// The row of a projector pixel: camera pixels and their weights.
     pub(crate) fn row(&self, pixel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let span = self.starts[pixel]..self.starts[pixel + 1];

@@ -39,11 +39,11 @@ impl CameraCurve {
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
-            return Err(Error::Dimension {
-                what: "values of the camera's response in the calibration",
-                expected: format!("{counts}, one for each count of {bits} bits,"),
-                found: curve.len().to_string(),
-            });
+            return Err(Error::dimension(
+                "values of the camera's response in the calibration",
+                format!("{counts}, one for each count of {bits} bits,"),
+                curve.len(),
+            ));
         }
         if !(response.gain > 0.0 && response.read_noise >= 0.0) {
             return Err(Error::Numerical(format!(
@@ -121,11 +121,11 @@ impl ProjectorCurve {
     pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
-            return Err(Error::Dimension {
-                what: "values of the projector's response in the calibration",
-                expected: format!("{levels}, one for each level of {bits} bits,"),
-                found: curve.len().to_string(),
-            });
+            return Err(Error::dimension(
+                "values of the projector's response in the calibration",
+                format!("{levels}, one for each level of {bits} bits,"),
+                curve.len(),
+            ));
         }
         let ascends = curve.windows(2).all(|pair| pair[0] <= pair[1]);
         if !(ascends && curve[0] == 0.0 && curve[levels - 1] == 1.0) {
@@ -187,11 +187,11 @@ pub fn noise_ratio(
     bits: u32,
 ) -> Result<Option<NoiseRatio>> {
     if first.counts.len() != second.counts.len() {
-        return Err(Error::Dimension {
-            what: "counts of the second of two equal captures",
-            expected: first.counts.len().to_string(),
-            found: second.counts.len().to_string(),
-        });
+        return Err(Error::dimension(
+            "counts of the second of two equal captures",
+            first.counts.len(),
+            second.counts.len(),
+        ));
     }
     let curve = CameraCurve::new(response, bits, true)?;
     let pairs: Vec<[u16; 2]> = first

@@ -6,12 +6,10 @@
 //! | `drift` | white, repeated during the run and once more at its end | one |
 
 use std::borrow::Cow;
-use std::sync::Arc;
 
 use super::calibration::Registration;
-use super::hdr::{AveragedExposure, BlackPhotos, RateFrame};
+use super::hdr::RateFrame;
 use super::measurement::Measurement;
-use super::photo_pipeline::HdrCamera;
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
@@ -42,13 +40,14 @@ impl Measurement {
 
     /// White minus black in each sample of the camera, per second, and the variance of this difference without any light of the projector.
     fn above_black(&mut self) -> Result<Vec<[f64; 2]>> {
-        let options = self.options.clone();
-        let (references, camera) = self.pipeline.parts()?;
-        let is_repeated = options.ambient && options.black_takes > 1;
+        let references = self.pipeline.references()?;
+        let is_repeated = self.options.ambient && self.options.black_takes > 1;
+        // The difference of two photos of black gives the noise without light.
         let blacks = match is_repeated {
             true => Cow::Borrowed(&references.blacks.exposed),
-            false => Cow::Owned(camera.blacks(&references.exposures)?),
+            false => Cow::Owned(self.pipeline.blacks(&references.exposures, 2)?.exposed),
         };
+        let options = &self.options;
         let white: &RateFrame = &references.white;
         let sample = |sample: usize| {
             let (mut light, mut variance) = (white.values[sample], 0.0);
@@ -115,15 +114,6 @@ pub(crate) fn judged(map: &Registration, channels: usize, light: &[[f64; 2]]) ->
                 projector lights, or much of the scene is black, calibrate with `krylux rig calibrate`: the pixel map then has only what is lit";
     let expected = format!("at least {:.0} %", 100.0 * LEAST);
     Finding::at_least("light", [share, 0.0, LEAST], Grade::Fails, found, expected, help)
-}
-
-impl HdrCamera {
-    /// Takes two photos of black at each exposure. Their difference gives the noise without light.
-    fn blacks(&mut self, exposures: &[f64]) -> Result<Vec<AveragedExposure>> {
-        let black = Arc::clone(&self.black);
-        let taken = BlackPhotos::take(&mut *self.frames, &self.curve, &black, exposures, 2)?;
-        Ok(taken.exposed)
-    }
 }
 
 /// With fewer camera pixels than this per projector pixel along an axis, neighbouring projector pixels are mixed in the photo.

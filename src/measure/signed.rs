@@ -21,15 +21,6 @@ pub(crate) struct Signed {
     pub(crate) parts: Vec<(f64, Vec<f64>)>,
 }
 
-/// Predicts the total variance of photos over all pixels.
-pub(crate) trait PredictNoise {
-    /// The variance of the photo of this pattern, without the contribution of the black photo.
-    fn of_pattern(&self, pattern: &[f64]) -> f64;
-    /// The variance of the white photo, which has already been taken.
-    fn of_white(&self) -> f64;
-    fn of_black(&self) -> f64;
-}
-
 impl Signed {
     /// The affine form `(x − a)/(b − a)`. `a` is the least and `b` the largest value of `x` over the pixels
     /// that are not masked. The form is 0 at the masked pixels, like the white pattern.
@@ -58,7 +49,7 @@ impl Signed {
     }
 
     /// The form that `by` selects. [`SignedBy::Auto`] selects the form with the smaller predicted variance.
-    pub(crate) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
+    pub(crate) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &NoisePrediction<'_>) -> Self {
         match by {
             SignedBy::Affine => Self::affine(x, seen),
             SignedBy::Split => Self::split(x, seen),
@@ -70,7 +61,7 @@ impl Signed {
     }
 
     /// The predicted total variance of `A x` over all pixels.
-    pub(crate) fn variance(&self, noise: &dyn PredictNoise) -> f64 {
+    pub(crate) fn variance(&self, noise: &NoisePrediction<'_>) -> f64 {
         let patterns: f64 =
             self.parts.iter().map(|(factor, pattern)| factor * factor * noise.of_pattern(pattern)).sum();
         let black = self.white + self.parts.iter().map(|(factor, _)| factor).sum::<f64>();
@@ -139,9 +130,8 @@ impl NoisePrediction<'_> {
         }
         if precision > 0.0 { 1.0 / precision } else { least }
     }
-}
 
-impl PredictNoise for NoisePrediction<'_> {
+    /// The variance of the photo of this pattern, without the contribution of the black photo.
     fn of_pattern(&self, pattern: &[f64]) -> f64 {
         let sum: f64 = self.white.iter().sum();
         let light: f64 = self.white.iter().zip(pattern).map(|(white, pattern)| white * pattern).sum();
@@ -149,6 +139,7 @@ impl PredictNoise for NoisePrediction<'_> {
         self.total(|sample| self.of_sample(sample, share))
     }
 
+    /// The variance of the white photo, which has already been taken.
     fn of_white(&self) -> f64 {
         self.total(|sample| self.references.white.variance[sample])
     }

@@ -27,7 +27,7 @@ impl Spread {
         let shares = shares(lens, &vec![true; registration.camera.pixels()]);
         let row = |pixel: usize| -> Vec<Entry> {
             let of_camera = registration.row(pixel).flat_map(|(camera, weight)| {
-                shares.of(camera as u32).iter().map(move |&(at, share)| (at, weight * share))
+                shares.row(camera).iter().map(move |&(at, share)| (at, weight * share))
             });
             let mut row = merged(of_camera.collect());
             row.retain(|entry| entry.1.abs() > LEAST_SHARE);

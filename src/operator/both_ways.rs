@@ -22,11 +22,11 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// [`Error::Dimension`] if the rows of one do not match the columns of the other.
     pub fn new(forth: F, back: B, unit: f64) -> Result<Self> {
         if (forth.rows(), forth.cols()) != (back.cols(), back.rows()) {
-            return Err(Error::Dimension {
-                what: "the operator of the exchanged devices",
-                expected: format!("{}x{}", forth.cols(), forth.rows()),
-                found: format!("{}x{}", back.rows(), back.cols()),
-            });
+            return Err(Error::dimension(
+                "the operator of the exchanged devices",
+                format!("{}x{}", forth.cols(), forth.rows()),
+                format!("{}x{}", back.rows(), back.cols()),
+            ));
         }
         Ok(Self { forth, back, unit, errors: Vec::new() })
     }

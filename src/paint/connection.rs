@@ -17,14 +17,13 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::time::{Instant, interval, timeout};
 use tokio_tungstenite::WebSocketStream;
-use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
+use tokio_tungstenite::tungstenite::handshake::server::create_response_with_body;
 use tokio_tungstenite::tungstenite::protocol::{Role, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Error as SocketError, Message};
 
-use super::message;
-use super::message::{Client, HEADER, MessageKind, PageRequest};
+use super::message::{self, Client, HEADER, MessageKind, PageRequest};
 use super::server::{Route, ServerState, Sizes, Slot};
-use super::session::{Event, error_text};
+use super::session::{Event, Recipients, error_text};
 
 /// The time that a client has to send its request.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(5);
@@ -52,7 +51,7 @@ pub(super) async fn serve_connection(
     let (opened, mut upgraded) = tokio::sync::mpsc::channel::<hyper::upgrade::OnUpgrade>(1);
     let service = hyper::service::service_fn(|mut request: Request<Incoming>| {
         place.has_asked.set(true);
-        let answer = respond(&mut request, &shared);
+        let answer = respond(&request, &shared);
         if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
             // This cannot be full: each connection has one socket.
             let _ = opened.try_send(hyper::upgrade::on(&mut request));
@@ -80,7 +79,7 @@ pub(super) async fn serve_connection(
     }
 }
 
-fn respond(request: &mut Request<Incoming>, shared: &ServerState) -> Response<Full<Bytes>> {
+fn respond(request: &Request<Incoming>, shared: &ServerState) -> Response<Full<Bytes>> {
     let headers = request.headers();
     let host = text(headers, header::HOST).unwrap_or_default();
     let place = match shared.guard.route(request.uri().path()) {
@@ -104,55 +103,35 @@ fn respond(request: &mut Request<Incoming>, shared: &ServerState) -> Response<Fu
         Route::Socket if !shared.guard.knows_origin(text(headers, header::ORIGIN), host) => {
             status(StatusCode::FORBIDDEN, "the socket is for the page of this server only")
         }
-        Route::Socket => upgrade(headers),
+        // The opening handshake of a WebSocket (RFC 6455, section 4.2).
+        Route::Socket => create_response_with_body(request, Full::default).unwrap_or_else(|_| {
+            status(StatusCode::BAD_REQUEST, "a WebSocket of version 13 is expected here")
+        }),
     }
 }
 
 fn page(shared: &ServerState) -> Response<Full<Bytes>> {
-    let mut answer = Response::new(Full::new(shared.page.clone()));
-    let headers = answer.headers_mut();
-    headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
-    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
-    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    headers.insert(header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
     let policy = format!(
         "default-src 'none'; script-src 'nonce-{0}'; style-src 'nonce-{0}'; img-src data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'",
         shared.guard.nonce()
     );
-    if let Ok(policy) = HeaderValue::from_str(&policy) {
-        headers.insert(header::CONTENT_SECURITY_POLICY, policy);
-    }
+    let headers = [
+        (header::CONTENT_TYPE, "text/html; charset=utf-8"),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::X_FRAME_OPTIONS, "DENY"),
+        (header::CONTENT_SECURITY_POLICY, &policy),
+    ];
+    let mut answer = status(StatusCode::OK, shared.page.clone());
+    answer.headers_mut().extend(
+        headers.into_iter().filter_map(|(name, value)| Some((name, HeaderValue::from_str(value).ok()?))),
+    );
     answer
 }
 
-/// Answers the opening handshake of a WebSocket (RFC 6455, section 4.2).
-fn upgrade(headers: &HeaderMap) -> Response<Full<Bytes>> {
-    let has = |name: HeaderName, token: &str| {
-        text(headers, name)
-            .is_some_and(|value| value.split(',').any(|part| part.trim().eq_ignore_ascii_case(token)))
-    };
-    let key = headers.get(header::SEC_WEBSOCKET_KEY);
-    let is_socket = has(header::UPGRADE, "websocket")
-        && has(header::CONNECTION, "upgrade")
-        && text(headers, header::SEC_WEBSOCKET_VERSION) == Some("13");
-    let (true, Some(key)) = (is_socket, key) else {
-        return status(StatusCode::BAD_REQUEST, "a WebSocket of version 13 is expected here");
-    };
-    let mut answer = Response::new(Full::default());
-    *answer.status_mut() = StatusCode::SWITCHING_PROTOCOLS;
-    let headers = answer.headers_mut();
-    headers.insert(header::UPGRADE, HeaderValue::from_static("websocket"));
-    headers.insert(header::CONNECTION, HeaderValue::from_static("upgrade"));
-    if let Ok(accept) = HeaderValue::from_str(&derive_accept_key(key.as_bytes())) {
-        headers.insert(header::SEC_WEBSOCKET_ACCEPT, accept);
-    }
-    answer
-}
-
-fn status(status: StatusCode, why: &'static str) -> Response<Full<Bytes>> {
-    let mut answer = Response::new(Full::from(why));
+fn status(status: StatusCode, content: impl Into<Bytes>) -> Response<Full<Bytes>> {
+    let mut answer = Response::new(Full::new(content.into()));
     *answer.status_mut() = status;
     answer.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     answer
@@ -212,8 +191,8 @@ async fn talk(
                 }
             }
             () = arrived.notified() => {
-                while let Some(parcel) = shared.outboxes.take(client) {
-                    send(socket, parcel).await?;
+                while let Some(message) = shared.outboxes.take(client) {
+                    write(socket, message).await?;
                 }
             }
             _ = ping.tick() => {
@@ -254,16 +233,8 @@ async fn hear(
     shared.used();
     match shared.mailbox.put(client, number, request) {
         Ok(()) => Ok(()),
-        Err(why) => send(socket, Parcel::Text(error_text(Some(number), &why))).await,
+        Err(why) => write(socket, Message::text(error_text(Some(number), &why))).await,
     }
-}
-
-async fn send(socket: &mut WebSocketStream<TokioIo<Upgraded>>, parcel: Parcel) -> Result<(), String> {
-    let message = match parcel {
-        Parcel::Bytes(bytes) => Message::Binary(bytes.to_vec().into()),
-        Parcel::Text(text) => Message::Text(text.into()),
-    };
-    write(socket, message).await
 }
 
 async fn write(socket: &mut WebSocketStream<TokioIo<Upgraded>>, message: Message) -> Result<(), String> {
@@ -277,29 +248,23 @@ async fn write(socket: &mut WebSocketStream<TokioIo<Upgraded>>, message: Message
 /// The number of answers and texts that may wait for one page. The oldest are dropped.
 const MOST_WAITING: usize = 16;
 
-#[derive(Clone, Debug)]
-pub enum Parcel {
-    /// Bytes, which several pages share.
-    Bytes(Arc<Vec<u8>>),
-    Text(String),
-}
+/// The kinds of messages of which only the newest counts, in the order in which a page gets them.
+const NEWEST: [MessageKind; 4] =
+    [MessageKind::Pattern, MessageKind::Photo, MessageKind::Column, MessageKind::Row];
 
 #[derive(Debug, Default)]
 struct Outbox {
-    pattern: Option<Parcel>,
-    photo: Option<Parcel>,
-    column: Option<Parcel>,
-    row: Option<Parcel>,
-    others: VecDeque<Parcel>,
+    newest: [Option<Message>; NEWEST.len()],
+    others: VecDeque<Message>,
     arrived: Arc<Notify>,
 }
 
-/// The parcels that wait for each page. Only the newest photo is kept, so a slow page gets fewer photos and needs no more memory.
+/// The messages that wait for each page. Only the newest photo is kept, so a slow page gets fewer photos and needs no more memory.
 #[derive(Debug, Default)]
 pub struct Outboxes(Mutex<BTreeMap<Client, Outbox>>);
 
 impl Outboxes {
-    /// Opens an outbox for a new page. The result is notified when a parcel has arrived.
+    /// Opens an outbox for a new page. The result is notified when a message has arrived.
     pub fn open(&self, client: Client) -> Arc<Notify> {
         let outbox = Outbox::default();
         let arrived = Arc::clone(&outbox.arrived);
@@ -312,48 +277,38 @@ impl Outboxes {
     }
 
     /// Puts an event into the outboxes of the pages that should get it.
-    pub fn send(&self, event: Event) {
-        let mut outboxes = self.lock();
-        match event {
-            Event::Photo(bytes) => {
-                let parcel = Parcel::Bytes(Arc::new(bytes));
-                outboxes.values_mut().for_each(|outbox| outbox.photo = Some(parcel.clone()));
+    pub fn send(&self, Event { to, kind, message }: Event) {
+        let slot = NEWEST.iter().position(|of| *of == kind);
+        for (client, outbox) in self.lock().iter_mut() {
+            let is_meant = match to {
+                Recipients::All => true,
+                Recipients::AllBut(author) => author != Some(*client),
+                Recipients::Only(one) => one == *client,
+            };
+            if !is_meant {
+                continue;
             }
-            Event::Pattern(author, bytes) => {
-                let parcel = Parcel::Bytes(Arc::new(bytes));
-                let others = outboxes.iter_mut().filter(|(client, _)| Some(**client) != author);
-                others.for_each(|(_, outbox)| outbox.pattern = Some(parcel.clone()));
-            }
-            Event::Look(client, kind, bytes) => {
-                if let Some(outbox) = outboxes.get_mut(&client) {
-                    let slot = if kind == MessageKind::Row { &mut outbox.row } else { &mut outbox.column };
-                    *slot = Some(Parcel::Bytes(Arc::new(bytes)));
+            match slot {
+                Some(slot) => outbox.newest[slot] = Some(message.clone()),
+                None => {
+                    if outbox.others.len() == MOST_WAITING {
+                        outbox.others.pop_front();
+                    }
+                    outbox.others.push_back(message.clone());
                 }
             }
-            Event::Answer(client, bytes) => queue(&mut outboxes, client, Parcel::Bytes(Arc::new(bytes))),
-            Event::Text(client, text) => queue(&mut outboxes, client, Parcel::Text(text)),
+            outbox.arrived.notify_one();
         }
-        outboxes.values().for_each(|outbox| outbox.arrived.notify_one());
     }
 
-    pub fn take(&self, client: Client) -> Option<Parcel> {
+    pub fn take(&self, client: Client) -> Option<Message> {
         let mut outboxes = self.lock();
         let outbox = outboxes.get_mut(&client)?;
-        let newest = [&mut outbox.pattern, &mut outbox.photo, &mut outbox.column, &mut outbox.row];
-        let newest = newest.into_iter().find_map(Option::take);
-        newest.or_else(|| outbox.others.pop_front())
+        outbox.newest.iter_mut().find_map(Option::take).or_else(|| outbox.others.pop_front())
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<Client, Outbox>> {
         // Every change is complete, so the data is valid even if a thread panicked.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-fn queue(outboxes: &mut BTreeMap<Client, Outbox>, client: Client, parcel: Parcel) {
-    let Some(outbox) = outboxes.get_mut(&client) else { return };
-    if outbox.others.len() == MOST_WAITING {
-        outbox.others.pop_front();
-    }
-    outbox.others.push_back(parcel);
 }

@@ -96,8 +96,8 @@ impl Embedded {
             return Err(Error::option(
                 "-o",
                 "a page without server holds the light transport matrix, and this source has none in memory",
-                "give a scene or a matrix, or serve the page",
-            ));
+            )
+            .help("give a scene or a matrix, or serve the page"));
         }
         let most = options.max_bytes.unwrap_or(usize::MAX);
         let parts = Parts::new(canvas, options)?;
@@ -151,8 +151,8 @@ fn too_large(bytes: usize, most: usize) -> Error {
             100.0 * LEAST_SHARE,
             mebibytes(most)
         ),
-        "use a smaller --size, or allow more",
     )
+    .help("use a smaller --size, or allow more")
 }
 
 /// The largest relative error that the stored precision of the matrix causes in four photos.
@@ -228,18 +228,9 @@ impl Parts {
         let (mut info, mut sections) = (self.info.clone(), self.sections.clone());
         let layer = |(light, columns): &(Light, Columns)| {
             // Each row of these matrices is a column of the layer.
-            let of_channels = columns.channels();
-            let packed = pack(of_channels, self.precision);
-            json!({
-                "light": light,
-                "rows": of_channels[0].cols(),
-                "columns": of_channels[0].rows(),
-                "symmetric": packed.is_symmetric,
-                "precision": self.precision,
-                "scales": packed.scales,
-                "positions": sections.add(&packed.positions),
-                "values": packed.values.iter().map(|bytes| sections.add(bytes)).collect::<Vec<_>>(),
-            })
+            let mut packed = packed(columns.channels(), self.precision, &mut sections);
+            packed["light"] = json!(light);
+            packed
         };
         info["layers"] = layers.iter().map(layer).collect();
         let data = format!(
@@ -285,13 +276,6 @@ pub enum Precision {
     Single,
 }
 
-struct PackedLayer {
-    pub(super) positions: Vec<u8>,
-    pub(super) values: Vec<Vec<u8>>,
-    pub(super) scales: Vec<f32>,
-    pub(super) is_symmetric: bool,
-}
-
 impl Precision {
     /// The value that is read back for a stored one. Both are relative to the largest value.
     pub(super) fn rounded(self, value: f64) -> f64 {
@@ -317,8 +301,9 @@ fn scale_of(columns: &Csr) -> f64 {
 
 /// Packs the columns of all channels of a layer, which have the same positions. Positions are numbers of seven bits a byte: first the
 /// number of entries of each column, then the distance of each entry from the previous entry. The values are separate, as half or single
-/// floats relative to the largest. For a symmetric matrix, only the entries on and below the diagonal are packed.
-fn pack(columns: &[Csr], precision: Precision) -> PackedLayer {
+/// floats relative to the largest. For a symmetric matrix, only the entries on and below the diagonal are packed. The result describes the
+/// layer and names its sections.
+fn packed(columns: &[Csr], precision: Precision, sections: &mut Sections) -> Value {
     let is_symmetric = columns.iter().all(Csr::is_symmetric);
     let first = &columns[0];
     let kept = |column: usize| {
@@ -335,6 +320,7 @@ fn pack(columns: &[Csr], precision: Precision) -> PackedLayer {
             last = place;
         }
     }
+    let positions = sections.add(&positions);
     let scales: Vec<f64> = columns.iter().map(scale_of).collect();
     let values = columns.iter().zip(&scales).map(|(columns, scale)| {
         let mut bytes = Vec::new();
@@ -342,15 +328,17 @@ fn pack(columns: &[Csr], precision: Precision) -> PackedLayer {
             let values = &columns.row(column).1[kept(column)];
             values.iter().for_each(|value| precision.put(value / scale, &mut bytes));
         }
-        bytes
+        sections.add(&bytes)
     });
-    let values = values.collect();
-    PackedLayer {
-        positions,
-        values,
-        scales: scales.iter().map(|&scale| scale as f32).collect(),
-        is_symmetric,
-    }
+    json!({
+        "rows": first.cols(),
+        "columns": first.rows(),
+        "symmetric": is_symmetric,
+        "precision": precision,
+        "scales": scales.iter().map(|&scale| scale as f32).collect::<Vec<_>>(),
+        "positions": positions,
+        "values": values.collect::<Vec<_>>(),
+    })
 }
 
 fn put_number(mut value: u32, bytes: &mut Vec<u8>) {

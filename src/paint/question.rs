@@ -6,7 +6,7 @@ use super::canvas::{Canvas, Light};
 use crate::analysis::Segmentation;
 use crate::analysis::planes::{self, Planes};
 use crate::error::{Error, Result};
-use crate::krylov::{Eigs, EigsOptions, Method, SolveOptions, eigs, solve_adjoint};
+use crate::krylov::{EigsOptions, Method, SolveOptions, eigs, solve_adjoint};
 use crate::lab::text::decimal;
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::transport::Part;
@@ -54,17 +54,6 @@ pub struct Answer {
     pub planes: Planes,
 }
 
-impl From<&Eigs> for Answer {
-    fn from(found: &Eigs) -> Self {
-        Self {
-            values: found.values.clone(),
-            groups: Vec::new(),
-            status: format!("{} photos: {}", found.stats.products, found.stats.status),
-            planes: found.vectors.clone(),
-        }
-    }
-}
-
 impl From<&Segmentation> for Answer {
     fn from(found: &Segmentation) -> Self {
         let plane = |labels: &Vec<u8>| labels.iter().map(|&label| f64::from(label)).collect();
@@ -102,7 +91,7 @@ impl Canvas<'_> {
         let worst = worst.fold(0.0, f64::max);
         let (products, of_channel) = (found.stats.products, self.of_channel());
         let status = format!("{products} products; relative residuals up to {worst:.1e}{of_channel}");
-        Ok(Answer { status, ..Answer::from(&found) })
+        Ok(Answer { values: found.values, groups: Vec::new(), status, planes: found.vectors })
     }
 
     fn groups(&mut self, groups: &[usize]) -> Result<Answer> {
@@ -165,7 +154,7 @@ impl Canvas<'_> {
 }
 
 fn refused<T>(what: &str, help: &str) -> Result<T> {
-    Err(Error::option("question", format!("{what} cannot be answered"), help))
+    Err(Error::option("question", format!("{what} cannot be answered")).help(help))
 }
 
 /// `W A`: the operator with each camera pixel multiplied by its weight.

@@ -185,11 +185,8 @@ async fn accept(
 }
 
 fn no_listener(address: SocketAddr, reason: &std::io::Error) -> Error {
-    Error::option(
-        "--listen",
-        format!("{address} cannot be listened on: {reason}"),
-        "give another port, or port 0 for any free one",
-    )
+    Error::option("--listen", format!("{address} cannot be listened on: {reason}"))
+        .help("give another port, or port 0 for any free one")
 }
 
 /// The length of a token in bytes. It is long enough that the token cannot be guessed.

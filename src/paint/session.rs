@@ -1,10 +1,12 @@
 //! The pattern on the projector and its photo, which all pages of a server share.
 
+use tokio_tungstenite::tungstenite::Message;
+
 use super::canvas::{Canvas, Light};
 use super::message::{Client, MessageKind, NumberedQuestion, Pending, write, write_answer};
 use super::question::Question;
 use crate::analysis::planes::Planes;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// A pattern that is painted, with its photo.
 pub struct Session<'a> {
@@ -18,16 +20,32 @@ pub struct Session<'a> {
     photos: usize,
 }
 
-/// A message to pages. Only the newest photo, pattern and look counts.
+/// The pages that get an event.
+#[derive(Clone, Copy, Debug)]
+pub enum Recipients {
+    All,
+    /// All pages except the author's, if there is one.
+    AllBut(Option<Client>),
+    Only(Client),
+}
+
+/// A message to pages. An error is a text of the kind of answers.
 #[derive(Clone, Debug)]
-pub enum Event {
-    Photo(Vec<u8>),
-    /// The pattern of the photo, for all pages except its author's.
-    Pattern(Option<Client>, Vec<u8>),
-    /// The light of a pixel, or the pixels that light a pixel, for one page.
-    Look(Client, MessageKind, Vec<u8>),
-    Answer(Client, Vec<u8>),
-    Text(Client, String),
+pub struct Event {
+    pub to: Recipients,
+    pub kind: MessageKind,
+    pub message: Message,
+}
+
+impl Event {
+    fn new(to: Recipients, kind: MessageKind, bytes: Vec<u8>) -> Self {
+        Self { to, kind, message: Message::binary(bytes) }
+    }
+
+    fn failed(client: Client, number: Option<u32>, error: &Error) -> Self {
+        let message = Message::text(error_text(number, &error.to_string()));
+        Self { to: Recipients::Only(client), kind: MessageKind::Answer, message }
+    }
 }
 
 impl<'a> Session<'a> {
@@ -107,39 +125,32 @@ impl<'a> Session<'a> {
     pub(super) fn work(&mut self, pending: Pending, send: &mut dyn FnMut(Event)) {
         let author = pending.author;
         let is_new = author.is_some() || pending.light.is_some();
-        let mut failed = None;
-        if is_new {
-            failed = self.paint(&pending).err();
-        }
+        let failed = if is_new { self.paint(&pending).err() } else { None };
         let writer = author.map(|(client, _)| client);
         if is_new || !pending.newcomers.is_empty() {
-            send(Event::Pattern(
-                writer,
-                write(MessageKind::Pattern, self.is_exact, self.light, 0, &self.pattern),
-            ));
             let number = author.map_or(0, |(_, number)| number);
-            send(Event::Photo(write(MessageKind::Photo, self.is_exact, self.light, number, &self.photo)));
+            for (to, kind, number, planes) in [
+                (Recipients::AllBut(writer), MessageKind::Pattern, 0, &self.pattern),
+                (Recipients::All, MessageKind::Photo, number, &self.photo),
+            ] {
+                send(Event::new(to, kind, write(kind, self.is_exact, self.light, number, planes)));
+            }
         }
         if let (Some(error), Some(client)) = (failed, writer) {
-            send(Event::Text(client, error_text(None, &error.to_string())));
+            send(Event::failed(client, None, &error));
         }
         for ((client, is_row), pixel) in pending.looks {
-            match self.look(is_row, pixel) {
-                Ok(Some(bytes)) => {
-                    send(Event::Look(
-                        client,
-                        if is_row { MessageKind::Row } else { MessageKind::Column },
-                        bytes,
-                    ));
-                }
+            let kind = if is_row { MessageKind::Row } else { MessageKind::Column };
+            match self.look(kind, pixel) {
+                Ok(Some(bytes)) => send(Event::new(Recipients::Only(client), kind, bytes)),
                 Ok(None) => {}
-                Err(error) => send(Event::Text(client, error_text(None, &error.to_string()))),
+                Err(error) => send(Event::failed(client, None, &error)),
             }
         }
         for (client, NumberedQuestion { number, question }) in pending.questions {
             send(match self.answer(number, &question) {
-                Ok(bytes) => Event::Answer(client, bytes),
-                Err(error) => Event::Text(client, error_text(Some(number), &error.to_string())),
+                Ok(bytes) => Event::new(Recipients::Only(client), MessageKind::Answer, bytes),
+                Err(error) => Event::failed(client, Some(number), &error),
             });
         }
     }
@@ -158,8 +169,9 @@ impl<'a> Session<'a> {
     }
 
     /// The answer to a look; `None` for a pixel that does not exist or cannot be asked for.
-    fn look(&mut self, is_row: bool, pixel: u32) -> Result<Option<Vec<u8>>> {
+    fn look(&mut self, kind: MessageKind, pixel: u32) -> Result<Option<Vec<u8>>> {
         let light = self.light();
+        let is_row = kind == MessageKind::Row;
         let pixels = if is_row { self.canvas.camera() } else { self.canvas.projector() }.pixels();
         if pixel as usize >= pixels {
             return Ok(None);
@@ -168,7 +180,6 @@ impl<'a> Session<'a> {
             true => self.canvas.row(light, pixel as usize)?,
             false => Some(self.canvas.column(light, pixel as usize)?),
         };
-        let kind = if is_row { MessageKind::Row } else { MessageKind::Column };
         Ok(found.map(|planes| write(kind, true, self.light, pixel, &planes)))
     }
 

@@ -12,15 +12,14 @@
 //! projector exchanged, by other light paths. The deviation of the two traced scenes from transposes of each other is stated.
 
 use super::bench::{APART, Bench, Set, Stage};
-use super::contest::line;
-use super::dense::{DenseTriplets, singular_triplets};
-use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
+use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig, counted};
 use super::groups::{asked, labels, purity};
+use super::vectors::{DenseTriplets, minus, product, singular_triplets};
 use crate::analysis::segment::segment;
 use crate::analysis::{MASKED, Segmentation};
 use crate::error::Result;
 use crate::krylov::{Singular, SingularOptions, Start, dot, norm, singular};
-use crate::operator::{Adjoint, Exchanged, Gram, Operator};
+use crate::operator::{Adjoint, Exchanged, Gram};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -46,26 +45,23 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         let labels = labels(found, 2);
         let inside = purity(labels, &without_border(truth, side));
         checks.push(
-            Check::at_least(
-                format!("purity of two groups of the {whose}'s pixels, {PHOTOS} photos"),
-                purity(labels, truth),
-                PURE,
-            )
+            Check::of(format!("purity of two groups of the {whose}'s pixels, {PHOTOS} photos")).at_least(purity(labels, truth), PURE)
             .because(format!(
                 "The {whose}'s pixels are the cause: the border of the two sheets runs through a column of them, which sees both and is in either \
                  group by right. Without the pixels at the border the purity is {inside:.4}."
             )),
         );
         let second = found.eigenvalues.get(1).copied().unwrap_or(f64::NAN);
-        checks.push(Check::stated(
-            format!("second eigenvalue of the normalized cut, {whose}'s pixels"),
-            second,
-        ));
+        checks.push(
+            Check::of(format!("second eigenvalue of the normalized cut, {whose}'s pixels")).stated(second),
+        );
     }
-    checks.push(Check::stated(
-        "the exchanged scene's matrix, traced anew, off the transpose of the first, in a random photo",
-        traced_apart(bench, &stage, &exchanged)?,
-    ));
+    checks.push(
+        Check::of(
+            "the exchanged scene's matrix, traced anew, off the transpose of the first, in a random photo",
+        )
+        .stated(traced_apart(bench, &stage, &exchanged)?),
+    );
     let mut panels = groups(&stage, &of_photos, "camera");
     panels.extend(groups(&exchanged, &of_patterns, "projector"));
     panels.extend(pictures(&small, &vectors.found));
@@ -109,9 +105,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let mut both = arrangements(bench, &stage, &exchanged)?;
     // The rig's unit, which relates its values to the matrix's.
     let white = vec![1.0; stage.pixels()];
-    let mut photo = white.clone();
-    both.apply(&white, &mut photo)?;
-    let unit = photo.iter().sum::<f64>() / stage.white().iter().sum::<f64>();
+    let unit = product(&mut *both, &white)?.iter().sum::<f64>() / stage.white().iter().sum::<f64>();
     let options = SingularOptions {
         count: COUNT,
         products: PHOTOS,
@@ -127,56 +121,38 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let mut light = bench.truth(&stage, Part::Full)?;
     let mut carried = 0.0;
     for pattern in &found.right {
-        light.apply(pattern, &mut photo)?;
+        let photo = product(&mut light, pattern)?;
         carried += dot(&photo, &photo);
     }
     let most: f64 = dense.values[..COUNT].iter().map(|value| value * value).sum();
     let overlap = |found: &[Vec<f64>], dense: &[Vec<f64>]| dot(&found[0], &dense[0]).abs();
     let turned = turned(&mut *both, &dense, unit)?;
-    let mut checks = vec![
-        Check::at_most(
-            format!("error of the {COUNT} largest singular values, the worst, %"),
-            100.0 * worst,
-            5.0,
-        ),
-        Check::at_least(
-            format!("light of the {COUNT} patterns found, over that of the best {COUNT}"),
-            carried / most,
-            0.95,
-        ),
-        Check::at_least(
-            "overlap of the first right singular vector, a pattern, with the dense one",
-            overlap(&found.right, &dense.right),
-            0.99,
-        )
-        .because(turned.clone()),
-        Check::at_least(
-            "overlap of the first left singular vector, its photo, with the dense one",
-            overlap(&found.left, &dense.left),
-            0.99,
-        )
-        .because(turned),
+    let checks = vec![
+        Check::of(format!("error of the {COUNT} largest singular values, the worst, %"))
+            .at_most(100.0 * worst, 5.0),
+        Check::of(format!("light of the {COUNT} patterns found, over that of the best {COUNT}"))
+            .at_least(carried / most, 0.95),
+        Check::of("overlap of the first right singular vector, a pattern, with the dense one")
+            .at_least(overlap(&found.right, &dense.right), 0.99)
+            .because(turned.clone()),
+        Check::of("overlap of the first left singular vector, its photo, with the dense one")
+            .at_least(overlap(&found.left, &dense.left), 0.99)
+            .because(turned),
+        Check::of("second singular value over the first").stated(dense.values[1] / dense.values[0]),
+        Check::of("photos with the devices exchanged off the transpose of the others, on these vectors")
+            .stated(found.disagreement),
     ];
-    let stated = |what: &str, value: f64| Check::stated(what, value);
-    checks.extend([
-        stated("second singular value over the first", dense.values[1] / dense.values[0]),
-        stated(
-            "photos with the devices exchanged off the transpose of the others, on these vectors",
-            found.disagreement,
-        ),
-    ]);
     let plot = Plot::linear(
         format!("The largest singular values: those of the dense matrix, and those from {PHOTOS} photos."),
         ["singular value", "σ"],
-        vec![line("dense", &dense.values[..2 * COUNT]), line("from photos", &values)],
+        [("dense", counted(&dense.values[..2 * COUNT])), ("from photos", counted(&values))],
     );
     Ok((Compared { found, checks, plot }, stage))
 }
 
 /// The reason why the first vectors may be turned: the error of the rig's photo of the dense vector, against the next singular value's gap.
 fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<String> {
-    let mut photo = vec![0.0; both.rows()];
-    both.apply(&dense.right[0], &mut photo)?;
+    let photo = product(both, &dense.right[0])?;
     let off: Vec<f64> =
         photo.iter().zip(&dense.left[0]).map(|(y, u)| y / unit - dense.values[0] * u).collect();
     let (error, gap) = (norm(&off) / dense.values[0], 1.0 - dense.values[1] / dense.values[0]);
@@ -190,11 +166,10 @@ fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<St
 /// `‖B x − Aᵀx‖ / ‖Aᵀx‖` for random signs `x`. `A` is the matrix of the scene, and `B` the matrix with the devices exchanged.
 fn traced_apart(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<f64> {
     let signs = Start::default().vector(stage.pixels());
-    let (mut transposed, mut anew) = (signs.clone(), signs.clone());
+    let mut transposed = signs.clone();
     bench.truth(stage, Part::Full)?.apply_adjoint(&signs, &mut transposed)?;
-    bench.truth(exchanged, Part::Full)?.apply(&signs, &mut anew)?;
-    let off: Vec<f64> = transposed.iter().zip(&anew).map(|(a, b)| a - b).collect();
-    Ok(norm(&off) / norm(&transposed))
+    let anew = product(&mut bench.truth(exchanged, Part::Full)?, &signs)?;
+    Ok(norm(&minus(&transposed, &anew)) / norm(&transposed))
 }
 
 /// The true regions without the pixels whose left or right neighbour is in another region.
@@ -209,20 +184,13 @@ fn without_border(truth: &[u8], width: usize) -> Vec<u8> {
 
 fn groups(stage: &Stage, found: &Segmentation, whose: &str) -> Vec<Panel> {
     let seen = Content::Light { values: stage.white(), white: None };
-    let mut panels = vec![stage.panel(
-        format!("{whose}-white"),
-        format!("White from the other device, by the {whose}'s pixels, W/(m² sr)"),
-        seen,
-    )];
-    for (groups, labels) in &found.labels {
+    let caption = format!("White from the other device, by the {whose}'s pixels, W/(m² sr)");
+    let white = stage.panel(format!("{whose}-white"), caption, seen);
+    let groups = found.labels.iter().map(|(groups, labels)| {
         let caption = format!("{groups} groups of the {whose}'s pixels");
-        panels.push(stage.panel(
-            format!("{whose}-groups-{groups}"),
-            caption,
-            Content::Labels(labels.clone()),
-        ));
-    }
-    panels
+        stage.panel(format!("{whose}-groups-{groups}"), caption, Content::Labels(labels.clone()))
+    });
+    std::iter::once(white).chain(groups).collect()
 }
 
 fn pictures(stage: &Stage, found: &Singular) -> Vec<Panel> {

@@ -7,7 +7,7 @@ use super::figure::{Content, Panel, Rig};
 use crate::calibrate::CalibrateOptions;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
+use crate::lab::{Lab, LabOperator, OperatorChoice, OperatorSettings, Settings, SharedObserver};
 use crate::measure::{Calibration, RigFile, RigKind};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
@@ -132,8 +132,11 @@ impl OpenScene {
         let settings = Settings {
             adapter: options.adapter.clone(),
             team: options.team.clone(),
-            operator: OperatorChoice::Replay,
-            backend: Backend::Cpu,
+            operator: OperatorSettings {
+                choice: OperatorChoice::Replay,
+                backend: Backend::Cpu,
+                memory: None,
+            },
             ..Settings::default()
         };
         let mut lab = Lab::builder_of_scene(set.scene())
@@ -221,49 +224,39 @@ impl Set {
     }
 
     pub(super) fn scene(self) -> Scene {
+        let mut scene = match self {
+            Self::Zigzag | Self::Apart | Self::Exchanged => builtin::zigzag(),
+            Self::Corner | Self::Defocused | Self::BothDefocused | Self::Beside(_) => builtin::corner(),
+            Self::TwoSheets => builtin::two_sheets(),
+            Self::Post => builtin::two_sheets_post(),
+            Self::FoldedSheet => builtin::folded_sheet(),
+            Self::Carton => builtin::nine_cells(false),
+            Self::CartonEggs => builtin::nine_cells(true),
+        }
+        .to_scene();
+        let mut projector = scene.camera.clone();
         match self {
-            Self::Zigzag => builtin::zigzag().to_scene(),
-            Self::Corner => builtin::corner().to_scene(),
-            Self::Defocused => {
-                let mut scene = builtin::corner().to_scene();
-                let mut projector = scene.camera.clone();
-                projector.lens = DEFOCUSED;
-                scene.projector = Some(projector);
-                scene
-            }
+            Self::Defocused => projector.lens = DEFOCUSED,
             Self::BothDefocused => {
-                let mut scene = builtin::corner().to_scene();
                 scene.camera.lens = DEFOCUSED;
-                scene
+                return scene;
             }
-            Self::TwoSheets => builtin::two_sheets().to_scene(),
-            Self::Post => builtin::two_sheets_post().to_scene(),
-            Self::FoldedSheet => builtin::folded_sheet().to_scene(),
-            Self::Carton => builtin::nine_cells(false).to_scene(),
-            Self::CartonEggs => builtin::nine_cells(true).to_scene(),
             Self::Apart | Self::Exchanged => {
-                let mut scene = builtin::zigzag().to_scene();
-                let mut projector = scene.camera.clone();
                 projector.position += APART * projector.right;
                 if self == Self::Exchanged {
                     std::mem::swap(&mut projector, &mut scene.camera);
                 }
-                scene.projector = Some(projector);
-                scene
             }
-            Self::Beside(0) => builtin::corner().to_scene(),
-            Self::Beside(tenths) => {
-                let mut scene = builtin::corner().to_scene();
-                let beside = 1e-4 * tenths as f32;
-                let mut projector = scene.camera.clone();
+            Self::Beside(tenths @ 1..) => {
                 let looks_at = projector.position + EDGE * projector.forward;
-                projector.position += beside * projector.right;
+                projector.position += 1e-4 * tenths as f32 * projector.right;
                 projector.forward = (looks_at - projector.position).normalize();
                 projector.right = projector.forward.cross(projector.up).normalize();
-                scene.projector = Some(projector);
-                scene
             }
+            _ => return scene,
         }
+        scene.projector = Some(projector);
+        scene
     }
 }
 
@@ -288,6 +281,11 @@ impl Stage {
 
     pub(super) fn white(&self) -> Vec<f64> {
         self.photo(&vec![1.0; self.pixels()])
+    }
+
+    pub(super) fn white_panel(&self) -> Panel {
+        let white = Content::Light { values: self.white(), white: None };
+        self.panel("white", "The photo under white, W/(m² sr)", white)
     }
 
     pub(super) fn panel(
@@ -322,11 +320,7 @@ pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
 fn shipped(name: &str, bytes: &[u8], resolution: Resolution, finer: f64) -> Result<(RigFile, VirtualRig)> {
     let file = RigFile::from_bytes(Path::new(name), bytes)?;
     let RigKind::Virtual(mut rig) = file.kind.clone() else {
-        return Err(Error::Data {
-            path: name.into(),
-            fault: "its devices are real".into(),
-            help: "the figures are made by virtual devices".into(),
-        });
+        return Err(Error::data(name, "its devices are real").help("the figures are made by virtual devices"));
     };
     let side = |pixels: usize| (finer * pixels as f64).round() as usize;
     rig.camera.size = Some([side(resolution.width), side(resolution.height)]);

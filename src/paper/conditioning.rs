@@ -5,15 +5,13 @@
 //! space, and have the condition number 1.
 
 use super::bench::{Bench, Set};
-use super::contest::line;
-use super::dense::{conditions, spectrum_of_rows};
-use super::figure::{Check, Content, Figure, Plot, Reproduced};
+use super::figure::{Check, Content, Figure, Plot, Points, Reproduced, counted};
 use super::random::{graph, make_orthonormal};
+use super::vectors::{add, conditions, product, spectrum_of_rows, unit};
 use crate::analysis::segment::NormalizedAdjacency;
 use crate::error::Result;
 use crate::krylov::{EigsOptions, Factorization, Lanczos, Start, dot, eigs, norm};
 use crate::operator::Operator;
-use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -42,8 +40,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         // The photo of the last pattern follows from the coefficients that the process keeps, without a product.
         let last = process.steps() - 1;
         for (row, vector) in process.basis().iter().chain(process.expansion().waiting()).enumerate() {
-            let share = process.expansion().entry(row, last);
-            photo.iter_mut().zip(vector).for_each(|(sum, value)| *sum += share * value);
+            add(&mut photo, process.expansion().entry(row, last), vector);
         }
         made_orthogonal.push(photo);
     }
@@ -56,21 +53,17 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let by_lanczos = errors_by_lanczos(&process, reference)?;
     let ratio = at(&power, JUDGED) / at(&photographed, JUDGED);
     let checks = vec![
-        Check::at_least(
-            format!("condition number of {JUDGED} photos projected back as they are, over that of photos of orthogonal patterns"),
-            ratio,
-            WORSE,
-        )
+        Check::of(format!("condition number of {JUDGED} photos projected back as they are, over that of photos of orthogonal patterns")).at_least(ratio, WORSE)
         .because(format!(
             "Noise is the cause: each photo's is {noise:.1e} of it and independent of the others', so that photos which the light makes alike \
              differ by their noise. Their condition number stops near its inverse, and the differences that it measures are noise."
         )),
-        Check::stated(format!("condition number of {JUDGED} patterns, projected back as they are"), at(&power, JUDGED)),
-        Check::stated("the same, made orthogonal", at(&orthogonal, JUDGED)),
-        Check::stated("photos of the orthogonal ones", at(&photographed, JUDGED)),
-        Check::stated("second eigenvalue of the normalized cut by the light itself", reference),
-        Check::stated(format!("its error by {JUDGED} photos projected back as they are"), by_power[JUDGED - 1].1),
-        Check::stated(format!("its error by {JUDGED} photos of orthogonal patterns"), by_lanczos[JUDGED - 1].1),
+        Check::of(format!("condition number of {JUDGED} patterns, projected back as they are")).stated(at(&power, JUDGED)),
+        Check::of("the same, made orthogonal").stated(at(&orthogonal, JUDGED)),
+        Check::of("photos of the orthogonal ones").stated(at(&photographed, JUDGED)),
+        Check::of("second eigenvalue of the normalized cut by the light itself").stated(reference),
+        Check::of(format!("its error by {JUDGED} photos projected back as they are")).stated(by_power[JUDGED - 1].1),
+        Check::of(format!("its error by {JUDGED} photos of orthogonal patterns")).stated(by_lanczos[JUDGED - 1].1),
     ];
     let shown = |number: usize| {
         let values = graph.scatter(&patterns[number - 1], 0.0);
@@ -113,9 +106,7 @@ fn second_eigenvalue(light: &mut dyn Operator) -> Result<f64> {
 fn without(known: &[f64], mut vector: Vec<f64>) -> Vec<f64> {
     let share = dot(known, &vector) / dot(known, known);
     vector.iter_mut().zip(known).for_each(|(value, known)| *value -= share * known);
-    let length = norm(&vector);
-    vector.iter_mut().for_each(|value| *value /= length);
-    vector
+    unit(vector)
 }
 
 /// Patterns of norm 1 and their photos. Each pattern is the previous photo without the known vector. Returns the last photo's error, too.
@@ -127,8 +118,7 @@ fn projected_back(
     let (mut pairs, mut noise) = (Vec::new(), 0.0);
     let mut pattern = start.to_vec();
     for _ in 0..PHOTOS {
-        let mut photo = vec![0.0; pattern.len()];
-        operator.apply(&pattern, &mut photo)?;
+        let photo = product(operator, &pattern)?;
         noise = operator.standard_error() / norm(&photo);
         let next = without(known, photo.clone());
         pairs.push([std::mem::replace(&mut pattern, next), photo]);
@@ -138,7 +128,7 @@ fn projected_back(
 
 /// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R`, the photos of `Q` are
 /// the photos of `X` times `R⁻¹`, and so are their errors.
-fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Vec<(f64, f64)>> {
+fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Points> {
     let mut basis: Vec<[Vec<f64>; 2]> = Vec::new();
     let mut found = Vec::new();
     for pair in pairs {
@@ -153,7 +143,7 @@ fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Vec<(f64, 
 }
 
 /// The same for the patterns of the Lanczos process.
-fn errors_by_lanczos(process: &Lanczos, reference: f64) -> Result<Vec<(f64, f64)>> {
+fn errors_by_lanczos(process: &Lanczos, reference: f64) -> Result<Points> {
     let entry = |i: usize, j: usize| process.expansion().entry(i, j);
     let error = |steps: usize| {
         let row = |i: usize| (0..steps).map(|j| entry(i, j)).collect();
@@ -163,23 +153,20 @@ fn errors_by_lanczos(process: &Lanczos, reference: f64) -> Result<Vec<(f64, f64)
     (1..=process.steps()).map(error).collect()
 }
 
-fn plots(conditions: [Vec<f64>; 3], by_power: Vec<(f64, f64)>, by_lanczos: Vec<(f64, f64)>) -> Vec<Plot> {
+fn plots(conditions: [Vec<f64>; 3], by_power: Points, by_lanczos: Points) -> Vec<Plot> {
     let names = ["photos projected back as they are", "photos of orthogonal patterns", "orthogonal patterns"];
     vec![
         Plot::logarithmic(
             "Condition number of the first k vectors, each of norm 1. Where noise is in the photos, the first line stops near the inverse of \
              their relative noise: what differs then is noise.",
             ["photos", "condition number"],
-            names.into_iter().zip(&conditions).map(|(name, values)| line(name, values)).collect(),
+            names.into_iter().zip(conditions.iter().map(|values| counted(values))),
         ),
         Plot::logarithmic(
             "Relative error of the second eigenvalue of the normalized cut, from the same space by either basis. An error of the photos grows \
              by the condition number of the basis.",
             ["photos", "relative error"],
-            vec![
-                Series { name: "photos projected back as they are".into(), points: by_power },
-                Series { name: "orthogonal patterns".into(), points: by_lanczos },
-            ],
+            [("photos projected back as they are", by_power), ("orthogonal patterns", by_lanczos)],
         ),
     ]
 }

@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::bench::{Bench, Stage};
-use super::figure::{Check, Content, Panel, Plot};
+use super::figure::{Check, Content, Panel, Plot, Points, counted};
+use super::vectors::{minus, product};
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
 use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
-use crate::report::plot::Series;
 use crate::transport::Part;
 
 /// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
@@ -25,8 +25,7 @@ pub(super) struct TargetLight {
 impl TargetLight {
     /// Scales `target` (values in [0, 1]) by half the median of the white photo, so that all but its brightest parts are feasible.
     pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
-        let mut white = vec![0.0; target.len()];
-        operator.apply(&vec![1.0; target.len()], &mut white)?;
+        let white = product(operator, &vec![1.0; target.len()])?;
         let truth = stage.white();
         let unit = white.iter().sum::<f64>() / truth.iter().sum::<f64>();
         let mut sorted = truth;
@@ -37,9 +36,7 @@ impl TargetLight {
 
     /// `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
     pub(super) fn residual(&self, stage: &Stage, pattern: &[f64]) -> f64 {
-        let seen = stage.photo(pattern);
-        let misfit: Vec<f64> = self.light.iter().zip(&seen).map(|(b, y)| b - y).collect();
-        norm(&misfit) / norm(&self.light)
+        norm(&minus(&self.light, &stage.photo(pattern))) / norm(&self.light)
     }
 
     pub(super) fn wanted(&self) -> Vec<f64> {
@@ -182,9 +179,8 @@ pub(super) fn optimum(
     let mut options = target_light.options(Method::Fista, products);
     options.diagonal = Some(stage.white());
     let x = solve_adjoint(Method::Fista, operator, &target_light.light, &options)?.x;
-    let (mut seen, mut gradient) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-    operator.apply(&x, &mut seen)?;
-    let misfit: Vec<f64> = target_light.light.iter().zip(&seen).map(|(b, y)| b - y).collect();
+    let misfit = minus(&target_light.light, &product(operator, &x)?);
+    let mut gradient = vec![0.0; x.len()];
     operator.apply_adjoint(&misfit, &mut gradient)?;
     let gap: f64 = x.iter().zip(&gradient).map(|(x, g)| if *g > 0.0 { g * (1.0 - x) } else { -g * x }).sum();
     let square = dot(&misfit, &misfit);
@@ -193,32 +189,22 @@ pub(super) fn optimum(
 }
 
 /// Curves of displayed residuals over the frames taken; none for an ideal rig, which takes no frames.
-pub(super) fn over_frames(entries: &[(&str, &MethodRun)]) -> Vec<Series> {
-    let line = |(name, entry): &(&str, &MethodRun)| Series {
-        name: (*name).into(),
-        points: entry
-            .frames
-            .iter()
-            .zip(&entry.displayed)
-            .map(|(&taken, &seen)| (taken as f64, seen))
-            .collect(),
+pub(super) fn over_frames<'a>(entries: &[(&'a str, &MethodRun)]) -> Vec<(&'a str, Points)> {
+    let line = |&(name, entry): &(&'a str, &MethodRun)| {
+        let points = entry.frames.iter().zip(&entry.displayed).map(|(&taken, &seen)| (taken as f64, seen));
+        (name, points.collect())
     };
-    let lines: Vec<Series> = entries.iter().map(line).collect();
-    if lines.iter().all(|line| line.points.is_empty()) { Vec::new() } else { lines }
+    let lines: Vec<(&str, Points)> = entries.iter().map(line).collect();
+    if lines.iter().all(|(_, points)| points.is_empty()) { Vec::new() } else { lines }
 }
 
 /// The frames of each method's first `photos` photos, as numbers without a bound; none for an ideal rig.
 pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec<Check> {
     let taken = |(name, entry): &(&str, &MethodRun)| {
         let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
-        Some(Check::stated(format!("frames of {photos} photos, {name}"), *frames as f64))
+        Some(Check::of(format!("frames of {photos} photos, {name}")).stated(*frames as f64))
     };
     entries.iter().filter_map(taken).collect()
-}
-
-pub(super) fn line(name: &str, residuals: &[f64]) -> Series {
-    let points = residuals.iter().enumerate().map(|(index, &residual)| (index as f64 + 1.0, residual));
-    Series { name: name.into(), points: points.collect() }
 }
 
 pub(super) fn percent(share: f64) -> f64 {
@@ -235,57 +221,43 @@ pub(super) fn panels(
     let light = |values: Vec<f64>| Content::Light { values, white: Some(target_light.peak) };
     let pattern = clamped(&best.pattern);
     let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
-    let error =
-        |photo: &[f64]| -> Vec<f64> { photo.iter().zip(&target_light.light).map(|(y, b)| y - b).collect() };
+    let error = |photo: &[f64]| Content::Signed(minus(photo, &target_light.light));
+    let shown = Content::Light { values: pattern.clone(), white: Some(1.0) };
     let residual =
         |pattern: &[f64]| format!("residual {:.2} %", percent(target_light.residual(stage, pattern)));
     vec![
         stage.panel("target", "The target, W/(m² sr)", light(target_light.light.clone())),
         stage.panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
         stage.panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
-        stage.panel(
-            "pattern",
-            "What is projected, 0 to 1",
-            Content::Light { values: pattern, white: Some(1.0) },
-        ),
-        stage.panel(
-            "error-before",
-            "Projected as it is less the target, W/(m² sr)",
-            Content::Signed(error(&before)),
-        ),
-        stage.panel("error-after", "Compensated less the target, W/(m² sr)", Content::Signed(error(&seen))),
+        stage.panel("pattern", "What is projected, 0 to 1", shown),
+        stage.panel("error-before", "Projected as it is less the target, W/(m² sr)", error(&before)),
+        stage.panel("error-after", "Compensated less the target, W/(m² sr)", error(&seen)),
     ]
 }
 
-/// Displayed residuals at equal photo counts and, through a rig, at equal frames.
+/// Residuals at equal photo counts and, through a rig, displayed ones at equal frames.
 pub(super) fn at_equal_costs(
-    lines: Vec<Series>,
+    lines: &[(&str, &[f64])],
     entries: &[(&str, &MethodRun)],
     uncompensated: f64,
     optimum: f64,
 ) -> Vec<Plot> {
-    let mut plots = vec![residuals(lines, uncompensated, optimum)];
+    let plot = |caption: &str, axis: &str, lines: Vec<(&str, Points)>| {
+        Plot::logarithmic(caption, [axis, "relative residual"], lines)
+            .marked(uncompensated, "uncompensated")
+            .marked(optimum, "best inside the box")
+    };
+    let lines = lines.iter().map(|&(name, residuals)| (name, counted(residuals))).collect();
+    let caption = "Relative residual by the light itself, at equal photos (the white one not counted).";
+    let mut plots = vec![plot(caption, "photos", lines)];
     let over_frames = over_frames(entries);
     if !over_frames.is_empty() {
-        let mut plot = residuals(over_frames, uncompensated, optimum);
-        plot.caption = "The same, displayed, at equal frames: what the camera takes for each method. A photo of a signed pattern is that of \
-                        two, and every pattern has its takes and exposures; sentinels are among them. Black, white and the choice of exposures \
-                        are common to all methods and not counted."
-            .into();
-        plot.lines.x_label = "frames".into();
-        plots.push(plot);
+        let caption = "The same, displayed, at equal frames: what the camera takes for each method. A photo of a signed pattern is that of \
+                       two, and every pattern has its takes and exposures; sentinels are among them. Black, white and the choice of exposures \
+                       are common to all methods and not counted.";
+        plots.push(plot(caption, "frames", over_frames));
     }
     plots
-}
-
-fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
-    Plot::logarithmic(
-        "Relative residual by the light itself, at equal photos (the white one not counted).",
-        ["photos", "relative residual"],
-        lines,
-    )
-    .marked(uncompensated, "uncompensated")
-    .marked(optimum, "best inside the box")
 }
 
 /// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer to the

@@ -15,14 +15,13 @@ use glam::Vec3;
 
 use super::bench::{Bench, EDGE, Set, Stage};
 use super::contest::{MethodRun, TargetLight, enter, percent, picture};
-use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
+use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, Rig};
 use crate::calibrate::StructuredLight;
 use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::krylov::{EigsOptions, Method, Start, eigs};
 use crate::lab::LabOperator;
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
-use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -100,11 +99,12 @@ fn row(bench: &mut Bench, stage: &Stage, tenths: u32) -> Result<Row> {
 
 fn checks(rows: &[Row]) -> Vec<Check> {
     let off = |row: &Row| (0..2).map(|k| (row.measured[k] - row.derived[k]).abs()).fold(0.0, f64::max);
-    let mut checks = vec![Check::at_most(
-        "disparity measured less that by geometry, median and 95 % of the pixels, the worst, in pixels",
-        rows.iter().map(off).fold(0.0, f64::max),
-        AGREE,
-    )];
+    let mut checks = vec![
+        Check::of(
+            "disparity measured less that by geometry, median and 95 % of the pixels, the worst, in pixels",
+        )
+        .at_most(rows.iter().map(off).fold(0.0, f64::max), AGREE),
+    ];
     let mut still = [0.0_f64; 2];
     let methods: [fn(&Row) -> &MethodRun; 2] = [|row| &row.minres, |row| &row.gmres];
     for (which, of) in methods.iter().enumerate() {
@@ -116,26 +116,20 @@ fn checks(rows: &[Row]) -> Vec<Check> {
         }
     }
     checks.extend([
-        Check::stated(format!("largest disparity, 95 % of the pixels, at which {PHOTOS} photos of MINRES are within {AS_GOOD} times the residual without, in pixels"), still[0]),
-        Check::stated("the same of GMRES, which does not rely on symmetry", still[1]),
+        Check::of(format!("largest disparity, 95 % of the pixels, at which {PHOTOS} photos of MINRES are within {AS_GOOD} times the residual without, in pixels")).stated(still[0]),
+        Check::of("the same of GMRES, which does not rely on symmetry").stated(still[1]),
     ]);
     for row in rows {
         let beside = format!("{:.0} mm aside", row.millimetres);
         checks.extend([
-            Check::stated(
-                format!("{beside}: disparity measured, 95 % of the pixels within, in pixels"),
-                row.measured[1],
-            ),
-            Check::stated(format!("{beside}: asymmetry that Lanczos reports, %"), percent(row.asymmetry)),
-            Check::stated(
-                format!("{beside}: least residual within {PHOTOS} photos of MINRES, %"),
-                percent(row.minres.least_answered()),
-            ),
-            Check::stated(format!("{beside}: the same of GMRES, %"), percent(row.gmres.least_answered())),
-            Check::stated(
-                format!("{beside}: photos until MINRES ends, of {PHOTOS}"),
-                row.minres.answered.len() as f64,
-            ),
+            Check::of(format!("{beside}: disparity measured, 95 % of the pixels within, in pixels"))
+                .stated(row.measured[1]),
+            Check::of(format!("{beside}: asymmetry that Lanczos reports, %")).stated(percent(row.asymmetry)),
+            Check::of(format!("{beside}: least residual within {PHOTOS} photos of MINRES, %"))
+                .stated(percent(row.minres.least_answered())),
+            Check::of(format!("{beside}: the same of GMRES, %")).stated(percent(row.gmres.least_answered())),
+            Check::of(format!("{beside}: photos until MINRES ends, of {PHOTOS}"))
+                .stated(row.minres.answered.len() as f64),
         ]);
     }
     checks
@@ -244,16 +238,14 @@ fn map(stage: &Stage) -> Panel {
 }
 
 fn plots(rows: &[Row]) -> Vec<Plot> {
-    let line = |name: &str, of: &dyn Fn(&Row) -> f64| Series {
-        name: name.into(),
-        points: rows.iter().map(|row| (row.derived[1], of(row))).collect(),
-    };
+    let line =
+        |of: &dyn Fn(&Row) -> f64| -> Points { rows.iter().map(|row| (row.derived[1], of(row))).collect() };
     let axis = "disparity of 95 % of the pixels, at most";
-    let residuals = vec![
-        line("MINRES", &|row| row.minres.least_answered()),
-        line("GMRES", &|row| row.gmres.least_answered()),
+    let residuals = [
+        ("MINRES", line(&|row| row.minres.least_answered())),
+        ("GMRES", line(&|row| row.gmres.least_answered())),
     ];
-    let measured = vec![line("measured", &|row| row.measured[1]), line("by geometry", &|row| row.derived[1])];
+    let measured = [("measured", line(&|row| row.measured[1])), ("by geometry", line(&|row| row.derived[1]))];
     vec![
         Plot::logarithmic(
             format!(

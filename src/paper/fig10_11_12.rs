@@ -2,8 +2,8 @@
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{
-    Contest, MethodRun, TargetLight, at_equal_costs, clamped, enter, frames_taken, line, optimum, panels,
-    percent, picture,
+    Contest, MethodRun, TargetLight, at_equal_costs, clamped, enter, frames_taken, optimum, panels, percent,
+    picture,
 };
 use super::figure::{Check, Figure, Reproduced, Strip};
 use crate::error::Result;
@@ -27,38 +27,27 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
     let entries =
         [("MINRES, then clamped", recipe), ("Krylov inside the box", boxed), ("projected Jacobi", jacobi)];
     let mut checks = vec![
-        Check::at_most(
-            "residual without a box, 5 photos of MINRES, %",
-            percent(recipe.answered_at(PHOTOS_IN_FOCUS)),
-            1.0,
-        ),
-        Check::stated("the same scaled by the white photo, %", percent(scaled.answered_at(PHOTOS_IN_FOCUS))),
-        Check::at_most(
-            "residual displayed, 5 photos inside the box, over the optimum",
-            boxed.displayed_at(PHOTOS_IN_FOCUS) / contest.bound,
-            1.02,
-        ),
-        Check::stated(
-            "residual displayed, 5 photos inside the box, %",
-            percent(boxed.displayed_at(PHOTOS_IN_FOCUS)),
-        ),
-        Check::stated(
-            "residual displayed by the recipe that clamps, 5 photos, %",
-            percent(recipe.displayed_at(PHOTOS_IN_FOCUS)),
-        ),
-        Check::stated(
-            "residual displayed by projected Jacobi, 5 photos, %",
-            percent(jacobi.displayed_at(PHOTOS_IN_FOCUS)),
-        ),
-        Check::stated("optimum inside the box, % (proven from below)", percent(contest.bound)),
-        Check::stated("uncompensated, %", percent(contest.uncompensated)),
+        Check::of("residual without a box, 5 photos of MINRES, %")
+            .at_most(percent(recipe.answered_at(PHOTOS_IN_FOCUS)), 1.0),
+        Check::of("the same scaled by the white photo, %")
+            .stated(percent(scaled.answered_at(PHOTOS_IN_FOCUS))),
+        Check::of("residual displayed, 5 photos inside the box, over the optimum")
+            .at_most(boxed.displayed_at(PHOTOS_IN_FOCUS) / contest.bound, 1.02),
+        Check::of("residual displayed, 5 photos inside the box, %")
+            .stated(percent(boxed.displayed_at(PHOTOS_IN_FOCUS))),
+        Check::of("residual displayed by the recipe that clamps, 5 photos, %")
+            .stated(percent(recipe.displayed_at(PHOTOS_IN_FOCUS))),
+        Check::of("residual displayed by projected Jacobi, 5 photos, %")
+            .stated(percent(jacobi.displayed_at(PHOTOS_IN_FOCUS))),
+        Check::of("optimum inside the box, % (proven from below)").stated(percent(contest.bound)),
+        Check::of("uncompensated, %").stated(percent(contest.uncompensated)),
     ];
     checks.extend(frames_taken(&entries, PHOTOS_IN_FOCUS));
-    let lines = vec![
-        line("MINRES, not clamped", &recipe.answered),
-        line("MINRES, then clamped", &recipe.displayed),
-        line("Krylov inside the box", &boxed.displayed),
-        line("projected Jacobi", &jacobi.displayed),
+    let lines = [
+        ("MINRES, not clamped", &*recipe.answered),
+        ("MINRES, then clamped", &recipe.displayed),
+        ("Krylov inside the box", &boxed.displayed),
+        ("projected Jacobi", &jacobi.displayed),
     ];
     let operator = &mut bench.photos(&stage, Part::Full)?;
     let short = enter(&stage, operator, target_light, (Method::KrylovBox, false), PHOTOS_IN_FOCUS)?;
@@ -66,7 +55,7 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
         setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
         checks,
         panels: panels(&stage, target_light, &contest.plain, &short),
-        plots: at_equal_costs(lines, &entries, contest.uncompensated, contest.optimum),
+        plots: at_equal_costs(&lines, &entries, contest.uncompensated, contest.optimum),
         photos: 1 + PHOTOS_IN_FOCUS,
         ..Reproduced::of(Figure::Fig11, bench.rig())
     })
@@ -95,46 +84,32 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     };
     let pattern = clamped(&boxed.pattern);
     let sharper = edges(&pattern, stage.resolution) / edges(&contest.plain, stage.resolution);
-    let mut within = Check::at_most(
-        "residual displayed, 12 photos inside the box, over the optimum",
-        boxed.displayed_at(PHOTOS) / contest.bound,
-        NEARLY,
-    );
+    let mut within = Check::of("residual displayed, 12 photos inside the box, over the optimum")
+        .at_most(boxed.displayed_at(PHOTOS) / contest.bound, NEARLY);
     if !within.is_met() {
         within = within.because(transpose_is_missing(bench, &stage, &target, contest.bound)?);
     }
     let mut checks = vec![
         within,
-        Check::at_most(
-            "the same over what clamping displays, the worst of 1 to 12 photos",
-            worst(recipe),
-            1.0,
-        ),
-        Check::stated(
-            "the same over clamping what is scaled by the white photo (both begin alike), the worst of 1 to 12",
-            worst(scaled),
-        ),
-        Check::at_least("strength of edges in what is projected, over the picture's", sharper, 1.2),
+        Check::of("the same over what clamping displays, the worst of 1 to 12 photos").at_most(worst(recipe), 1.0),
+        Check::of("the same over clamping what is scaled by the white photo (both begin alike), the worst of 1 to 12").stated(worst(scaled)),
+        Check::of("strength of edges in what is projected, over the picture's").at_least(sharper, 1.2),
     ];
     for photos in [8, PHOTOS] {
-        checks.push(Check::stated(
-            format!("residual displayed, {photos} photos inside the box, %"),
-            percent(boxed.displayed_at(photos)),
-        ));
-        checks.push(Check::stated(
-            format!("residual displayed by GMRES and clamping, {photos} photos, %"),
-            percent(recipe.displayed_at(photos)),
-        ));
+        checks.push(
+            Check::of(format!("residual displayed, {photos} photos inside the box, %"))
+                .stated(percent(boxed.displayed_at(photos))),
+        );
+        checks.push(
+            Check::of(format!("residual displayed by GMRES and clamping, {photos} photos, %"))
+                .stated(percent(recipe.displayed_at(photos))),
+        );
     }
     checks.extend([
-        Check::stated("optimum inside the box, % (proven from below)", percent(contest.bound)),
-        Check::stated("uncompensated, %", percent(contest.uncompensated)),
+        Check::of("optimum inside the box, % (proven from below)").stated(percent(contest.bound)),
+        Check::of("uncompensated, %").stated(percent(contest.uncompensated)),
     ]);
-    checks.push(Check::at_most(
-        "with the camera out of focus, too: residual displayed, 12 photos inside the box, over the optimum",
-        both_lenses(bench, &target)?,
-        NEARLY,
-    ));
+    checks.push(Check::of("with the camera out of focus, too: residual displayed, 12 photos inside the box, over the optimum").at_most(both_lenses(bench, &target)?, NEARLY));
     let entries = [
         ("GMRES, then clamped", recipe),
         ("GMRES scaled by the white photo, then clamped", scaled),
@@ -142,12 +117,12 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
         ("projected Jacobi", jacobi),
     ];
     checks.extend(frames_taken(&entries, PHOTOS));
-    let lines = vec![
-        line("GMRES, not clamped", &recipe.answered),
-        line("GMRES, then clamped", &recipe.displayed),
-        line("GMRES scaled by the white photo, then clamped", &scaled.displayed),
-        line("Krylov inside the box", &boxed.displayed),
-        line("projected Jacobi", &jacobi.displayed),
+    let lines = [
+        ("GMRES, not clamped", &*recipe.answered),
+        ("GMRES, then clamped", &recipe.displayed),
+        ("GMRES scaled by the white photo, then clamped", &scaled.displayed),
+        ("Krylov inside the box", &boxed.displayed),
+        ("projected Jacobi", &jacobi.displayed),
     ];
     Ok(Reproduced {
         setting: format!(
@@ -156,7 +131,7 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
         ),
         checks,
         panels: panels(&stage, target_light, &contest.plain, boxed),
-        plots: at_equal_costs(lines, &entries, contest.uncompensated, contest.optimum),
+        plots: at_equal_costs(&lines, &entries, contest.uncompensated, contest.optimum),
         photos: 2 * (1 + PHOTOS),
         ..Reproduced::of(Figure::Fig12, bench.rig())
     })
@@ -231,16 +206,17 @@ pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
         let target_light = TargetLight::new(&stage, operator, &target)?;
         let entry = enter(&stage, operator, &target_light, (method, false), PHOTOS)?;
         if method == Method::KrylovBox {
-            checks.push(Check::at_most(
-                format!("photos until {name} displays what is within 5 % of the residual after {PHOTOS}"),
-                enough(&entry) as f64,
-                FEWER as f64,
-            ));
+            checks.push(
+                Check::of(format!(
+                    "photos until {name} displays what is within 5 % of the residual after {PHOTOS}"
+                ))
+                .at_most(enough(&entry) as f64, FEWER as f64),
+            );
         }
-        checks.push(Check::stated(
-            format!("residual displayed by {name} after {PHOTOS} photos, %"),
-            percent(entry.displayed_at(PHOTOS)),
-        ));
+        checks.push(
+            Check::of(format!("residual displayed by {name} after {PHOTOS} photos, %"))
+                .stated(percent(entry.displayed_at(PHOTOS))),
+        );
         strips.push(Strip { caption: caption.into(), resolution: stage.resolution, photos: entry.shots });
     }
     Ok(Reproduced {

@@ -1,7 +1,8 @@
 //! Figure 13: a sinusoid from a one-bit projector, thresholded and in bit planes, and the noise that bit planes cost.
 
 use super::bench::{Bench, Set, Stage, one_bit};
-use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig};
+use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, Rig};
+use super::vectors::minus;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::norm;
@@ -9,7 +10,6 @@ use crate::lab::Lab;
 use crate::measure::{
     Calibration, MeasureOptions, RigFile, RigKind, bit_plane_amplification, bit_plane_weights,
 };
-use crate::report::plot::Series;
 use crate::rig::VirtualRig;
 
 const SIDE: usize = 100;
@@ -71,26 +71,17 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::NAN, |&(planes, _)| planes)
     };
     let checks = vec![
-        Check::at_most(
-            "error of the photo by 8 bit planes over that of plain one bit",
-            off(&decomposed) / off(&plain),
-            0.05,
-        ),
-        Check::stated("error of plain one bit, %", 100.0 * off(&plain)),
-        Check::stated("error by 8 bit planes, %", 100.0 * off(&decomposed)),
-        Check::at_most(
-            "best number of bit planes in dim light, at equal light in total",
-            least(&dim),
-            f64::from(MOST) - 1.0,
-        ),
-        Check::at_least(
-            "read noise of 8 bit planes over that of one photo, over what is predicted",
-            grown / predicted,
-            0.8,
-        ),
-        Check::at_most("the same, from above", grown / predicted, 1.25),
-        Check::stated("read noise of 8 bit planes over that of one photo, predicted", predicted),
-        Check::stated("frames of the photo in 8 bit planes, black and white counted", frames as f64),
+        Check::of("error of the photo by 8 bit planes over that of plain one bit")
+            .at_most(off(&decomposed) / off(&plain), 0.05),
+        Check::of("error of plain one bit, %").stated(100.0 * off(&plain)),
+        Check::of("error by 8 bit planes, %").stated(100.0 * off(&decomposed)),
+        Check::of("best number of bit planes in dim light, at equal light in total")
+            .at_most(least(&dim), f64::from(MOST) - 1.0),
+        Check::of("read noise of 8 bit planes over that of one photo, over what is predicted")
+            .at_least(grown / predicted, 0.8),
+        Check::of("the same, from above").at_most(grown / predicted, 1.25),
+        Check::of("read noise of 8 bit planes over that of one photo, predicted").stated(predicted),
+        Check::of("frames of the photo in 8 bit planes, black and white counted").stated(frames as f64),
     ];
     Ok(Reproduced {
         setting: format!("corner, {}, a projector of one bit and a camera of 12", stage.resolution),
@@ -103,15 +94,12 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Plot {
+fn curves(bright: Points, dim: Points) -> Plot {
     Plot::logarithmic(
         "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read noise: more bit planes are worse \
          than fewer.",
         ["bit planes", "relative error"],
-        vec![
-            Series { name: "bright".into(), points: bright },
-            Series { name: "dim, with noise".into(), points: dim },
-        ],
+        [("bright", bright), ("dim, with noise", dim)],
     )
 }
 
@@ -175,19 +163,16 @@ fn counts_per_light(rig: &VirtualRig, stage: &Stage) -> f64 {
 }
 
 fn error(a: &[f64], b: &[f64]) -> f64 {
-    norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>())
+    norm(&minus(a, b))
 }
 
 fn panels(stage: &Stage, pattern: &[f64], truth: &[f64], plain: &[f64], decomposed: &[f64]) -> Vec<Panel> {
     let white = truth.iter().copied().fold(0.0, f64::max);
+    let shown = Content::Light { values: pattern.to_vec(), white: Some(1.0) };
     let light = |values: &[f64]| Content::Light { values: values.to_vec(), white: Some(white) };
-    let less = |photo: &[f64]| Content::Signed(photo.iter().zip(truth).map(|(a, b)| a - b).collect());
+    let less = |photo: &[f64]| Content::Signed(minus(photo, truth));
     vec![
-        stage.panel(
-            "pattern",
-            "What is to be projected, 0 to 1",
-            Content::Light { values: pattern.to_vec(), white: Some(1.0) },
-        ),
+        stage.panel("pattern", "What is to be projected, 0 to 1", shown),
         stage.panel("truth", "Its photo, W/(m² sr)", light(truth)),
         stage.panel("plain", "By a projector of one bit", light(plain)),
         stage.panel("decomposed", "In 8 bit planes", light(decomposed)),

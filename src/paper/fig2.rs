@@ -5,12 +5,11 @@
 //! nearly equally bright, so the ratio is close to 1. The Krylov space of the same photos holds a far better vector.
 
 use super::bench::{Bench, Set, Stage};
-use super::dense::{Spectrum, spectrum};
-use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
+use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted};
+use super::vectors::{Spectrum, overlap, product, spectrum, unit};
 use crate::error::Result;
-use crate::krylov::{EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, dot, eigs, norm};
+use crate::krylov::{EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, dot, eigs};
 use crate::operator::{Adjoint, Operator, Recorded};
-use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -38,39 +37,25 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let patterns = iterate(&mut bench.photos(&stage, Part::Full)?)?;
     let mut photos = bench.photos(&stage, Part::Full)?;
     let krylov = lanczos(&mut photos, reference)?;
-    let mut photo = vec![0.0; stage.pixels()];
-    photos.apply(reference, &mut photo)?;
-    let kept = overlap(&photo, reference);
+    let kept = overlap(&product(&mut photos, reference)?, reference);
     let speed = Speed::of(&leading.values, stage.pixels(), reference);
     let needed = photos_needed(truth, reference)?;
-    let reached = krylov.last().map_or(f64::NAN, |(_, apart)| 1.0 - apart);
+    let reached = krylov.last().map_or(f64::NAN, |apart| 1.0 - apart);
 
     let vector = last(&patterns);
     let checks = vec![
-        Check::at_most(
-            format!(
+        Check::of(format!(
                 "pixels that share the light of the pattern after {PHOTOS} photos, of {}",
                 stage.pixels()
-            ),
-            sharing(vector),
-            (SPOT * stage.pixels() as f64).max(1.0),
-        ),
-        Check::at_least(format!("overlap with the dense eigenvector, {}", small.resolution), of_small, ALIKE)
+            )).at_most(sharing(vector), (SPOT * stage.pixels() as f64).max(1.0)),
+        Check::of(format!("overlap with the dense eigenvector, {}", small.resolution)).at_least(of_small, ALIKE)
             .because(small_speed.sentence()),
-        Check::at_least(
-            format!("overlap with the eigenvector by 400 Lanczos steps, {}", stage.resolution),
-            overlap(vector, reference),
-            ALIKE,
-        )
+        Check::of(format!("overlap with the eigenvector by 400 Lanczos steps, {}", stage.resolution)).at_least(overlap(vector, reference), ALIKE)
         .because(format!(
             "{} The matrix itself, without any device, needs {needed} products.",
             speed.sentence()
         )),
-        Check::at_least(
-            "overlap of the best vector of the Krylov space of as many photos",
-            reached,
-            ALIKE,
-        )
+        Check::of("overlap of the best vector of the Krylov space of as many photos").at_least(reached, ALIKE)
         .because(format!(
             "The devices are the cause: of their photo of the principal eigenvector, which is {:.1} pixels wide, a share of {:.4} is not \
              along it, and the gap to the next eigenvalue is {:.4} of the largest. An error of the matrix may turn an eigenvector by the \
@@ -80,17 +65,17 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             1.0 - speed.ratio,
             sine(reached),
         )),
-        Check::stated("overlap of the principal eigenvector with its own photo", kept),
-        Check::stated("second eigenvalue over the first", speed.ratio),
-        Check::stated("photos needed according to that ratio", speed.photos),
-        Check::stated("products with the matrix itself needed", needed as f64),
+        Check::of("overlap of the principal eigenvector with its own photo").stated(kept),
+        Check::of("second eigenvalue over the first").stated(speed.ratio),
+        Check::of("photos needed according to that ratio").stated(speed.photos),
+        Check::of("products with the matrix itself needed").stated(needed as f64),
     ];
-    let points = patterns.iter().enumerate().map(|(k, x)| (k as f64 + 1.0, 1.0 - overlap(x, reference)));
+    let power: Vec<f64> = patterns.iter().map(|x| 1.0 - overlap(x, reference)).collect();
     Ok(Reproduced {
         setting: format!("a folded sheet that leans, {}, {PHOTOS} photos from white", stage.resolution),
         checks,
         panels: panels(&stage, &patterns, reference),
-        plots: vec![plot(points.collect(), krylov)],
+        plots: vec![plot([&power, &krylov].map(|apart| counted(apart)))],
         photos: PHOTOS,
         ..Reproduced::of(Figure::Fig2, bench.rig())
     })
@@ -134,10 +119,6 @@ fn iterate(operator: &mut dyn Adjoint) -> Result<Vec<Vec<f64>>> {
         ..EigsOptions::default()
     };
     eigs(&mut recorded, &options)?;
-    let unit = |photo: Vec<f64>| {
-        let length = norm(&photo);
-        photo.into_iter().map(|value| value / length).collect()
-    };
     Ok(recorded.products.into_iter().map(|product| unit(product.to)).collect())
 }
 
@@ -146,16 +127,15 @@ fn last(patterns: &[Vec<f64>]) -> &[f64] {
 }
 
 /// One minus the overlap of the leading Ritz vector with the reference, after each photo from white.
-fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<(f64, f64)>> {
+fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<f64>> {
     let mut process = Lanczos::new(&vec![1.0; operator.cols()], &[])?;
-    let mut curve = Vec::new();
-    for photos in 1..=PHOTOS {
+    let mut apart = Vec::new();
+    for _ in 0..PHOTOS {
         process.expand(operator)?;
-        if let Some(pair) = process.ritz(Which::LargestMagnitude, 1)?.first() {
-            curve.push((photos as f64, 1.0 - overlap(&process.ritz_vector(pair), reference)));
-        }
+        let pairs = process.ritz(Which::LargestMagnitude, 1)?;
+        apart.extend(pairs.first().map(|pair| 1.0 - overlap(&process.ritz_vector(pair), reference)));
     }
-    Ok(curve)
+    Ok(apart)
 }
 
 /// The two leading eigenpairs by Lanczos on the matrix itself, run to convergence.
@@ -167,22 +147,14 @@ fn leading(operator: &mut dyn Operator) -> Result<Spectrum> {
 
 /// The number of products of power iteration from white until the overlap is as wanted.
 fn photos_needed(operator: &mut dyn Operator, reference: &[f64]) -> Result<usize> {
-    let n = operator.cols();
-    let (mut x, mut y) = (vec![1.0; n], vec![0.0; n]);
+    let mut x = vec![1.0; operator.cols()];
     for photos in 1..=MOST {
-        operator.apply(&x, &mut y)?;
-        let length = norm(&y);
-        x.iter_mut().zip(&y).for_each(|(x, y)| *x = y / length);
+        x = unit(product(operator, &x)?);
         if overlap(&x, reference) >= ALIKE {
             return Ok(photos);
         }
     }
     Ok(MOST)
-}
-
-/// `|xᵀ y| / (‖x‖ ‖y‖)`, the absolute cosine of the angle between two vectors.
-fn overlap(x: &[f64], y: &[f64]) -> f64 {
-    dot(x, y).abs() / (norm(x) * norm(y))
 }
 
 fn sine(overlap: f64) -> f64 {
@@ -195,17 +167,15 @@ fn sharing(pattern: &[f64]) -> f64 {
     squares.iter().sum::<f64>().powi(2) / dot(&squares, &squares)
 }
 
-fn plot(power: Vec<(f64, f64)>, krylov: Vec<(f64, f64)>) -> Plot {
-    Plot::logarithmic("How far the pattern is from the principal eigenvector (one minus overlap), and how far the best vector of the Krylov \
-                  space of as many photos is.", ["photos", "1 − overlap"], vec![
-                Series { name: "power iteration".into(), points: power },
-                Series { name: "Krylov space".into(), points: krylov },
-            ]).marked(1.0 - ALIKE, "wanted")
+fn plot([power, krylov]: [Points; 2]) -> Plot {
+    let caption = "How far the pattern is from the principal eigenvector (one minus overlap), and how far the best vector of the Krylov \
+                  space of as many photos is.";
+    let lines = [("power iteration", power), ("Krylov space", krylov)];
+    Plot::logarithmic(caption, ["photos", "1 − overlap"], lines).marked(1.0 - ALIKE, "wanted")
 }
 
 fn panels(stage: &Stage, patterns: &[Vec<f64>], reference: &[f64]) -> Vec<Panel> {
-    let white = Content::Light { values: stage.white(), white: None };
-    let mut panels = vec![stage.panel("white", "The photo under white, W/(m² sr)", white)];
+    let mut panels = vec![stage.white_panel()];
     for photos in SHOWN {
         if let Some(pattern) = patterns.get(photos - 1) {
             let caption = format!("The pattern after {photos} photo{}", if photos == 1 { "" } else { "s" });

@@ -9,15 +9,13 @@
 use std::ops::ControlFlow;
 
 use super::bench::{Bench, Set, Stage};
-use super::contest::line;
-use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
+use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
 use super::groups::{asked, bands, continuous, labels, panels, purity, straight_bands};
 use crate::analysis::segment::{evidence, segment};
 use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::observer::{OnStep, Step};
 use crate::operator::{Observed, Operator};
-use crate::report::plot::Series;
 use crate::transport::Part;
 
 pub(super) const SIDE: usize = 100;
@@ -31,6 +29,11 @@ const BENT: [usize; 2] = [6, 10];
 /// The angle between the faces of one of the zigzag's folds, in radians: 0.2 m to the side on 0.3 m of depth.
 const OPENING: f64 = 2.0 * 0.588_002_603_547_567_5;
 
+/// The edge of the continuous spectrum of the zigzag's folds.
+fn edge() -> f64 {
+    continuous(OPENING, 0.0)
+}
+
 pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
@@ -42,15 +45,17 @@ pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
         [bench.truth(&stage, Part::Global)?, bench.truth(&bent_stage, Part::Global)?];
 
     let mut checks = vec![
-        Check::at_least("purity of two groups at 50 photos", purity(labels(&found, 2), &stage.truth), PURE),
-        Check::at_most("fewest photos from which on the purity stays there", fewest(&curve), 12.0),
+        Check::of("purity of two groups at 50 photos")
+            .at_least(purity(labels(&found, 2), &stage.truth), PURE),
+        Check::of("fewest photos from which on the purity stays there")
+            .at_most(good_from(&curve, |purity| purity >= PURE), 12.0),
     ];
     for groups in BENT {
         checks.extend(are_bands("bent sheets", groups, &bent, &bent_stage));
         checks.push(is_cheap("bent sheets", groups, &bent, (&bent_stage, &mut bent_light))?);
     }
     checks.extend(are_bands("folded sheets", 4, &found, &stage));
-    let edge = continuous(OPENING, 0.0);
+    let edge = edge();
     for groups in BENT {
         let cheap = is_cheap("folded sheets", groups, &found, (&stage, &mut light))?;
         let forbidden = format!(
@@ -65,10 +70,10 @@ pub(super) fn fig4(bench: &mut Bench) -> Result<Reproduced> {
     }
     let value = |index: usize| found.eigenvalues.get(index).copied().unwrap_or(f64::NAN);
     checks.extend([
-        Check::stated("folded sheets: second eigenvalue of the normalized cut", value(1)),
-        Check::stated("edge of the continuous spectrum of a sharp crease, derived", edge),
-        Check::at_least("fourth eigenvalue, of the halves, over that edge", value(3) / edge, 1.0),
-        Check::at_most("fifth eigenvalue over that edge: it is not separate", value(4) / edge, 1.0),
+        Check::of("folded sheets: second eigenvalue of the normalized cut").stated(value(1)),
+        Check::of("edge of the continuous spectrum of a sharp crease, derived").stated(edge),
+        Check::of("fourth eigenvalue, of the halves, over that edge").at_least(value(3) / edge, 1.0),
+        Check::of("fifth eigenvalue over that edge: it is not separate").at_most(value(4) / edge, 1.0),
     ]);
     let bent_panels = bent.labels.iter().map(|(groups, labels)| {
         let caption = format!("{groups} groups of sheets that are bent instead of folded");
@@ -98,16 +103,10 @@ fn folded(mut panel: Panel) -> Panel {
 fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Stage) -> [Check; 2] {
     let found = bands(labels(segmentation, groups), &stage.truth, stage.resolution);
     [
-        Check::at_least(
-            format!("{what}: groups that are horizontal bands, of {groups}"),
-            found.count as f64,
-            groups as f64,
-        ),
-        Check::at_least(
-            format!("{what}: share of pixels in the group of most of their row, {groups} groups"),
-            found.share,
-            HORIZONTAL,
-        ),
+        Check::of(format!("{what}: groups that are horizontal bands, of {groups}"))
+            .at_least(found.count as f64, groups as f64),
+        Check::of(format!("{what}: share of pixels in the group of most of their row, {groups} groups"))
+            .at_least(found.share, HORIZONTAL),
     ]
 }
 
@@ -121,24 +120,20 @@ fn is_cheap(
     let straight = straight_bands(&found.degree, &found.mask, &stage.truth, groups, stage.resolution);
     let mut cut = |labels: &[u8]| -> Result<f64> { Ok(evidence(light, labels)?.cut()) };
     let ratio = cut(labels(found, groups))? / cut(&straight)?;
-    Ok(Check::at_most(format!("{what}: the cut of {groups} groups over that of straight bands"), ratio, 1.0))
+    Ok(Check::of(format!("{what}: the cut of {groups} groups over that of straight bands"))
+        .at_most(ratio, 1.0))
 }
 
 /// The segmentation at the full number of photos, and the purity of two groups after 4 to 20 photos and at the end. A single capture is
 /// interrupted, evaluated and continued.
-fn segment_step_by_step(
-    operator: &mut dyn Operator,
-    stage: &Stage,
-) -> Result<(Segmentation, Vec<(f64, f64)>)> {
+fn segment_step_by_step(operator: &mut dyn Operator, stage: &Stage) -> Result<(Segmentation, Points)> {
     let mut capture = Capture::new(asked(PHOTOS, &FOLDED, stage.resolution))?;
     let mut curve = Vec::new();
     for photos in 4..=20 {
-        let observer =
-            OnStep::new(
-                |step: &Step<'_>| {
-                    if step.done >= photos { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-                },
-            );
+        let observer = OnStep::new(|step: &Step<'_>| match step.done >= photos {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        });
         capture.run(&mut Observed::new(operator, &observer))?;
         let two = capture.regrouped(&[2])?;
         curve.push((two.photos as f64, purity(labels(&two, 2), &stage.truth)));
@@ -151,30 +146,23 @@ fn segment_step_by_step(
 
 fn spectra(folded: &Segmentation, bent: &Segmentation, edge: f64) -> Plot {
     let [quarter, half] = [0.25, 0.5].map(|frequency| continuous(OPENING, frequency));
-    Plot::linear(format!(
-            "Why a sharp crease forbids bands. A strip at distance s of one face sends to that at t of the other the share K(s,t) = s t \
-             sin²φ / (2 (s² + t² − 2 s t cos φ)^(3/2)), at φ = 67.4° here. K is homogeneous of degree −1: s^(−a) is its eigenfunction, \
-             with κ(a) = ∫ K(1,t) t^(−a) dt, and all a = ½ + iω give a continuum. With g(κ) = κ + 0.8 κ² + … + 0.8⁴ κ⁵ for up to six \
-             bounces, the normalized cut has λ(ω) = g(κ(½ + iω)) / g(κ(0)): {edge:.3} at ω = 0, the edge, {quarter:.3} at ¼ and \
-             {half:.3} at ½. Only eigenvalues above the edge are separate: those of the two sheets and of their halves. Below it \
-             eigenvectors are those of the crease's tip at the size of a pixel. A bent sheet has one for each half wave from top to \
-             bottom, which are the bands."
-        ), ["eigenvector", "eigenvalue λ"], vec![line("folded sheets", &folded.eigenvalues), line("bent sheets", &bent.eigenvalues)]).marked(edge, "edge of a sharp crease")
+    let caption = format!(
+        "Why a sharp crease forbids bands. A strip at distance s of one face sends to that at t of the other the share K(s,t) = s t \
+         sin²φ / (2 (s² + t² − 2 s t cos φ)^(3/2)), at φ = 67.4° here. K is homogeneous of degree −1: s^(−a) is its eigenfunction, \
+         with κ(a) = ∫ K(1,t) t^(−a) dt, and all a = ½ + iω give a continuum. With g(κ) = κ + 0.8 κ² + … + 0.8⁴ κ⁵ for up to six \
+         bounces, the normalized cut has λ(ω) = g(κ(½ + iω)) / g(κ(0)): {edge:.3} at ω = 0, the edge, {quarter:.3} at ¼ and \
+         {half:.3} at ½. Only eigenvalues above the edge are separate: those of the two sheets and of their halves. Below it \
+         eigenvectors are those of the crease's tip at the size of a pixel. A bent sheet has one for each half wave from top to \
+         bottom, which are the bands."
+    );
+    let lines = [("folded sheets", folded), ("bent sheets", bent)];
+    let lines = lines.map(|(name, found)| (name, counted(&found.eigenvalues)));
+    Plot::linear(caption, ["eigenvector", "eigenvalue λ"], lines).marked(edge, "edge of a sharp crease")
 }
 
-/// The smallest number of photos from which the purity stays sufficient; infinite if the last purity is insufficient.
-fn fewest(curve: &[(f64, f64)]) -> f64 {
-    let from = curve.iter().rposition(|&(_, purity)| purity.is_nan() || purity < PURE).map_or(0, |at| at + 1);
-    curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
-}
-
-fn purity_plot(points: Vec<(f64, f64)>) -> Plot {
-    Plot::linear(
-        "Purity of two groups if the photos had ended there.",
-        ["photos", "purity"],
-        vec![Series { name: "two groups".into(), points }],
-    )
-    .marked(PURE, "wanted")
+fn purity_plot(points: Points) -> Plot {
+    let caption = "Purity of two groups if the photos had ended there.";
+    Plot::linear(caption, ["photos", "purity"], [("two groups", points)]).marked(PURE, "wanted")
 }
 
 /// Chosen pixels: name and position in the photo, 0 to 1.
@@ -201,31 +189,18 @@ pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
     let separate = ranked_by_separate(&found, &stage, &chosen.map(|(_, pixel)| pixel));
     let between = |a: usize, b: usize| distances[a][chosen[b].1];
     let checks = vec![
-        Check::at_least(
-            "share of pixel pairs of which the one on the same sheet is nearer, the least of four pixels",
-            ranks.iter().copied().fold(f64::INFINITY, f64::min),
-            0.99,
-        )
+        Check::of("share of pixel pairs of which the one on the same sheet is nearer, the least of four pixels").at_least(ranks.iter().copied().fold(f64::INFINITY, f64::min), 0.99)
         .because(format!(
             "Noise in the eigenvectors of the crease is the cause: below {:.3} no eigenvalue is separate (figure 4), and those vectors are \
              resolved by no number of photos. In the separate eigenvectors alone the share is {separate:.4}.",
             edge()
         )),
-        Check::stated("the same in the eigenvectors of separate eigenvalues alone", separate),
-        Check::at_most(
-            "distance from A to B, which faces it, over that to D, beside B but on the other sheet",
-            between(0, 1) / between(0, 3),
-            0.5,
-        ),
-        Check::at_most(
-            "distance from A to B, which faces it, over that to C, on the same face but below",
-            between(0, 1) / between(0, 2),
-            1.0,
-        ),
+        Check::of("the same in the eigenvectors of separate eigenvalues alone").stated(separate),
+        Check::of("distance from A to B, which faces it, over that to D, beside B but on the other sheet").at_most(between(0, 1) / between(0, 3), 0.5),
+        Check::of("distance from A to B, which faces it, over that to C, on the same face but below").at_most(between(0, 1) / between(0, 2), 1.0),
     ];
-    let lines = chosen.iter().map(|&(name, pixel)| Series {
-        name: name.into(),
-        points: features[pixel].iter().enumerate().map(|(k, &entry)| (k as f64 + 2.0, entry)).collect(),
+    let lines = chosen.iter().map(|&(name, pixel)| {
+        (name, features[pixel].iter().enumerate().map(|(k, &entry)| (k as f64 + 2.0, entry)).collect())
     });
     Ok(Reproduced {
         setting: format!("zigzag, {}, {PHOTOS} photos, 10 eigenvectors", stage.resolution),
@@ -235,15 +210,11 @@ pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
             "What each pixel has in the eigenvectors, weighted as for the groups. A and B are alike, though \
                       they are apart in the photo.",
             ["eigenvector", "entry / √(1 − λ)"],
-            lines.collect(),
+            lines,
         )],
         photos: found.photos,
         ..Reproduced::of(Figure::Fig5, bench.rig())
     })
-}
-
-fn edge() -> f64 {
-    continuous(OPENING, 0.0)
 }
 
 /// The least rank of the pixels by the coordinates of separate eigenvalues only.
@@ -308,13 +279,6 @@ fn distance_maps(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn fewest_photos_are_those_after_the_last_impure_ones() {
-        assert_eq!(fewest(&[(4.0, 0.5), (5.0, 1.0), (6.0, 0.9), (7.0, 0.99), (50.0, 1.0)]), 7.0);
-        assert_eq!(fewest(&[(4.0, 1.0), (50.0, 1.0)]), 4.0);
-        assert_eq!(fewest(&[(4.0, 1.0), (50.0, 0.7)]), f64::INFINITY);
-    }
 
     #[test]
     fn ranks_are_one_when_all_of_the_region_is_nearer_and_a_half_without_order() {

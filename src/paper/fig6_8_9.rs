@@ -7,8 +7,7 @@
 //! Figure 8 divides an egg carton, empty and with eggs, into ten groups from 50 photos that are blurred on both sides.
 
 use super::bench::{Bench, Set, Stage};
-use super::contest::line;
-use super::figure::{Check, Figure, Panel, Plot, Reproduced, Strip};
+use super::figure::{Check, Figure, Panel, Plot, Reproduced, Strip, counted};
 use super::groups::{asked, components, labels, panels, purity};
 use crate::analysis::segment::segment;
 use crate::analysis::{Blurred, MASKED, SegmentOptions, Segmentation, adjusted_rand_index};
@@ -38,23 +37,17 @@ pub(super) fn fig6(bench: &mut Bench) -> Result<Reproduced> {
     let least = (PATCH * stage.pixels() as f64) as usize;
     let large = components(two, group, stage.resolution).iter().filter(|patch| patch.len() >= least).count();
     let mut checks = vec![
-        Check::at_least(
-            "purity of two groups: the sheets, which are occluded from each other",
-            purity(two, &sheets),
-            PURE,
-        ),
-        Check::at_least(
-            "share of the patch left of the post in the group of its sheet",
-            of_group(left),
-            PURE,
-        ),
-        Check::at_least("share of the patch right of the post in the same group", of_group(right), PURE),
-        Check::at_least("patches of that group that are apart in the photo", large as f64, 2.0),
+        Check::of("purity of two groups: the sheets, which are occluded from each other")
+            .at_least(purity(two, &sheets), PURE),
+        Check::of("share of the patch left of the post in the group of its sheet")
+            .at_least(of_group(left), PURE),
+        Check::of("share of the patch right of the post in the same group").at_least(of_group(right), PURE),
+        Check::of("patches of that group that are apart in the photo").at_least(large as f64, 2.0),
     ];
     for (groups, labels) in &found.labels[1..] {
-        checks.push(Check::stated(format!("purity of {groups} groups"), purity(labels, &sheets)));
+        checks.push(Check::of(format!("purity of {groups} groups")).stated(purity(labels, &sheets)));
     }
-    checks.push(Check::stated("second eigenvalue of the normalized cut", found.eigenvalues[1]));
+    checks.push(Check::of("second eigenvalue of the normalized cut").stated(found.eigenvalues[1]));
     Ok(Reproduced {
         setting: format!(
             "two sheets that are occluded from each other, one of them behind a post, {}, {PHOTOS} photos, 10 eigenvectors",
@@ -105,41 +98,22 @@ pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
         at_one.filter(|(index, _)| !found.embedding.is_local(*index)).count() as f64
     };
     let checks = vec![
-        Check::at_least(
-            "purity of ten groups: the share of pixels in the cell that most of their group is in, empty",
-            purity(without, &empty_stage.truth),
-            0.95,
-        ),
-        Check::at_least(
-            "adjusted Rand index of nine groups with the nine cells, empty",
-            adjusted_rand_index(nine_without, &empty_stage.truth)?,
-            0.95,
-        ),
-        Check::at_most(
-            "adjusted Rand index of ten groups with eggs and ten without: they change",
-            adjusted_rand_index(with, without)?,
-            0.9,
-        ),
-        Check::at_least(
-            "eigenvalues of 0.99 and more that tell of regions, empty",
-            ones(&empty),
-            CELLS as f64,
-        )
+        Check::of("purity of ten groups: the share of pixels in the cell that most of their group is in, empty").at_least(purity(without, &empty_stage.truth), 0.95),
+        Check::of("adjusted Rand index of nine groups with the nine cells, empty").at_least(adjusted_rand_index(nine_without, &empty_stage.truth)?, 0.95),
+        Check::of("adjusted Rand index of ten groups with eggs and ten without: they change").at_most(adjusted_rand_index(with, without)?, 0.9),
+        Check::of("eigenvalues of 0.99 and more that tell of regions, empty").at_least(ones(&empty), CELLS as f64)
         .because(format!(
             "The blur carries light across the rims between cells. Without it, as many photos show {:.0} of them; with it, the gap after the \
              ninth still tells {} regions.",
             ones(&sharp),
             empty.regions.count
         )),
-        Check::stated("the same, empty, without blur", ones(&sharp)),
-        Check::at_most("the same, with eggs", ones(&eggs), (CELLS - 1) as f64),
-        Check::at_least("independent regions that the light shows, empty", empty.regions.count as f64, CELLS as f64),
-        Check::at_most("the same, from above", empty.regions.count as f64, CELLS as f64),
-        Check::stated("localized eigenvectors, empty", empty.embedding.local() as f64),
-        Check::stated(
-            "adjusted Rand index of nine groups with the cells, with eggs",
-            adjusted_rand_index(nine_with, &egg_stage.truth)?,
-        ),
+        Check::of("the same, empty, without blur").stated(ones(&sharp)),
+        Check::of("the same, with eggs").at_most(ones(&eggs), (CELLS - 1) as f64),
+        Check::of("independent regions that the light shows, empty").at_least(empty.regions.count as f64, CELLS as f64),
+        Check::of("the same, from above").at_most(empty.regions.count as f64, CELLS as f64),
+        Check::of("localized eigenvectors, empty").stated(empty.embedding.local() as f64),
+        Check::of("adjusted Rand index of nine groups with the cells, with eggs").stated(adjusted_rand_index(nine_with, &egg_stage.truth)?),
     ];
     let panels = panels_of("empty", "Empty", &empty_stage, &empty)
         .chain(panels_of("eggs", "With eggs", &egg_stage, &eggs))
@@ -162,7 +136,7 @@ fn spectra(empty: &Segmentation, eggs: &Segmentation) -> Plot {
     Plot::linear(
         "Eigenvalues of the normalized cut: as many near one as there are cells that exchange no light, beside those of a few pixels.",
         ["eigenvector", "eigenvalue λ"],
-        vec![line("empty", &empty.eigenvalues), line("with eggs", &eggs.eigenvalues)],
+        [("empty", counted(&empty.eigenvalues)), ("with eggs", counted(&eggs.eigenvalues))],
     )
 }
 
@@ -207,12 +181,8 @@ pub(super) fn fig9(bench: &mut Bench) -> Result<Reproduced> {
     Ok(Reproduced {
         setting: format!("the empty carton, {}, the run of figure 8", stage.resolution),
         checks: vec![
-            Check::at_least(
-                format!("adjusted Rand index of the nine groups that these {PHOTOS} photos give"),
-                adjusted_rand_index(nine, &stage.truth)?,
-                0.95,
-            ),
-            Check::stated("photos taken, white included", shots.len() as f64),
+            Check::of(format!("adjusted Rand index of the nine groups that these {PHOTOS} photos give")).at_least(adjusted_rand_index(nine, &stage.truth)?, 0.95),
+            Check::of("photos taken, white included").stated(shots.len() as f64),
         ],
         strips: vec![Strip {
             caption: "Above what is projected, below its photo without direct light; blue is negative. The first is white, and those after \

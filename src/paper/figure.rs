@@ -140,6 +140,20 @@ pub enum Content {
     },
 }
 
+/// The points of a line.
+pub(super) type Points = Vec<(f64, f64)>;
+
+/// Values over their numbers, which start at 1.
+pub(super) fn counted(values: &[f64]) -> Points {
+    values.iter().enumerate().map(|(index, &value)| (index as f64 + 1.0, value)).collect()
+}
+
+/// The first number from which on the values of a curve are good; infinite if its last value is not.
+pub(super) fn good_from(curve: &[(f64, f64)], is_good: impl Fn(f64) -> bool) -> f64 {
+    let from = curve.iter().rposition(|&(_, value)| !is_good(value)).map_or(0, |at| at + 1);
+    curve.get(from).map_or(f64::INFINITY, |&(number, _)| number)
+}
+
 /// Lines over a common axis.
 #[derive(Clone, Debug)]
 pub struct Plot {
@@ -153,15 +167,20 @@ impl Plot {
     pub(super) fn linear(
         caption: impl Into<String>,
         [x_label, y_label]: [&str; 2],
-        series: Vec<Series>,
+        lines: impl IntoIterator<Item = (impl Into<String>, Points)>,
     ) -> Self {
+        let series = lines.into_iter().map(|(name, points)| Series { name: name.into(), points }).collect();
         let (x_label, y_label) = (x_label.into(), y_label.into());
         Self { caption: caption.into(), lines: LinePlot { x_label, y_label, series, ..LinePlot::default() } }
     }
 
     /// The same with a logarithmic axis `y_label`.
-    pub(super) fn logarithmic(caption: impl Into<String>, labels: [&str; 2], series: Vec<Series>) -> Self {
-        let mut plot = Self::linear(caption, labels, series);
+    pub(super) fn logarithmic(
+        caption: impl Into<String>,
+        labels: [&str; 2],
+        lines: impl IntoIterator<Item = (impl Into<String>, Points)>,
+    ) -> Self {
+        let mut plot = Self::linear(caption, labels, lines);
         plot.lines.logarithmic = true;
         plot
     }
@@ -338,19 +357,27 @@ pub struct Check {
 }
 
 impl Check {
+    /// A quantity, with its unit, that is not yet measured.
+    pub fn of(what: impl Into<String>) -> Self {
+        Self { what: what.into(), value: f64::NAN, limit: Limit::Stated, cause: String::new() }
+    }
+
     /// A number that must be `limit` or more.
-    pub fn at_least(what: impl Into<String>, value: f64, limit: f64) -> Self {
-        Self { what: what.into(), value, limit: Limit::AtLeast(limit), cause: String::new() }
+    #[must_use]
+    pub fn at_least(self, value: f64, limit: f64) -> Self {
+        Self { value, limit: Limit::AtLeast(limit), ..self }
     }
 
     /// A number that must be `limit` or less.
-    pub fn at_most(what: impl Into<String>, value: f64, limit: f64) -> Self {
-        Self { what: what.into(), value, limit: Limit::AtMost(limit), cause: String::new() }
+    #[must_use]
+    pub fn at_most(self, value: f64, limit: f64) -> Self {
+        Self { value, limit: Limit::AtMost(limit), ..self }
     }
 
     /// A number without a bound.
-    pub fn stated(what: impl Into<String>, value: f64) -> Self {
-        Self { what: what.into(), value, limit: Limit::Stated, cause: String::new() }
+    #[must_use]
+    pub fn stated(self, value: f64) -> Self {
+        Self { value, ..self }
     }
 
     /// The same number, with the reason why it misses its bound if it does.
@@ -401,18 +428,35 @@ mod tests {
 
     #[test]
     fn bounds_are_met_at_the_bound_and_missed_by_the_difference() {
-        assert!(Check::at_least("purity", 0.99, 0.99).is_met());
-        assert!(Check::at_most("photos", 12.0, 12.0).is_met());
-        let missed = [Check::at_least("purity", 0.75, 1.0), Check::at_most("photos", 14.25, 14.0)];
+        assert!(Check::of("purity").at_least(0.99, 0.99).is_met());
+        assert!(Check::of("photos").at_most(12.0, 12.0).is_met());
+        let missed = [Check::of("purity").at_least(0.75, 1.0), Check::of("photos").at_most(14.25, 14.0)];
         assert!(missed.iter().all(|check| !check.is_met() && check.shortfall() == 0.25));
-        assert!(Check::stated("seconds", 7.0).is_met());
-        let of = |value: f64| Check::at_least("purity", value, 0.99).because("the lamp is off");
+        assert!(Check::of("seconds").stated(7.0).is_met());
+        let of = |value: f64| Check::of("purity").at_least(value, 0.99).because("the lamp is off");
         assert_eq!([of(1.0).cause(), of(0.5).cause()], ["", "the lamp is off"]);
     }
 
     #[test]
     fn not_a_number_meets_no_bound() {
-        let missed = [Check::at_least("a", f64::NAN, 0.0), Check::at_most("b", f64::NAN, 1.0)];
+        let missed = [Check::of("a").at_least(f64::NAN, 0.0), Check::of("b").at_most(f64::NAN, 1.0)];
         assert!(missed.iter().all(|check| !check.is_met() && check.shortfall().is_nan()));
+    }
+
+    #[test]
+    fn fewest_photos_are_those_after_the_last_impure_ones() {
+        let fewest = |curve: &[(f64, f64)]| good_from(curve, |purity| purity >= 0.99);
+        assert_eq!(fewest(&[(4.0, 0.5), (5.0, 1.0), (6.0, 0.9), (7.0, 0.99), (50.0, 1.0)]), 7.0);
+        assert_eq!(fewest(&[(4.0, 1.0), (50.0, 1.0)]), 4.0);
+        assert_eq!(fewest(&[(4.0, 1.0), (50.0, 0.7)]), f64::INFINITY);
+    }
+
+    #[test]
+    fn photos_until_as_good_are_counted_from_the_last_that_was_worse() {
+        let curve = [(1.0, 0.5), (2.0, 0.1), (3.0, 0.2), (4.0, 0.05)];
+        let photos_to = |wanted: f64| good_from(&curve, |apart| apart <= wanted);
+        assert_eq!(photos_to(0.15), 4.0);
+        assert_eq!(photos_to(0.6), 1.0);
+        assert_eq!(photos_to(0.01), f64::INFINITY);
     }
 }

@@ -27,8 +27,7 @@ pub(super) fn labels(found: &Segmentation, groups: usize) -> &[u8] {
 
 /// The photo under white, the groups, and `eigenvectors` eigenvectors after the first, which is constant.
 pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -> Vec<Panel> {
-    let white = Content::Light { values: stage.white(), white: None };
-    let mut panels = vec![stage.panel("white", "The photo under white, W/(m² sr)", white)];
+    let mut panels = vec![stage.white_panel()];
     for (groups, labels) in &found.labels {
         let groups_are = Content::Labels(labels.clone());
         panels.push(stage.panel(format!("groups-{groups}"), format!("{groups} groups"), groups_are));

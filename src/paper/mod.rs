@@ -27,7 +27,7 @@ mod apart;
 mod bench;
 mod conditioning;
 mod contest;
-mod dense;
+
 mod disparity;
 mod fig10_11_12;
 mod fig13;
@@ -39,6 +39,7 @@ mod gallery;
 mod groups;
 mod polynomials;
 mod random;
+mod vectors;
 
 use crate::error::Result;
 use crate::lab::SharedObserver;

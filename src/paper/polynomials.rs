@@ -7,13 +7,12 @@
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{TargetLight, percent, picture};
-use super::dense::{Spectrum, spectrum, spectrum_of_rows};
-use super::figure::{Check, Figure, Plot, Reproduced};
+use super::figure::{Check, Figure, Plot, Points, Reproduced, counted};
+use super::vectors::{Spectrum, add, minus, product, spectrum, spectrum_of_rows};
 use crate::error::Result;
 use crate::krylov::{Factorization, Lanczos, dot, norm};
 use crate::lab::text::decimal;
 use crate::operator::Operator;
-use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 32;
@@ -43,31 +42,17 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let ends = [0.0_f64.min(smallest), largest];
     let devices = devices(photos, &target_light, &stage, &run.answer(JUDGED))?;
     let checks = vec![
-        Check::at_most(
-            format!(
+        Check::of(format!(
                 "residual of {JUDGED} photos of MINRES, over the least that the condition number alone allows to promise"
-            ),
-            seen(JUDGED) / by_condition,
-            0.5,
-        )
+            )).at_most(seen(JUDGED) / by_condition, 0.5)
         .because(&devices),
-        Check::at_most(
-            "residual over the norm of its polynomial on the true spectrum, the worst of 1 to 3 photos",
-            (1..=3).map(|k| seen(k) / predicted(k)).fold(0.0, f64::max),
-            1.2,
-        )
+        Check::of("residual over the norm of its polynomial on the true spectrum, the worst of 1 to 3 photos").at_most((1..=3).map(|k| seen(k) / predicted(k)).fold(0.0, f64::max), 1.2)
         .because(&devices),
-        Check::stated(format!("residual of {JUDGED} photos of MINRES, %"), percent(seen(JUDGED))),
-        Check::stated("by its polynomial on the true spectrum, %", percent(predicted(JUDGED))),
-        Check::stated(
-            "by the Chebyshev polynomial of the same degree, at the most, %",
-            percent(by_condition),
-        ),
-        Check::stated("smallest eigenvalue over the largest", smallest / largest),
-        Check::stated(
-            format!("norm of the monic polynomial of degree {PHOTOS}, its root over the largest eigenvalue"),
-            run.monic_norms().last().map_or(f64::NAN, |norm| norm / largest),
-        ),
+        Check::of(format!("residual of {JUDGED} photos of MINRES, %")).stated(percent(seen(JUDGED))),
+        Check::of("by its polynomial on the true spectrum, %").stated(percent(predicted(JUDGED))),
+        Check::of("by the Chebyshev polynomial of the same degree, at the most, %").stated(percent(by_condition)),
+        Check::of("smallest eigenvalue over the largest").stated(smallest / largest),
+        Check::of(format!("norm of the monic polynomial of degree {PHOTOS}, its root over the largest eigenvalue")).stated(run.monic_norms().last().map_or(f64::NAN, |norm| norm / largest)),
     ];
     Ok(Reproduced {
         setting: format!("corner, {}, MINRES from the target's light, {PHOTOS} photos", stage.resolution),
@@ -83,9 +68,9 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-fn curve(name: String, [low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Series {
+fn curve([low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Points {
     let at = |index: usize| low + (high - low) * index as f64 / (POINTS - 1) as f64;
-    Series { name, points: (0..POINTS).map(|index| (at(index), of(at(index)))).collect() }
+    (0..POINTS).map(|index| (at(index), of(at(index)))).collect()
 }
 
 /// The residual that the devices add to an answer's, measured by one more photo of it.
@@ -95,15 +80,11 @@ fn devices(
     stage: &Stage,
     answer: &[f64],
 ) -> Result<String> {
-    let mut photo = vec![0.0; answer.len()];
-    operator.apply(answer, &mut photo)?;
+    let photo = product(operator, answer)?;
     let wanted = target_light.wanted();
     let unit = norm(&wanted) / norm(&target_light.light);
     let light: Vec<f64> = stage.photo(answer).into_iter().map(|value| unit * value).collect();
-    let apart = |other: &[f64]| {
-        let difference: Vec<f64> = photo.iter().zip(other).map(|(a, b)| a - b).collect();
-        percent(norm(&difference) / norm(&wanted))
-    };
+    let apart = |other: &[f64]| percent(norm(&minus(&photo, other)) / norm(&wanted));
     Ok(format!(
         "The devices are the cause: their own photo of the answer after {JUDGED} photos is {:.2} % from the target, but {:.2} % from the true \
          light, by noise and by what calibration leaves. The polynomial knows of neither.",
@@ -117,58 +98,60 @@ fn photos_named(k: usize) -> String {
 }
 
 fn residual_plot(run: &Run, ends: [f64; 2]) -> Plot {
-    let line = |k: usize| curve(photos_named(k), ends, run.residual_polynomial(k));
-    Plot::linear("Residual polynomials of MINRES: all are 1 at 0, and the residual's part along an eigenvector is the target's times the value \
-                  at its eigenvalue. They are small where the target has its light, which the next plot shows.", ["eigenvalue λ, W/(m² sr)", "p(λ)"], SHOWN.map(line).into()).marked(0.0, "")
+    let caption = "Residual polynomials of MINRES: all are 1 at 0, and the residual's part along an eigenvector is the target's times the value \
+                   at its eigenvalue. They are small where the target has its light, which the next plot shows.";
+    let lines = SHOWN.map(|k| (photos_named(k), curve(ends, run.residual_polynomial(k))));
+    Plot::linear(caption, ["eigenvalue λ, W/(m² sr)", "p(λ)"], lines).marked(0.0, "")
 }
 
 /// The share of the target's light in eigenvectors with eigenvalues up to each value, and the share of the eigenvalues themselves.
 fn share_plot(exact: &Spectrum, shares: &[f64], scale: f64) -> Plot {
-    let steps = |name: &str, of: &dyn Fn(usize) -> f64| {
+    let steps = |of: &dyn Fn(usize) -> f64| -> Points {
         let mut sum = 0.0;
         let ascending = (0..exact.values.len()).rev();
         let points = ascending.map(|at| {
             sum += of(at);
             (exact.values[at], sum)
         });
-        Series { name: name.into(), points: points.collect() }
+        points.collect()
     };
     let count = exact.values.len() as f64;
     Plot::linear(
         "The spectrum: the share of the eigenvalues that are no larger than λ, and of the square of the target's light in their \
                   eigenvectors.",
         ["eigenvalue λ, W/(m² sr)", "share"],
-        vec![
-            steps("eigenvalues", &|_| 1.0 / count),
-            steps("light of the target", &|at| (shares[at] / scale).powi(2)),
+        [
+            ("eigenvalues", steps(&|_| 1.0 / count)),
+            ("light of the target", steps(&|at| (shares[at] / scale).powi(2))),
         ],
     )
 }
 
 fn minimal_plot(run: &Run, ends: [f64; 2]) -> Plot {
     let line = |k: usize| {
-        let largest = curve(String::new(), ends, |value| run.monic(k, value).abs());
-        let most = largest.points.iter().map(|point| point.1).fold(0.0, f64::max);
-        curve(photos_named(k), ends, |value| run.monic(k, value) / most)
+        let mut points = curve(ends, |value| run.monic(k, value));
+        let most = points.iter().map(|point| point.1.abs()).fold(0.0, f64::max);
+        points.iter_mut().for_each(|point| point.1 /= most);
+        (photos_named(k), points)
     };
     let found = run.ritz_values(JUDGED).unwrap_or_default();
     let list = found.iter().map(|value| decimal(*value, 4)).collect::<Vec<_>>().join(", ");
-    Plot::linear(format!(
-            "Towards the minimal polynomial: the monic polynomial of each degree with the least norm on the target's light, here divided by its \
-             largest value. Its zeros are the Ritz values, after {JUDGED} photos {list}. Where it vanished on all eigenvalues it would be the \
-             minimal polynomial, and the answer exact."
-        ), ["eigenvalue λ, W/(m² sr)", "q(λ) / max |q|"], SHOWN.map(line).into()).marked(0.0, "")
+    let caption = format!(
+        "Towards the minimal polynomial: the monic polynomial of each degree with the least norm on the target's light, here divided by its \
+         largest value. Its zeros are the Ritz values, after {JUDGED} photos {list}. Where it vanished on all eigenvalues it would be the \
+         minimal polynomial, and the answer exact."
+    );
+    Plot::linear(caption, ["eigenvalue λ, W/(m² sr)", "q(λ) / max |q|"], SHOWN.map(line)).marked(0.0, "")
 }
 
 fn monic_plot(run: &Run, largest: f64) -> Plot {
-    let norms = run.monic_norms();
-    let points = norms.iter().enumerate().map(|(k, norm)| (k as f64 + 1.0, norm / largest));
+    let norms: Vec<f64> = run.monic_norms().iter().map(|norm| norm / largest).collect();
     Plot::logarithmic(
         "The norm of the monic polynomial of each degree, its k-th root over the largest eigenvalue. It would fall to 0 at the degree of the \
          minimal polynomial; the light of a scene has no such degree below the number of its pixels, and what the line approaches tells \
          how densely the spectrum is filled.",
         ["photos", "‖q(A) b‖^(1/k) / λ₁"],
-        vec![Series { name: "monic polynomial".into(), points: points.collect() }],
+        [("monic polynomial", counted(&norms))],
     )
 }
 
@@ -211,7 +194,7 @@ impl Run {
     fn answer(&self, k: usize) -> Vec<f64> {
         let mut answer = vec![0.0; self.basis[0].len()];
         for (share, vector) in self.coefficients(k).iter().zip(&self.basis) {
-            answer.iter_mut().zip(vector).for_each(|(sum, value)| *sum += share / self.unit * value);
+            add(&mut answer, share / self.unit, vector);
         }
         answer
     }

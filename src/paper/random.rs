@@ -6,15 +6,14 @@
 //! the picture?* The answer is the combination of random patterns whose photos add up to the target's light with least squares.
 
 use super::bench::{Bench, Set, Stage};
-use super::contest::{MethodRun, TargetLight, clamped, enter, line, over_frames, percent, picture};
-use super::dense::spectrum_of_rows;
-use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced};
+use super::contest::{MethodRun, TargetLight, clamped, enter, over_frames, percent, picture};
+use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
+use super::vectors::{add, overlap, product, spectrum_of_rows, unit};
 use crate::analysis::low_rank::smooth_starts;
 use crate::analysis::segment::{Graph, NormalizedAdjacency};
 use crate::error::Result;
 use crate::krylov::{Factorization, Lanczos, Method, Start, Which, dot, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
-use crate::report::plot::Series;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -50,9 +49,8 @@ fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
         found.unwrap_or_default()
     };
     // Rounding must not make it negative.
-    let apart =
-        |vector: &[f64]| (1.0 - dot(vector, &reference).abs() / (norm(vector) * norm(&reference))).max(0.0);
-    let curve = |found: Vec<(f64, Vec<f64>)>| -> Vec<(f64, f64)> {
+    let apart = |vector: &[f64]| (1.0 - overlap(vector, &reference)).max(0.0);
+    let curve = |found: Vec<(f64, Vec<f64>)>| -> Points {
         found.into_iter().map(|(photos, vector)| (photos, apart(&vector))).collect()
     };
     let mut photos = bench.photos(&stage, Part::Global)?;
@@ -64,38 +62,25 @@ fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
     let signs = curve(sketch(&mut photos, &graph, &signs)?);
     let smooth = curve(sketch(&mut photos, &graph, &smooth)?);
     let best = |curve: &[(f64, f64)]| curve.iter().map(|(_, apart)| *apart).fold(f64::INFINITY, f64::min);
+    let photos_to = |curve: &Points, wanted: f64| good_from(curve, |apart| apart <= wanted);
     let checks = vec![
-        Check::at_most(
-            format!("photos of Lanczos to part the sheets as {PHOTOS} of random signs do, over {PHOTOS}"),
-            photos_to(&krylov, best(&signs)) / PHOTOS as f64,
-            SHARE,
-        ),
-        Check::at_most(
-            format!("the same for random smooth patterns, over {PHOTOS}"),
-            photos_to(&krylov, best(&smooth)) / PHOTOS as f64,
-            SHARE,
-        ),
-        Check::stated(format!("one less the overlap after {PHOTOS} photos, Lanczos"), best(&krylov)),
-        Check::stated("the same by random signs", best(&signs)),
-        Check::stated("the same by random smooth patterns", best(&smooth)),
+        Check::of(format!(
+            "photos of Lanczos to part the sheets as {PHOTOS} of random signs do, over {PHOTOS}"
+        ))
+        .at_most(photos_to(&krylov, best(&signs)) / PHOTOS as f64, SHARE),
+        Check::of(format!("the same for random smooth patterns, over {PHOTOS}"))
+            .at_most(photos_to(&krylov, best(&smooth)) / PHOTOS as f64, SHARE),
+        Check::of(format!("one less the overlap after {PHOTOS} photos, Lanczos")).stated(best(&krylov)),
+        Check::of("the same by random signs").stated(best(&signs)),
+        Check::of("the same by random smooth patterns").stated(best(&smooth)),
     ];
     let plot = Plot::logarithmic(
         "How far the vector that parts the sheets of the zigzag is from the true one (one minus overlap), at equal photos. Half of the \
          photos of random patterns are those of an orthonormal basis of what the other half showed.",
         ["photos", "1 − overlap"],
-        vec![
-            Series { name: "Lanczos".into(), points: krylov },
-            Series { name: "random signs".into(), points: signs },
-            Series { name: "random smooth patterns".into(), points: smooth },
-        ],
+        [("Lanczos", krylov), ("random signs", signs), ("random smooth patterns", smooth)],
     );
     Ok((plot, checks))
-}
-
-/// The first number of photos from which a curve stays at or below `wanted`; infinite if its end is above.
-fn photos_to(curve: &[(f64, f64)], wanted: f64) -> f64 {
-    let from = curve.iter().rposition(|&(_, apart)| apart.is_nan() || apart > wanted).map_or(0, |at| at + 1);
-    curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
 }
 
 fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>, Vec<Check>)> {
@@ -107,30 +92,20 @@ fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>
     let signs = fitted(&stage, &mut photos, &target_light, &signs)?;
     let smooth = smooth_starts(stage.resolution, PHOTOS, SEED);
     let smooth = fitted(&stage, &mut photos, &target_light, &smooth)?;
-    let points = |entry: &MethodRun| -> Vec<(f64, f64)> { line("", &entry.answered).points };
+    let minres_to = |wanted: f64| good_from(&counted(&minres.answered), |residual| residual <= wanted);
     let checks = vec![
-        Check::at_most(
-            format!("photos of MINRES to compensate as {PHOTOS} of random signs do, over {PHOTOS}"),
-            photos_to(&points(&minres), signs.least_answered()) / PHOTOS as f64,
-            SHARE,
-        ),
-        Check::at_most(
-            format!("the same for random smooth patterns, over {PHOTOS}"),
-            photos_to(&points(&minres), smooth.least_answered()) / PHOTOS as f64,
-            SHARE,
-        ),
-        Check::stated(
-            format!("residual without a box, {FEW} photos of MINRES, %"),
-            percent(minres.answered_at(FEW)),
-        ),
-        Check::stated(
-            format!("the same by {PHOTOS} photos of random signs, %"),
-            percent(signs.answered_at(PHOTOS)),
-        ),
-        Check::stated("by random smooth patterns, %", percent(smooth.answered_at(PHOTOS))),
+        Check::of(format!("photos of MINRES to compensate as {PHOTOS} of random signs do, over {PHOTOS}"))
+            .at_most(minres_to(signs.least_answered()) / PHOTOS as f64, SHARE),
+        Check::of(format!("the same for random smooth patterns, over {PHOTOS}"))
+            .at_most(minres_to(smooth.least_answered()) / PHOTOS as f64, SHARE),
+        Check::of(format!("residual without a box, {FEW} photos of MINRES, %"))
+            .stated(percent(minres.answered_at(FEW))),
+        Check::of(format!("the same by {PHOTOS} photos of random signs, %"))
+            .stated(percent(signs.answered_at(PHOTOS))),
+        Check::of("by random smooth patterns, %").stated(percent(smooth.answered_at(PHOTOS))),
     ];
     let entries = [("MINRES", &minres), ("random signs", &signs), ("random smooth patterns", &smooth)];
-    let lines = entries.iter().map(|(name, entry)| line(name, &entry.answered)).collect();
+    let lines = entries.map(|(name, entry)| (name, counted(&entry.answered)));
     let mut plots = vec![Plot::logarithmic(
         "Relative residual of the compensation of the corner by the light itself, answers not clamped, at equal photos.",
         ["photos", "relative residual"],
@@ -161,14 +136,9 @@ const ROUNDING: f64 = 1e-10;
 
 /// The graph of exchanged light, by one or two photos.
 pub(super) fn graph(global: &mut dyn Operator) -> Result<Graph> {
-    let ones = vec![1.0; global.cols()];
-    let mut photo = |pattern: &[f64]| {
-        let mut photo = vec![0.0; pattern.len()];
-        global.apply(pattern, &mut photo)?;
-        Ok(photo)
-    };
-    let white = photo(&ones)?;
-    Graph::measure(&white, 0.01, 0.0, photo)
+    let white = vec![1.0; global.cols()];
+    let white = product(global, &white)?;
+    Graph::measure(&white, 0.01, 0.0, |pattern| product(global, pattern))
 }
 
 /// The second eigenvector of the normalized cut, on all pixels, after each of this number of photos of the Lanczos process.
@@ -195,38 +165,27 @@ pub(super) fn lanczos(
 
 /// The same by random patterns (on all pixels), after every two photos: the photo of a pattern, and the photo of its new basis vector.
 fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Result<Vec<(f64, Vec<f64>)>> {
-    let known = NormalizedAdjacency::known_vector(graph);
-    let length = norm(&known);
-    let known: Vec<f64> = known.iter().map(|value| value / length).collect();
+    let known = unit(NormalizedAdjacency::known_vector(graph));
     let mut cut = NormalizedAdjacency::new(global, graph);
     // The vectors of an orthonormal basis. Each has no image at first; its photo is taken once the vector is made.
     let mut basis = vec![[known, Vec::new()]];
     let mut products: Vec<Vec<f64>> = Vec::new();
     let mut found = Vec::new();
     for pattern in patterns {
-        let pattern: Vec<f64> = graph.pixels().iter().map(|&pixel| pattern[pixel]).collect();
-        let mut photo = vec![0.0; pattern.len()];
-        let mut pattern = [pattern, Vec::new()];
+        let mut pattern = [graph.pixels().iter().map(|&pixel| pattern[pixel]).collect(), Vec::new()];
         make_orthonormal(&mut pattern, &basis[..1]);
-        cut.apply(&pattern[0], &mut photo)?;
-        let before = norm(&photo);
-        let mut photo = [photo, Vec::new()];
+        let mut photo = [product(&mut cut, &pattern[0])?, Vec::new()];
+        let before = norm(&photo[0]);
         if make_orthonormal(&mut photo, &basis) <= ROUNDING * before {
             continue;
         }
-        let mut product = vec![0.0; photo[0].len()];
-        cut.apply(&photo[0], &mut product)?;
+        products.push(product(&mut cut, &photo[0])?);
         basis.push(photo);
-        products.push(product);
-        let rows: Vec<Vec<f64>> = basis[1..]
-            .iter()
-            .map(|[vector, _]| products.iter().map(|product| dot(vector, product)).collect())
-            .collect();
+        let row = |[vector, _]: &[Vec<f64>; 2]| products.iter().map(|product| dot(vector, product)).collect();
+        let rows: Vec<Vec<f64>> = basis[1..].iter().map(row).collect();
         let leading = spectrum_of_rows(&rows)?.vectors.swap_remove(0);
         let mut vector = vec![0.0; graph.pixels().len()];
-        for (share, [column, _]) in leading.iter().zip(&basis[1..]) {
-            vector.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
-        }
+        leading.iter().zip(&basis[1..]).for_each(|(share, [column, _])| add(&mut vector, *share, column));
         found.push((2.0 * products.len() as f64, graph.scatter(&vector, 0.0)));
     }
     Ok(found)
@@ -241,8 +200,8 @@ pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]
     for _ in 0..2 {
         for [of, image_of] in known {
             let share = dot(of, vector);
-            vector.iter_mut().zip(of).for_each(|(value, of)| *value -= share * of);
-            image.iter_mut().zip(image_of).for_each(|(value, of)| *value -= share * of);
+            add(vector, -share, of);
+            add(image, -share, image_of);
         }
     }
     let left = norm(vector);
@@ -265,12 +224,11 @@ pub(super) fn fitted(
     // Photos made orthonormal, and the same combinations of patterns.
     let mut known: Vec<[Vec<f64>; 2]> = Vec::new();
     for pattern in patterns {
-        let mut pair = [vec![0.0; left.len()], pattern.clone()];
-        recorded.apply(pattern, &mut pair[0])?;
+        let mut pair = [product(&mut recorded, pattern)?, pattern.clone()];
         if make_orthonormal(&mut pair, &known) > 0.0 {
             let share = dot(&pair[0], &left);
-            left.iter_mut().zip(&pair[0]).for_each(|(left, value)| *left -= share * value);
-            entry.pattern.iter_mut().zip(&pair[1]).for_each(|(sum, value)| *sum += share * value);
+            add(&mut left, -share, &pair[0]);
+            add(&mut entry.pattern, share, &pair[1]);
             known.push(pair);
         }
         entry.answered.push(target_light.residual(stage, &entry.pattern));
@@ -284,14 +242,6 @@ pub(super) fn fitted(
 mod tests {
     use super::*;
     use crate::operator::{Closure, Symmetry};
-
-    #[test]
-    fn photos_until_as_good_are_counted_from_the_last_that_was_worse() {
-        let curve = [(1.0, 0.5), (2.0, 0.1), (3.0, 0.2), (4.0, 0.05)];
-        assert_eq!(photos_to(&curve, 0.15), 4.0);
-        assert_eq!(photos_to(&curve, 0.6), 1.0);
-        assert_eq!(photos_to(&curve, 0.01), f64::INFINITY);
-    }
 
     #[test]
     fn a_sketch_of_all_directions_finds_what_lanczos_does() -> Result<()> {

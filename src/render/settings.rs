@@ -52,9 +52,8 @@ impl TraceSettings {
         if let Some(projector) = self.projector {
             check_size("--projector-size", projector)?;
         }
-        let unusable = |option: &str, fault: String, help: String| {
-            Err(Error::Option { option: option.into(), fault, help })
-        };
+        let unusable =
+            |option: &str, fault: String, help: String| Err(Error::option(option, fault).help(help));
         let Gather { radius, photons } = self.gather;
         if self.samples == 0 || self.samples > 1 << 20 {
             let fault = format!("{} samples per pixel cannot be traced", self.samples);
@@ -80,24 +79,26 @@ impl TraceSettings {
 fn check_size(option: &str, size: Resolution) -> Result<()> {
     let Resolution { width, height } = size;
     if width == 0 || height == 0 || width > 16384 || height > 16384 {
-        return Err(Error::Option {
-            option: option.into(),
-            fault: format!("{size} pixels cannot be traced"),
-            help: format!("give 1 to 16384 pixels a side, e.g. {option} 128 or {option} 128x96"),
-        });
+        return Err(Error::option(option, format!("{size} pixels cannot be traced"))
+            .help(format!("give 1 to 16384 pixels a side, e.g. {option} 128 or {option} 128x96")));
     }
     Ok(())
 }
 
 /// The kind of random numbers that decide the light paths. Either kind is a hash of pixel, sample, vertex and seed. Any path can therefore
 /// be traced alone, and the two halves of a pixel's samples ([`crate::render::Run::half`]) are independent of each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+///
+/// Sobol points are those of Burley 2020: the samples in each half of a pixel's samples are stratified, in pairs of numbers. Independent
+/// numbers are the baseline for comparisons.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, clap::ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampler {
-    /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in pairs of numbers.
+    /// Scrambled Sobol points: less noise for the same number of paths
     #[default]
     Sobol,
-    /// Independent numbers, the baseline for comparisons.
+    /// Each number independent of all others
     Independent,
 }
 

@@ -124,11 +124,7 @@ fn paint(
         [("values to paint", Some(values.len())), ("mask of values to paint", mask.map(<[bool]>::len))]
     {
         if count.is_some_and(|count| count != resolution.pixels()) {
-            return Err(Error::Dimension {
-                what,
-                expected: resolution.to_string(),
-                found: count.unwrap_or_default().to_string(),
-            });
+            return Err(Error::dimension(what, resolution, count.unwrap_or_default()));
         }
     }
     let masked = |index: usize| mask.is_some_and(|mask| mask[index]);

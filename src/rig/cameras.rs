@@ -4,8 +4,8 @@ use std::net::Ipv4Addr;
 
 use serde::Deserialize;
 
-use super::sensor::{Sensor, Settings};
-use super::{CameraInfo, Colour, Gphoto2Spec, PixelFormat};
+use super::sensor::Sensor;
+use super::{CameraInfo, Colour, Gphoto2Spec, PixelFormat, camera_fault, number};
 
 /// The kinds of cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -21,13 +21,11 @@ pub enum CameraKind {
     Gphoto2,
 }
 
-/// The description of a camera of one of these kinds.
+/// The description of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSpec {
-    /// See [`GigeSpec`].
-    Gige(GigeSpec),
-    /// See [`Usb3Spec`].
-    Usb3(Usb3Spec),
+    /// See [`GenicamSpec`].
+    Genicam(GenicamSpec),
     /// See [`V4lSpec`].
     V4l(V4lSpec),
     /// See [`Gphoto2Spec`].
@@ -38,131 +36,63 @@ impl CameraSpec {
     /// The camera's properties.
     pub fn info(&self) -> CameraInfo {
         match self {
-            Self::Gige(spec) => spec.info(),
-            Self::Usb3(spec) => spec.info(),
+            Self::Genicam(spec) => spec.info(),
             Self::V4l(spec) => spec.info(),
             Self::Gphoto2(spec) => spec.info(),
         }
     }
 }
 
-impl From<GigeSpec> for CameraSpec {
-    fn from(spec: GigeSpec) -> Self {
-        Self::Gige(spec)
+impl CameraKind {
+    /// The name in rig files, which is also the feature that a kind of camera needs.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Gige => "gige",
+            Self::Usb3 => "usb3",
+            Self::V4l => "v4l",
+            Self::Gphoto2 => "gphoto2",
+        }
     }
-}
 
-impl From<Usb3Spec> for CameraSpec {
-    fn from(spec: Usb3Spec) -> Self {
-        Self::Usb3(spec)
+    /// Whether this program has the feature that the kind of camera needs.
+    pub(crate) fn is_built(self) -> bool {
+        match self {
+            Self::Gige => cfg!(feature = "gige"),
+            Self::Usb3 => cfg!(feature = "usb3"),
+            Self::V4l => cfg!(feature = "v4l"),
+            Self::Gphoto2 => true,
+        }
     }
-}
 
-impl From<V4lSpec> for CameraSpec {
-    fn from(spec: V4lSpec) -> Self {
-        Self::V4l(spec)
-    }
-}
-
-impl From<Gphoto2Spec> for CameraSpec {
-    fn from(spec: Gphoto2Spec) -> Self {
-        Self::Gphoto2(spec)
+    /// The error of a kind of camera whose feature is missing from this program.
+    pub(crate) fn not_built(self) -> crate::Error {
+        let what = match self {
+            Self::Gige => "GigE Vision",
+            Self::Usb3 => "USB3 Vision",
+            Self::V4l => "cameras of Linux's video interface",
+            Self::Gphoto2 => "still cameras",
+        };
+        camera_fault(
+            format!("this krylux was built without {what}"),
+            format!("build it with --features {}", self.key()),
+        )
     }
 }
 
 /// The default range of exposures in seconds. Most machine vision cameras have it.
-pub(crate) fn exposures() -> [f64; 2] {
+fn exposures() -> [f64; 2] {
     [1e-4, 1.0]
 }
 
-/// The default number of seconds to wait for a frame beyond its exposure.
-pub(crate) fn timeout() -> f64 {
-    1.0
-}
-
-#[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
-pub(crate) fn not_built(what: &str, feature: &str) -> crate::Error {
-    crate::rig::camera_fault(
-        format!("this krylux was built without {what}"),
-        format!("build it with --features {feature}"),
-    )
-}
-
-/// A description of a GigE Vision camera.
+/// A description of a machine vision camera that describes its features by GenICam: GigE Vision or USB3 Vision.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GigeSpec {
-    /// The kind of camera.
+pub struct GenicamSpec {
+    /// The kind of camera: [`CameraKind::Gige`] or [`CameraKind::Usb3`].
     pub kind: CameraKind,
-    /// The camera's address.
-    pub address: Ipv4Addr,
-    /// Width and height of the part of the sensor that is read, in photosites.
-    pub size: [usize; 2],
-    /// The offset of that part from the sensor's top left photosite, to the right and down.
-    #[serde(default)]
-    pub offset: [usize; 2],
-    /// The format in which the camera sends counts.
-    #[serde(default)]
-    pub pixel_format: PixelFormat,
-    /// How the cells of a colour sensor become pixels.
-    #[serde(default)]
-    pub colour: Colour,
-    /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
-    #[serde(default)]
-    pub saturation: Option<u16>,
-    /// The gain in the camera's own unit (usually decibels). `None`: the camera's setting is left unchanged.
-    #[serde(default)]
-    pub gain: Option<f64>,
-    /// The shortest and the longest exposure, in seconds.
-    #[serde(default = "exposures")]
-    pub exposures: [f64; 2],
-    /// Seconds to wait for a frame beyond its exposure.
-    #[serde(default = "timeout")]
-    pub timeout: f64,
-    /// The largest size of a packet in bytes. `None`: the largest that gets through the network.
-    #[serde(default)]
-    pub packet_size: Option<u32>,
-}
-
-impl GigeSpec {
-    /// A description of the camera at this address, with counts of 12 bits and an image of `width` by `height` pixels.
-    pub fn new(address: Ipv4Addr, width: usize, height: usize) -> Self {
-        Self {
-            kind: CameraKind::Gige,
-            address,
-            size: [width, height],
-            offset: [0, 0],
-            pixel_format: PixelFormat::default(),
-            colour: Colour::default(),
-            saturation: None,
-            gain: None,
-            exposures: exposures(),
-            timeout: timeout(),
-            packet_size: None,
-        }
-    }
-
-    /// The camera's properties.
-    pub fn info(&self) -> CameraInfo {
-        self.settings().info(&format!("gige {}", self.address))
-    }
-
-    pub(crate) fn settings(&self) -> Settings {
-        let Self { size, offset, pixel_format, colour, saturation, gain, exposures, timeout, .. } = *self;
-        let (bits, tiles) = (pixel_format.bits(), pixel_format.tiles());
-        let sensor = Sensor { size, offset, bits, tiles, colour, saturation };
-        Settings { pixel_format, sensor, gain, exposures, timeout }
-    }
-}
-
-/// A description of a USB3 Vision camera.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Usb3Spec {
-    /// The kind of camera.
-    pub kind: CameraKind,
-    /// The camera's serial number. `None`: the only camera that is plugged in.
-    #[serde(default)]
+    /// The address of a GigE Vision camera. Other cameras have none.
+    pub address: Option<Ipv4Addr>,
+    /// The serial number of a USB3 Vision camera. `None`: the only camera that is plugged in.
     pub serial: Option<String>,
     /// Width and height of the part of the sensor that is read, in photosites.
     pub size: [usize; 2],
@@ -176,24 +106,30 @@ pub struct Usb3Spec {
     #[serde(default)]
     pub colour: Colour,
     /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
-    #[serde(default)]
     pub saturation: Option<u16>,
     /// The gain in the camera's own unit (usually decibels). `None`: the camera's setting is left unchanged.
-    #[serde(default)]
     pub gain: Option<f64>,
     /// The shortest and the longest exposure, in seconds.
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
     /// Seconds to wait for a frame beyond its exposure.
-    #[serde(default = "timeout")]
+    #[serde(default = "number::<1, _>")]
     pub timeout: f64,
+    /// The largest size of a GigE Vision camera's packet in bytes. `None`: the largest that gets through the network.
+    pub packet_size: Option<u32>,
 }
 
-impl Usb3Spec {
-    /// A description of the only camera that is plugged in, with counts of 12 bits and an image of `width` by `height` pixels.
-    pub fn new(width: usize, height: usize) -> Self {
+impl GenicamSpec {
+    /// A description of the GigE Vision camera at this address, with counts of 12 bits and an image of `width` by `height` pixels.
+    pub fn gige(address: Ipv4Addr, width: usize, height: usize) -> Self {
+        Self { kind: CameraKind::Gige, address: Some(address), ..Self::usb3(width, height) }
+    }
+
+    /// A description of the only USB3 Vision camera that is plugged in, with counts of 12 bits and an image of `width` by `height` pixels.
+    pub fn usb3(width: usize, height: usize) -> Self {
         Self {
             kind: CameraKind::Usb3,
+            address: None,
             serial: None,
             size: [width, height],
             offset: [0, 0],
@@ -202,21 +138,30 @@ impl Usb3Spec {
             saturation: None,
             gain: None,
             exposures: exposures(),
-            timeout: timeout(),
+            timeout: 1.0,
+            packet_size: None,
         }
     }
 
-    /// The camera's properties.
-    pub fn info(&self) -> CameraInfo {
-        let serial = self.serial.as_deref().map_or_else(String::new, |serial| format!(" {serial}"));
-        self.settings().info(&format!("usb3{serial}"))
+    /// The address or the serial number, as text. `None`: the only camera that is plugged in.
+    pub(crate) fn address_or_serial(&self) -> Option<String> {
+        self.address.map(|address| address.to_string()).or_else(|| self.serial.clone())
     }
 
-    pub(crate) fn settings(&self) -> Settings {
-        let Self { size, offset, pixel_format, colour, saturation, gain, exposures, timeout, .. } = *self;
-        let (bits, tiles) = (pixel_format.bits(), pixel_format.tiles());
-        let sensor = Sensor { size, offset, bits, tiles, colour, saturation };
-        Settings { pixel_format, sensor, gain, exposures, timeout }
+    /// The camera's properties. The name contains every setting that changes counts.
+    pub fn info(&self) -> CameraInfo {
+        let parts = [
+            Some(self.kind.key().to_owned()),
+            self.address_or_serial(),
+            Some(self.pixel_format.name().to_owned()),
+        ];
+        let name = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
+        self.sensor().info(&name, self.exposures).with_gain(self.gain)
+    }
+
+    pub(crate) fn sensor(&self) -> Sensor {
+        let Self { size, offset, pixel_format, colour, saturation, .. } = *self;
+        Sensor { size, offset, bits: pixel_format.bits(), tiles: pixel_format.tiles(), colour, saturation }
     }
 }
 
@@ -234,20 +179,18 @@ pub struct V4lSpec {
     #[serde(default)]
     pub pixel_format: V4lFormat,
     /// The count from which a pixel is saturated. `None`: `2^bits − 1`.
-    #[serde(default)]
     pub saturation: Option<u16>,
     /// The gain in the driver's own unit. `None`: the camera's setting is left unchanged.
-    #[serde(default)]
     pub gain: Option<i64>,
     /// The shortest and the longest exposure, in seconds.
     #[serde(default = "video_exposures")]
     pub exposures: [f64; 2],
     /// Seconds to wait for a frame beyond its exposure.
-    #[serde(default = "timeout")]
+    #[serde(default = "number::<1, _>")]
     pub timeout: f64,
     /// The number of additional frames to discard before each photo, because the camera itself may have begun them too early. The
     /// frames that the driver buffers are discarded anyway.
-    #[serde(default = "two")]
+    #[serde(default = "number::<2, _>")]
     pub skip: u32,
 }
 
@@ -272,36 +215,30 @@ impl V4lFormat {
     /// All formats.
     pub const ALL: [Self; 5] = [Self::Grey, Self::Y10, Self::Y12, Self::Y16, Self::Yuyv];
 
+    /// The name in rig files, the four-character code of the video interface, and the bits of a count.
+    fn facts(self) -> (&'static str, &'static [u8; 4], u32) {
+        match self {
+            Self::Grey => ("grey", b"GREY", 8),
+            Self::Y10 => ("y10", b"Y10 ", 10),
+            Self::Y12 => ("y12", b"Y12 ", 12),
+            Self::Y16 => ("y16", b"Y16 ", 16),
+            Self::Yuyv => ("yuyv", b"YUYV", 8),
+        }
+    }
+
     /// The name in rig files.
     pub fn key(self) -> &'static str {
-        match self {
-            Self::Grey => "grey",
-            Self::Y10 => "y10",
-            Self::Y12 => "y12",
-            Self::Y16 => "y16",
-            Self::Yuyv => "yuyv",
-        }
+        self.facts().0
     }
 
     /// The four-character code of the video interface.
     pub fn code(self) -> [u8; 4] {
-        *match self {
-            Self::Grey => b"GREY",
-            Self::Y10 => b"Y10 ",
-            Self::Y12 => b"Y12 ",
-            Self::Y16 => b"Y16 ",
-            Self::Yuyv => b"YUYV",
-        }
+        *self.facts().1
     }
 
     /// Bits of a count.
     pub fn bits(self) -> u32 {
-        match self {
-            Self::Grey | Self::Yuyv => 8,
-            Self::Y10 => 10,
-            Self::Y12 => 12,
-            Self::Y16 => 16,
-        }
+        self.facts().2
     }
 }
 
@@ -309,19 +246,11 @@ fn video_exposures() -> [f64; 2] {
     [1e-3, 0.1]
 }
 
-fn two() -> u32 {
-    2
-}
-
 impl V4lSpec {
     /// The camera's properties. The name contains every setting that changes counts.
     pub fn info(&self) -> CameraInfo {
         let code = String::from_utf8_lossy(&self.pixel_format.code()).trim_end().to_owned();
-        let mut info = self.sensor().info(&format!("v4l {} {code}", self.device), self.exposures);
-        if let Some(gain) = self.gain {
-            info.name.push_str(&format!(" gain {gain}"));
-        }
-        info
+        self.sensor().info(&format!("v4l {} {code}", self.device), self.exposures).with_gain(self.gain)
     }
 
     pub(crate) fn sensor(&self) -> Sensor {

@@ -71,18 +71,10 @@ impl RawFrame {
 
 fn check(resolution: Resolution, channels: usize, found: usize, what: &'static str) -> Result<()> {
     if channels != 1 && channels != 3 {
-        return Err(Error::Dimension {
-            what: "channels of a frame",
-            expected: "1 or 3".into(),
-            found: channels.to_string(),
-        });
+        return Err(Error::dimension("channels of a frame", "1 or 3", channels));
     }
     if found != resolution.pixels() * channels {
-        return Err(Error::Dimension {
-            what,
-            expected: format!("{resolution}x{channels}"),
-            found: found.to_string(),
-        });
+        return Err(Error::dimension(what, format!("{resolution}x{channels}"), found));
     }
     Ok(())
 }
@@ -131,20 +123,20 @@ impl ProjectorInfo {
         {
             return Ok(());
         }
-        Err(Error::Rig {
-            device: self.name.clone(),
-            fault: format!(
+        Err(Error::rig(
+            &self.name,
+            format!(
                 "it cannot show a frame of {} with {} channels and levels up to {highest}",
                 frame.resolution(),
                 frame.channels()
             ),
-            help: format!(
-                "it shows frames of {} with {} channels and levels up to {}",
-                self.resolution,
-                self.channels,
-                self.highest()
-            ),
-        })
+        )
+        .help(format!(
+            "it shows frames of {} with {} channels and levels up to {}",
+            self.resolution,
+            self.channels,
+            self.highest()
+        )))
     }
 }
 
@@ -155,12 +147,8 @@ impl CameraInfo {
         if (shortest..=longest).contains(&exposure) {
             return Ok(());
         }
-        Err(Error::Rig {
-            device: self.name.clone(),
-            fault: format!("an exposure of {exposure} s cannot be set"),
-            help: format!(
-                "give exposures from {shortest} to {longest} s in [measurement], or correct those of [camera]"
-            ),
-        })
+        Err(Error::rig(&self.name, format!("an exposure of {exposure} s cannot be set")).help(format!(
+            "give exposures from {shortest} to {longest} s in [measurement], or correct those of [camera]"
+        )))
     }
 }

@@ -2,21 +2,18 @@
 //! GenICam, and the crate `viva-genicam` implements the protocols.
 //!
 //! Each trigger gives one frame, which has a number and a time. An [`Anchor`] relates the camera's clock to the rig's clock. [`Numbers`]
-//! increase over all sessions with a camera. The function [`set_up()`](set_up::set_up) checks the camera's limits, switches automatic
+//! increase over all sessions with a camera. The function [`set_up`] checks the camera's limits, switches automatic
 //! features off, and reads the camera's abilities.
-
-pub(crate) mod set_up;
 
 use std::time::Duration;
 
-use viva_genicam::genapi::RegisterIo;
-use viva_genicam::{Camera as Described, Frame, GenicamError};
+use viva_genicam::genapi::{RegisterIo, ValueRange};
+use viva_genicam::{Camera as Described, Frame, GenicamError, StandardFeature};
 
-use super::sensor::Settings;
-use super::{Camera, CameraInfo, Losses, RawFrame, WallClock, camera_fault};
-use crate::error::Result;
+use super::hardware::{in_use, is_busy};
+use super::{Abilities, Camera, CameraInfo, GenicamSpec, Losses, RawFrame, WallClock, camera_fault};
+use crate::error::{Error, Result};
 use crate::machine;
-use set_up::{said, set_exposure, set_up};
 
 /// The transport layer of a camera: GigE Vision or USB3 Vision.
 pub trait Transport: Send {
@@ -57,7 +54,7 @@ struct Link<T: Transport> {
 }
 
 impl<T: Transport> Link<T> {
-    fn open(transport: &T, settings: &Settings) -> Result<Self> {
+    fn open(transport: &T, spec: &GenicamSpec) -> Result<Self> {
         let place = transport.place();
         // The protocol's library needs a thread, and would end the program without one.
         if !machine::has_thread() {
@@ -65,7 +62,7 @@ impl<T: Transport> Link<T> {
             return Err(camera_fault(fault, "raise the limit of processes (`ulimit -u`)"));
         }
         let mut camera = transport.connect()?;
-        set_up(&mut camera, settings, &place)?;
+        set_up(&mut camera, spec, &place)?;
         let stream = transport.stream(&mut camera).map_err(|why| said(&place, "open its stream", &why))?;
         camera.acquisition_start().map_err(|why| said(&place, "start", &why))?;
         Ok(Self { camera, stream })
@@ -83,7 +80,7 @@ impl<T: Transport> Drop for Link<T> {
 pub struct Triggered<T: Transport> {
     info: CameraInfo,
     transport: T,
-    settings: Settings,
+    spec: GenicamSpec,
     clock: WallClock,
     link: Option<Link<T>>,
     anchor: Option<Anchor>,
@@ -96,27 +93,19 @@ pub struct Triggered<T: Transport> {
 
 impl<T: Transport> Triggered<T> {
     /// Opens the camera. Its frames have times of `clock`, and numbers from `after + 1`.
-    pub(crate) fn start(
-        transport: T,
-        settings: Settings,
-        info: CameraInfo,
-        clock: WallClock,
-        after: u64,
-    ) -> Result<Self> {
-        let link = Link::open(&transport, &settings)?;
-        let shortest = settings.exposures[0];
+    pub(crate) fn start(transport: T, spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
         let mut camera = Self {
-            info,
+            info: spec.info(),
+            link: Some(Link::open(&transport, spec)?),
             transport,
-            settings,
+            spec: spec.clone(),
             clock,
-            link: Some(link),
             anchor: None,
             exposure: None,
             numbers: Numbers::past(after),
             losses: Losses::default(),
         };
-        camera.configure(shortest)?;
+        camera.configure(spec.exposures[0])?;
         Ok(camera)
     }
 
@@ -130,7 +119,7 @@ impl<T: Transport> Triggered<T> {
         }
         let triggered = self.clock.seconds();
         link.camera.trigger_software()?;
-        let patience = Duration::from_secs_f64(exposure + self.settings.timeout);
+        let patience = Duration::from_secs_f64(exposure + self.spec.timeout);
         match T::next(&mut link.stream, patience) {
             Ok(frame) => Ok(frame.map(|frame| (frame, [triggered, self.clock.seconds()]))),
             Err(GenicamError::Timeout(_)) => Ok(None),
@@ -154,8 +143,8 @@ impl<T: Transport> Triggered<T> {
 
     /// The counts of a frame, which must have the requested format and size.
     fn counts(&self, frame: &Frame) -> Result<Vec<u16>> {
-        let format = self.settings.pixel_format;
-        let [width, height] = self.settings.sensor.size;
+        let format = self.spec.pixel_format;
+        let [width, height] = self.spec.size;
         let size = [frame.width, frame.height];
         if frame.pixel_format.name() != Some(format.name())
             || size.map(|side| side as usize) != [width, height]
@@ -192,7 +181,7 @@ impl<T: Transport> Triggered<T> {
 
     fn reopen(&mut self) -> Result<()> {
         self.close();
-        self.link = Some(Link::open(&self.transport, &self.settings)?);
+        self.link = Some(Link::open(&self.transport, &self.spec)?);
         self.numbers.begin();
         Ok(())
     }
@@ -238,7 +227,7 @@ impl<T: Transport> Camera for Triggered<T> {
         Ok(Some(RawFrame {
             resolution: self.info.resolution,
             channels: self.info.channels,
-            counts: self.settings.sensor.pixels(self.counts(&frame)?),
+            counts: self.spec.sensor().pixels(self.counts(&frame)?),
             exposure,
             id: self.numbers.of(T::number(&frame)),
             started: self.started(&frame, exposure, times),
@@ -351,6 +340,199 @@ impl Anchor {
 fn frequency<T: RegisterIo>(camera: &Described<T>) -> Option<f64> {
     let ticks = camera.get_integer("GevTimestampTickFrequency").ok()?;
     (ticks > 0).then_some(ticks as f64)
+}
+
+// The setup. The camera takes one frame for each software trigger, its automatic features are off, and all values are within its limits.
+
+/// The largest difference between the requested gain and the gain that was set, in the camera's unit (usually decibels). It is half of the
+/// usual step of a tenth, with a margin.
+const GAIN_TOLERANCE: f64 = 0.06;
+
+/// Sets an open camera up. `place` is the camera's place in errors.
+fn set_up<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
+    let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
+    // A session that ended abruptly leaves the acquisition running.
+    let _ = camera.acquisition_stop();
+    for automatic in ["ExposureAuto", "GainAuto", "BalanceWhiteAuto"] {
+        if camera.get_enum(automatic).is_ok_and(|value| value != "Off") {
+            camera
+                .set_enum(automatic, "Off")
+                .map_err(|why| failed(&format!("switch {automatic} off"), &why))?;
+        }
+    }
+    // Gamma and look-up tables make counts nonlinear.
+    for bent in ["GammaEnable", "LUTEnable"] {
+        if camera.get_bool(bent).is_ok_and(|value| value) {
+            camera.set_bool(bent, false).map_err(|why| failed(&format!("switch {bent} off"), &why))?;
+        }
+    }
+    set_format(camera, spec, place)?;
+    set_region(camera, spec, place)?;
+    camera.set_acquisition_mode("Continuous").map_err(|why| failed("take frames one after another", &why))?;
+    camera
+        .enable_trigger("FrameStart", "Software")
+        .map_err(|why| failed("wait for a software trigger", &why))?;
+    if let Some(gain) = spec.gain {
+        set_gain(camera, place, gain)?;
+    }
+    check_exposures(camera, spec, place)
+}
+
+fn set_format<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
+    let format = spec.pixel_format.name();
+    camera.set_enum("PixelFormat", format).map_err(|why| {
+        let known = camera.feature_state("PixelFormat").ok().and_then(|state| state.enum_entries);
+        camera_fault(
+            format!("the camera {place} has no pixel format {format}: {why}"),
+            format!("give another pixel_format in [camera]; it has {}", known.unwrap_or_default().join(", ")),
+        )
+    })
+}
+
+/// Sets the part of the sensor that is read. Offsets are first set to their minimum, because the limits of sizes and offsets depend on each
+/// other.
+fn set_region<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
+    for name in ["OffsetX", "OffsetY"] {
+        let least = limits(camera, name).map_or(0, |range| range.min as i64);
+        if camera.get_integer(name).is_ok_and(|now| now != least) {
+            camera
+                .set_integer(name, least)
+                .map_err(|why| said(place, &format!("set {name} to {least}"), &why))?;
+        }
+    }
+    let [[width, height], [x, y]] = [spec.size, spec.offset];
+    for (key, at, name, value) in [
+        ("size", 0, "Width", width),
+        ("size", 1, "Height", height),
+        ("offset", 0, "OffsetX", x),
+        ("offset", 1, "OffsetY", y),
+    ] {
+        let range = limits(camera, name);
+        if let Some(range) = range.filter(|range| !allows(*range, value as f64)) {
+            return Err(camera_fault(
+                format!("camera.{key}[{at}] is {value}, but {name} of the camera {place} is {}", told(range)),
+                match key {
+                    "size" => "correct size in [camera]",
+                    _ => "correct offset in [camera], or give a smaller size",
+                },
+            ));
+        }
+        // A camera without offsets always reads from its first pixel.
+        if key == "offset" && value == 0 && camera.feature_state(name).is_err() {
+            continue;
+        }
+        camera
+            .set_integer(name, value as i64)
+            .map_err(|why| said(place, &format!("set {name} to {value}"), &why))?;
+    }
+    Ok(())
+}
+
+fn set_gain<T: RegisterIo>(camera: &mut Described<T>, place: &str, gain: f64) -> Result<()> {
+    let failed = |why: GenicamError| said(place, &format!("set a gain of {gain}"), &why);
+    let name = camera.resolve(StandardFeature::Gain).map_err(failed)?.name;
+    if let Some(range) = limits(camera, name).filter(|range| !(range.min..=range.max).contains(&gain)) {
+        return Err(camera_fault(
+            format!("camera.gain is {gain}, but {name} of the camera {place} is {}", told(range)),
+            "correct gain in [camera]",
+        ));
+    }
+    camera.set_gain(gain).map_err(failed)?;
+    let set = camera.gain().map_err(failed)?;
+    if (set - gain).abs() > GAIN_TOLERANCE {
+        return Err(camera_fault(
+            format!("asked for a gain of {gain}, the camera {place} has set {set}"),
+            format!("write gain = {set} in [camera]"),
+        ));
+    }
+    Ok(())
+}
+
+fn check_exposures<T: RegisterIo>(camera: &Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
+    let known = ["ExposureTime", "ExposureTimeAbs"];
+    if known.iter().all(|name| camera.feature_state(name).is_err()) {
+        return Err(camera_fault(
+            format!("the camera {place} does not say its exposure in microseconds"),
+            "use a camera with the feature ExposureTime",
+        ));
+    }
+    let Some(range) = known.iter().find_map(|name| limits(camera, name)) else { return Ok(()) };
+    let [least, most] = [range.min, range.max];
+    let [shortest, longest] = spec.exposures;
+    // Many cameras round to whole microseconds.
+    if 1e6 * shortest < least - 1.0 || 1e6 * longest > most + 1.0 {
+        return Err(camera_fault(
+            format!(
+                "the camera {place} does exposures from {} to {} s, but the rig file says {shortest} to {longest} s",
+                least / 1e6,
+                most / 1e6
+            ),
+            "correct exposures in [camera]",
+        ));
+    }
+    Ok(())
+}
+
+/// Sets the exposure in seconds, and returns the exposure that was really set.
+fn set_exposure<T: RegisterIo>(camera: &mut Described<T>, place: &str, exposure: f64) -> Result<f64> {
+    let failed = |why: GenicamError| said(place, &format!("set an exposure of {exposure} s"), &why);
+    camera.set_exposure_time(1e6 * exposure).map_err(failed)?;
+    let set = camera.exposure_time().map_err(failed)?;
+    Ok(set / 1e6)
+}
+
+/// The range of values that a feature may have now, if the camera reports it.
+fn limits<T: RegisterIo>(camera: &Described<T>, name: &str) -> Option<ValueRange> {
+    camera.feature_state(name).ok()?.range
+}
+
+fn allows(range: ValueRange, value: f64) -> bool {
+    // Both values are integers that `f64` represents exactly.
+    let is_step = range.inc.is_none_or(|step| step <= 0.0 || (value - range.min).rem_euclid(step) == 0.0);
+    (range.min..=range.max).contains(&value) && is_step
+}
+
+/// A range in words, for example `4 to 48 in steps of 4`.
+fn told(range: ValueRange) -> String {
+    let steps = range.inc.filter(|step| *step > 1.0);
+    let steps = steps.map_or_else(String::new, |step| format!(" in steps of {step}"));
+    format!("{} to {}{steps}", range.min, range.max)
+}
+
+pub(crate) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
+    if is_busy(why) || matches!(why, GenicamError::NotInControl(_)) {
+        return in_use(place);
+    }
+    camera_fault(
+        format!("the camera {place} did not {doing}: {why}"),
+        "check its cable and power, and that no other program uses it",
+    )
+}
+
+impl Abilities {
+    pub(crate) fn of<T: RegisterIo>(camera: &Described<T>) -> Self {
+        let range = |names: &[&str]| {
+            let mut states = names.iter().filter_map(|name| camera.feature_state(name).ok());
+            states.find_map(|state| state.range).map(|range| [range.min, range.max])
+        };
+        let whole = |names: &[&str]| {
+            let number = names.iter().find_map(|name| camera.get_integer(name).ok());
+            number.and_then(|number| usize::try_from(number).ok()).filter(|&number| number > 0)
+        };
+        // Width and height may describe a part of the sensor, but their maximum describes the whole sensor.
+        let sides = [whole(&["WidthMax", "SensorWidth"]), whole(&["HeightMax", "SensorHeight"])];
+        Self {
+            sensor: sides[0].zip(sides[1]).map(|(width, height)| [width, height]),
+            pixel_formats: camera
+                .feature_state("PixelFormat")
+                .ok()
+                .and_then(|state| state.enum_entries)
+                .unwrap_or_default(),
+            // The camera's exposures are in microseconds.
+            exposures: range(&["ExposureTime", "ExposureTimeAbs"]).map(|range| range.map(|time| time / 1e6)),
+            gains: range(&["Gain"]),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -4,16 +4,16 @@
 use std::net::Ipv4Addr;
 use std::time::{Duration, Instant};
 
+use serde_json::json;
 use viva_genicam::gige::{DiscoveryOptions, GigeError};
 use viva_genicam::{
     Access, Camera as Described, Frame, FrameStream, GenicamError, GigeRegisterIo, StreamOptions, blocking,
 };
 
-use super::genicam::set_up::{Abilities, said};
-use super::genicam::{Transport, Triggered};
+use super::genicam::{Transport, Triggered, said};
 use super::hardware::{causes, in_use};
-use super::{GigeSpec, Losses, WallClock, camera_fault};
-use crate::error::Result;
+use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallClock, camera_fault};
+use crate::error::{Error, Result};
 
 /// The longest wait for a camera that does not answer or is held. After a session that ended abruptly, the camera is free once its
 /// heartbeat of 3 s has run out.
@@ -26,19 +26,27 @@ const ACCESS_DENIED: u16 = 0x8006;
 pub(crate) const ANSWER: Duration = Duration::from_millis(500);
 
 /// A GigE Vision camera.
-pub type GigeVision = Triggered<GigeSpec>;
+pub type GigeVision = Triggered<OnNetwork>;
 
 impl GigeVision {
     /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when no camera answers there, another program holds it, or it cannot do what `spec` says.
-    pub fn open(spec: &GigeSpec, clock: WallClock, after: u64) -> Result<Self> {
-        Self::start(spec.clone(), spec.settings(), spec.info(), clock, after)
+    pub fn open(spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
+        let address =
+            spec.address.ok_or_else(|| camera_fault("it has no address", "give address in [camera]"))?;
+        Self::start(OnNetwork { address, packet_size: spec.packet_size }, spec, clock, after)
     }
 }
 
-impl Transport for GigeSpec {
+/// The GigE Vision protocol with the camera at an address.
+pub struct OnNetwork {
+    address: Ipv4Addr,
+    packet_size: Option<u32>,
+}
+
+impl Transport for OnNetwork {
     type Registers = GigeRegisterIo;
     type Stream = FrameStream;
 
@@ -51,10 +59,7 @@ impl Transport for GigeSpec {
         loop {
             let found = blocking::discover_ip(self.address, ANSWER);
             let why = match found.map_err(|why| said(&self.place(), "answer", &why))? {
-                None => camera_fault(
-                    format!("no GigE Vision camera answers at {}", self.address),
-                    "check its power, its cable and its address; the network must be the computer's own",
-                ),
+                None => silent(self.address),
                 Some(device) => match blocking::connect(&device) {
                     Ok(camera) => return Ok(camera),
                     Err(why) if is_denied(&why) => in_use(&self.place()),
@@ -108,45 +113,33 @@ pub(crate) fn is_denied(why: &GenicamError) -> bool {
     })
 }
 
-/// The longest wait for cameras to answer.
-const FIND_ANSWER: Duration = Duration::from_millis(500);
-
-/// A GigE Vision camera that answered.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct FoundGigeCamera {
-    /// The camera's address.
-    pub address: Ipv4Addr,
-    /// The maker, if the camera reports it.
-    pub maker: Option<String>,
-    /// The model, if the camera reports it.
-    pub model: Option<String>,
-    /// The serial number, if the camera reports it.
-    pub serial: Option<String>,
+fn silent(address: Ipv4Addr) -> Error {
+    camera_fault(
+        format!("no GigE Vision camera answers at {address}"),
+        "check its power, its cable and its address; the network must be the computer's own",
+    )
 }
 
-/// Finds the GigE Vision cameras that answer on the computer's networks or at `addresses`.
-///
-/// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when no request can be sent.
-pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundGigeCamera>> {
+/// Finds the GigE Vision cameras that answer on the computer's networks or at `address`.
+pub(crate) fn cameras(address: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> {
     let failed = |why: GenicamError| {
         camera_fault(
             format!("cameras cannot be searched for: {why}"),
             "check that the computer has a network",
         )
     };
-    let mut found = blocking::discover_with(FIND_ANSWER, &DiscoveryOptions::new().include_loopback(true))
-        .map_err(failed)?;
-    for &address in addresses {
-        if found.iter().all(|device| device.ip != address) {
-            found.extend(blocking::discover_ip(address, FIND_ANSWER).map_err(failed)?);
-        }
+    let mut found =
+        blocking::discover_with(ANSWER, &DiscoveryOptions::new().include_loopback(true)).map_err(failed)?;
+    if let Some(address) = address.filter(|address| found.iter().all(|device| device.ip != *address)) {
+        found.extend(blocking::discover_ip(address, ANSWER).map_err(failed)?);
     }
-    let camera = |device: viva_genicam::gige::DeviceInfo| FoundGigeCamera {
-        address: device.ip,
-        maker: device.manufacturer,
-        model: device.model,
-        serial: device.serial,
+    let camera = |device: viva_genicam::gige::DeviceInfo| {
+        let place = device.ip.to_string();
+        let names = [device.manufacturer, device.model, device.serial];
+        let [maker, model, serial] = names.each_ref().map(|name| name.as_deref().unwrap_or("?"));
+        let line = format!("{place}: {maker} {model}, serial number {serial}");
+        let facts = json!({ "address": device.ip, "maker": names[0], "model": names[1], "serial": names[2] });
+        AttachedCamera::new(CameraKind::Gige, Some(place), line, facts)
     };
     Ok(found.into_iter().map(camera).collect())
 }
@@ -163,11 +156,8 @@ pub fn gige_camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
             "check its cable and address, and end any other program that uses it",
         ),
     };
-    let Some(device) = blocking::discover_ip(address, FIND_ANSWER).map_err(failed)? else {
-        return Err(camera_fault(
-            format!("no GigE Vision camera answers at {address}"),
-            "check its power, its cable and its address; the network must be the computer's own",
-        ));
+    let Some(device) = blocking::discover_ip(address, ANSWER).map_err(failed)? else {
+        return Err(silent(address));
     };
     let (camera, _) = blocking::connect_as(&device, Access::Monitor).map_err(failed)?;
     Ok(Abilities::of(&camera))

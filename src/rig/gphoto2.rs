@@ -8,12 +8,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use tempfile::TempDir;
 
 use super::cameras::CameraKind;
 use super::sensor::{Colour, Sensor, Tiles};
-use super::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+use super::{Camera, CameraInfo, RawFrame, WallClock, camera_fault, number};
 use crate::error::{Error, Result};
 use answers::Setting;
 use body::{Body, Ran, last, prepare, run};
@@ -184,7 +185,6 @@ pub struct Gphoto2Spec {
     /// The kind of camera.
     pub kind: CameraKind,
     /// The model as printed by `gphoto2 --auto-detect`. `None`: the only camera.
-    #[serde(default)]
     pub model: Option<String>,
     /// Width and height of the used part of the RAW picture, in photosites.
     pub size: [usize; 2],
@@ -192,16 +192,14 @@ pub struct Gphoto2Spec {
     #[serde(default)]
     pub offset: [usize; 2],
     /// The colour filters of the 2×2 cell at the picture's top left photosite. `None`: the sensor is gray.
-    #[serde(default)]
     pub tiles: Option<Tiles>,
     /// The conversion of cells to pixels.
     #[serde(default)]
     pub colour: Colour,
     /// Bits of a photosite's count.
-    #[serde(default = "fourteen")]
+    #[serde(default = "number::<14, _>")]
     pub bits: u32,
     /// The count from which a photosite is saturated. `None`: `2^bits − 1`. Most sensors have a lower white level.
-    #[serde(default)]
     pub saturation: Option<u16>,
     /// The sensitivity, which is one of the camera's choices, for example `100`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
@@ -221,10 +219,9 @@ pub struct Gphoto2Spec {
     /// The number of steps of the shutter speed per doubling. With `stops = 3`, each speed is replaced by the nearest power of the cube
     /// root of 2, which is the true speed of most cameras (1/60 means 1/64 s, 30 means 32 s). With 2, the root is the square root. `None`:
     /// the camera's numbers are taken literally.
-    #[serde(default)]
     pub stops: Option<u32>,
     /// Seconds beyond the exposure that `gphoto2` may take for a photo. The decoder may take the same number of seconds for the file.
-    #[serde(default = "half_a_minute")]
+    #[serde(default = "number::<30, _>")]
     pub timeout: f64,
     /// The `gphoto2` program: its absolute path, or a name on `PATH`.
     #[serde(default = "gphoto2")]
@@ -235,16 +232,8 @@ pub struct Gphoto2Spec {
     pub decoder: Vec<String>,
 }
 
-fn fourteen() -> u32 {
-    14
-}
-
 fn exposures() -> [f64; 2] {
     [1e-3, 30.0]
-}
-
-fn half_a_minute() -> f64 {
-    30.0
 }
 
 fn gphoto2() -> String {
@@ -257,18 +246,12 @@ fn dcraw() -> Vec<String> {
 }
 
 fn worded<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<String>, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged, expecting = "one of the camera's choices as text or number")]
-    enum Worded {
-        Whole(i64),
-        Number(f64),
-        Text(String),
+    match toml::Value::deserialize(deserializer)? {
+        toml::Value::Integer(number) => Ok(Some(number.to_string())),
+        toml::Value::Float(number) => Ok(Some(number.to_string())),
+        toml::Value::String(text) => Ok(Some(text)),
+        _ => Err(D::Error::custom("give one of the camera's choices as text or number")),
     }
-    Ok(Some(match Worded::deserialize(deserializer)? {
-        Worded::Whole(number) => number.to_string(),
-        Worded::Number(number) => number.to_string(),
-        Worded::Text(text) => text,
-    }))
 }
 
 impl Gphoto2Spec {
@@ -281,7 +264,7 @@ impl Gphoto2Spec {
             offset: [0, 0],
             tiles: None,
             colour: Colour::default(),
-            bits: fourteen(),
+            bits: 14,
             saturation: None,
             iso: None,
             aperture: None,
@@ -289,7 +272,7 @@ impl Gphoto2Spec {
             settings: BTreeMap::new(),
             exposures: exposures(),
             stops: None,
-            timeout: half_a_minute(),
+            timeout: 30.0,
             program: gphoto2(),
             decoder: dcraw(),
         }

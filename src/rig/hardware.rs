@@ -6,17 +6,10 @@ use std::io;
 use std::io::ErrorKind;
 
 use super::{
-    Camera, CameraInfo, CameraSpec, Devices, Gphoto2, Helper, ProjectorInfo, Stamp, WallClock, X11Projector,
-    X11Spec, camera_fault,
+    Camera, CameraInfo, CameraKind, CameraSpec, Devices, Gphoto2, Helper, ProjectorInfo, Stamp, WallClock,
+    X11Projector, X11Spec, abilities, camera_fault,
 };
 use crate::error::{Error, Result};
-
-#[cfg(any(feature = "gige", feature = "usb3"))]
-use super::genicam::set_up::{self, Abilities as Described};
-
-/// Without the features for machine vision cameras, no camera describes itself.
-#[cfg(not(any(feature = "gige", feature = "usb3")))]
-type Described = String;
 
 /// A description of a rig of real devices.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,17 +50,13 @@ impl HardwareRig {
     /// # Errors
     /// [`Error::Rig`] when the camera does not answer, or when its description cannot be read within these bounds.
     pub fn camera_abilities(&self, helper: &Helper) -> Result<Option<String>> {
-        #[cfg(not(any(feature = "gige", feature = "usb3")))]
-        let _ = helper;
-        let described = match &self.camera {
-            #[cfg(feature = "gige")]
-            CameraSpec::Gige(spec) => Some(set_up::ask(helper, "gige", Some(&spec.address.to_string()))?),
-            #[cfg(feature = "usb3")]
-            CameraSpec::Usb3(spec) => Some(set_up::ask(helper, "usb3", spec.serial.as_deref())?),
+        match &self.camera {
+            CameraSpec::Genicam(spec) if spec.kind.is_built() => {
+                Ok(Some(abilities::ask(helper, spec.kind, spec.address_or_serial().as_deref())?.to_string()))
+            }
             // Such a camera has no description, or cannot be opened at all.
-            _ => None::<Described>,
-        };
-        Ok(described.map(|abilities| abilities.to_string()))
+            _ => Ok(None),
+        }
     }
 
     /// Opens only the camera. [`Self::camera_abilities`] must have read its description.
@@ -90,18 +79,19 @@ impl HardwareRig {
 fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Camera>> {
     Ok(match spec {
         #[cfg(feature = "gige")]
-        CameraSpec::Gige(spec) => Box::new(crate::rig::GigeVision::open(spec, clock, after)?),
+        CameraSpec::Genicam(spec) if spec.kind == CameraKind::Gige => {
+            Box::new(super::GigeVision::open(spec, clock, after)?)
+        }
         #[cfg(feature = "usb3")]
-        CameraSpec::Usb3(spec) => Box::new(crate::rig::Usb3Vision::open(spec, clock, after)?),
+        CameraSpec::Genicam(spec) if spec.kind == CameraKind::Usb3 => {
+            Box::new(super::Usb3Vision::open(spec, clock, after)?)
+        }
+        CameraSpec::Genicam(spec) => return Err(spec.kind.not_built()),
         #[cfg(feature = "v4l")]
-        CameraSpec::V4l(spec) => Box::new(crate::rig::V4l::open(spec, clock, after)?),
-        CameraSpec::Gphoto2(spec) => Box::new(Gphoto2::open(spec, clock, after)?),
-        #[cfg(not(feature = "gige"))]
-        CameraSpec::Gige(_) => return Err(crate::rig::not_built("GigE Vision", "gige")),
-        #[cfg(not(feature = "usb3"))]
-        CameraSpec::Usb3(_) => return Err(crate::rig::not_built("USB3 Vision", "usb3")),
+        CameraSpec::V4l(spec) => Box::new(super::V4l::open(spec, clock, after)?),
         #[cfg(not(feature = "v4l"))]
-        CameraSpec::V4l(_) => return Err(crate::rig::not_built("cameras of Linux's video interface", "v4l")),
+        CameraSpec::V4l(spec) => return Err(spec.kind.not_built()),
+        CameraSpec::Gphoto2(spec) => Box::new(Gphoto2::open(spec, clock, after)?),
     })
 }
 

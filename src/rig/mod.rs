@@ -18,6 +18,7 @@
 //! | `V4l`, behind Linux's video interface | the feature `v4l` |
 //! | [`Gphoto2`], a still camera | the programs `gphoto2` and `dcraw` (or another RAW decoder) |
 
+mod abilities;
 mod attached;
 mod cameras;
 mod devices;
@@ -28,7 +29,6 @@ mod genicam;
 mod gige;
 mod gphoto2;
 mod hardware;
-pub(crate) mod nearest;
 mod pixel_format;
 mod program;
 pub(crate) mod sensor;
@@ -41,42 +41,82 @@ mod v4l_set_up;
 mod virtual_bench;
 mod x11;
 
+pub use abilities::Abilities;
 pub use attached::{AttachedCamera, AttachedDevices};
-#[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
-use cameras::not_built;
-pub use cameras::{CameraKind, CameraSpec, GigeSpec, Usb3Spec, V4lFormat, V4lSpec};
+pub use cameras::{CameraKind, CameraSpec, GenicamSpec, V4lFormat, V4lSpec};
 pub use devices::{Camera, Clock, Devices, Losses, Projector, Shown, Stamp, Waited, WallClock};
 pub use frame::{CameraInfo, Frame, ProjectorInfo, RawFrame};
-#[cfg(any(feature = "gige", feature = "usb3"))]
-pub use genicam::set_up::Abilities;
 #[cfg(feature = "gige")]
-pub use gige::{FoundGigeCamera, GigeVision, cameras, gige_camera_abilities};
-pub use gphoto2::answers::FoundStillCamera;
-pub use gphoto2::body::still_cameras;
+pub use gige::{GigeVision, gige_camera_abilities};
 pub use gphoto2::{Gphoto2, Gphoto2Spec};
 pub use hardware::HardwareRig;
 pub use pixel_format::PixelFormat;
 pub use program::{DeviceOpener, ProgramCamera, ProgramProjector, ProgramRig};
 pub use sensor::{Binning, Colour, Tiles};
 #[cfg(feature = "usb3")]
-pub use usb3::{FoundUsbCamera, Usb3Vision, usb_camera_abilities, usb_cameras};
+pub use usb3::{Usb3Vision, usb_camera_abilities};
 #[cfg(feature = "v4l")]
-pub use v4l::{FoundVideoDevice, V4l, video_devices};
+pub use v4l::V4l;
 pub use virtual_bench::MatteSheet;
 pub use virtual_bench::spec::{
-    Ambient, Drift, Faults, Misregistration, Response, Splitter, VirtualCamera, VirtualProjector, VirtualRig,
-    VirtualScene,
+    Ambient, Drift, Faults, Response, Splitter, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene,
 };
 pub use virtual_bench::world::{Iris, Pulse};
-#[cfg(not(feature = "x11"))]
-pub use x11::absent::monitors;
 pub use x11::helper::{Helper, serve_projector};
 #[cfg(feature = "x11")]
 pub use x11::monitor::monitors;
+#[cfg(not(feature = "x11"))]
+pub use x11::monitors;
 pub use x11::projector::{ShowTimes, X11Projector};
 pub use x11::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 
 /// An error of the device "camera", with the remedy `help`.
 fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Error {
-    crate::Error::Rig { device: "camera".into(), fault: fault.into(), help: help.into() }
+    crate::Error::rig("camera", fault).help(help)
+}
+
+/// The default `N` of a number in a rig file.
+fn number<const N: u8, T: From<u8>>() -> T {
+    N.into()
+}
+
+/// The hint `; did you mean NAME?` with the known name that has the fewest edits from `name`, between two `quote`s. It is empty if all known
+/// names differ so much that they are probably other words.
+pub(crate) fn did_you_mean(name: &str, known: &[impl AsRef<str>], quote: &str) -> String {
+    nearest(name, known).map_or_else(String::new, |name| format!("; did you mean {quote}{name}{quote}?"))
+}
+
+fn nearest<'a>(name: &str, known: &'a [impl AsRef<str>]) -> Option<&'a str> {
+    // A swap of two neighbouring letters counts as one edit.
+    let edits = |known: &'a str| (strsim::osa_distance(name, known), known);
+    let (edits, known) = known.iter().map(|known| edits(known.as_ref())).min_by_key(|(edits, _)| *edits)?;
+    (2 * edits <= name.chars().count().max(known.chars().count()) + 1).then_some(known)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use strsim::osa_distance as distance;
+
+    #[test]
+    fn a_mistyped_name_is_recognized_but_another_word_is_not() {
+        let known = ["gamma", "curve", "black_level", "bits"];
+        for (name, expected) in [
+            ("gama", Some("gamma")),
+            ("gmama", Some("gamma")),
+            ("blacklevel", Some("black_level")),
+            ("bit", Some("bits")),
+            ("temperature", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(name, &known), expected, "{name}");
+        }
+        assert_eq!(nearest("anything", &[] as &[&str]), None);
+    }
+
+    #[test]
+    fn edits_are_counted() {
+        let cases = [("saturday", "sunday", 3), ("", "abc", 3), ("ab", "ba", 1), ("same", "same", 0)];
+        assert!(cases.iter().all(|(a, b, edits)| distance(a, b) == *edits && distance(b, a) == *edits));
+    }
 }

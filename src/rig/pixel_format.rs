@@ -13,7 +13,7 @@ use serde::de::{Deserialize, Deserializer, Error};
 use super::sensor::Tiles;
 
 macro_rules! formats {
-    ($($(#[$of:meta])? $name:ident $key:literal $bits:literal $tiles:expr;)*) => {
+    ($($(#[$of:meta])? $name:ident),* $(,)?) => {
         /// The format in which a camera sends counts. Rig files use lower case, such as `mono12p`, but the convention's spelling is
         /// accepted too.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,81 +23,51 @@ macro_rules! formats {
         }
 
         const ALL: &[PixelFormat] = &[$(PixelFormat::$name),*];
-        const KEYS: &[&str] = &[$($key),*];
 
         impl PixelFormat {
             /// The name in the convention, which cameras use.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$name => stringify!($name),)* }
             }
-
-            /// The name in rig files.
-            pub fn key(self) -> &'static str {
-                match self { $(Self::$name => $key,)* }
-            }
-
-            /// Bits of a count.
-            pub fn bits(self) -> u32 {
-                match self { $(Self::$name => $bits,)* }
-            }
-
-            /// The colour filters before the sensor. `None`: the sensor is gray.
-            pub fn tiles(self) -> Option<Tiles> {
-                match self { $(Self::$name => $tiles,)* }
-            }
         }
     };
 }
 
 formats! {
-    Mono8 "mono8" 8 None;
-    Mono10 "mono10" 10 None;
-    Mono10p "mono10p" 10 None;
-    Mono10Packed "mono10packed" 10 None;
-    #[default] Mono12 "mono12" 12 None;
-    Mono12p "mono12p" 12 None;
-    Mono12Packed "mono12packed" 12 None;
-    Mono14 "mono14" 14 None;
-    Mono16 "mono16" 16 None;
-    BayerRG8 "bayerrg8" 8 Some(Tiles::Rggb);
-    BayerRG10 "bayerrg10" 10 Some(Tiles::Rggb);
-    BayerRG10p "bayerrg10p" 10 Some(Tiles::Rggb);
-    BayerRG10Packed "bayerrg10packed" 10 Some(Tiles::Rggb);
-    BayerRG12 "bayerrg12" 12 Some(Tiles::Rggb);
-    BayerRG12p "bayerrg12p" 12 Some(Tiles::Rggb);
-    BayerRG12Packed "bayerrg12packed" 12 Some(Tiles::Rggb);
-    BayerRG16 "bayerrg16" 16 Some(Tiles::Rggb);
-    BayerGR8 "bayergr8" 8 Some(Tiles::Grbg);
-    BayerGR10 "bayergr10" 10 Some(Tiles::Grbg);
-    BayerGR10p "bayergr10p" 10 Some(Tiles::Grbg);
-    BayerGR10Packed "bayergr10packed" 10 Some(Tiles::Grbg);
-    BayerGR12 "bayergr12" 12 Some(Tiles::Grbg);
-    BayerGR12p "bayergr12p" 12 Some(Tiles::Grbg);
-    BayerGR12Packed "bayergr12packed" 12 Some(Tiles::Grbg);
-    BayerGR16 "bayergr16" 16 Some(Tiles::Grbg);
-    BayerGB8 "bayergb8" 8 Some(Tiles::Gbrg);
-    BayerGB10 "bayergb10" 10 Some(Tiles::Gbrg);
-    BayerGB10p "bayergb10p" 10 Some(Tiles::Gbrg);
-    BayerGB10Packed "bayergb10packed" 10 Some(Tiles::Gbrg);
-    BayerGB12 "bayergb12" 12 Some(Tiles::Gbrg);
-    BayerGB12p "bayergb12p" 12 Some(Tiles::Gbrg);
-    BayerGB12Packed "bayergb12packed" 12 Some(Tiles::Gbrg);
-    BayerGB16 "bayergb16" 16 Some(Tiles::Gbrg);
-    BayerBG8 "bayerbg8" 8 Some(Tiles::Bggr);
-    BayerBG10 "bayerbg10" 10 Some(Tiles::Bggr);
-    BayerBG10p "bayerbg10p" 10 Some(Tiles::Bggr);
-    BayerBG10Packed "bayerbg10packed" 10 Some(Tiles::Bggr);
-    BayerBG12 "bayerbg12" 12 Some(Tiles::Bggr);
-    BayerBG12p "bayerbg12p" 12 Some(Tiles::Bggr);
-    BayerBG12Packed "bayerbg12packed" 12 Some(Tiles::Bggr);
-    BayerBG16 "bayerbg16" 16 Some(Tiles::Bggr);
+    Mono8, Mono10, Mono10p, Mono10Packed, #[default] Mono12, Mono12p, Mono12Packed, Mono14, Mono16,
+    BayerRG8, BayerRG10, BayerRG10p, BayerRG10Packed, BayerRG12, BayerRG12p, BayerRG12Packed, BayerRG16,
+    BayerGR8, BayerGR10, BayerGR10p, BayerGR10Packed, BayerGR12, BayerGR12p, BayerGR12Packed, BayerGR16,
+    BayerGB8, BayerGB10, BayerGB10p, BayerGB10Packed, BayerGB12, BayerGB12p, BayerGB12Packed, BayerGB16,
+    BayerBG8, BayerBG10, BayerBG10p, BayerBG10Packed, BayerBG12, BayerBG12p, BayerBG12Packed, BayerBG16,
+}
+
+impl PixelFormat {
+    /// The name in rig files.
+    pub fn key(self) -> String {
+        self.name().to_lowercase()
+    }
+
+    /// Bits of a count, the only number in the name.
+    pub fn bits(self) -> u32 {
+        self.name().chars().filter_map(|letter| letter.to_digit(10)).fold(0, |bits, digit| 10 * bits + digit)
+    }
+
+    /// The colour filters before the sensor. The first two letters after `Bayer` are the first row (PFNC 2.4, 3.1.7). `None`: the sensor is
+    /// gray.
+    pub fn tiles(self) -> Option<Tiles> {
+        let row = self.name().strip_prefix("Bayer")?;
+        Tiles::ALL.into_iter().find(|tiles| row.starts_with(&tiles.letters()[..2]))
+    }
 }
 
 impl<'de> Deserialize<'de> for PixelFormat {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let name = String::deserialize(deserializer)?;
-        let known = ALL.iter().find(|format| format.key().eq_ignore_ascii_case(&name));
-        known.copied().ok_or_else(|| D::Error::unknown_variant(&name, KEYS))
+        let known = ALL.iter().find(|format| format.name().eq_ignore_ascii_case(&name));
+        known.copied().ok_or_else(|| {
+            let keys: Vec<String> = ALL.iter().map(|format| format!("`{}`", format.key())).collect();
+            D::Error::custom(format!("unknown variant `{name}`, expected one of {}", keys.join(", ")))
+        })
     }
 }
 
@@ -116,8 +86,10 @@ impl PixelFormat {
     }
 }
 
-#[cfg(all(test, any(feature = "gige", feature = "usb3")))]
+#[cfg(test)]
 mod tests {
+    #![cfg(any(feature = "gige", feature = "usb3"))]
+
     use super::*;
     use proptest::prelude::*;
 

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::{CameraInfo, Devices, ProjectorInfo, Stamp};
+use super::{CameraInfo, Devices, ProjectorInfo, Stamp, number};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
@@ -28,10 +28,10 @@ pub struct ProgramProjector {
     /// Width and height in pixels.
     pub size: [usize; 2],
     /// 1 (gray) or 3.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1, _>")]
     pub channels: usize,
     /// Bits of a level, 1 to 16.
-    #[serde(default = "eight")]
+    #[serde(default = "number::<8, _>")]
     pub bits: u32,
     /// Seconds from one refresh to the next. 0: the projector shows steadily.
     #[serde(default)]
@@ -48,10 +48,10 @@ pub struct ProgramCamera {
     /// Width and height in pixels.
     pub size: [usize; 2],
     /// 1 (mono) or 3.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1, _>")]
     pub channels: usize,
     /// Bits of a count, 1 to 16.
-    #[serde(default = "eight")]
+    #[serde(default = "number::<8, _>")]
     pub bits: u32,
     /// The shortest and the longest exposure in seconds.
     pub exposures: [f64; 2],
@@ -63,14 +63,6 @@ fn projector_name() -> String {
 
 fn camera_name() -> String {
     "camera".into()
-}
-
-fn one() -> usize {
-    1
-}
-
-fn eight() -> u32 {
-    8
 }
 
 impl ProgramRig {
@@ -107,11 +99,8 @@ impl DeviceOpener {
     }
 
     pub(crate) fn missing() -> Error {
-        Error::Rig {
-            device: "rig".into(),
-            fault: "its devices are those of a program, which has not handed them over".into(),
-            help: "open the rig by that program, or ask the folder of one of its runs".into(),
-        }
+        Error::rig("rig", "its devices are those of a program, which has not handed them over")
+            .help("open the rig by that program, or ask the folder of one of its runs")
     }
 }
 

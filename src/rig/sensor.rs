@@ -5,7 +5,7 @@
 
 use serde::Deserialize;
 
-use super::{CameraInfo, PixelFormat};
+use super::CameraInfo;
 use crate::image::Resolution;
 
 /// The colour filters of a cell: the upper row first, then the lower row.
@@ -53,24 +53,23 @@ pub struct Binning {
 }
 
 impl Tiles {
-    /// The colours in capital letters, for example `RGGB`.
-    pub fn letters(self) -> &'static str {
+    /// All cells.
+    pub(crate) const ALL: [Self; 4] = [Self::Rggb, Self::Grbg, Self::Gbrg, Self::Bggr];
+
+    /// The colours in capital letters, for example `RGGB`, and the positions of red, the two greens, and blue in a cell. Positions 0 and 1
+    /// are in the upper row, 2 and 3 in the lower row.
+    fn cell(self) -> (&'static str, [usize; 4]) {
         match self {
-            Self::Rggb => "RGGB",
-            Self::Grbg => "GRBG",
-            Self::Gbrg => "GBRG",
-            Self::Bggr => "BGGR",
+            Self::Rggb => ("RGGB", [0, 1, 2, 3]),
+            Self::Grbg => ("GRBG", [1, 0, 3, 2]),
+            Self::Gbrg => ("GBRG", [2, 0, 3, 1]),
+            Self::Bggr => ("BGGR", [3, 1, 2, 0]),
         }
     }
 
-    /// The positions of red, the two greens, and blue in a cell. Positions 0 and 1 are in the upper row, 2 and 3 in the lower row.
-    fn places(self) -> [usize; 4] {
-        match self {
-            Self::Rggb => [0, 1, 2, 3],
-            Self::Grbg => [1, 0, 3, 2],
-            Self::Gbrg => [2, 0, 3, 1],
-            Self::Bggr => [3, 1, 2, 0],
-        }
+    /// The colours in capital letters, for example `RGGB`.
+    pub fn letters(self) -> &'static str {
+        self.cell().0
     }
 }
 
@@ -123,7 +122,7 @@ impl Binning {
                     pixels.extend(std::iter::repeat_n(full, self.colour.channels()));
                     continue;
                 }
-                let [red, green, other, blue] = self.tiles.places().map(|place| u32::from(cell[place]));
+                let [red, green, other, blue] = self.tiles.cell().1.map(|place| u32::from(cell[place]));
                 match self.colour {
                     Colour::Rgb => pixels.extend([2 * red, green + other, 2 * blue].map(scaled)),
                     Colour::Luma => pixels.push(scaled(red + green + other + blue)),
@@ -224,26 +223,13 @@ impl Sensor {
     }
 }
 
-/// The settings in a rig file, without the camera's address.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Settings {
-    pub(crate) pixel_format: PixelFormat,
-    pub(crate) sensor: Sensor,
-    /// The gain in the camera's own unit. `None`: the camera's setting is left unchanged.
-    pub(crate) gain: Option<f64>,
-    /// The shortest and the longest exposure, in seconds.
-    pub(crate) exposures: [f64; 2],
-    /// Seconds to wait for a frame beyond its exposure.
-    pub(crate) timeout: f64,
-}
-
-impl Settings {
-    pub(crate) fn info(&self, place: &str) -> CameraInfo {
-        let mut info = self.sensor.info(&format!("{place} {}", self.pixel_format.name()), self.exposures);
-        if let Some(gain) = self.gain {
-            info.name.push_str(&format!(" gain {gain}"));
+impl CameraInfo {
+    /// The same camera with this gain in its name.
+    pub(crate) fn with_gain(mut self, gain: Option<impl std::fmt::Display>) -> Self {
+        if let Some(gain) = gain {
+            self.name.push_str(&format!(" gain {gain}"));
         }
-        info
+        self
     }
 }
 
@@ -257,11 +243,10 @@ mod tests {
     }
 
     const CELL: Resolution = Resolution { width: 2, height: 2 };
-    const ALL: [Tiles; 4] = [Tiles::Rggb, Tiles::Grbg, Tiles::Gbrg, Tiles::Bggr];
 
     #[test]
     fn each_channel_is_taken_from_the_photosites_of_its_colour() {
-        for tiles in ALL {
+        for tiles in Tiles::ALL {
             // The counts in the order of the letters are 100 for red, 7 for the first green, 9 for the second, and 1000 for blue.
             let mut greens = [7, 9].into_iter();
             let cell: Vec<u16> = tiles
@@ -290,7 +275,7 @@ mod tests {
 
     #[test]
     fn a_cell_with_one_saturated_photosite_is_saturated_in_all_channels() {
-        for tiles in ALL {
+        for tiles in Tiles::ALL {
             for colour in [Colour::Rgb, Colour::Luma, Colour::Green] {
                 for bits in [8, 12, 14, 16] {
                     let of = binning(tiles, colour, bits);

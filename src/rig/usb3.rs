@@ -6,25 +6,25 @@ mod tests;
 
 use std::time::Duration;
 
+use serde_json::json;
 use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, U3vStreamOptions, UsbTransfer, discover};
 use viva_genicam::{Camera as Described, Frame, GenicamError, U3vFrameStream, U3vRegisterIo, connect_u3v};
 
-use super::genicam::set_up::Abilities;
 use super::genicam::{Transport, Triggered};
 use super::hardware::{in_use, is_busy};
-use super::{Losses, Usb3Spec, WallClock, camera_fault};
+use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallClock, camera_fault};
 use crate::error::{Error, Result};
 
 /// A USB3 Vision camera.
-pub type Usb3Vision = Triggered<OnUsb<Usb3Spec>>;
+pub type Usb3Vision = Triggered<OnUsb<GenicamSpec>>;
 
 impl Usb3Vision {
     /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
     ///
     /// # Errors
     /// [`Error::Rig`] when the camera is not plugged in, another program holds it, or it cannot do what `spec` says.
-    pub fn open(spec: &Usb3Spec, clock: WallClock, after: u64) -> Result<Self> {
-        Self::start(OnUsb(spec.clone()), spec.settings(), spec.info(), clock, after)
+    pub fn open(spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
+        Self::start(OnUsb(spec.clone()), spec, clock, after)
     }
 }
 
@@ -68,29 +68,17 @@ impl<P: Port> Transport for OnUsb<P> {
     }
 }
 
-/// A USB3 Vision camera that is plugged in.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct FoundUsbCamera {
-    /// The serial number, if the camera reports it.
-    pub serial: Option<String>,
-    /// The maker, if the camera reports it.
-    pub maker: Option<String>,
-    /// The model, if the camera reports it.
-    pub model: Option<String>,
-    /// The speed of the connection, if known.
-    pub speed: Option<String>,
-}
-
 /// Finds the plugged-in USB3 Vision cameras without opening them.
-///
-/// # Errors
-/// [`Error::Rig`] when the system does not list its USB devices.
-pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
-    let camera = |device: U3vDeviceInfo| FoundUsbCamera {
-        serial: device.serial,
-        maker: device.manufacturer,
-        model: device.model,
-        speed: device.speed.map(|speed| speed.to_string()),
+pub(crate) fn usb_cameras() -> Result<Vec<AttachedCamera>> {
+    let camera = |device: U3vDeviceInfo| {
+        let names = [device.serial, device.manufacturer, device.model];
+        let speed = device.speed.map(|speed| speed.to_string());
+        let [serial, maker, model] = names.each_ref().map(|name| name.as_deref().unwrap_or("?"));
+        let at = speed.as_ref().map_or_else(String::new, |speed| format!(", at {speed}"));
+        let line = format!("{serial}: {maker} {model}{at}");
+        let facts = json!({ "serial": names[0], "maker": names[1], "model": names[2], "speed": speed });
+        let [serial, ..] = names;
+        AttachedCamera::new(CameraKind::Usb3, serial, line, facts)
     };
     Ok(devices()?.into_iter().map(camera).collect())
 }
@@ -100,7 +88,7 @@ pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
 /// # Errors
 /// [`Error::Rig`] when the camera is not plugged in, or another program holds it.
 pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
-    let spec = Usb3Spec { serial: serial.map(str::to_owned), ..Usb3Spec::new(1, 1) };
+    let spec = GenicamSpec { serial: serial.map(str::to_owned), ..GenicamSpec::usb3(1, 1) };
     Ok(Abilities::of(&spec.open()?))
 }
 
@@ -116,7 +104,7 @@ pub trait Port: Send {
     fn open(&self) -> Result<Described<U3vRegisterIo<Self::Wire>>>;
 }
 
-impl Port for Usb3Spec {
+impl Port for GenicamSpec {
     type Wire = NusbTransfer;
 
     fn place(&self) -> String {

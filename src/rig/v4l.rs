@@ -4,6 +4,7 @@
 use std::io::Error as Refusal;
 use std::time::Duration;
 
+use serde_json::json;
 use v4l::buffer::{Flags, Type};
 use v4l::control::{Control, Value};
 use v4l::io::mmap::Stream;
@@ -11,10 +12,10 @@ use v4l::io::traits::CaptureStream;
 use v4l::video::Capture;
 use v4l::{Device, Format, FourCC};
 
-use super::cameras::{V4lFormat, V4lSpec};
+use super::cameras::{CameraKind, V4lFormat, V4lSpec};
 use super::hardware::{in_use, is_busy};
 use super::v4l_set_up::{Layout, VideoDevice, counts, set_exposure, set_up};
-use super::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+use super::{AttachedCamera, Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 use crate::error::Result;
 
 /// The number of frames that the driver buffers. After a pause, the buffers hold frames from before the pause.
@@ -131,34 +132,32 @@ impl Camera for V4l {
     }
 }
 
-/// A video device, which may be a camera.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct FoundVideoDevice {
-    /// The device file, which is `device` in a rig file.
-    pub device: String,
-    /// The driver's name for the device.
-    pub name: String,
-    /// The formats that krylux supports, which are `pixel_format` in a rig file.
-    pub formats: Vec<&'static str>,
-}
-
 /// Lists the computer's video devices that capture images.
-pub fn video_devices() -> Vec<FoundVideoDevice> {
+pub(crate) fn video_devices() -> Vec<AttachedCamera> {
     // Without this folder, there are no video devices.
     let entries = std::fs::read_dir("/sys/class/video4linux").into_iter().flatten().flatten();
-    let mut found: Vec<FoundVideoDevice> = entries
+    let mut found: Vec<(String, String, Vec<&str>)> = entries
         .filter_map(|entry| {
             let device = format!("/dev/{}", entry.file_name().to_string_lossy());
             let name = std::fs::read_to_string(entry.path().join("name")).unwrap_or_default();
             let codes = Device::with_path(&device).ok()?.formats().ok()?;
             // A device without a format does not capture images.
             let known = V4lFormat::ALL.iter().filter(|format| codes.contains(&format.code()));
-            let formats = known.map(|format| format.key()).collect();
-            (!codes.is_empty()).then(|| FoundVideoDevice { device, name: name.trim().into(), formats })
+            (!codes.is_empty())
+                .then(|| (device, name.trim().into(), known.map(|format| format.key()).collect()))
         })
         .collect();
-    found.sort_by(|a, b| a.device.cmp(&b.device));
-    found
+    found.sort();
+    let camera = |(device, name, formats): (String, String, Vec<&str>)| {
+        let known = match formats.as_slice() {
+            [] => "no format that krylux reads".into(),
+            _ => format!("pixel_format {}", formats.join(", ")),
+        };
+        let line = format!("{device}: {name}, {known}");
+        let facts = json!({ "device": device, "name": name, "formats": formats });
+        AttachedCamera::new(CameraKind::V4l, Some(device), line, facts)
+    };
+    found.into_iter().map(camera).collect()
 }
 
 impl VideoDevice for Device {

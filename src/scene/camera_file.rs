@@ -27,7 +27,6 @@ use serde::Deserialize;
 
 use super::camera::{Posed, tan_half};
 use super::place::Place;
-use super::source::fault;
 use super::triangle::MAX_COORDINATE;
 use super::{Camera, Lens, LoadOptions};
 use crate::error::{Error, Result};
@@ -85,11 +84,11 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cam
     if let Some(path) = options.camera_file {
         let file = read(path)?;
         if file.camera.is_some() && options.camera.is_some() {
-            return Err(fault(
+            return Err(Error::scene(
                 path,
                 "the camera file has a [camera], but --camera names a camera of the scene",
-                "leave out --camera, or the [camera] of the camera file",
-            ));
+            )
+            .help("leave out --camera, or the [camera] of the camera file"));
         }
         return Ok(Some(file));
     }
@@ -104,11 +103,9 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cam
 fn read(path: &Path) -> Result<CameraFile> {
     let bytes = file::read(path)?;
     let text = std::str::from_utf8(&bytes)
-        .map_err(|_| fault(path, "not UTF-8 text", "give a camera file in TOML"))?;
+        .map_err(|_| Error::scene(path, "not UTF-8 text").help("give a camera file in TOML"))?;
     let tables: Tables = toml::from_str(text).map_err(|error| {
-        fault(
-            path,
-            format!("not a valid camera file: {}", error.to_string().trim_end()),
+        Error::scene(path, format!("not a valid camera file: {}", error.to_string().trim_end())).help(
             "a camera file has [camera] and [projector], each with position, look_at (or forward), up, \
              vertical_fov_degrees, aperture_radius and focus_distance; the projector also resolution",
         )
@@ -116,7 +113,9 @@ fn read(path: &Path) -> Result<CameraFile> {
     let reader = Reader { path };
     let (camera, resolution) = reader.view("camera", tables.camera)?;
     if resolution.is_some() {
-        return Err(fault(path, "[camera] has a resolution", "give the camera's resolution by --size"));
+        return Err(
+            Error::scene(path, "[camera] has a resolution").help("give the camera's resolution by --size")
+        );
     }
     let (projector, projector_resolution) = reader.view("projector", tables.projector)?;
     Ok(CameraFile { bytes, camera, projector, projector_resolution })
@@ -128,8 +127,8 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn fault(&self, table: &str, what: &str, help: &str) -> Error {
-        fault(self.path, format!("[{table}] {what}"), help)
+    fn fault(&self, table: &str, what: &str) -> Error {
+        Error::scene(self.path, format!("[{table}] {what}"))
     }
 
     /// The camera that a table describes, and the resolution that it states.
@@ -139,24 +138,22 @@ impl Reader<'_> {
         let position = DVec3::from_array(view.position);
         if position.abs().max_element() > f64::from(MAX_COORDINATE) || !position.is_finite() {
             let what = format!("stands more than {MAX_COORDINATE:e} m from the origin");
-            return Err(self.fault(table, &what, "lengths are metres"));
+            return Err(self.fault(table, &what).help("lengths are metres"));
         }
         let field = view.vertical_fov_degrees;
         let Some(tan_half_fov) = tan_half(field.to_radians()) else {
-            return Err(self.fault(
-                table,
-                &format!("has a vertical_fov_degrees of {field}"),
-                "it must lie between 0 and 180",
-            ));
+            return Err(self
+                .fault(table, &format!("has a vertical_fov_degrees of {field}"))
+                .help("it must lie between 0 and 180"));
         };
         let lens = Lens::checked(view.aperture_radius, view.focus_distance)
-            .map_err(|what| self.fault(table, &what, Lens::HELP))?;
+            .map_err(|what| self.fault(table, &what).help(Lens::HELP))?;
         let resolution = match view.resolution {
             None => None,
             Some([width @ 1..=16384, height @ 1..=16384]) => Some(Resolution::new(width, height)),
             Some([width, height]) => {
                 let what = format!("has a resolution of {width}x{height}");
-                return Err(self.fault(table, &what, "give 1 to 16384 pixels a side"));
+                return Err(self.fault(table, &what).help("give 1 to 16384 pixels a side"));
             }
         };
         let (name, anywhere) = (table.into(), Vec3::ZERO);
@@ -172,7 +169,7 @@ impl Reader<'_> {
             (None, Some(forward)) => DVec3::from_array(forward),
             _ => {
                 let help = "give either the point that it looks at, or the direction";
-                return Err(self.fault(table, "needs either look_at or forward", help));
+                return Err(self.fault(table, "needs either look_at or forward").help(help));
             }
         };
         let up = view.up.map_or(DVec3::Y, DVec3::from_array);
@@ -182,11 +179,9 @@ impl Reader<'_> {
             (right.length() > 1e-6).then(|| (right.normalize(), forward))
         });
         let Some((right, forward)) = axes else {
-            return Err(self.fault(
-                table,
-                "has no direction of view, or one that is parallel to up",
-                "give a direction that is not zero, and an up that is not parallel to it",
-            ));
+            return Err(self
+                .fault(table, "has no direction of view, or one that is parallel to up")
+                .help("give a direction that is not zero, and an up that is not parallel to it"));
         };
         // Adding zero turns −0 into 0.
         Ok([right, right.cross(forward), forward].map(|axis| axis.as_vec3() + Vec3::ZERO))

@@ -20,7 +20,6 @@ use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use source::fault;
 
 pub use bvh::{SurfacePoint, first_hits};
 pub use camera::{Camera, Lens};
@@ -166,5 +165,5 @@ pub(super) fn unknown(path: &Path, extension: &str) -> Error {
         }
         _ => ("not a known scene format", "give a .glb, .gltf or .obj file"),
     };
-    fault(path, what, help)
+    Error::scene(path, what).help(help)
 }

@@ -8,8 +8,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::source::fault;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// The scene is moved if a coordinate of the camera exceeds this multiple of the distance between camera and surfaces. At this ratio,
 /// single precision resolves coordinates to a millionth of that distance, which is less than the tracer's offsets. Nearer scenes keep their
@@ -105,7 +104,7 @@ impl Place {
         self.is_settled = true;
         if self.distance() < NEAREST {
             let what = format!("its surfaces lie {:.1e} m from the camera", self.distance());
-            return Err(fault(path, what, "lengths are metres: scale the scene"));
+            return Err(Error::scene(path, what).help("lengths are metres: scale the scene"));
         }
         let anchor = self.anchor.unwrap_or_default();
         let moves = anchor.abs().max_element() > FAR * self.distance();

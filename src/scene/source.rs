@@ -8,10 +8,6 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::codec::Format;
 
-pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<String>) -> Error {
-    Error::Scene { path: path.to_path_buf(), fault: fault.into(), help: help.into() }
-}
-
 pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {
     file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
 }
@@ -19,18 +15,16 @@ pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {
 /// Reads a file that the scene file `scene` refers to. `path` is already resolved. `what` names the object that refers to it (`buffer 0`).
 pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
     if is_missing(path) {
-        return Err(fault(
-            path,
-            format!("no such file, but {what} of {} refers to it", scene.display()),
-            "a scene may be several files: put this one where the scene names it, or get the scene as one .glb",
-        ));
+        let fault = format!("no such file, but {what} of {} refers to it", scene.display());
+        let help = "a scene may be several files: put this one where the scene names it, or get the scene as one .glb";
+        return Err(Error::scene(path, fault).help(help));
     }
     if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
-        return Err(fault(
+        return Err(Error::scene(
             path,
             format!("not a file, but {what} of {} refers to it", scene.display()),
-            "correct the reference in the scene",
-        ));
+        )
+        .help("correct the reference in the scene"));
     }
     file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
 }
@@ -38,11 +32,8 @@ pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
 /// Refuses a pointer file of Git LFS, which stands for a large file that was not fetched.
 fn not_a_pointer(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>> {
     if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
-        return Err(fault(
-            path,
-            "not the file itself, but a pointer of Git LFS to it",
-            "fetch the file: git lfs pull, or download it by itself",
-        ));
+        return Err(Error::scene(path, "not the file itself, but a pointer of Git LFS to it")
+            .help("fetch the file: git lfs pull, or download it by itself"));
     }
     Ok(bytes)
 }

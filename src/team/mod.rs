@@ -81,10 +81,8 @@ pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: 
     if others.is_empty() {
         return Ok(());
     }
-    Err(Error::Team {
-        fault: format!("process 0 on {} runs {}, but {}", host(0), programs[0], others.join(", ")),
-        help: "start the same program on every machine".into(),
-    })
+    Err(Error::team(format!("process 0 on {} runs {}, but {}", host(0), programs[0], others.join(", ")))
+        .help("start the same program on every machine"))
 }
 
 /// The team as its leader sees it.
@@ -263,9 +261,9 @@ pub fn serve<C: DeserializeOwned>(comm: &dyn Comm, mut told: impl FnMut(Told<C>)
 
 /// Encodes a value for another process of the same program. A file name that is not UTF-8 gives [`Error::Team`].
 pub fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>> {
-    postcard::to_allocvec(value).map_err(|error| Error::Team {
-        fault: format!("something cannot be sent to the other processes: {error}"),
-        help: "give file names in UTF-8".into(),
+    postcard::to_allocvec(value).map_err(|error| {
+        Error::team(format!("something cannot be sent to the other processes: {error}"))
+            .help("give file names in UTF-8")
     })
 }
 
@@ -275,10 +273,8 @@ pub fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
 }
 
 pub(crate) fn garbled(why: &str) -> Error {
-    Error::Team {
-        fault: format!("a message of another process cannot be read ({why})"),
-        help: "start the same program on every machine; if it is, this is a fault in krylux".into(),
-    }
+    Error::team(format!("a message of another process cannot be read ({why})"))
+        .help("start the same program on every machine; if it is, this is a fault in krylux")
 }
 
 /// Sends the leader a value, or the reason why there is none.
@@ -294,7 +290,7 @@ pub fn read_answer<T: DeserializeOwned>(rank: usize, bytes: &[u8]) -> Result<T> 
     answer.map_err(|why| {
         let (fault, help) =
             why.split_once("\n  help: ").unwrap_or((&why, "look at the machine that it runs on"));
-        Error::Team { fault: format!("process {rank}: {fault}"), help: help.into() }
+        Error::team(format!("process {rank}: {fault}")).help(help)
     })
 }
 

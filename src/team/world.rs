@@ -42,9 +42,9 @@ impl World {
         if !LAUNCHERS.iter().any(|name| std::env::var_os(name).is_some()) {
             return Ok(None);
         }
-        let fault = |fault: &str| Error::Team {
-            fault: fault.into(),
-            help: "start krylux itself by mpirun or srun, with the Open MPI that it was built with".into(),
+        let fault = |fault: &str| {
+            Error::team(fault)
+                .help("start krylux itself by mpirun or srun, with the Open MPI that it was built with")
         };
         let (universe, threading) = mpi::initialize_with_threading(Threading::Serialized)
             .ok_or_else(|| fault("MPI was started before"))?;

@@ -177,14 +177,15 @@ const WORTHWHILE: usize = 1 << 20;
 /// be worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share of its memory
 /// that may be used. Otherwise it takes the processor. If a GPU lacked something, the reason is returned. Software Vulkan takes ten times
 /// as long as the processor itself. Each process of a team multiplies its rows on its processor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Backend {
-    /// The device if it is a suitable GPU, otherwise the processor.
+    /// On the device that traces, if that is a GPU with all that it takes
     #[default]
     Auto,
-    /// The processor.
+    /// On the processor
     Cpu,
-    /// The device, even if it is software Vulkan.
+    /// On the device that traces, whatever it is
+    #[value(name = "device")]
     Gpu,
 }
 
@@ -214,11 +215,11 @@ impl Assembled {
         self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
         if self.matrix.processes() > 1 && place == Backend::Gpu {
-            return Err(Error::Option {
-                option: "--products".into(),
-                fault: "each process multiplies its rows of the matrix on its processor".into(),
-                help: "leave it out, or start one process".into(),
-            });
+            return Err(Error::option(
+                "--products",
+                "each process multiplies its rows of the matrix on its processor",
+            )
+            .help("leave it out, or start one process"));
         }
         let suits = suits && self.matrix.processes() == 1;
         if place == Backend::Cpu || (place == Backend::Auto && !suits) {
@@ -230,7 +231,7 @@ impl Assembled {
             Err(Error::Device { fault, .. }) if place == Backend::Auto => return Ok(Some(fault)),
             Err(Error::Device { fault, .. }) => {
                 let help = "take the products on the processor (--products cpu), or use another --adapter";
-                return Err(Error::Device { fault, help: help.into() });
+                return Err(Error::device(fault).help(help));
             }
             Err(error) => return Err(error),
         }

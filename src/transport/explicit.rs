@@ -18,11 +18,11 @@ impl ExplicitMatrix {
     pub fn new(matrix: Csr, resolution: Resolution) -> Result<Self> {
         let pixels = resolution.pixels();
         if (matrix.rows(), matrix.cols()) != (pixels, pixels) {
-            return Err(Error::Dimension {
-                what: "rows and columns of the light transport matrix",
-                expected: format!("{pixels} each, for {resolution} pixels,"),
-                found: format!("{}x{}", matrix.rows(), matrix.cols()),
-            });
+            return Err(Error::dimension(
+                "rows and columns of the light transport matrix",
+                format!("{pixels} each, for {resolution} pixels,"),
+                format!("{}x{}", matrix.rows(), matrix.cols()),
+            ));
         }
         Ok(Self { matrix, resolution })
     }

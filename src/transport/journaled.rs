@@ -51,10 +51,12 @@ impl<'a> JournaledOperator<'a> {
     /// # Errors
     /// [`Error::Read`]; [`Error::Journal`] for a record in a form that this version does not know.
     pub fn kept(journal: &mut Journal, name: &str) -> Result<Vec<Product>> {
-        let misread = |journal: &Journal| Error::Journal {
-            path: journal.path().into(),
-            fault: "the record of a product is whole, but not in a form that this version knows".into(),
-            help: "open it with the version of krylux that wrote it".into(),
+        let misread = |journal: &Journal| {
+            Error::journal(
+                journal.path(),
+                "the record of a product is whole, but not in a form that this version knows",
+            )
+            .help("open it with the version of krylux that wrote it")
         };
         let photos = journal.entries().iter().filter(|entry| entry.kind == Kind::Photo);
         let noted: Vec<(Key, Vec<u8>)> = photos.map(|entry| (entry.key, entry.metadata.clone())).collect();
@@ -115,11 +117,11 @@ impl<'a> JournaledOperator<'a> {
     fn read(&mut self, key: Key, to: &mut [f64]) -> Result<bool> {
         let Some(stored) = self.journal.get(key)? else { return Ok(false) };
         if stored.payload.len() != size_of_val(to) {
-            return Err(Error::Dimension {
-                what: "a product in the journal",
-                expected: format!("{} values", to.len()),
-                found: format!("{} bytes", stored.payload.len()),
-            });
+            return Err(Error::dimension(
+                "a product in the journal",
+                format!("{} values", to.len()),
+                format!("{} bytes", stored.payload.len()),
+            ));
         }
         to.copy_from_slice(&numbers(&stored.payload));
         Ok(true)
@@ -159,11 +161,11 @@ fn bytes(numbers: &[f64]) -> Vec<u8> {
 
 fn not_journaled(journal: &Journal, name: &str) -> Error {
     let folder = journal.path().parent().and_then(|journal| journal.parent()).unwrap_or(journal.path());
-    Error::NotTaken {
-        path: journal.path().into(),
-        fault: format!("a photo ({name}) is not among its {}, and there is no scene", journal.photos()),
-        help: format!("give the scene: krylux VERB SCENE --resume -o {}", folder.display()),
-    }
+    Error::not_taken(
+        journal.path(),
+        format!("a photo ({name}) is not among its {}, and there is no scene", journal.photos()),
+    )
+    .help(format!("give the scene: krylux VERB SCENE --resume -o {}", folder.display()))
 }
 
 impl Operator for JournaledOperator<'_> {

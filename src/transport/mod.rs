@@ -134,11 +134,7 @@ fn project<const C: usize>(rgb: [f32; 3]) -> [f32; C] {
 fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {
     Error::check_size("pixels of the pattern", resolution, pattern.resolution())?;
     if pattern.channels() > channels.count() {
-        return Err(Error::Dimension {
-            what: "channels of the pattern",
-            expected: "1, for a gray photo".into(),
-            found: pattern.channels().to_string(),
-        });
+        return Err(Error::dimension("channels of the pattern", "1, for a gray photo", pattern.channels()));
     }
     Ok((0..channels.count()).map(|channel| pattern.plane(channel.min(pattern.channels() - 1))).collect())
 }

@@ -68,13 +68,9 @@ pub fn trace_shard(
 ) -> Result<Shard> {
     settings.check()?;
     if !(1..=parts).contains(&part) || parts > MOST_PARTS {
-        return Err(Error::Option {
-            option: "--shard".into(),
-            fault: format!("there is no part {part} of {parts}"),
-            help: format!(
-                "give a part from 1 to the number of parts, which is {MOST_PARTS} at most, e.g. --shard 3/16"
-            ),
-        });
+        return Err(Error::option("--shard", format!("there is no part {part} of {parts}")).help(format!(
+            "give a part from 1 to the number of parts, which is {MOST_PARTS} at most, e.g. --shard 3/16"
+        )));
     }
     let rig = shape(tracer, settings);
     let pixels = tracer.start_pixels(settings).split(parts).swap_remove(part - 1);
@@ -100,11 +96,7 @@ pub fn join_shards(mut shards: Vec<Shard>) -> Result<Assembled> {
     let found: Vec<String> =
         shards.iter().map(|Shard { record, .. }| format!("{} of {}", record.part, record.parts)).collect();
     let Some(first) = shards.first().map(|shard| shard.record.clone()) else {
-        return Err(Error::Dimension {
-            what: "shards",
-            expected: "all parts of a matrix".into(),
-            found: "none".into(),
-        });
+        return Err(Error::dimension("shards", "all parts of a matrix", "none"));
     };
     let fits = |(index, shard): (usize, &Shard)| {
         let record = &shard.record;
@@ -112,11 +104,11 @@ pub fn join_shards(mut shards: Vec<Shard>) -> Result<Assembled> {
             && (record.rig, record.channels, record.split) == (first.rig, first.channels, first.split)
     };
     if shards.len() != first.parts || !shards.iter().enumerate().all(fits) {
-        return Err(Error::Dimension {
-            what: "shards",
-            expected: format!("parts 1 to {} of one matrix, each once", first.parts),
-            found: format!("parts {}", found.join(", ")),
-        });
+        return Err(Error::dimension(
+            "shards",
+            format!("parts 1 to {} of one matrix, each once", first.parts),
+            format!("parts {}", found.join(", ")),
+        ));
     }
     let (mut luma, mut rgb) = (Vec::new(), Vec::new());
     for shard in shards {

@@ -46,7 +46,8 @@ impl Verb for Audit {
     fn check_on(&self, lab: &Lab) -> Result<()> {
         match lab.folder_of_run() {
             Some(folder) => {
-                Err(Error::data(folder, "its photos do not answer this verb", "give the scene or the rig"))
+                Err(Error::data(folder, "its photos do not answer this verb")
+                    .help("give the scene or the rig"))
             }
             None => Ok(()),
         }

@@ -63,11 +63,9 @@ pub(crate) fn method(name: &str) -> std::result::Result<Method, String> {
 pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
     match given.iter().find(|(is_given, _)| *is_given) {
         None => Ok(()),
-        Some((_, option)) => Err(Error::Option {
-            option: (*option).into(),
-            fault: format!("it is no part of a plan of {verb}"),
-            help: "leave it out".into(),
-        }),
+        Some((_, option)) => {
+            Err(Error::option(*option, format!("it is no part of a plan of {verb}")).help("leave it out"))
+        }
     }
 }
 
@@ -97,11 +95,8 @@ pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Resu
     if fits {
         return Ok(());
     }
-    Err(Error::Option {
-        option: option.into(),
-        fault: format!("{vectors} vectors of {length} entries do not fit into memory"),
-        help: "give a smaller number".into(),
-    })
+    Err(Error::option(option, format!("{vectors} vectors of {length} entries do not fit into memory"))
+        .help("give a smaller number"))
 }
 
 /// The command line option of a field: `--direct-photos` for `direct_photos`.
@@ -118,8 +113,7 @@ pub fn from_json<V: super::Request>(fields: Map<String, Value>) -> Result<V> {
         return Err(Error::Numerical("a request that has no fields".into()));
     };
     for (name, value) in fields {
-        let refuse =
-            |fault: String, help: String| Err(Error::Option { option: option_of(&name), fault, help });
+        let refuse = |fault: String, help: String| Err(Error::option(option_of(&name), fault).help(help));
         let Some(default) = request.get(&name) else {
             let near = request
                 .keys()

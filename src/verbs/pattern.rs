@@ -101,11 +101,11 @@ impl Pattern {
                 Box::new(move |x, y| (x, y) == (column, row))
             }
             Self::Pixel(column, row) => {
-                return Err(Error::Option {
-                    option: "--pattern".into(),
-                    fault: format!("pixel {column},{row} lies outside of {resolution} pixels"),
-                    help: "columns and rows count from 0, at the top left".into(),
-                });
+                return Err(Error::option(
+                    "--pattern",
+                    format!("pixel {column},{row} lies outside of {resolution} pixels"),
+                )
+                .help("columns and rows count from 0, at the top left"));
             }
             Self::File(ref path) => return read_sized(path, resolution),
         };

@@ -59,13 +59,15 @@ impl Solve {
         let (values, path) = match (&self.values, &self.rhs) {
             (Some(values), _) => (Cow::Borrowed(values.as_slice()), PathBuf::from("RHS")),
             (None, Some(path)) => (Cow::Owned(npy::read_npy(path)?.values), path.clone()),
-            (None, None) => return Err(Error::option("RHS", "there is no right-hand side", "name its file")),
+            (None, None) => {
+                return Err(Error::option("RHS", "there is no right-hand side").help("name its file"));
+            }
         };
         if values.len() == rows {
             return Ok(values);
         }
         let fault = format!("it has {} numbers, but the matrix has {rows} rows", values.len());
-        Err(Error::data(path, fault, "give a right-hand side that belongs to this matrix"))
+        Err(Error::data(path, fault).help("give a right-hand side that belongs to this matrix"))
     }
 }
 
@@ -79,7 +81,7 @@ impl Verb for Solve {
             return Ok(());
         }
         let fault = format!("{} is not below --upper {}", self.lower, self.upper);
-        Err(Error::option("--lower", fault, "give a lower bound below the upper one"))
+        Err(Error::option("--lower", fault).help("give a lower bound below the upper one"))
     }
 
     fn check_on(&self, lab: &Lab) -> Result<()> {

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use krylux::image::Resolution;
 use krylux::io::npy;
-use krylux::rig::{GigeSpec, HardwareRig, PixelFormat, VirtualRig, VirtualScene, X11Monitor, X11Spec};
+use krylux::rig::{
+    CameraSpec, GenicamSpec, HardwareRig, PixelFormat, VirtualRig, VirtualScene, X11Monitor, X11Spec,
+};
 use krylux::sparse::Csr;
 
 use crate::gige_camera::{GigeCamera, Scene, own_address};
@@ -75,12 +77,12 @@ pub fn stage_at(last: u8, rig: &VirtualRig, display: Option<&str>) -> Stage {
     };
     let bits = PixelFormat::Mono16;
     let of_camera =
-        GigeSpec { pixel_format: bits, exposures: [1e-4, 1.0], ..GigeSpec::new(address, SIDE, SIDE) };
+        GenicamSpec { pixel_format: bits, exposures: [1e-4, 1.0], ..GenicamSpec::gige(address, SIDE, SIDE) };
     Stage {
         address,
         server,
         camera,
-        hardware: HardwareRig { projector, camera: of_camera.into() },
+        hardware: HardwareRig { projector, camera: CameraSpec::Genicam(of_camera) },
         rig: rig.clone(),
     }
 }

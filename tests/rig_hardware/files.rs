@@ -34,7 +34,7 @@ fn a_rig_file_of_real_devices_has_defaults() {
     let RigKind::Hardware(rig) = &file.kind else { panic!("not hardware: {file:?}") };
     assert_eq!(rig.projector.monitor, X11Monitor::Name("HDMI-1".into()));
     assert_eq!((rig.projector.channels, rig.projector.settle_frames), (1, 1));
-    let CameraSpec::Gige(camera) = &rig.camera else { panic!("not GigE Vision: {rig:?}") };
+    let CameraSpec::Genicam(camera) = &rig.camera else { panic!("not GigE Vision: {rig:?}") };
     assert_eq!(camera.pixel_format, PixelFormat::Mono12);
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     assert_eq!(

@@ -83,7 +83,7 @@ pub fn known(rig: &VirtualRig) -> Calibration {
     calibration.camera.gain = rig.camera.full_well / range;
     calibration.camera.read_noise = rig.camera.read_noise / calibration.camera.gain;
     calibration.stability.settle = rig.projector.latency * 1.25;
-    let map = rig.camera.misregistration();
+    let map = &rig.camera;
     let (from, to) = (camera.resolution, projector.resolution);
     let mut rows: Vec<std::collections::BTreeMap<u32, f64>> =
         vec![std::collections::BTreeMap::new(); to.pixels()];
@@ -92,7 +92,7 @@ pub fn known(rig: &VirtualRig) -> Calibration {
         for x in 0..from.width * SUB {
             let place =
                 |at: usize, of: usize, size: usize| (at as f64 + 0.5) * size as f64 / (of * SUB) as f64;
-            let [u, v] = map.apply(to, [place(x, from.width, to.width), place(y, from.height, to.height)]);
+            let [u, v] = map.sees(to, [place(x, from.width, to.width), place(y, from.height, to.height)]);
             if u >= 0.0 && v >= 0.0 && (u as usize) < to.width && (v as usize) < to.height {
                 let pixel = (y / SUB * from.width + x / SUB) as u32;
                 *rows[v as usize * to.width + u as usize].entry(pixel).or_default() += 1.0;

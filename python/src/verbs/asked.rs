@@ -6,14 +6,13 @@ use krylux::Error;
 use krylux::lab::{Answer as Answering, GivenArray, Verb};
 use krylux::report::content::{Content, Values};
 use krylux::verbs::{Declared, Request, VERBS, from_json};
-use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{Element, IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value};
 
 use crate::answers::Answer;
-use crate::arrays::{self, Fields};
+use crate::arrays::{self, Fields, shaped};
 use crate::errors::{self, in_python};
 use crate::lab::Lab;
 
@@ -90,7 +89,7 @@ pub(crate) fn attributes<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
     let (content, facts) = (found.content(), Fields::new(py));
     for (name, value) in content.facts() {
-        facts.json(name, value)?;
+        facts.put(name, arrays::parsed(py, value)?)?;
     }
     facts.put("photos", found.photos())?.put("status", found.sentence())?;
     Ok((arrays_of(py, &content)?, facts.0))
@@ -101,11 +100,11 @@ fn arrays_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py,
     let all = PyDict::new(py);
     for array in &content.arrays {
         let values = match &array.values {
-            Values::F64(values) => shaped(py, &array.shape, values)?,
-            Values::F32(values) => shaped(py, &array.shape, values)?,
-            Values::U8(values) => shaped(py, &array.shape, values)?,
-            Values::Bool(values) => shaped(py, &array.shape, values)?,
-            Values::Image(image) => arrays::array(py, image)?.into_any(),
+            Values::F64(values) => shaped(py, &array.shape, values.to_vec())?,
+            Values::F32(values) => shaped(py, &array.shape, values.to_vec())?,
+            Values::U8(values) => shaped(py, &array.shape, values.to_vec())?,
+            Values::Bool(values) => shaped(py, &array.shape, values.to_vec())?,
+            Values::Image(image) => arrays::array(py, image)?,
         };
         match array.key {
             None => all.set_item(array.name, values)?,
@@ -122,14 +121,4 @@ fn arrays_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py,
         }
     }
     Ok(all)
-}
-
-fn shaped<'py, T: Element + Copy>(
-    py: Python<'py>,
-    shape: &[usize],
-    values: &[T],
-) -> PyResult<Bound<'py, PyAny>> {
-    let array = ArrayD::from_shape_vec(IxDyn(shape), values.to_vec());
-    let array = array.map_err(|error| pyo3::exceptions::PyValueError::new_err(error.to_string()))?;
-    Ok(array.into_pyarray(py).into_any())
 }

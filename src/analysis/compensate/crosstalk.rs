@@ -22,9 +22,7 @@ impl Crosstalk {
     /// The crosstalk of the matrix `M`, one row per camera channel, to be solved as one system. Fails with [`Error::Option`]
     /// naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
     pub fn new(matrix: [[f64; 3]; 3]) -> Result<Self> {
-        let refuse = |fault: &str, help: &str| {
-            Err(Error::Option { option: "--crosstalk".into(), fault: fault.into(), help: help.into() })
-        };
+        let refuse = |fault: &str, help: &str| Err(Error::option("--crosstalk", fault).help(help));
         if matrix.iter().flatten().any(|entry| !(*entry >= 0.0 && entry.is_finite())) {
             return refuse(
                 "an entry is negative or no number",

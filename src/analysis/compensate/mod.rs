@@ -182,9 +182,7 @@ pub fn compensate_with<O: Adjoint>(
 
 impl Prior {
     fn fits(&self, target: &Target, channels: usize) -> Result<()> {
-        let mismatch = |what, expected: usize, found: usize| {
-            Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
-        };
+        let mismatch = |what, expected: usize, found: usize| Err(Error::dimension(what, expected, found));
         if self.crosstalk.is_some() && channels != 3 {
             return mismatch("channels between which there is crosstalk", 3, channels);
         }

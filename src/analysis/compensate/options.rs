@@ -89,9 +89,7 @@ impl CompensateOptions {
 
     /// Checks all values before any photo is taken. Fails with [`Error::Option`] naming the option.
     pub fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| {
-            Err(Error::Option { option: option.into(), fault, help: help.into() })
-        };
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         if self.photos == 0 {
             return refuse("--photos", "0 photos were asked for".into(), "ask for at least 1");
         }

@@ -158,9 +158,7 @@ impl Run<'_> {
         if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
             return Ok(None);
         }
-        let refuse = |fault: &str, help: &str| {
-            Err(Error::Option { option: "--precondition".into(), fault: fault.into(), help: help.into() })
-        };
+        let refuse = |fault: &str, help: &str| Err(Error::option("--precondition", fault).help(help));
         let size = self.target.resolution();
         let kind = self.options.unconstrained_preconditioning();
         let Some(channel) = channel.or((kind <= Precondition::Diagonal).then_some(0)) else {

@@ -19,19 +19,11 @@ impl Target {
     pub fn new(target: &Image, ambient: &Image) -> Result<Self> {
         let resolution = ambient.resolution();
         if target.resolution() != resolution {
-            return Err(Error::Dimension {
-                what: "pixels of the target",
-                expected: resolution.to_string(),
-                found: target.resolution().to_string(),
-            });
+            return Err(Error::dimension("pixels of the target", resolution, target.resolution()));
         }
         let count = ambient.channels();
         if target.channels() > count {
-            return Err(Error::Dimension {
-                what: "channels of the target",
-                expected: count.to_string(),
-                found: target.channels().to_string(),
-            });
+            return Err(Error::dimension("channels of the target", count, target.channels()));
         }
         Ok(Self {
             resolution,
@@ -56,9 +48,7 @@ impl Target {
     }
 
     pub(super) fn fits<O: Adjoint>(&self, channels: &[O]) -> Result<()> {
-        let mismatch = |what, expected: usize, found: usize| {
-            Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
-        };
+        let mismatch = |what, expected: usize, found: usize| Err(Error::dimension(what, expected, found));
         if channels.len() != self.target.len() {
             return mismatch("operators of a compensation", self.target.len(), channels.len());
         }
@@ -75,13 +65,11 @@ impl Target {
         let seen = white.iter().zip(&self.ambient).flat_map(|(w, a)| w.iter().zip(a).map(|(w, a)| w + a));
         match 0.5 * median(seen.collect()) {
             peak if peak > 0.0 && peak.is_finite() => Ok(peak),
-            peak => Err(Error::Option {
-                option: "--peak".into(),
-                fault: format!(
-                    "half the median of the white photo is {peak}, which is no radiance for a target"
-                ),
-                help: "give the radiance that 1 in the target stands for".into(),
-            }),
+            peak => Err(Error::option(
+                "--peak",
+                format!("half the median of the white photo is {peak}, which is no radiance for a target"),
+            )
+            .help("give the radiance that 1 in the target stands for")),
         }
     }
 

@@ -45,11 +45,7 @@ impl Default for LowRankCapture {
 pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCapture) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
-        return Err(Error::Option {
-            option: "--photos".into(),
-            fault: "no photo makes no model".into(),
-            help: "give at least 1; 40 is usual".into(),
-        });
+        return Err(Error::option("--photos", "no photo makes no model").help("give at least 1; 40 is usual"));
     }
     let symmetric = operator.symmetry() == Symmetry::Symmetric;
     let start = options.start.as_ref().map_or_else(|| vec![1.0; n], |start| start.vector(n));

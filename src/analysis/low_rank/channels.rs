@@ -66,12 +66,11 @@ pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     if is_diagonal {
         return Ok(DirectPart::Diagonal(diagonal));
     }
-    Err(Error::Option {
-        option: "--operator".into(),
-        fault: "the direct light of this rig is not a diagonal, and without a matrix it cannot be kept apart"
-            .into(),
-        help: "use --operator replay, or pinholes behind one beam splitter".into(),
-    })
+    Err(Error::option(
+        "--operator",
+        "the direct light of this rig is not a diagonal, and without a matrix it cannot be kept apart",
+    )
+    .help("use --operator replay, or pinholes behind one beam splitter"))
 }
 
 /// The models' error over all channels for each number of photos, against the true matrices. `matrices` are the global parts of

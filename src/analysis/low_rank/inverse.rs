@@ -51,7 +51,7 @@ pub fn cancel_interreflections(
         ("pixels of the photo", photo.len()),
     ] {
         if length != n {
-            return Err(Error::Dimension { what, expected: n.to_string(), found: length.to_string() });
+            return Err(Error::dimension(what, n, length));
         }
     }
     let most = direct.iter().copied().fold(0.0, f64::max);

@@ -29,7 +29,7 @@ impl LowRank {
         let n = basis.first().map_or(0, Vec::len);
         let agree = |what, expected: usize, found: usize| match expected == found {
             true => Ok(()),
-            false => Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() }),
+            false => Err(Error::dimension(what, expected, found)),
         };
         agree("photos of a low-rank model", basis.len(), photos.len())?;
         for vector in basis.iter().chain(&photos) {
@@ -46,11 +46,11 @@ impl LowRank {
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
         let n = self.cols();
         if (direct.rows(), direct.cols()) != (n, n) {
-            return Err(Error::Dimension {
-                what: "rows and columns of the direct part of a low-rank model",
-                expected: format!("{n}x{n}"),
-                found: format!("{}x{}", direct.rows(), direct.cols()),
-            });
+            return Err(Error::dimension(
+                "rows and columns of the direct part of a low-rank model",
+                format!("{n}x{n}"),
+                format!("{}x{}", direct.rows(), direct.cols()),
+            ));
         }
         let transposed = direct.transposed();
         Ok(Self { direct: Vec::new(), spread: Some(Arc::new([direct, transposed])), ..self })

@@ -127,13 +127,9 @@ impl SavedModel {
         global: Option<&mut [O]>,
     ) -> Result<Reduced> {
         if self.channels.iter().any(|of| of.direct().is_empty()) {
-            return Err(Error::Option {
-                option: "--inverse".into(),
-                fault:
-                    "the direct light of this rig is not a diagonal, so a photo cannot be reduced to it pixel by pixel"
-                        .into(),
-                help: "leave it out, or use pinholes behind one beam splitter".into(),
-            });
+            let fault = "the direct light of this rig is not a diagonal, so a photo cannot be reduced to it pixel by pixel";
+            return Err(Error::option("--inverse", fault)
+                .help("leave it out, or use pinholes behind one beam splitter"));
         }
         let (mut found, mut residual) = (Planes::new(), 0.0_f64);
         for (of, photo) in self.channels.iter().zip(photo) {

@@ -214,11 +214,11 @@ impl Capture {
     fn measure_graph(&mut self, global: &mut dyn Operator) -> Result<()> {
         let n = global.cols();
         if global.rows() != n || self.graph.as_ref().is_some_and(|graph| graph.n() != n) {
-            return Err(Error::Dimension {
-                what: "the transport operator of a segmentation",
-                expected: format!("{n}x{n}, the same in all photos"),
-                found: format!("{}x{n}", global.rows()),
-            });
+            return Err(Error::dimension(
+                "the transport operator of a segmentation",
+                format!("{n}x{n}, the same in all photos"),
+                format!("{}x{n}", global.rows()),
+            ));
         }
         if global.symmetry() != Symmetry::Symmetric {
             return Err(Error::Numerical(
@@ -250,11 +250,11 @@ impl Capture {
 fn check_enough(graph: &Graph, groups: &[usize]) -> Result<()> {
     let most = groups.iter().copied().max().unwrap_or(0);
     if graph.pixels().len() < most.max(2) {
-        return Err(Error::Option {
-            option: "--groups".into(),
-            fault: format!("{most} groups, but only {} pixels exchange light", graph.pixels().len()),
-            help: "ask for fewer groups, or lower --mask-below".into(),
-        });
+        return Err(Error::option(
+            "--groups",
+            format!("{most} groups, but only {} pixels exchange light", graph.pixels().len()),
+        )
+        .help("ask for fewer groups, or lower --mask-below"));
     }
     Ok(())
 }

@@ -34,11 +34,7 @@ impl Evidence {
 /// [`Error::Dimension`] if there is not one label per pixel, or as the operator does.
 pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> {
     if labels.len() != operator.cols() || labels.len() != operator.rows() {
-        return Err(Error::Dimension {
-            what: "labels of the groups to be lit",
-            expected: operator.cols().to_string(),
-            found: labels.len().to_string(),
-        });
+        return Err(Error::dimension("labels of the groups to be lit", operator.cols(), labels.len()));
     }
     let last = labels.iter().copied().filter(|&label| label != MASKED).max();
     let groups = last.map_or(0, |last| usize::from(last) + 1);

@@ -24,7 +24,7 @@ pub fn feature_view(
     pixels: &[(usize, usize)],
 ) -> Result<FeatureView> {
     let refuse = |(x, y): (usize, usize), fault: &str, help: String| {
-        Err(Error::Option { option: "--features".into(), fault: format!("pixel {x},{y} {fault}"), help })
+        Err(Error::option("--features", format!("pixel {x},{y} {fault}")).help(help))
     };
     for &(x, y) in pixels {
         if x >= resolution.width || y >= resolution.height {

@@ -98,9 +98,7 @@ impl SegmentOptions {
     }
 
     pub(super) fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| {
-            Err(Error::Option { option: option.into(), fault, help: help.into() })
-        };
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         if self.photos < 3 {
             return refuse(
                 "--photos",

@@ -63,11 +63,11 @@ pub fn sinusoids(
 /// Refuses squares that cannot be shifted to this number of places.
 pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
     if square == 0 || shifts < 2 || shifts > 2 * square {
-        return Err(Error::Option {
-            option: "--square".into(),
-            fault: format!("squares of {square} pixels cannot be shifted to {shifts} places"),
-            help: "give squares of at least 1 pixel, and from 2 to twice as many shifts".into(),
-        });
+        return Err(Error::option(
+            "--square",
+            format!("squares of {square} pixels cannot be shifted to {shifts} places"),
+        )
+        .help("give squares of at least 1 pixel, and from 2 to twice as many shifts"));
     }
     Ok(())
 }
@@ -75,18 +75,12 @@ pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
 /// Refuses waves whose photos cannot distinguish direct from global light.
 pub(super) fn check_sinusoids(period: f64, phases: usize) -> Result<()> {
     if !(period >= 2.0 && period.is_finite()) {
-        return Err(Error::Option {
-            option: "--period".into(),
-            fault: format!("a period of {period} pixels"),
-            help: "give at least 2 pixels; 6 is usual".into(),
-        });
+        return Err(Error::option("--period", format!("a period of {period} pixels"))
+            .help("give at least 2 pixels; 6 is usual"));
     }
     if phases < 3 {
-        return Err(Error::Option {
-            option: "--phases".into(),
-            fault: format!("{phases} phases tell no wave from an even light"),
-            help: "give at least 3".into(),
-        });
+        return Err(Error::option("--phases", format!("{phases} phases tell no wave from an even light"))
+            .help("give at least 3"));
     }
     Ok(())
 }
@@ -138,11 +132,11 @@ impl LineFit {
     pub(super) fn new(operator: &dyn Operator, resolution: Resolution) -> Result<Self> {
         let n = resolution.pixels();
         if operator.rows() != n || operator.cols() != n {
-            return Err(Error::Dimension {
-                what: "the transport operator of a separation",
-                expected: format!("{n}x{n}"),
-                found: format!("{}x{}", operator.rows(), operator.cols()),
-            });
+            return Err(Error::dimension(
+                "the transport operator of a separation",
+                format!("{n}x{n}"),
+                format!("{}x{}", operator.rows(), operator.cols()),
+            ));
         }
         Ok(Self { photos: 0, sums: vec![Sums::default(); n] })
     }
@@ -198,13 +192,11 @@ pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize)
 /// Refuses a number of photos that is not a whole set of codes.
 pub(super) fn check_codes(photos: usize) -> Result<()> {
     if !(photos.is_power_of_two() && (4..=1 << 16).contains(&photos)) {
-        return Err(Error::Option {
-            option: "--photos".into(),
-            fault: format!(
-                "codes need a power of two as the number of photos, at least 4, and this is {photos}"
-            ),
-            help: "give 8, 16 or 32; 16 is usual".into(),
-        });
+        return Err(Error::option(
+            "--photos",
+            format!("codes need a power of two as the number of photos, at least 4, and this is {photos}"),
+        )
+        .help("give 8, 16 or 32; 16 is usual"));
     }
     Ok(())
 }

@@ -121,11 +121,9 @@ const LIGHT: &str = "light";
 /// [`Error::Option`] for fewer than two patterns, and any error of taking photos.
 pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<AuditReport> {
     if options.patterns < 2 {
-        return Err(Error::Option {
-            option: "--patterns".into(),
-            fault: format!("{} make no pair", options.patterns),
-            help: "give 2 or more".into(),
-        });
+        return Err(
+            Error::option("--patterns", format!("{} make no pair", options.patterns)).help("give 2 or more")
+        );
     }
     let resolution = subject.resolution();
     let mut audit = AuditReport {

@@ -147,7 +147,7 @@ fn camera(
     helper: &dyn Fn() -> Result<Helper>,
     recorder: &mut Recorder<'_, '_>,
 ) -> Result<bool> {
-    let describes_itself = matches!(rig.camera, CameraSpec::Gige(_) | CameraSpec::Usb3(_));
+    let describes_itself = matches!(rig.camera, CameraSpec::Genicam(_));
     let asked = match describes_itself {
         true => helper().and_then(|helper| rig.camera_abilities(&helper)),
         false => Ok(None),

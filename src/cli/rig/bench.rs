@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::super::console::Console;
 use super::super::opening::Opening;
 use super::super::options::{SourceArgs, ViewArgs};
-use super::super::trace::{SizeArgs, TraceArgs};
+use super::super::trace::TraceArgs;
 use crate::error::{Error, Result};
 use crate::lab::{RigSource, SourceKind};
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
@@ -43,7 +43,7 @@ impl RigArgs {
     /// Reads the file alone.
     pub(super) fn source(&self, console: &Console) -> Result<RigSource> {
         require_rig(&self.rig, "RIG")?;
-        let trace = TraceArgs::for_looking(SizeArgs::default(), self.adapter.clone());
+        let trace = TraceArgs::for_looking(None, self.adapter.clone());
         let source = SourceArgs { source: self.rig.clone(), view: ViewArgs::default() };
         Opening::new(&source, &trace).builder(console).open_uncalibrated_rig()
     }
@@ -81,11 +81,8 @@ pub(super) fn require_rig(path: &Path, argument: &str) -> Result<()> {
     if SourceKind::of(path) == SourceKind::Rig {
         return Ok(());
     }
-    Err(Error::Option {
-        option: argument.into(),
-        fault: format!("{} is no rig", path.display()),
-        help: "give a rig file (.toml): this verb asks devices".into(),
-    })
+    Err(Error::option(argument, format!("{} is no rig", path.display()))
+        .help("give a rig file (.toml): this verb asks devices"))
 }
 
 /// Frames until the user asks to stop.

@@ -36,9 +36,6 @@ fn abilities(kind: &str, place: Option<&str>) -> Result<Abilities> {
 }
 
 fn unknown(kind: &str) -> Error {
-    Error::Option {
-        option: "KIND".into(),
-        fault: format!("a camera of kind {kind} has no description, or no address is given"),
-        help: "give gige and an address, or usb3 and a serial number".into(),
-    }
+    Error::option("KIND", format!("a camera of kind {kind} has no description, or no address is given"))
+        .help("give gige and an address, or usb3 and a serial number")
 }

@@ -60,11 +60,8 @@ struct Boxed {
 impl Boxed {
     fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<Self> {
         if options.preconditioner.is_some() {
-            return Err(Error::Option {
-                option: "--precondition".into(),
-                fault: format!("{method} takes no preconditioner"),
-                help: "give it a diagonal instead".into(),
-            });
+            return Err(Error::option("--precondition", format!("{method} takes no preconditioner"))
+                .help("give it a diagonal instead"));
         }
         let mut system = System::new(b.len(), b, options)?;
         let bounds = Bounds::of(options);

@@ -135,9 +135,7 @@ pub struct HistoryRow {
 
 impl EigsOptions {
     fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| {
-            Err(Error::Option { option: option.into(), fault, help: help.into() })
-        };
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         for (value, option, what) in
             [(self.count, "--count", "eigenpairs"), (self.products, "--photos", "products")]
         {

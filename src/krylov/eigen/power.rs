@@ -105,9 +105,7 @@ fn check(operator: &dyn Operator, options: &EigsOptions) -> Result<()> {
     let n = operator.cols();
     let found = format!("{}x{n}", operator.rows());
     Error::check_size("the operator of a power iteration", format!("{n}x{n}"), found)?;
-    let refuse = |option: &str, fault: &str, help: &str| {
-        Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() })
-    };
+    let refuse = |option: &str, fault: &str, help: &str| Err(Error::option(option, fault).help(help));
     if options.count != 1 {
         return refuse("--count", "power iteration finds one eigenpair", "ask for 1, or use another method");
     }

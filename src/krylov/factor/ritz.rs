@@ -246,11 +246,11 @@ pub(super) fn shrink_symmetric(state: &mut Expansion, which: Which, keep: usize)
 fn all_of_symmetric(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
     let m = state.steps();
     if which == Which::LargestImaginary {
-        return Err(Error::Option {
-            option: "--which".into(),
-            fault: "the eigenvalues of a symmetric operator have no imaginary part".into(),
-            help: "use the Arnoldi method, or ask for another end of the spectrum".into(),
-        });
+        return Err(Error::option(
+            "--which",
+            "the eigenvalues of a symmetric operator have no imaginary part",
+        )
+        .help("use the Arnoldi method, or ask for another end of the spectrum"));
     }
     if m == 0 {
         return Ok(Vec::new());

@@ -202,9 +202,5 @@ fn name() -> PathBuf {
 }
 
 fn damaged(fault: &str) -> Error {
-    Error::Data {
-        path: name(),
-        fault: fault.into(),
-        help: "give a file that the same method saved, undamaged; or start anew".into(),
-    }
+    Error::data(name(), fault).help("give a file that the same method saved, undamaged; or start anew")
 }

@@ -127,9 +127,7 @@ impl SolveOptions {
 
     /// Refuses values that no method accepts.
     pub(crate) fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| {
-            Err(Error::Option { option: option.into(), fault, help: help.into() })
-        };
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         if self.products == 0 {
             return refuse("--photos", "0 products were asked for".into(), "ask for at least 1");
         }

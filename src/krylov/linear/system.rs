@@ -173,9 +173,7 @@ impl System {
         b: &[f64],
         options: &SolveOptions,
     ) -> Result<Self> {
-        let refuse = |option: &str, fault: String, help: &str| {
-            Err(Error::Option { option: option.into(), fault, help: help.into() })
-        };
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         match &options.preconditioner {
             Some(m) if is_definite && !m.is_positive_definite() => refuse(
                 "--precondition",

@@ -141,9 +141,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
 
 impl SingularOptions {
     fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: &str, help: &str| {
-            Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() })
-        };
+        let refuse = |option: &str, fault: &str, help: &str| Err(Error::option(option, fault).help(help));
         if self.count == 0 {
             return refuse("--count", "0 singular values were asked for", "ask for at least 1");
         }

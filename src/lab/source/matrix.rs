@@ -60,11 +60,11 @@ impl ExplicitParts {
         };
         let matrix = self.full.matrix();
         if matrix.rows() != matrix.cols() {
-            return Err(Error::Option {
-                option: "--part".into(),
-                fault: "the direct light of a matrix is its diagonal, but this matrix is not square".into(),
-                help: "use the full matrix".into(),
-            });
+            return Err(Error::option(
+                "--part",
+                "the direct light of a matrix is its diagonal, but this matrix is not square",
+            )
+            .help("use the full matrix"));
         }
         let made = match self.parts[slot].take() {
             Some(made) => made,

@@ -82,8 +82,7 @@ impl Source {
         Ok(match kind {
             SourceKind::Scene => Self::Scene(SceneSource::open(
                 path,
-                settings.camera.as_deref(),
-                settings.camera_file.as_deref(),
+                &settings.view,
                 settings.trace.for_scene(),
                 settings,
                 observer,
@@ -240,11 +239,8 @@ pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &S
         } else {
             "a matrix, for which nothing is traced"
         };
-        return Err(Error::Option {
-            option: option.into(),
-            fault: format!("{} is {what}", path.display()),
-            help: "leave it out, or give the scene or the rig".into(),
-        });
+        return Err(Error::option(option, format!("{} is {what}", path.display()))
+            .help("leave it out, or give the scene or the rig"));
     }
     if let (false, Some(option)) = (kind == SourceKind::Scene, settings.first_of_operator()) {
         return Err(scenes_only(option));
@@ -253,18 +249,13 @@ pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &S
 }
 
 pub(in crate::lab) fn scenes_only(option: &str) -> Error {
-    Error::Option {
-        option: option.into(),
-        fault: "the photos of a rig, a run or a matrix are neither replayed from a traced matrix nor traced"
-            .into(),
-        help: "leave it out, or give a scene".into(),
-    }
+    Error::option(
+        option,
+        "the photos of a rig, a run or a matrix are neither replayed from a traced matrix nor traced",
+    )
+    .help("leave it out, or give a scene")
 }
 
 pub(in crate::lab) fn not_a_rig(path: &Path) -> Error {
-    Error::Option {
-        option: "SOURCE".into(),
-        fault: format!("{} is no rig", path.display()),
-        help: "give a rig file (.toml)".into(),
-    }
+    Error::option("SOURCE", format!("{} is no rig", path.display())).help("give a rig file (.toml)")
 }

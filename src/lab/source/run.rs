@@ -47,11 +47,8 @@ impl RunSource {
     pub(in crate::lab) fn open(run: &Path) -> Result<Self> {
         let folder = journal_folder(run);
         if !Journal::is_in(&folder) {
-            return Err(Error::Data {
-                path: run.to_path_buf(),
-                fault: "it holds no run whose photos were kept".into(),
-                help: "give a scene, a rig file, or the folder of a run that has a journal".into(),
-            });
+            return Err(Error::data(run, "it holds no run whose photos were kept")
+                .help("give a scene, a rig file, or the folder of a run that has a journal"));
         }
         let mut journal = Journal::read_only(&folder)?;
         let note = read(&mut journal, notes::SOURCE)?
@@ -158,17 +155,13 @@ impl RunSource {
 
 fn read<T: serde::de::DeserializeOwned>(journal: &mut Journal, name: &str) -> Result<Option<T>> {
     let Some(note) = journal.read_note(name)? else { return Ok(None) };
-    serde_json::from_slice(&note).map(Some).map_err(|fault| Error::Journal {
-        path: journal.path().into(),
-        fault: format!("its note `{name}` cannot be read: {fault}"),
-        help: "open it with the version of krylux that wrote it".into(),
+    serde_json::from_slice(&note).map(Some).map_err(|fault| {
+        Error::journal(journal.path(), format!("its note `{name}` cannot be read: {fault}"))
+            .help("open it with the version of krylux that wrote it")
     })
 }
 
 fn incomplete(journal: &Journal, what: &str) -> Error {
-    Error::Journal {
-        path: journal.path().into(),
-        fault: format!("it holds {} photos, but not {what}", journal.photos()),
-        help: "go on with that run by the command that began it, and --resume".into(),
-    }
+    Error::journal(journal.path(), format!("it holds {} photos, but not {what}", journal.photos()))
+        .help("go on with that run by the command that began it, and --resume")
 }

@@ -11,13 +11,13 @@ use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::Identity;
 use crate::lab::lock::lock;
-use crate::lab::settings::Settings;
+use crate::lab::settings::{Settings, View};
 use crate::lab::text::grouped;
 use crate::lab::traced::{report_matrix, report_trace, store};
 use crate::lab::{Log, SharedObserver, Truth, loading};
 use crate::measure::RunManifest;
 use crate::render::{TraceSettings, Tracer};
-use crate::scene::{LoadOptions, Scene};
+use crate::scene::Scene;
 use crate::transport::{self, Assembled, Backend, Channels};
 
 /// The label of a pixel that sees no region, as in all label images.
@@ -90,15 +90,12 @@ type Kept = ((Channels, bool), Arc<Assembled>);
 impl SceneSource {
     pub(in crate::lab) fn open(
         path: &Path,
-        camera: Option<&str>,
-        camera_file: Option<&Path>,
+        view: &View,
         trace: TraceSettings,
         settings: &Settings,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        let (auto_camera, strict) = (settings.auto_camera, settings.strict);
-        let options = LoadOptions { camera, camera_file, auto_camera, strict, ..LoadOptions::default() };
-        let load = || loading::load(path, options, observer);
+        let load = || loading::load(path, view.options(), observer);
         let (scene, mut tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
         share(&mut tracer, &scene, settings, observer)?;
         loading::at(observer, 1.0)?;
@@ -140,7 +137,7 @@ impl SceneSource {
             adapter,
             settings: trace,
             cache,
-            backend: settings.backend,
+            backend: settings.operator.backend,
             kept: Arc::default(),
             observer: observer.clone(),
         })
@@ -294,13 +291,11 @@ impl SceneSource {
     pub(in crate::lab) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
         let scene = &self.scene;
         if scene.regions.len() > usize::from(NO_REGION) {
-            return Err(Error::Scene {
-                path: scene.path.clone(),
-                fault: format!("its {} regions do not fit a label image", scene.regions.len()),
-                help: format!(
-                    "give at most {NO_REGION} regions by `region` in the extras of nodes or meshes"
-                ),
-            });
+            return Err(Error::scene(
+                &scene.path,
+                format!("its {} regions do not fit a label image", scene.regions.len()),
+            )
+            .help(format!("give at most {NO_REGION} regions by `region` in the extras of nodes or meshes")));
         }
         let regions = self.tracer().regions(resolution)?;
         Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())

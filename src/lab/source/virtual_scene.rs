@@ -21,8 +21,9 @@ pub(in crate::lab) fn scene_of(
 ) -> Result<Option<SceneSource>> {
     match scene {
         VirtualScene::File { path, camera, camera_file, size, samples, max_bounces, seed } => {
-            let camera = settings.camera.clone().or(camera.take());
-            let camera_file = settings.camera_file.clone().or(camera_file.take());
+            let mut view = settings.view.clone();
+            view.camera = view.camera.or(camera.take());
+            view.camera_file = view.camera_file.or(camera_file.take());
             let of_file = TraceSettings {
                 max_bounces: *max_bounces,
                 seed: *seed,
@@ -33,8 +34,7 @@ pub(in crate::lab) fn scene_of(
                 return Err(projector_of_its_own(rig));
             }
             (*size, *samples, *max_bounces) = (trace.resolution, trace.samples, trace.max_bounces);
-            SceneSource::open(path, camera.as_deref(), camera_file.as_deref(), trace, settings, observer)
-                .map(Some)
+            SceneSource::open(path, &view, trace, settings, observer).map(Some)
         }
         VirtualScene::Matrix { .. } => refuse_tracing(rig, settings).map(|()| None),
     }
@@ -51,20 +51,17 @@ pub(in crate::lab) fn traced_scene(scene: &SceneSource, rig: &Path) -> Result<Vi
 }
 
 fn projector_of_its_own(rig: &Path) -> Error {
-    Error::Option {
-        option: "--projector-size".into(),
-        fault: format!("{} has as many projector pixels as its scene has", rig.display()),
-        help: "leave it out, or give --size".into(),
-    }
+    Error::option(
+        "--projector-size",
+        format!("{} has as many projector pixels as its scene has", rig.display()),
+    )
+    .help("leave it out, or give --size")
 }
 
 pub(in crate::lab) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
     let Some(option) = settings.first_of_trace() else { return Ok(()) };
-    Err(Error::Option {
-        option: option.into(),
-        fault: format!("nothing is traced for {}", rig.display()),
-        help: "leave it out: the rig file says what is seen".into(),
-    })
+    Err(Error::option(option, format!("nothing is traced for {}", rig.display()))
+        .help("leave it out: the rig file says what is seen"))
 }
 
 /// The scene, traced now, or the matrix in a file.
@@ -79,17 +76,11 @@ pub(in crate::lab) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, ri
 }
 
 pub(in crate::lab) fn no_scene(path: &Path) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault: "there is no scene in it that could be traced".into(),
-        help: "give a rig whose [scene] names a scene's `file`".into(),
-    }
+    Error::data(path, "there is no scene in it that could be traced")
+        .help("give a rig whose [scene] names a scene's `file`")
 }
 
 pub(in crate::lab) fn not_virtual(path: &Path) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault: "its devices are real: there is no virtual twin to predict by".into(),
-        help: "describe scene and devices in a rig file of kind = \"virtual\"".into(),
-    }
+    Error::data(path, "its devices are real: there is no virtual twin to predict by")
+        .help("describe scene and devices in a rig file of kind = \"virtual\"")
 }

@@ -208,11 +208,11 @@ fn require_channels(channels: Channels, found: usize) -> Result<()> {
     if channels.count() == found {
         return Ok(());
     }
-    Err(Error::Option {
-        option: "--channels".into(),
-        fault: format!("the run's photos have {found} channels, not {}", channels.count()),
-        help: "give the channels of that run".into(),
-    })
+    Err(Error::option(
+        "--channels",
+        format!("the run's photos have {found} channels, not {}", channels.count()),
+    )
+    .help("give the channels of that run"))
 }
 
 /// The engine that the settings choose. `Auto` chooses the matrix, unless it would exceed the memory.
@@ -222,14 +222,14 @@ fn of_scene(
     channels: Channels,
     observer: &SharedObserver,
 ) -> Result<Engine> {
-    let retrace = match settings.operator {
+    let retrace = match settings.operator.choice {
         OperatorChoice::Replay => false,
-        OperatorChoice::Retrace if settings.backend != Backend::Auto => {
-            return Err(Error::Option {
-                option: "--products".into(),
-                fault: "photos that are traced anew are not products with a matrix".into(),
-                help: "leave it out, or give --operator replay".into(),
-            });
+        OperatorChoice::Retrace if settings.operator.backend != Backend::Auto => {
+            return Err(Error::option(
+                "--products",
+                "photos that are traced anew are not products with a matrix",
+            )
+            .help("leave it out, or give --operator replay"));
         }
         OperatorChoice::Retrace => true,
         OperatorChoice::Auto => {
@@ -272,16 +272,16 @@ pub(in crate::lab) fn require_photo_memory(
     if needed <= limit {
         return Ok(());
     }
-    Err(Error::Option {
-        option: "--size".into(),
-        fault: format!(
+    Err(Error::option(
+        "--size",
+        format!(
             "a photo of {} pixels takes about {}, more than the {} of --memory",
             scene.settings.resolution,
             bytes(needed),
             bytes(limit)
         ),
-        help: "use a smaller --size, or allow more --memory where the machine has it".into(),
-    })
+    )
+    .help("use a smaller --size, or allow more --memory where the machine has it"))
 }
 
 fn symmetry(is_symmetric: bool) -> Symmetry {

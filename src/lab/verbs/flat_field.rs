@@ -17,11 +17,11 @@ impl RigSource {
     /// the errors of taking the photo.
     pub fn flat_field(&self) -> Result<FlatField> {
         let Some(known) = self.calibration.flat_field.clone() else {
-            return Err(Error::Rig {
-                device: "calibration".into(),
-                fault: "it does not tell the brightness of the projector from that of the camera".into(),
-                help: "calibrate the rig in front of a scene first: krylux rig calibrate".into(),
-            });
+            return Err(Error::rig(
+                "calibration",
+                "it does not tell the brightness of the projector from that of the camera",
+            )
+            .help("calibrate the rig in front of a scene first: krylux rig calibrate"));
         };
         let calibration = Calibration { flat_field: None, ..self.calibration.clone() };
         let frames: Box<dyn FrameSource> = match self.kind() {
@@ -45,11 +45,11 @@ impl RigSource {
     /// As [`RigSource::flat_field`]; [`Error::Option`] if the rig file names no calibration; [`Error::Write`].
     pub fn add_flat_field(&self) -> Result<(FlatField, PathBuf)> {
         let Some(folder) = self.file.calibration.clone() else {
-            return Err(Error::Option {
-                option: "SOURCE".into(),
-                fault: format!("{} names no calibration, which this is added to", self.file.path.display()),
-                help: "calibrate the rig first: krylux rig calibrate RIG --use".into(),
-            });
+            return Err(Error::option(
+                "SOURCE",
+                format!("{} names no calibration, which this is added to", self.file.path.display()),
+            )
+            .help("calibrate the rig first: krylux rig calibrate RIG --use"));
         };
         let flat = self.flat_field()?;
         Calibration { flat_field: Some(flat.clone()), ..self.calibration.clone() }.save(&folder)?;

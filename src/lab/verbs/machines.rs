@@ -35,9 +35,7 @@ impl Lab {
     /// [`Error::Option`] naming `--shard` for other sources than a scene, and for a part that does not exist; [`Error::Data`] for an
     /// existing file that is not a shard; [`Error::Write`]; errors of tracing.
     pub fn trace_shard(&mut self, of: (usize, usize), file: &Path) -> Result<TracedShard> {
-        let refused = |fault: String, help: &str| {
-            Err(Error::Option { option: "--shard".into(), fault, help: help.into() })
-        };
+        let refused = |fault: String, help: &str| Err(Error::option("--shard", fault).help(help));
         let Source::Scene(scene) = &self.source else {
             let fault = format!("{} is not traced: only a scene has shards", self.name());
             return refused(fault, "leave it out, or give a scene");
@@ -62,11 +60,8 @@ impl SceneSource {
         atomic::check_writable(file)?;
         if file.exists() {
             if !ShardFile::is_begun(file)? {
-                return Err(Error::Data {
-                    path: file.into(),
-                    fault: "the file is there, and is not a shard".into(),
-                    help: "name another file by -o, or remove this one".into(),
-                });
+                return Err(Error::data(file, "the file is there, and is not a shard")
+                    .help("name another file by -o, or remove this one"));
             }
             if let Some(there) = self.whole_shard(file, &origin, of) {
                 return Ok(there);
@@ -143,11 +138,11 @@ impl JoinedShards {
     pub fn matrices(&self, part: Option<Part>) -> Result<Vec<Vec<(&'static str, Csr)>>> {
         match part {
             None if self.splits_bounces => bounces_apart(&self.traced),
-            Some(_) if self.splits_bounces => Err(Error::Option {
-                option: "--part".into(),
-                fault: "these shards were traced with --split-bounces, and make three matrices".into(),
-                help: "leave it out, or trace shards without --split-bounces".into(),
-            }),
+            Some(_) if self.splits_bounces => Err(Error::option(
+                "--part",
+                "these shards were traced with --split-bounces, and make three matrices",
+            )
+            .help("leave it out, or trace shards without --split-bounces")),
             part => {
                 let matrix =
                     |channel| Ok(vec![("", self.traced.matrix.to_csr(part.unwrap_or(Part::Full), channel)?)]);
@@ -216,11 +211,11 @@ fn require_one_matrix(files: Vec<ShardFile>) -> Result<Vec<ShardFile>> {
     else {
         return Ok(files);
     };
-    let error = Error::Data {
-        path: files[at].path().into(),
-        fault: format!("it is not of the same matrix as {}: {}", first.path().display(), found.join("; ")),
-        help: "join shards of the same scene, traced with equal options, drivers and programs".into(),
-    };
+    let error = Error::data(
+        files[at].path(),
+        format!("it is not of the same matrix as {}: {}", first.path().display(), found.join("; ")),
+    )
+    .help("join shards of the same scene, traced with equal options, drivers and programs");
     // The record of a damaged file may contain any numbers.
     files
         .into_iter()
@@ -242,11 +237,8 @@ fn require_all_parts(files: &[ShardFile]) -> Result<()> {
         if missing.len() == 1 { "is" } else { "are" }
     );
     let and = if missing.len() == 1 { "" } else { ", and so on" };
-    Err(Error::Option {
-        option: "SHARDS".into(),
-        fault,
-        help: format!("trace {them} as the others, with --shard {first}/{parts}{and}, and join all files"),
-    })
+    Err(Error::option("SHARDS", fault)
+        .help(format!("trace {them} as the others, with --shard {first}/{parts}{and}, and join all files")))
 }
 
 /// Formats numbers for people: `3, 5 to 9 and 12`.
@@ -268,26 +260,25 @@ fn require_memory(files: &[ShardFile]) -> Result<()> {
     if bytes <= memory {
         return Ok(());
     }
-    Err(Error::Option {
-        option: "SHARDS".into(),
-        fault: format!(
+    Err(Error::option(
+        "SHARDS",
+        format!(
             "they take {} together, and this machine has {} of memory",
             text::bytes(bytes),
             text::bytes(memory)
         ),
-        help: "join them on a machine with more memory, or let a team of processes keep the matrix (MPI)"
-            .into(),
-    })
+    )
+    .help("join them on a machine with more memory, or let a team of processes keep the matrix (MPI)"))
 }
 
 /// The error for two shards of the same part with different light paths.
 fn contradiction(path: PathBuf, first: &Path, record: &ShardRecord) -> Error {
     let ShardRecord { part, parts, .. } = record;
-    Error::Data {
+    Error::data(
         path,
-        fault: format!("it is part {part} of {parts} as {} is, but with other light paths", first.display()),
-        help: format!("one of them is wrong: trace both again, with --shard {part}/{parts}, and join one"),
-    }
+        format!("it is part {part} of {parts} as {} is, but with other light paths", first.display()),
+    )
+    .help(format!("one of them is wrong: trace both again, with --shard {part}/{parts}, and join one"))
 }
 
 /// The predicted time and memory of several processes, from a probe of this machine.
@@ -309,11 +300,8 @@ impl Lab {
     /// [`Error::Option`] for other sources than a scene; errors of tracing.
     pub fn scaling(&self, processes: &[usize], photos: usize, network: Network) -> Result<Scaling> {
         let Source::Scene(scene) = &self.source else {
-            return Err(Error::Option {
-                option: "--ranks".into(),
-                fault: "only scenes are traced by several processes".into(),
-                help: "give a scene (.glb, .gltf, .obj)".into(),
-            });
+            return Err(Error::option("--ranks", "only scenes are traced by several processes")
+                .help("give a scene (.glb, .gltf, .obj)"));
         };
         let (settings, channels) = (&scene.settings, self.channels);
         let probe = Probe::measure(&mut scene.tracer(), settings)?;

@@ -32,11 +32,11 @@ impl Lab {
             return self.matrices_in_memory(request);
         }
         if request.split_bounces {
-            return Err(Error::Option {
-                option: "--split-bounces".into(),
-                fault: "a photo does not tell how often its light has bounced".into(),
-                help: "give --part direct or --part global, which are told apart by shifted patterns".into(),
-            });
+            return Err(Error::option(
+                "--split-bounces",
+                "a photo does not tell how often its light has bounced",
+            )
+            .help("give --part direct or --part global, which are told apart by shifted patterns"));
         }
         let resolution = self.projector_resolution();
         brute_force::check_photos(resolution, self.channels(), request.photos)?;
@@ -48,11 +48,8 @@ impl Lab {
 
     fn matrices_in_memory(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
         if request.photos.is_some() {
-            return Err(Error::Option {
-                option: "--photos".into(),
-                fault: "a scene's matrix is traced, not photographed".into(),
-                help: "leave it out; --spp says how many light paths are traced".into(),
-            });
+            return Err(Error::option("--photos", "a scene's matrix is traced, not photographed")
+                .help("leave it out; --spp says how many light paths are traced"));
         }
         let count = self.channels().count();
         if !request.split_bounces {
@@ -60,11 +57,8 @@ impl Lab {
             return (0..count).map(matrix).collect();
         }
         let Some(traced) = self.assembled()? else {
-            return Err(Error::Option {
-                option: "--split-bounces".into(),
-                fault: "the bounces of this matrix are not known".into(),
-                help: "leave it out, or give a scene".into(),
-            });
+            return Err(Error::option("--split-bounces", "the bounces of this matrix are not known")
+                .help("leave it out, or give a scene"));
         };
         bounces_apart(&traced)
     }

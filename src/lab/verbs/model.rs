@@ -17,13 +17,9 @@ impl Lab {
     pub fn capture_model(&mut self, photos: usize, block: usize) -> Result<SavedModel> {
         let (resolution, projector) = (self.resolution(), self.projector_resolution());
         if resolution.pixels() != projector.pixels() {
-            return Err(Error::Option {
-                option: "--projector-size".into(),
-                fault: format!(
+            return Err(Error::option("--projector-size", format!(
                     "the camera has {resolution} pixels and the projector {projector}, but a Krylov process projects its photos"
-                ),
-                help: "give both as many pixels".into(),
-            });
+                )).help("give both as many pixels"));
         }
         self.transport()?;
         let (name, unit) = (self.name(), self.unit().to_owned());

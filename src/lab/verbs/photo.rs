@@ -33,13 +33,13 @@ impl Lab {
     ///
     /// # Errors
     /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for other sources than a scene, and `--size` if the photo takes more
-    /// than [`Settings::memory`](crate::lab::Settings::memory).
+    /// than [`OperatorSettings::memory`](crate::lab::OperatorSettings::memory).
     pub fn single_photo(&mut self, pattern: &Image) -> Result<SinglePhoto> {
         if self.run.is_none() {
             self.warn_of_darkness();
         }
         if let Source::Scene(scene) = &self.source {
-            if self.transport.is_none() && self.settings.operator == OperatorChoice::Auto {
+            if self.transport.is_none() && self.settings.operator.choice == OperatorChoice::Auto {
                 let transport = match scene.cached(self.channels)? {
                     Some(traced) => LightTransport::of_assembled(traced, &self.observer),
                     None => {
@@ -49,7 +49,7 @@ impl Lab {
                 };
                 self.transport = Some(Arc::new(Mutex::new(transport)));
             }
-        } else if self.settings.operator != OperatorChoice::Auto {
+        } else if self.settings.operator.choice != OperatorChoice::Auto {
             return Err(scenes_only("--operator"));
         }
         let white: Option<Noise> = self.noise()?;

@@ -60,11 +60,9 @@ impl Lab {
     pub fn plan(&self, request: &PlanRequest, trials: u64) -> Result<Plan> {
         let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
         if trials == 0 {
-            return Err(Error::Option {
-                option: "--trials".into(),
-                fault: "0 runs predict nothing".into(),
-                help: "ask for at least 1, better 3".into(),
-            });
+            return Err(
+                Error::option("--trials", "0 runs predict nothing").help("ask for at least 1, better 3")
+            );
         }
         if let PlanRequest::Compensate(_, options) | PlanRequest::CompareMethods(_, options) = request {
             options.check()?;

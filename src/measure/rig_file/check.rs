@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use crate::error::Error;
 use crate::measure::MeasureOptions;
-use crate::rig::sensor::Sensor;
-use crate::rig::sensor::Settings;
 use crate::rig::{
-    Ambient, CameraSpec, Drift, Faults, Gphoto2Spec, ProgramRig, Pulse, Splitter, V4lSpec, VirtualCamera,
+    Ambient, CameraKind, CameraSpec, Drift, Faults, GenicamSpec, ProgramRig, Pulse, Splitter, VirtualCamera,
     VirtualProjector, X11Spec,
 };
 
@@ -21,7 +19,12 @@ pub(crate) type Checked = Result<(), Error>;
 impl Check {
     /// An error of the file.
     pub(crate) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
-        Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
+        Error::data(&self.path, fault).help(help)
+    }
+
+    /// The error of the file if `is_wrong`.
+    fn refuse(&self, is_wrong: bool, fault: impl Into<String>, help: impl Into<String>) -> Checked {
+        if is_wrong { Err(self.fault(fault, help)) } else { Ok(()) }
     }
 
     /// Checks that `value` lies from `low` to `high`. NaN fails.
@@ -29,8 +32,7 @@ impl Check {
         if (low..=high).contains(&value) {
             return Ok(());
         }
-        let range = if high == f64::MAX { format!("at least {low}") } else { format!("{low} to {high}") };
-        Err(self.fault(format!("{key} is {value}"), format!("give {range}")))
+        Err(self.fault(format!("{key} is {value}"), format!("give {low} to {high}")))
     }
 
     pub(crate) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
@@ -43,40 +45,33 @@ impl Check {
     fn response(&self, table: &str, gamma: Option<f64>, curve: Option<&[f64]>) -> Checked {
         self.range(&format!("{table}.gamma"), gamma.unwrap_or(1.0), 0.1, 10.0)?;
         let Some(curve) = curve else { return Ok(()) };
-        if gamma.is_some() {
-            return Err(self.fault(
-                format!("{table} has both gamma and curve"),
-                "give one response: a gamma, or a curve",
-            ));
-        }
+        self.refuse(
+            gamma.is_some(),
+            format!("{table} has both gamma and curve"),
+            "give one response: a gamma, or a curve",
+        )?;
         let ends = (curve.first(), curve.last());
-        if ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted() {
-            return Err(self.fault(
-                format!("{table}.curve is not a response"),
-                "give at least two values, the first 0, the last 1, none less than the one before",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted(),
+            format!("{table}.curve is not a response"),
+            "give at least two values, the first 0, the last 1, none less than the one before",
+        )
     }
 
     pub(crate) fn channels(&self, table: &str, channels: usize) -> Checked {
-        if channels == 1 || channels == 3 {
-            return Ok(());
-        }
-        Err(self.fault(format!("{table}.channels is {channels}"), "give 1 (gray) or 3 (red, green, blue)"))
+        let fault = format!("{table}.channels is {channels}");
+        self.refuse(channels != 1 && channels != 3, fault, "give 1 (gray) or 3 (red, green, blue)")
     }
 
     /// Checks a sine: its amplitude and its period.
     fn wave(&self, table: &str, key: &str, swing: f64, period: f64) -> Checked {
         self.range(&format!("{table}.{key}"), swing, 0.0, 1.0)?;
         self.range(&format!("{table}.period"), period, 0.0, 1e9)?;
-        if swing > 0.0 && period == 0.0 {
-            return Err(self.fault(
-                format!("{table}.{key} is {swing}, but {table}.period is missing"),
-                "give its period in seconds",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            swing > 0.0 && period == 0.0,
+            format!("{table}.{key} is {swing}, but {table}.period is missing"),
+            "give its period in seconds",
+        )
     }
 
     pub(crate) fn projector(&self, spec: &VirtualProjector) -> Checked {
@@ -135,31 +130,27 @@ impl Check {
             ],
         )?;
         let Some(homography) = spec.homography else { return Ok(()) };
-        if spec.shift != [0.0; 2] || spec.rotation != 0.0 || spec.scale != 1.0 {
-            return Err(self.fault(
-                "camera has a homography, and shift, rotation or scale as well",
-                "give the homography alone, or leave it out",
-            ));
-        }
+        self.refuse(
+            spec.shift != [0.0; 2] || spec.rotation != 0.0 || spec.scale != 1.0,
+            "camera has a homography, and shift, rotation or scale as well",
+            "give the homography alone, or leave it out",
+        )?;
         let [a, b, c] = homography.map(glam::DVec3::from_array);
-        if !a.dot(b.cross(c)).is_normal() {
-            return Err(self.fault(
-                "camera.homography cannot be inverted",
-                "give the three rows of an invertible matrix, e.g. [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            !a.dot(b.cross(c)).is_normal(),
+            "camera.homography cannot be inverted",
+            "give the three rows of an invertible matrix, e.g. [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        )
     }
 
     /// Checks that all colours of a mixture exist, and that each channel sees something.
     pub(crate) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
         let Some(matrix) = camera.crosstalk else { return Ok(()) };
-        if (projector.channels, camera.channels) != (3, 3) {
-            return Err(self.fault(
-                "camera.crosstalk mixes three colours, but projector or camera has one channel",
-                "give both channels = 3, or leave it out",
-            ));
-        }
+        self.refuse(
+            (projector.channels, camera.channels) != (3, 3),
+            "camera.crosstalk mixes three colours, but projector or camera has one channel",
+            "give both channels = 3, or leave it out",
+        )?;
         for (row, entries) in matrix.iter().enumerate() {
             for (column, &entry) in entries.iter().enumerate() {
                 let least = if row == column { 1e-6 } else { 0.0 };
@@ -188,13 +179,11 @@ impl Check {
         ];
         self.ranges("faults", &shares)?;
         let sum: f64 = shares.iter().map(|share| share.1).sum();
-        if sum > 1.0 {
-            return Err(self.fault(
-                format!("the chances of [faults] add up to {sum}"),
-                "give dropped, repeated, late and early such that they add up to 1 at most",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            sum > 1.0,
+            format!("the chances of [faults] add up to {sum}"),
+            "give dropped, repeated, late and early such that they add up to 1 at most",
+        )
     }
 
     pub(crate) fn x11(&self, spec: &X11Spec) -> Checked {
@@ -213,24 +202,12 @@ impl Check {
     }
 
     pub(crate) fn measurement(&self, options: &MeasureOptions) -> Checked {
-        for &exposure in &options.exposures {
-            self.range("measurement.exposures", exposure, 1e-9, 1e6)?;
-        }
-        self.ranges(
-            "measurement",
-            &[
-                ("bit_planes", options.bit_planes.into(), 1.0, 32.0),
-                ("takes", options.takes.into(), 1.0, 1e6),
-                ("black_takes", options.black_takes.into(), 1.0, 1e6),
-                ("blur", options.blur, 0.0, 1e3),
-                ("settle", options.settle.unwrap_or(0.0), 0.0, 3600.0),
-                ("tries", options.tries.into(), 1.0, 1e6),
-            ],
-        )
+        let fault = options.fault();
+        fault.map_or(Ok(()), |[key, found, expected]| {
+            Err(self.fault(format!("measurement.{key} is {found}"), format!("give {expected}")))
+        })
     }
-}
 
-impl Check {
     pub(crate) fn program(&self, rig: &ProgramRig) -> Checked {
         let (projector, camera) = (&rig.projector, &rig.camera);
         for (table, size, channels, bits) in [
@@ -247,23 +224,49 @@ impl Check {
     }
 
     pub(crate) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
-        match spec {
-            CameraSpec::Gige(spec) => {
-                // The range goes from the least size that every network carries to the largest datagram.
-                self.range("camera.packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0)?;
-                self.vision(&spec.settings())
-            }
-            CameraSpec::Usb3(spec) => self.vision(&spec.settings()),
-            CameraSpec::V4l(spec) => self.v4l(spec),
-            CameraSpec::Gphoto2(spec) => self.gphoto2(spec),
-        }
-    }
-
-    fn sensor(&self, sensor: &Sensor) -> Checked {
+        let (sensor, exposures, timeout) = match spec {
+            CameraSpec::Genicam(spec) => (spec.sensor(), spec.exposures, spec.timeout),
+            CameraSpec::V4l(spec) => (spec.sensor(), spec.exposures, spec.timeout),
+            CameraSpec::Gphoto2(spec) => (spec.sensor(), spec.exposures, spec.timeout),
+        };
         self.range("camera.bits", sensor.bits.into(), 8.0, 16.0)?;
         sensor.size.iter().try_for_each(|&side| self.range("camera.size", side as f64, 1.0, 65535.0))?;
         sensor.offset.iter().try_for_each(|&side| self.range("camera.offset", side as f64, 0.0, 65535.0))?;
-        sensor.fault().map_or(Ok(()), |[fault, help]| Err(self.fault(fault, help)))
+        sensor.fault().map_or(Ok(()), |[fault, help]| Err(self.fault(fault, help)))?;
+        self.times(exposures, timeout)?;
+        match spec {
+            CameraSpec::Genicam(spec) => self.genicam(spec),
+            CameraSpec::V4l(spec) => self.range("camera.skip", spec.skip.into(), 0.0, 100.0),
+            CameraSpec::Gphoto2(spec) => {
+                self.range("camera.stops", spec.stops.unwrap_or(1).into(), 1.0, 12.0)?;
+                self.refuse(
+                    spec.decoder.first().is_none_or(String::is_empty),
+                    "camera.decoder is empty",
+                    "name the program that decodes RAW, with its arguments, or leave it out",
+                )
+            }
+        }
+    }
+
+    fn genicam(&self, spec: &GenicamSpec) -> Checked {
+        let is_gige = spec.kind == CameraKind::Gige;
+        self.refuse(
+            is_gige && spec.address.is_none(),
+            "missing field `address`",
+            "give the camera's address, e.g. address = \"192.168.1.20\"; `krylux rig list` names it",
+        )?;
+        let of_others = [
+            ("serial", is_gige && spec.serial.is_some()),
+            ("address", !is_gige && spec.address.is_some()),
+            ("packet_size", !is_gige && spec.packet_size.is_some()),
+        ];
+        for (key, is_given) in of_others {
+            let fault = format!("unknown key `{key}` for a camera of kind \"{}\"", spec.kind.key());
+            self.refuse(is_given, fault, format!("leave out {key}"))?;
+        }
+        self.range("camera.gain", spec.gain.unwrap_or(0.0), -1e6, 1e6)?;
+        // The range goes from the least size that every network carries to the largest datagram.
+        self.range("camera.packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0)
     }
 
     fn times(&self, [shortest, longest]: [f64; 2], timeout: f64) -> Checked {
@@ -277,33 +280,6 @@ impl Check {
         )
     }
 
-    fn vision(&self, settings: &Settings) -> Checked {
-        self.sensor(&settings.sensor)?;
-        self.times(settings.exposures, settings.timeout)?;
-        self.range("camera.gain", settings.gain.unwrap_or(0.0), -1e6, 1e6)
-    }
-
-    fn v4l(&self, spec: &V4lSpec) -> Checked {
-        self.sensor(&spec.sensor())?;
-        self.times(spec.exposures, spec.timeout)?;
-        self.range("camera.skip", spec.skip.into(), 0.0, 100.0)
-    }
-
-    fn gphoto2(&self, spec: &Gphoto2Spec) -> Checked {
-        self.sensor(&spec.sensor())?;
-        self.times(spec.exposures, spec.timeout)?;
-        self.range("camera.stops", spec.stops.unwrap_or(1).into(), 1.0, 12.0)?;
-        if spec.decoder.first().is_none_or(String::is_empty) {
-            return Err(self.fault(
-                "camera.decoder is empty",
-                "name the program that decodes RAW, with its arguments, or leave it out",
-            ));
-        }
-        Ok(())
-    }
-}
-
-impl Check {
     /// Checks the path of the light: projector, camera, and everything between them.
     pub(crate) fn between(
         &self,
@@ -312,12 +288,11 @@ impl Check {
         splitter: &Splitter,
     ) -> Checked {
         self.projector(projector)?;
-        if projector.white_segment > 0.0 && projector.channels != 3 {
-            return Err(self.fault(
-                "projector.white_segment adds to what three colours have in common, but the projector has one channel",
-                "give the projector channels = 3, or leave white_segment out",
-            ));
-        }
+        self.refuse(
+            projector.white_segment > 0.0 && projector.channels != 3,
+            "projector.white_segment adds to what three colours have in common, but the projector has one channel",
+            "give the projector channels = 3, or leave white_segment out",
+        )?;
         self.camera(camera)?;
         self.crosstalk(projector, camera)?;
         self.splitter(splitter)
@@ -327,19 +302,16 @@ impl Check {
     pub(crate) fn pulse(&self, pulse: &Pulse, channels: usize) -> Checked {
         self.range("projector.pulse.period", pulse.period, 0.0, 60.0)?;
         self.range("projector.pulse.duty", pulse.duty, 1e-3, 1.0)?;
-        if pulse.wheel && channels != 3 {
-            return Err(self.fault(
-                "projector.pulse.wheel shows three colours, but the projector has one channel",
-                "give the projector channels = 3, or leave wheel out",
-            ));
-        }
-        if pulse.period == 0.0 && (pulse.wheel || pulse.duty < 1.0) {
-            return Err(self.fault(
-                "projector.pulse has no period",
-                "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            pulse.wheel && channels != 3,
+            "projector.pulse.wheel shows three colours, but the projector has one channel",
+            "give the projector channels = 3, or leave wheel out",
+        )?;
+        self.refuse(
+            pulse.period == 0.0 && (pulse.wheel || pulse.duty < 1.0),
+            "projector.pulse has no period",
+            "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
+        )
     }
 
     fn splitter(&self, spec: &Splitter) -> Checked {
@@ -353,12 +325,10 @@ impl Check {
                 ("stray", spec.stray, 0.0, 10.0),
             ],
         )?;
-        if spec.ghost > 0.0 && spec.ghost_shift == [0.0; 2] {
-            return Err(self.fault(
-                format!("splitter.ghost is {}, but splitter.ghost_shift is missing", spec.ghost),
-                "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
-            ));
-        }
-        Ok(())
+        self.refuse(
+            spec.ghost > 0.0 && spec.ghost_shift == [0.0; 2],
+            format!("splitter.ghost is {}, but splitter.ghost_shift is missing", spec.ghost),
+            "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
+        )
     }
 }

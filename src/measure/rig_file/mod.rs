@@ -27,7 +27,7 @@
 //! monitor = "HDMI-1"
 //! size = [128, 96]
 //!
-//! [camera]                        # by its kind: GigeSpec, Usb3Spec, V4lSpec, Gphoto2Spec
+//! [camera]                        # by its kind: GenicamSpec, V4lSpec, Gphoto2Spec
 //! kind = "gige"
 //! address = "192.168.1.20"
 //! size = [640, 480]
@@ -59,7 +59,6 @@
 
 mod check;
 mod programs;
-mod scene;
 
 use std::path::{Path, PathBuf};
 
@@ -69,15 +68,14 @@ use serde::de::DeserializeOwned;
 pub use super::rig_file::programs::own_folder;
 use super::{Calibration, MeasureOptions};
 use crate::error::{Error, Result};
-use crate::rig::nearest::nearest;
+use crate::image::Resolution;
+use crate::render::MAX_BOUNCES;
 use crate::rig::{
-    Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, GigeSpec, Gphoto2Spec, HardwareRig,
-    ProgramCamera, ProgramProjector, ProgramRig, ProjectorInfo, Splitter, Usb3Spec, V4lSpec, VirtualCamera,
-    VirtualProjector, VirtualRig, X11Spec,
+    Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, HardwareRig, ProgramRig, ProjectorInfo,
+    Splitter, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene, X11Spec, did_you_mean,
 };
 use crate::transport::Channels;
 use check::Check;
-use scene::SceneTable;
 
 /// The content of a rig file.
 #[derive(Clone, Debug, PartialEq)]
@@ -160,28 +158,15 @@ struct VirtualTables {
     measurement: MeasureOptions,
 }
 
-/// The tables of a file for real devices with a camera of kind `C`.
+/// The tables of a file for real devices or for devices that a program hands over.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct HardwareTables<C> {
+struct DeviceTables<P, C> {
     #[serde(rename = "kind")]
     _kind: String,
     calibration: Option<PathBuf>,
-    projector: X11Spec,
+    projector: P,
     camera: C,
-    #[serde(default)]
-    measurement: MeasureOptions,
-}
-
-/// The tables of a file for devices that a program hands over.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ProgramTables {
-    #[serde(rename = "kind")]
-    _kind: String,
-    calibration: Option<PathBuf>,
-    projector: ProgramProjector,
-    camera: ProgramCamera,
     #[serde(default)]
     measurement: MeasureOptions,
 }
@@ -195,6 +180,77 @@ struct OfKind {
 #[derive(Deserialize)]
 struct KindOnly {
     kind: CameraKind,
+}
+
+/// The table `[scene]` of a virtual rig: a scene to be traced, or a matrix.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneTable {
+    /// Width and height in pixels, of the projector and of the simulated photo before the camera resamples it.
+    size: [usize; 2],
+    /// The file of a scene to be traced.
+    file: Option<PathBuf>,
+    /// The file of a matrix, instead of a scene.
+    matrix: Option<PathBuf>,
+    camera: Option<String>,
+    camera_file: Option<PathBuf>,
+    samples: Option<u32>,
+    max_bounces: Option<u32>,
+    seed: Option<u32>,
+}
+
+impl SceneTable {
+    /// The scene, with paths relative to `folder`.
+    fn into_scene(self, check: &Check, folder: &Path) -> Result<VirtualScene> {
+        let [width, height] = self.size;
+        for side in [width, height] {
+            check.range("scene.size", side as f64, 1.0, 16384.0)?;
+        }
+        let size = Resolution::new(width, height);
+        match (self.file, self.matrix) {
+            (Some(file), None) => {
+                let samples = self.samples.unwrap_or(64);
+                let max_bounces = self.max_bounces.unwrap_or(6);
+                check.range("scene.samples", samples.into(), 1.0, f64::from(1 << 20))?;
+                check.range("scene.max_bounces", max_bounces.into(), 1.0, MAX_BOUNCES.into())?;
+                if self.camera.is_some() && self.camera_file.is_some() {
+                    return Err(check.fault(
+                        "[scene] has both camera and camera_file",
+                        "give the name of one of the scene's cameras, or a camera file with the poses of camera and projector",
+                    ));
+                }
+                Ok(VirtualScene::File {
+                    path: folder.join(file),
+                    camera: self.camera,
+                    camera_file: self.camera_file.map(|path| folder.join(path)),
+                    size,
+                    samples,
+                    max_bounces,
+                    seed: self.seed.unwrap_or(0),
+                })
+            }
+            (None, Some(matrix)) => {
+                let of_files = [
+                    ("camera", self.camera.is_some()),
+                    ("camera_file", self.camera_file.is_some()),
+                    ("samples", self.samples.is_some()),
+                    ("max_bounces", self.max_bounces.is_some()),
+                    ("seed", self.seed.is_some()),
+                ];
+                if let Some((key, _)) = of_files.into_iter().find(|(_, given)| *given) {
+                    return Err(check.fault(
+                        format!("scene.{key} is an option of tracing, but scene.matrix needs no tracing"),
+                        format!("leave out {key}, or give scene.file instead of scene.matrix"),
+                    ));
+                }
+                Ok(VirtualScene::Matrix { path: folder.join(matrix), size })
+            }
+            _ => Err(check.fault(
+                "[scene] needs either file or matrix",
+                "give file = \"scene.glb\", or matrix = \"matrix.npz\" as `krylux matrix` writes it",
+            )),
+        }
+    }
 }
 
 impl RigFile {
@@ -222,7 +278,7 @@ impl RigFile {
                 (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
             }
             "program" => {
-                let ProgramTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
+                let DeviceTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
                 let rig = ProgramRig { projector, camera };
                 check.program(&rig)?;
                 (RigKind::Program(rig), calibration, measurement)
@@ -240,10 +296,9 @@ fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, 
     let OfKind { camera } = parse(&check.path, text)?;
     // The table parser below reports a missing camera together with the other errors of the file.
     let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind) {
-        CameraKind::Gige => hardware::<GigeSpec>(check, text)?,
-        CameraKind::Usb3 => hardware::<Usb3Spec>(check, text)?,
-        CameraKind::V4l => hardware::<V4lSpec>(check, text)?,
-        CameraKind::Gphoto2 => hardware::<Gphoto2Spec>(check, text)?,
+        CameraKind::Gige | CameraKind::Usb3 => hardware(check, text, CameraSpec::Genicam)?,
+        CameraKind::V4l => hardware(check, text, CameraSpec::V4l)?,
+        CameraKind::Gphoto2 => hardware(check, text, CameraSpec::Gphoto2)?,
     };
     check.x11(&rig.projector)?;
     check.hardware_camera(&rig.camera)?;
@@ -251,12 +306,14 @@ fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, 
 }
 
 /// Parses the file of a rig of real devices with a camera of kind `C`.
-fn hardware<C: DeserializeOwned + Into<CameraSpec>>(
+fn hardware<C: DeserializeOwned>(
     check: &Check,
     text: &str,
+    spec: fn(C) -> CameraSpec,
 ) -> Result<(HardwareRig, Option<PathBuf>, MeasureOptions)> {
-    let HardwareTables::<C> { calibration, projector, camera, measurement, .. } = parse(&check.path, text)?;
-    Ok((HardwareRig { projector, camera: camera.into() }, calibration, measurement))
+    let DeviceTables::<X11Spec, C> { calibration, projector, camera, measurement, .. } =
+        parse(&check.path, text)?;
+    Ok((HardwareRig { projector, camera: spec(camera) }, calibration, measurement))
 }
 
 impl VirtualTables {
@@ -278,7 +335,7 @@ fn kind_of(check: &Check, text: &str) -> Result<String> {
     match table.get("kind").map(|kind| kind.as_str()) {
         Some(Some(kind)) if KINDS.contains(&kind) => Ok(kind.to_owned()),
         Some(Some(kind)) => {
-            let meant = nearest(kind, &KINDS).map_or_else(String::new, |kind| format!("; did you mean \"{kind}\"?"));
+            let meant = did_you_mean(kind, &KINDS, "\"");
             Err(check.fault(format!("unknown kind \"{kind}\"{meant}"), format!("known kinds: {known}")))
         }
         Some(None) => Err(check.fault("kind is not a string", format!("give kind = \"virtual\"; known kinds: {known}"))),
@@ -301,7 +358,7 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
 fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
     let message = error.message().trim_end();
     let place = error.span().map_or_else(String::new, |span| place(text, span.start));
-    let data = |fault, help| Error::Data { path: path.to_path_buf(), fault, help };
+    let data = |fault, help| Error::data(path, fault).help(help);
     // The messages of serde are "unknown field `a`, expected one of `b`, `c`" and "unknown variant `a`, expected `b` or `c`".
     let unknown = [("unknown field `", "key"), ("unknown variant `", "value")];
     for (beginning, what) in unknown {
@@ -309,8 +366,7 @@ fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
             continue;
         };
         let known: Vec<&str> = rest.split('`').skip(1).step_by(2).collect();
-        let meant =
-            nearest(name, &known).map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+        let meant = did_you_mean(name, &known, "`");
         let known = if known.is_empty() { "none".into() } else { known.join(", ") };
         return data(format!("{place}unknown {what} `{name}`{meant}"), format!("known here: {known}"));
     }

@@ -36,14 +36,10 @@ impl RigFile {
             |folder| objection(&self.path, &folder),
         );
         let Some(objection) = objection else { return Ok(()) };
-        Err(Error::Data {
-            path: self.path.clone(),
-            fault: format!(
+        Err(Error::data(&self.path, format!(
                 "it names programs, which are run only for files in a folder that nobody but you and root writes: {}; {objection}",
                 programs.iter().map(|program| format!("`{program}`")).collect::<Vec<_>>().join(" and ")
-            ),
-            help: "if you trust the file and these programs, add --allow-programs".into(),
-        })
+            )).help("if you trust the file and these programs, add --allow-programs"))
     }
 }
 
@@ -81,10 +77,9 @@ impl RigFile {
         // The user may have changed the file in the meantime. It must still be valid.
         Self::from_bytes(&self.path, &bytes)?;
         let named = named_in(&String::from_utf8_lossy(&bytes), &relative(&self.path, folder)?);
-        let named = named.map_err(|fault| Error::Data {
-            path: self.path.clone(),
-            fault: fault.to_string(),
-            help: "write the line `calibration = …` into the file yourself".into(),
+        let named = named.map_err(|fault| {
+            Error::data(&self.path, fault.to_string())
+                .help("write the line `calibration = …` into the file yourself")
         })?;
         let file = Self::from_bytes(&self.path, named.as_bytes())?;
         atomic::write_bytes(&self.path, named.as_bytes())?;
@@ -115,15 +110,16 @@ fn relative(path: &Path, folder: &Path) -> Result<String> {
     let folder = real(folder)?;
     let home = real(path)?.parent().map_or_else(PathBuf::new, Path::to_path_buf);
     let name = folder.strip_prefix(&home).unwrap_or(&folder);
-    name.to_str().map(str::to_owned).ok_or_else(|| Error::Data {
-        path: folder.clone(),
-        fault: "its name is not UTF-8 text, as that of a file in TOML must be".into(),
-        help: "rename the folder".into(),
+    name.to_str().map(str::to_owned).ok_or_else(|| {
+        Error::data(&folder, "its name is not UTF-8 text, as that of a file in TOML must be")
+            .help("rename the folder")
     })
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
 mod tests {
+    #![cfg(unix)]
+
     use super::*;
     use std::fs;
     use std::os::unix::fs::{PermissionsExt, symlink};

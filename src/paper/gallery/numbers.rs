@@ -206,14 +206,14 @@ mod tests {
 
     #[test]
     fn what_is_missed_says_by_how_much_and_what_is_stated_says_nothing() {
-        let missed = number(&Check::at_least("purity", 0.75, 0.99));
+        let missed = number(&Check::of("purity").at_least(0.75, 0.99));
         assert_eq!(
             (missed.outcome, missed.wanted.as_str()),
             (Some(Outcome::Short), "at least 0.99 wanted: not met, by 0.24")
         );
-        let met = number(&Check::at_most("photos", 9.0, 12.0));
+        let met = number(&Check::of("photos").at_most(9.0, 12.0));
         assert_eq!((met.outcome, met.wanted.as_str()), (Some(Outcome::Good), "at most 12 wanted: met"));
-        let stated = number(&Check::stated("optimum, %", 4.2));
+        let stated = number(&Check::of("optimum, %").stated(4.2));
         assert_eq!((stated.outcome, stated.wanted.as_str()), (None, ""));
     }
 
@@ -229,10 +229,10 @@ mod tests {
 
     #[test]
     fn numbers_of_both_rigs_stand_in_one_row_and_misses_have_their_cause() {
-        let nearer = |value: f64| Check::at_least("nearer", value, 0.99).because("noise");
+        let nearer = |value: f64| Check::of("nearer").at_least(value, 0.99).because("noise");
         let made = [
             of(Rig::Ideal, vec![nearer(1.0)]),
-            of(Rig::Virtual, vec![nearer(0.5), Check::stated("frames of it", 7.0)]),
+            of(Rig::Virtual, vec![nearer(0.5), Check::of("frames of it").stated(7.0)]),
         ];
         let page = markdown(&made, false, "krylux reproduce fig5 --rig both");
         for line in [
@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn one_rig_leaves_the_column_of_the_other_empty() {
-        let made = [of(Rig::Virtual, vec![Check::at_most("off", 2.0, 1.0)])];
+        let made = [of(Rig::Virtual, vec![Check::of("off").at_most(2.0, 1.0)])];
         let page = markdown(&made, true, "krylux reproduce fig5 --quick");
         assert!(page.contains("| off | at most 1 | – | **2** |"), "{page}");
         assert!(

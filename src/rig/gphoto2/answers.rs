@@ -1,12 +1,12 @@
 //! Parsers for the output of `gphoto2` and of the decoder: cameras, settings, shutter speeds, and gray pictures.
 
 /// A still camera that `gphoto2` found.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct FoundStillCamera {
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct FoundStillCamera {
     /// The name in `gphoto2`, which is `model` in a rig file.
-    pub model: String,
+    pub(crate) model: String,
     /// The port, for example `usb:001,005`. It changes when the camera is switched off and on.
-    pub port: String,
+    pub(crate) port: String,
 }
 
 #[derive(Clone, Debug, PartialEq)]

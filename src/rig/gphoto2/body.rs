@@ -6,14 +6,14 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use serde_json::json;
 use tempfile::TempDir;
 
 use crate::error::{Error, Result};
-use crate::rig::camera_fault;
 use crate::rig::gphoto2::Gphoto2Spec;
 use crate::rig::gphoto2::answers::{FoundStillCamera, Setting, cameras, names, seconds, setting};
 use crate::rig::hardware::{in_use, is_busy};
-use crate::rig::nearest::nearest;
+use crate::rig::{AttachedCamera, CameraKind, camera_fault, did_you_mean};
 
 const ANSWER: Duration = Duration::from_secs(20);
 
@@ -24,11 +24,14 @@ const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
 const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
 
 /// Lists the still cameras that `gphoto2` finds.
-///
-/// # Errors
-/// [`Error::Rig`] when the program is not installed, fails, or hangs.
-pub fn still_cameras() -> Result<Vec<FoundStillCamera>> {
-    Ok(cameras(&run("gphoto2", &["--auto-detect".into()], None, ANSWER)?.answer))
+pub(crate) fn still_cameras() -> Result<Vec<AttachedCamera>> {
+    let camera = |FoundStillCamera { model, port }: FoundStillCamera| {
+        let line = format!("\"{model}\", at {port}");
+        let facts = json!({ "model": model, "port": port });
+        AttachedCamera::new(CameraKind::Gphoto2, Some(port), line, facts)
+    };
+    let found = cameras(&run("gphoto2", &["--auto-detect".into()], None, ANSWER)?.answer);
+    Ok(found.into_iter().map(camera).collect())
 }
 
 /// Finds the camera and sets everything except the shutter speed. Returns the name of that setting, and the setting.
@@ -90,9 +93,7 @@ fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
 
 fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     names.iter().find(|name| known.iter().any(|known| known == *name)).copied().ok_or_else(|| {
-        let listed: Vec<&str> = known.iter().map(String::as_str).collect();
-        let meant = names.first().and_then(|name| nearest(name, &listed));
-        let meant = meant.map_or_else(String::new, |name| format!("; did you mean {name}?"));
+        let meant = names.first().map_or_else(String::new, |name| did_you_mean(name, known, ""));
         camera_fault(
             format!("the camera has no setting {}{meant}", names.join(" or ")),
             "`gphoto2 --list-config` names those it has; some are there in mode M only, or with another lens",
@@ -110,8 +111,8 @@ fn check(name: &str, setting: &Setting, value: &str) -> Result<()> {
     if setting.offers(value) {
         return Ok(());
     }
-    let known: Vec<&str> = setting.choices.iter().map(String::as_str).collect();
-    let meant = nearest(value, &known).map_or_else(String::new, |choice| format!("; did you mean {choice}?"));
+    let known = &setting.choices;
+    let meant = did_you_mean(value, known, "");
     Err(camera_fault(
         format!("{name} has no choice \"{value}\"{meant}"),
         format!("correct it in [camera]; the camera's choices are {}", known.join(", ")),

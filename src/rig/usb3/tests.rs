@@ -14,9 +14,8 @@ use viva_genicam::{Camera as Described, U3vRegisterIo, open_u3v_device};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::genicam::Triggered;
-use crate::rig::genicam::set_up::Abilities;
 use crate::rig::usb3::{OnUsb, Port, choose};
-use crate::rig::{Camera, Colour, PixelFormat, Usb3Spec, WallClock};
+use crate::rig::{Abilities, Camera, Colour, GenicamSpec, PixelFormat, WallClock};
 
 const XML: &[u8] = include_bytes!("simulated.xml");
 
@@ -230,16 +229,16 @@ impl Port for Arc<SimulatedCamera> {
     }
 }
 
-fn spec(pixel_format: PixelFormat) -> Usb3Spec {
-    Usb3Spec { pixel_format, colour: Colour::Luma, timeout: 60.0, ..Usb3Spec::new(64, 48) }
+fn spec(pixel_format: PixelFormat) -> GenicamSpec {
+    GenicamSpec { pixel_format, colour: Colour::Luma, timeout: 60.0, ..GenicamSpec::usb3(64, 48) }
 }
 
 fn open(
     simulated: &Arc<SimulatedCamera>,
-    spec: &Usb3Spec,
+    spec: &GenicamSpec,
     clock: WallClock,
 ) -> Result<Triggered<OnUsb<Arc<SimulatedCamera>>>> {
-    Triggered::start(OnUsb(Arc::clone(simulated)), spec.settings(), spec.info(), clock, 41)
+    Triggered::start(OnUsb(Arc::clone(simulated)), &spec, clock, 41)
 }
 
 #[test]
@@ -269,7 +268,7 @@ fn frames_come_by_triggers_with_their_counts_numbers_and_times() {
 #[test]
 fn a_colour_cameras_cells_become_pixels() {
     let simulated = SimulatedCamera::new();
-    let spec = Usb3Spec { size: [8, 4], ..spec(PixelFormat::BayerRG8) };
+    let spec = GenicamSpec { size: [8, 4], ..spec(PixelFormat::BayerRG8) };
     let mut camera = open(&simulated, &spec, WallClock::starting_at(0.0)).expect("it can do that");
     let found = camera.capture().expect("it is there").expect("it comes");
     let site = |x: usize, y: usize| count(y * 8 + x) >> 4;
@@ -284,7 +283,7 @@ fn abilities_are_read_and_errors_name_limits() {
     let abilities = Abilities::of(&simulated.open().expect("it is there"));
     // The camera describes neither the size of its sensor nor a gain.
     assert_eq!(abilities.to_string(), "Mono12p, BayerRG8; exposures 0.00002 to 2 s");
-    let refused = |spec: &Usb3Spec| match open(&simulated, spec, WallClock::starting_at(0.0)) {
+    let refused = |spec: &GenicamSpec| match open(&simulated, spec, WallClock::starting_at(0.0)) {
         Ok(_) => panic!("it is refused"),
         Err(error) => error.to_string(),
     };
@@ -293,14 +292,14 @@ fn abilities_are_read_and_errors_name_limits() {
         message.contains("on a simulated bus has no pixel format BayerGB12")
             && message.contains("Mono12p, BayerRG8")
     );
-    let message = refused(&Usb3Spec { size: [66, 48], ..spec(PixelFormat::BayerRG8) });
+    let message = refused(&GenicamSpec { size: [66, 48], ..spec(PixelFormat::BayerRG8) });
     assert!(message.contains("Width of the camera on a simulated bus is 2 to 64 in steps of 2"), "{message}");
 }
 
 #[test]
 fn a_late_frame_is_not_taken_for_the_next_one_where_the_camera_does_not_tell_its_time() {
     let (simulated, clock) = (SimulatedCamera::without_time(), WallClock::starting_at(0.0));
-    let spec = Usb3Spec { timeout: 2.0, ..spec(PixelFormat::Mono12p) };
+    let spec = GenicamSpec { timeout: 2.0, ..spec(PixelFormat::Mono12p) };
     let mut camera = open(&simulated, &spec, clock).expect("it can do that");
     assert_eq!(camera.capture().expect("it is there").expect("it comes").id, 42);
     simulated.state().held = Some(Vec::new());

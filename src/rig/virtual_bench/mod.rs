@@ -76,12 +76,9 @@ impl VirtualRig {
         let white = white.concat();
         let sensor =
             VirtualSensor::new(&self.camera, camera.resolution, self.seed, &white).ok_or_else(|| {
-                Error::Rig {
-                device: camera.name.clone(),
-                fault: "it sees nothing even when the projector shows white".into(),
-                help: "correct the poses of camera and projector, or the camera's shift, scale or homography"
-                    .into(),
-            }
+                Error::rig(&camera.name, "it sees nothing even when the projector shows white").help(
+                    "correct the poses of camera and projector, or the camera's shift, scale or homography",
+                )
             })?;
         let own_light = view.unlit()?;
         let mut world = World {
@@ -100,16 +97,8 @@ impl VirtualRig {
             restarted_at: None,
         };
         world.restore(&frame(0))?;
-        let world = Arc::new(Mutex::new(world));
-        Ok(Devices {
-            projector: Box::new(VirtualProjectorHandle { info: projector, world: Arc::clone(&world) }),
-            camera: Box::new(VirtualCameraHandle {
-                info: camera,
-                step: self.camera.exposure_step,
-                world: Arc::clone(&world),
-            }),
-            clock: Box::new(VirtualClock { world }),
-        })
+        let devices = VirtualDevices { projector, camera, world: Arc::new(Mutex::new(world)) };
+        Ok(Devices::new(devices.clone(), devices.clone(), devices))
     }
 
     fn check_light(&self, light: &dyn Transport) -> Result<()> {
@@ -124,88 +113,77 @@ impl VirtualRig {
         } else {
             return Ok(());
         };
-        Err(Error::Rig {
-            device: "virtual rig".into(),
-            fault,
-            help: "give a coaxial scene of the size and channels that the rig file says".into(),
-        })
+        Err(Error::rig("virtual rig", fault)
+            .help("give a coaxial scene of the size and channels that the rig file says"))
     }
 }
 
-/// The world of the rig, shared by the three handles. Each handle may be on another thread.
-pub(crate) type SharedWorld = Arc<Mutex<World>>;
-
-/// Locks the world. A thread that panicked with the lock leaves a frame unfinished, but no inconsistent state.
-fn locked(world: &SharedWorld) -> MutexGuard<'_, World> {
-    world.lock().unwrap_or_else(PoisonError::into_inner)
+/// The devices of a virtual rig in their world. Copies share the world, and each may be on another thread.
+#[derive(Clone)]
+struct VirtualDevices {
+    projector: ProjectorInfo,
+    camera: CameraInfo,
+    world: Arc<Mutex<World>>,
 }
 
-pub(crate) struct VirtualProjectorHandle {
-    pub(crate) info: ProjectorInfo,
-    pub(crate) world: SharedWorld,
+impl VirtualDevices {
+    /// Locks the world. A thread that panicked with the lock leaves a frame unfinished, but no inconsistent state.
+    fn world(&self) -> MutexGuard<'_, World> {
+        self.world.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
-pub(crate) struct VirtualCameraHandle {
-    pub(crate) info: CameraInfo,
-    /// Exposures are whole multiples of this many seconds; 0: any.
-    pub(crate) step: f64,
-    pub(crate) world: SharedWorld,
-}
-
-pub(crate) struct VirtualClock {
-    pub(crate) world: SharedWorld,
-}
-
-impl Projector for VirtualProjectorHandle {
+impl Projector for VirtualDevices {
     fn info(&self) -> &ProjectorInfo {
-        &self.info
+        &self.projector
     }
 
     fn show(&mut self, frame: &Frame) -> Result<Shown> {
-        self.info.check(frame)?;
-        Ok(Shown { at: locked(&self.world).show(frame)? })
+        self.projector.check(frame)?;
+        Ok(Shown { at: self.world().show(frame)? })
     }
 
     fn restore(&mut self, frame: &Frame) -> Result<Shown> {
-        self.info.check(frame)?;
-        Ok(Shown { at: locked(&self.world).restore(frame)? })
+        self.projector.check(frame)?;
+        Ok(Shown { at: self.world().restore(frame)? })
     }
 }
 
-impl Camera for VirtualCameraHandle {
+impl Camera for VirtualDevices {
     fn info(&self) -> &CameraInfo {
-        &self.info
+        &self.camera
     }
 
     fn configure(&mut self, exposure: f64) -> Result<f64> {
-        self.info.check_exposure(exposure)?;
-        let [shortest, longest] = self.info.exposures;
-        let mut set = exposure;
-        if self.step > 0.0 {
-            let [fewest, most] = [(shortest / self.step).ceil(), (longest / self.step).floor()];
-            set = (exposure / self.step).round().clamp(fewest, most.max(fewest)) * self.step;
+        self.camera.check_exposure(exposure)?;
+        let [shortest, longest] = self.camera.exposures;
+        let mut world = self.world();
+        let step = world.rig.camera.exposure_step;
+        world.exposure = exposure;
+        if step > 0.0 {
+            let [fewest, most] = [(shortest / step).ceil(), (longest / step).floor()];
+            world.exposure = (exposure / step).round().clamp(fewest, most.max(fewest)) * step;
         }
-        locked(&self.world).exposure = set;
-        Ok(set)
+        Ok(world.exposure)
     }
 
     fn capture(&mut self) -> Result<Option<RawFrame>> {
-        Ok(locked(&self.world).capture())
+        Ok(self.world().capture())
     }
 
     fn restart(&mut self) -> Result<()> {
-        locked(&self.world).restart();
+        self.world().restart();
         Ok(())
     }
 }
 
-impl Clock for VirtualClock {
+impl Clock for VirtualDevices {
     fn now(&self) -> f64 {
-        locked(&self.world).now
+        self.world().now
     }
 
     fn sleep(&mut self, seconds: f64) {
-        locked(&self.world).now += seconds.max(0.0);
+        self.world().now += seconds.max(0.0);
     }
 }
 
@@ -233,11 +211,11 @@ impl Transport for MatteSheet {
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         if pattern.resolution() != self.resolution {
-            return Err(Error::Dimension {
-                what: "pixels of the pattern on a sheet",
-                expected: self.resolution.to_string(),
-                found: pattern.resolution().to_string(),
-            });
+            return Err(Error::dimension(
+                "pixels of the pattern on a sheet",
+                self.resolution,
+                pattern.resolution(),
+            ));
         }
         let count = self.channels.count();
         let pixel = |light: &[f32]| -> Vec<f32> {

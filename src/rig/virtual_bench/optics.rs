@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::spec::{Misregistration, Splitter, VirtualCamera};
+use super::spec::{Splitter, VirtualCamera};
 use crate::error::Result;
 use crate::image::{Blur, Image, Resolution};
 use crate::transport::{Transport, luminance};
@@ -15,10 +15,15 @@ use crate::transport::{Transport, luminance};
 /// Sub-pixels along each side of a camera pixel.
 const SUB_PIXELS: usize = 4;
 
-impl Misregistration {
-    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of `raster` from its top left corner. The
-    /// result is not finite if a homography maps the point to infinity.
-    pub fn apply(&self, raster: Resolution, [x, y]: [f64; 2]) -> [f64; 2] {
+impl VirtualCamera {
+    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of the photo `raster` from its top left corner.
+    /// The result is not finite if a homography maps the point to infinity.
+    ///
+    /// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a
+    /// point `q` of the photo raster, in projector pixels. With misregistration, the camera point sees `H(c + (q − c)(1 + k₁ r²))`, where
+    /// `c` is the centre of the field and `r` is the distance from it, relative to the corner's distance. `H` rotates and scales about the
+    /// centre, then shifts, or it is the given homography.
+    pub fn sees(&self, raster: Resolution, [x, y]: [f64; 2]) -> [f64; 2] {
         let centre = [raster.width as f64 / 2.0, raster.height as f64 / 2.0];
         let from_centre = [x - centre[0], y - centre[1]];
         let radius_squared = (from_centre[0] * from_centre[0] + from_centre[1] * from_centre[1])
@@ -37,12 +42,8 @@ impl Misregistration {
     }
 }
 
-/// The weights of photo pixels in each camera pixel, as compressed sparse rows.
-pub(crate) struct Optics {
-    starts: Vec<usize>,
-    pixels: Vec<u32>,
-    weights: Vec<f64>,
-}
+/// The photo pixels that each camera pixel sees, with their weights.
+pub(crate) struct Optics(Vec<Vec<(u32, f64)>>);
 
 impl Optics {
     /// The optics of a camera with `camera` pixels for a photo with `photo` pixels. `map` maps the point that should be seen to the point
@@ -52,17 +53,7 @@ impl Optics {
         photo: Resolution,
         map: &(dyn Fn([f64; 2]) -> [f64; 2] + Sync),
     ) -> Self {
-        let rows: Vec<Vec<(u32, f64)>> =
-            (0..camera.pixels()).into_par_iter().map(|pixel| row(pixel, camera, photo, map)).collect();
-        let mut optics = Self { starts: vec![0], pixels: Vec::new(), weights: Vec::new() };
-        for (pixel, weight) in rows.iter().map(|row| row.iter().copied()).flat_map(|row| {
-            optics.starts.push(optics.starts[optics.starts.len() - 1] + row.len());
-            row
-        }) {
-            optics.pixels.push(pixel);
-            optics.weights.push(weight);
-        }
-        optics
+        Self((0..camera.pixels()).into_par_iter().map(|pixel| row(pixel, camera, photo, map)).collect())
     }
 
     pub(crate) fn see(&self, photo: &Image, channel: usize) -> Vec<f64> {
@@ -72,12 +63,9 @@ impl Optics {
 
     /// The values of the camera's pixels. `light` is the light of a photo pixel.
     pub(crate) fn resample(&self, light: impl Fn(usize) -> f64) -> Vec<f64> {
-        let row = |ends: &[usize]| {
-            let range = ends[0]..ends[1];
-            let terms = self.pixels[range.clone()].iter().zip(&self.weights[range]);
-            terms.map(|(&pixel, weight)| weight * light(pixel as usize)).sum()
-        };
-        self.starts.windows(2).map(row).collect()
+        let value =
+            |row: &Vec<(u32, f64)>| row.iter().map(|&(pixel, weight)| weight * light(pixel as usize)).sum();
+        self.0.iter().map(value).collect()
     }
 }
 
@@ -98,11 +86,9 @@ fn row(
         let sub = [sub % SUB_PIXELS, sub / SUB_PIXELS];
         let centre = [0, 1].map(|axis| ((corner[axis] + sub[axis]) as f64 + 0.5) * step[axis]);
         let at = |x: f64, y: f64| map([centre[0] + x * step[0], centre[1] + y * step[1]]);
-        let (middle, left, right, top, bottom) =
-            (at(0.0, 0.0), at(-0.5, 0.0), at(0.5, 0.0), at(0.0, -0.5), at(0.0, 0.5));
         let side = |a: [f64; 2], b: [f64; 2]| ((b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)).sqrt();
-        let sides = [side(left, right), side(top, bottom)];
-        share_out(middle, sides, photo, &mut shares);
+        let sides = [side(at(-0.5, 0.0), at(0.5, 0.0)), side(at(0.0, -0.5), at(0.0, 0.5))];
+        share_out(at(0.0, 0.0), sides, photo, &mut shares);
     }
     shares.sort_by_key(|share| share.0);
     let weight = 1.0 / (SUB_PIXELS * SUB_PIXELS) as f64;
@@ -168,12 +154,12 @@ impl View {
         camera: &VirtualCamera,
         splitter: &Splitter,
     ) -> Result<Self> {
-        let (photo, map) = (transport.photo_resolution(), camera.misregistration());
-        let optics = Optics::new(pixels, photo, &|point| map.apply(photo, point));
+        let photo = transport.photo_resolution();
+        let optics = Optics::new(pixels, photo, &|point| camera.sees(photo, point));
         let ghost = (splitter.ghost > 0.0).then(|| {
             let [right, down] = splitter.ghost_shift;
             let seen = |point| {
-                let [x, y] = map.apply(photo, point);
+                let [x, y] = camera.sees(photo, point);
                 [x - right, y - down]
             };
             (splitter.ghost, Optics::new(pixels, photo, &seen))

@@ -2,7 +2,7 @@
 
 use super::optics::{Optics, vignette};
 use super::spec::{Response, VirtualProjector};
-use crate::image::{Image, Resolution};
+use crate::image::{Blur, Image, Resolution};
 use crate::rig::Frame;
 
 pub(crate) struct VirtualScreen {
@@ -13,8 +13,7 @@ pub(crate) struct VirtualScreen {
     /// The part of the frame that each pixel shows. `None`: each pixel shows the frame's pixel at the same place.
     overscan: Option<Optics>,
     vignette: Vec<f64>,
-    /// The weights of the blur at the offsets 0, ±1, ±2, …. A single weight means no blur.
-    kernel: Vec<f64>,
+    blur: Option<Blur>,
     resolution: Resolution,
 }
 
@@ -33,8 +32,8 @@ impl VirtualScreen {
         let centre = [resolution.width as f64 / 2.0, resolution.height as f64 / 2.0];
         let shown = |at: [f64; 2]| [0, 1].map(|i| centre[i] + (at[i] - centre[i]) * (1.0 - spec.overscan));
         let overscan = (spec.overscan > 0.0).then(|| Optics::new(resolution, resolution, &shown));
-        let (white_segment, kernel) = (spec.white_segment, gaussian(spec.blur));
-        Self { light, white_segment, overscan, vignette, kernel, resolution }
+        let (white_segment, blur) = (spec.white_segment, Blur::new(resolution, spec.blur));
+        Self { light, white_segment, overscan, vignette, blur, resolution }
     }
 
     /// The light of each of a frame's samples, relative to white.
@@ -66,7 +65,10 @@ impl VirtualScreen {
                 Some(overscan) => overscan.resample(|pixel| light[pixel]),
                 None => light,
             };
-            let light = blur(light, self.resolution, &self.kernel);
+            let light = match &self.blur {
+                Some(blur) => blur.apply(&light),
+                None => light,
+            };
             let samples = pattern.samples_mut().iter_mut().skip(channel).step_by(channels);
             for ((sample, light), vignette) in samples.zip(light).zip(&self.vignette) {
                 *sample = (light * vignette) as f32;
@@ -79,48 +81,6 @@ impl VirtualScreen {
 /// The limited-range video value of a level, both from 0 to 1. Level 16 of 255 is black, and level 235 is white.
 fn video(share: f64) -> f64 {
     ((255.0 * share - 16.0) / 219.0).clamp(0.0, 1.0)
-}
-
-/// The weights of a Gaussian at the distances 0, 1, … up to four standard deviations. They sum to 1 when both sides are counted.
-fn gaussian(deviation: f64) -> Vec<f64> {
-    if deviation == 0.0 {
-        return vec![1.0];
-    }
-    let reach = (4.0 * deviation).ceil() as usize;
-    let weights: Vec<f64> = (0..=reach).map(|at| (-0.5 * (at as f64 / deviation).powi(2)).exp()).collect();
-    let sum = 2.0 * weights.iter().sum::<f64>() - 1.0;
-    weights.iter().map(|weight| weight / sum).collect()
-}
-
-/// Blurs along both axes. The border reflects, so that no light is lost.
-fn blur(light: Vec<f64>, resolution: Resolution, kernel: &[f64]) -> Vec<f64> {
-    if kernel.len() == 1 {
-        return light;
-    }
-    let Resolution { width, height } = resolution;
-    let along = |from: &[f64], of: usize, step: usize, start: &dyn Fn(usize) -> usize| -> Vec<f64> {
-        let line = |pixel: usize| (start(pixel), pixel % width, pixel / width);
-        (0..from.len())
-            .map(|pixel| {
-                let (first, x, y) = line(pixel);
-                let at = if step == 1 { x } else { y } as i64;
-                let value = |offset: i64| from[first + mirrored(at + offset, of) * step];
-                let sides = kernel.iter().enumerate().skip(1);
-                sides.fold(kernel[0] * value(0), |sum, (offset, weight)| {
-                    sum + weight * (value(offset as i64) + value(-(offset as i64)))
-                })
-            })
-            .collect()
-    };
-    let rows = along(&light, width, 1, &|pixel| pixel / width * width);
-    along(&rows, height, width, &|pixel| pixel % width)
-}
-
-/// The index in `0..of` at which `at` ends after reflection at both ends.
-fn mirrored(at: i64, of: usize) -> usize {
-    let of = of as i64;
-    let at = at.rem_euclid(2 * of);
-    at.min(2 * of - 1 - at) as usize
 }
 
 #[cfg(test)]

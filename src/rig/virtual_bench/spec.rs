@@ -177,15 +177,15 @@ pub struct VirtualCamera {
     pub timeout: f64,
     /// The response of each camera channel (row) to each projector channel (column). `None`: the identity.
     pub crosstalk: Option<[[f64; 3]; 3]>,
-    /// See [`Misregistration`].
+    /// The shift of what the camera sees to the right and down, in projector pixels. [`VirtualCamera::sees`] has the whole misregistration.
     pub shift: [f64; 2],
-    /// See [`Misregistration`].
+    /// The rotation in degrees, clockwise in the picture.
     pub rotation: f64,
-    /// See [`Misregistration`].
+    /// The scale. A camera with a scale above 1 sees more than the field.
     pub scale: f64,
-    /// See [`Misregistration`].
+    /// The rows of a matrix on homogeneous positions in projector pixels. It replaces `shift`, `rotation` and `scale`.
     pub homography: Option<[[f64; 3]; 3]>,
-    /// See [`Misregistration`].
+    /// The radial distortion `k₁`.
     pub distortion: f64,
 }
 
@@ -222,27 +222,6 @@ impl Default for VirtualCamera {
     }
 }
 
-/// The misregistration of a camera: a map from the point that a camera pixel should see to the point that it sees.
-///
-/// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a point
-/// `q` of the photo raster, in projector pixels from its top left corner. With misregistration, the camera point sees
-/// `H(c + (q − c)(1 + k₁ r²))`, where `c` is the centre of the field and `r` is the distance from it, relative to the corner's distance.
-/// `H` rotates by `rotation` degrees (clockwise in the picture) and scales about the centre, then shifts. A given homography in the same
-/// coordinates replaces this `H`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Misregistration {
-    /// The shift to the right and down, in projector pixels.
-    pub shift: [f64; 2],
-    /// The rotation in degrees.
-    pub rotation: f64,
-    /// The scale. A camera with a scale above 1 sees more than the field.
-    pub scale: f64,
-    /// The rows of a matrix on homogeneous positions in projector pixels. It replaces `shift`, `rotation` and `scale`.
-    pub homography: Option<[[f64; 3]; 3]>,
-    /// The radial distortion `k₁`.
-    pub distortion: f64,
-}
-
 fn response(gamma: Option<f64>, curve: Option<&Vec<f64>>) -> Response {
     match curve {
         Some(values) => Response::Curve(values.clone()),
@@ -261,12 +240,6 @@ impl VirtualCamera {
     /// The count as a function of the electrons, both from 0 to 1.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
-    }
-
-    /// The map to the points that the camera's pixels see.
-    pub fn misregistration(&self) -> Misregistration {
-        let Self { shift, rotation, scale, homography, distortion, .. } = *self;
-        Misregistration { shift, rotation, scale, homography, distortion }
     }
 
     /// The highest count.

@@ -305,23 +305,17 @@ pub(crate) fn generator(seed: u64, frame: u64, purpose: u64) -> Pcg64 {
 
 impl Faults {
     pub(crate) fn fate(&self, seed: u64, id: u64) -> Fate {
-        let by_number = [
-            (&self.dropped_frames, Fate::Dropped),
-            (&self.repeated_frames, Fate::Repeated),
-            (&self.late_frames, Fate::Late),
-            (&self.early_frames, Fate::Early),
+        let faults = [
+            (&self.dropped_frames, self.dropped, Fate::Dropped),
+            (&self.repeated_frames, self.repeated, Fate::Repeated),
+            (&self.late_frames, self.late, Fate::Late),
+            (&self.early_frames, self.early, Fate::Early),
         ];
-        if let Some((_, fate)) = by_number.into_iter().find(|(frames, _)| frames.contains(&id)) {
-            return fate;
+        if let Some((.., fate)) = faults.iter().find(|(frames, ..)| frames.contains(&id)) {
+            return *fate;
         }
         let mut chance: f64 = generator(seed, id, u64::MAX).random();
-        let by_chance = [
-            (self.dropped, Fate::Dropped),
-            (self.repeated, Fate::Repeated),
-            (self.late, Fate::Late),
-            (self.early, Fate::Early),
-        ];
-        for (share, fate) in by_chance {
+        for (_, share, fate) in faults {
             if chance < share {
                 return fate;
             }

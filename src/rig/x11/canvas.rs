@@ -1,13 +1,12 @@
 //! The conversion between levels and the pixel values of an X screen, and reading back its framebuffer.
 
 use x11rb::connection::Connection;
-use x11rb::errors::{ConnectionError, ParseError, ReplyError};
 use x11rb::image::{Image, PixelLayout};
-use x11rb::protocol::xproto::{ConnectionExt as _, ImageFormat, Screen, Setup, VisualClass, Window};
+use x11rb::protocol::xproto::{Screen, Setup, VisualClass};
 use x11rb::rust_connection::RustConnection;
 
 use super::{fault, lost};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::Frame;
 
@@ -143,45 +142,4 @@ pub(crate) struct Difference {
     pub(crate) drawn: [u16; 3],
     pub(crate) seen: [u16; 3],
     pub(crate) count: usize,
-}
-
-pub(crate) struct Reader {
-    /// The root window contains all other windows, so a window that covers the projector's window is read too.
-    pub(crate) root: Window,
-    pub(crate) corner: [i16; 2],
-}
-
-impl Reader {
-    pub(crate) fn difference(
-        &self,
-        connection: &RustConnection,
-        canvas: &Canvas,
-        drawn: &Picture,
-    ) -> Result<Option<Difference>> {
-        let ([left, corner], width) = (self.corner, drawn.width());
-        let ask = |[top, height]: [u16; 2]| -> std::result::Result<_, ConnectionError> {
-            let format = ImageFormat::Z_PIXMAP;
-            let asked =
-                connection.get_image(format, self.root, left, corner + top as i16, width, height, !0)?;
-            Ok((top, height, asked))
-        };
-        let mut found: Option<Difference> = None;
-        let mut coming = None;
-        // One band is compared while the next one is in transit.
-        for band in drawn.bands().map(Some).chain([None]) {
-            let next = band.map(ask).transpose().map_err(|why| failed(&why))?;
-            let Some((top, height, asked)) = std::mem::replace(&mut coming, next) else { continue };
-            let reply = asked.reply().map_err(|why: ReplyError| failed(&why))?;
-            let seen = Image::get_from_reply(connection.setup(), width, height, reply)
-                .map_err(|why: ParseError| failed(&why))?;
-            let Some(here) = canvas.difference(drawn, top, &seen) else { continue };
-            let count = here.count + found.as_ref().map_or(0, |found| found.count);
-            found = Some(Difference { count, ..found.unwrap_or(here) });
-        }
-        Ok(found)
-    }
-}
-
-fn failed(why: &dyn std::fmt::Display) -> Error {
-    lost("let its screen be read back", why)
 }

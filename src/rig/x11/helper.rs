@@ -10,13 +10,12 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Duration;
 
-#[cfg(not(feature = "x11"))]
-use super::absent::Screen;
 use super::fault;
-use super::projector::{self, Reply, Request};
+use super::projector::{self, Reply, Request, ShowTimes};
 #[cfg(feature = "x11")]
 use super::screen::Screen;
 use crate::error::{Error, Result};
+#[cfg(feature = "x11")]
 use crate::rig::Frame;
 
 /// The running program, if it is krylux.
@@ -138,33 +137,39 @@ fn names_no_file(named: &OsStr) -> Error {
 pub fn serve_projector(mut from: impl Read, mut to: impl Write) -> std::io::Result<()> {
     let mut screen = None;
     while let Some((request, payload)) = projector::receive(&mut from)? {
-        let reply = answer(&mut screen, request, &payload).unwrap_or_else(|error| match error {
-            Error::Rig { fault, help, .. } => Reply::Fault { fault, help },
-            other => Reply::Fault { fault: other.to_string(), help: "report this".into() },
+        let reply: Reply = answer(&mut screen, request, &payload).map_err(|error| match error {
+            Error::Rig { fault, help, .. } => [fault, help],
+            other => [other.to_string(), "report this".into()],
         });
         projector::send(&mut to, &reply, &[])?;
     }
     Ok(())
 }
 
-fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Result<Reply> {
+#[cfg(feature = "x11")]
+fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Result<ShowTimes> {
     match (request, screen) {
         (Request::Open(spec), screen) => {
             // The old window is closed before a new one opens.
             *screen = None;
-            let opened = screen.insert(Screen::open(&spec)?);
-            let monitor = opened.monitor();
-            Ok(Reply::Opened { monitor: monitor.name.clone(), resolution: monitor.resolution })
+            *screen = Some(Screen::open(&spec)?);
+            Ok(ShowTimes::default())
         }
         (Request::Show { resolution, channels }, Some(screen)) => {
             let levels = payload.iter().map(|&level| u16::from(level)).collect();
-            Ok(Reply::Shown(screen.show(&Frame::new(resolution, channels, levels)?)?))
+            screen.show(&Frame::new(resolution, channels, levels)?)
         }
-        (Request::Confirm, Some(screen)) => screen.confirm().map(|()| Reply::Confirmed),
+        (Request::Confirm, Some(screen)) => screen.confirm().map(|()| ShowTimes::default()),
         (Request::Show { .. } | Request::Confirm, None) => {
             Err(fault("its window was never opened", "open it first"))
         }
     }
+}
+
+/// Without the feature `x11` there is no window.
+#[cfg(not(feature = "x11"))]
+fn answer(_: &mut Option<()>, _: Request, _: &[u8]) -> Result<ShowTimes> {
+    Err(super::not_built())
 }
 
 #[cfg(test)]

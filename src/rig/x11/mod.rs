@@ -11,11 +11,9 @@
 //! Reading back shows the contents of the server's framebuffer. The monitor may change the picture afterwards (sharpening, its own gamma, a
 //! colour wheel). Only the camera sees such changes; calibration and audit find them.
 //!
-//! Without the feature `x11`, as on macOS and Windows, `absent` replaces the server. A rig file can still be read and described, but every
-//! request to show something is an error that names the missing feature.
+//! Without the feature `x11`, as on macOS and Windows, a rig file can still be read and described, but every request to show something is an
+//! error that names the missing feature.
 
-#[cfg(not(feature = "x11"))]
-pub(crate) mod absent;
 #[cfg(feature = "x11")]
 mod canvas;
 pub(crate) mod helper;
@@ -29,20 +27,37 @@ mod watch;
 
 use serde::{Deserialize, Serialize};
 
-use super::ProjectorInfo;
+use super::{ProjectorInfo, number};
 use crate::error::Error;
 use crate::image::Resolution;
 
-const DEVICE: &str = "projector";
-
 fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
-    Error::Rig { device: DEVICE.into(), fault: fault.into(), help: help.into() }
+    Error::rig("projector", fault).help(help)
 }
 
 /// The error of a server that failed or refused a request.
 #[cfg(feature = "x11")]
 fn lost(doing: &str, why: &dyn std::fmt::Display) -> Error {
     fault(format!("the X server is gone, or refused to {doing}: {why}"), "start it again")
+}
+
+#[cfg(not(feature = "x11"))]
+fn not_built() -> Error {
+    fault("this krylux was built without projectors on X11", "build it with --features x11, on Linux")
+}
+
+/// Fails with [`Error::Rig`], because this krylux was built without X11.
+#[cfg(not(feature = "x11"))]
+pub fn monitors(_: Option<&str>) -> crate::Result<Vec<MonitorInfo>> {
+    Err(not_built())
+}
+
+#[cfg(not(feature = "x11"))]
+impl X11Spec {
+    /// Fails with [`Error::Rig`], because this krylux was built without X11.
+    pub fn monitor(&self) -> crate::Result<MonitorInfo> {
+        Err(not_built())
+    }
 }
 
 /// A description of a projector that is a monitor of an X server.
@@ -52,7 +67,6 @@ pub struct X11Spec {
     /// The kind of projector.
     pub kind: ProjectorKind,
     /// The server, for example `:0`. `None`: the server in the environment variable `DISPLAY`.
-    #[serde(default)]
     pub display: Option<String>,
     /// The monitor.
     #[serde(default)]
@@ -61,19 +75,18 @@ pub struct X11Spec {
     pub size: [usize; 2],
     /// The side, in monitor pixels, of the square that shows one pattern pixel. The pattern is in the monitor's centre, and the monitor is
     /// black around it.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1, _>")]
     pub magnify: usize,
     /// Width and height in pixels that the monitor must have. A projector scales any other size, which blurs patterns. `None`: any size.
-    #[serde(default)]
     pub monitor_size: Option<[usize; 2]>,
     /// 1 (gray) or 3.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1, _>")]
     pub channels: usize,
     /// Seconds from one refresh to the next.
     #[serde(default = "sixty_hertz")]
     pub frame_time: f64,
     /// The number of refreshes to wait after the server's confirmation before a frame counts as shown.
-    #[serde(default = "one_frame")]
+    #[serde(default = "number::<1, _>")]
     pub settle_frames: u64,
 }
 
@@ -104,8 +117,8 @@ impl Default for X11Monitor {
 impl std::fmt::Display for X11Monitor {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Number(number) => write!(f, "{number}"),
-            Self::Name(name) => write!(f, "{name}"),
+            Self::Number(number) => number.fmt(f),
+            Self::Name(name) => name.fmt(f),
         }
     }
 }
@@ -132,14 +145,6 @@ pub struct MonitorInfo {
     #[serde(skip)]
     #[cfg(feature = "x11")]
     pub(crate) crtcs: Vec<u32>,
-}
-
-fn one() -> usize {
-    1
-}
-
-fn one_frame() -> u64 {
-    1
 }
 
 fn sixty_hertz() -> f64 {

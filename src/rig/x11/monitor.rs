@@ -1,6 +1,7 @@
 //! The monitors of an X server, and the checks that a monitor shows pixels unchanged.
 
 use x11rb::connection::{Connection, RequestConnection};
+use x11rb::errors::ReplyError;
 use x11rb::protocol::randr::{ConnectionExt as _, Crtc, GetScreenResourcesCurrentReply};
 use x11rb::protocol::xproto::{ConnectionExt as _, Window};
 use x11rb::rust_connection::RustConnection;
@@ -8,7 +9,7 @@ use x11rb::rust_connection::RustConnection;
 use super::{MonitorInfo, X11Monitor, X11Spec, fault, lost};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::rig::nearest::nearest;
+use crate::rig::did_you_mean;
 
 /// The share of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
 const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
@@ -68,24 +69,22 @@ fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
 }
 
 pub(crate) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<MonitorInfo>> {
-    let asked = "list its monitors";
-    let failed = |why: &dyn std::fmt::Display| lost(asked, why);
-    let reply = |why: x11rb::errors::ReplyError| failed(&why);
-    let sent = |why: x11rb::errors::ConnectionError| failed(&why);
-    connection.randr_query_version(1, 5).map_err(sent)?.reply().map_err(reply)?;
-    let found = connection.randr_get_monitors(root, true).map_err(sent)?.reply().map_err(reply)?;
-    let resources =
-        connection.randr_get_screen_resources_current(root).map_err(sent)?.reply().map_err(reply)?;
+    ask_monitors(connection, root).map_err(|why| lost("list its monitors", &why))
+}
+
+fn ask_monitors(
+    connection: &RustConnection,
+    root: Window,
+) -> std::result::Result<Vec<MonitorInfo>, ReplyError> {
+    connection.randr_query_version(1, 5)?.reply()?;
+    let found = connection.randr_get_monitors(root, true)?.reply()?;
+    let resources = connection.randr_get_screen_resources_current(root)?.reply()?;
     let mut monitors = Vec::new();
     for monitor in found.monitors {
-        let name = connection.get_atom_name(monitor.name).map_err(sent)?.reply().map_err(reply)?.name;
+        let name = connection.get_atom_name(monitor.name)?.reply()?.name;
         let mut crtcs = Vec::new();
         for output in monitor.outputs {
-            let output = connection
-                .randr_get_output_info(output, resources.config_timestamp)
-                .map_err(sent)?
-                .reply()
-                .map_err(reply)?;
+            let output = connection.randr_get_output_info(output, resources.config_timestamp)?.reply()?;
             if output.crtc != x11rb::NONE {
                 crtcs.push(output.crtc);
             }
@@ -95,7 +94,7 @@ pub(crate) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<Mo
             resolution: Resolution::new(monitor.width.into(), monitor.height.into()),
             place: [monitor.x, monitor.y],
             is_primary: monitor.primary,
-            frame_time: frame_time(connection, &crtcs, &resources).map_err(|why| failed(&why))?,
+            frame_time: frame_time(connection, &crtcs, &resources)?,
             knows_ramp: false,
             crtcs,
         });
@@ -108,7 +107,7 @@ fn frame_time(
     connection: &RustConnection,
     crtcs: &[Crtc],
     resources: &GetScreenResourcesCurrentReply,
-) -> std::result::Result<Option<f64>, x11rb::errors::ReplyError> {
+) -> std::result::Result<Option<f64>, ReplyError> {
     let Some(&crtc) = crtcs.first() else { return Ok(None) };
     let crtc = connection.randr_get_crtc_info(crtc, resources.config_timestamp)?.reply()?;
     let mode = resources.modes.iter().find(|mode| mode.id == crtc.mode);
@@ -126,12 +125,10 @@ pub(crate) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
         X11Monitor::Name(name) => names.iter().position(|known| known == name),
     };
     let Some(monitor) = at.and_then(|at| monitors.into_iter().nth(at)) else {
-        let known: Vec<&str> = names.iter().map(String::as_str).collect();
         let meant = match &spec.monitor {
-            X11Monitor::Name(name) => nearest(name, &known),
-            X11Monitor::Number(_) => None,
+            X11Monitor::Name(name) => did_you_mean(name, &names, "\""),
+            X11Monitor::Number(_) => String::new(),
         };
-        let meant = meant.map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"));
         return Err(fault(format!("there is no monitor \"{}\"{meant}", spec.monitor), help));
     };
     let (name, found) = (&monitor.name, monitor.resolution);
@@ -169,16 +166,19 @@ pub(crate) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
 /// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform. Returns whether the server
 /// reports a ramp for each of the monitor's display controllers.
 pub(crate) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<bool> {
-    let asked = "report a monitor's gamma ramp and transform";
-    let sent = |why: x11rb::errors::ConnectionError| lost(asked, &why);
-    let reply = |why: x11rb::errors::ReplyError| lost(asked, &why);
+    let reports = |crtc: Crtc| -> std::result::Result<_, ReplyError> {
+        let gamma = connection.randr_get_crtc_gamma(crtc)?.reply()?;
+        Ok((gamma, connection.randr_get_crtc_transform(crtc)?.reply()?.current_transform))
+    };
     let name = &monitor.name;
     let mut knows_ramp = !monitor.crtcs.is_empty();
     for &crtc in &monitor.crtcs {
-        let gamma = connection.randr_get_crtc_gamma(crtc).map_err(sent)?.reply().map_err(reply)?;
-        let is_ramp = is_ramp([&gamma.red, &gamma.green, &gamma.blue]);
+        let (gamma, transform) =
+            reports(crtc).map_err(|why| lost("report a monitor's gamma ramp and transform", &why))?;
+        let ramps: [&[u16]; 3] = [&gamma.red, &gamma.green, &gamma.blue];
+        let is_ramp = is_ramp(ramps);
         knows_ramp &= is_ramp;
-        if is_ramp && [&gamma.red, &gamma.green, &gamma.blue].into_iter().any(|ramp| !is_line(ramp)) {
+        if is_ramp && ramps.into_iter().any(|ramp| !is_line(ramp)) {
             return Err(fault(
                 format!(
                     "monitor {name} has a gamma ramp: a colour profile or a night light changes what is shown"
@@ -186,8 +186,7 @@ pub(crate) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -
                 format!("switch it off: xrandr --output {name} --gamma 1:1:1"),
             ));
         }
-        let transform = connection.randr_get_crtc_transform(crtc).map_err(sent)?.reply().map_err(reply)?;
-        if !is_identity(&transform.current_transform) {
+        if !is_identity(&transform) {
             return Err(fault(
                 format!("monitor {name} is scaled or rotated by the server"),
                 format!("switch it off: xrandr --output {name} --scale 1x1 --rotate normal"),

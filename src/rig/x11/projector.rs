@@ -5,7 +5,7 @@ use std::io;
 use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,7 @@ use super::helper::Helper;
 use super::{X11Spec, fault};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::rig::gphoto2::body::wait;
 use crate::rig::{Frame, Projector, ProjectorInfo, Shown, Waited, WallClock};
 
 /// The longest time that a helper may take to end before it is killed.
@@ -83,17 +84,13 @@ impl X11Projector {
 
     fn start(&mut self) -> std::result::Result<(), Failure> {
         self.process = Some(Process::start(&self.helper).map_err(Failure::Helper)?);
-        match self.ask(&Request::Open(self.spec.clone()), &[])? {
-            Reply::Opened { .. } => Ok(()),
-            other => Err(Failure::Helper(format!("it answered {other:?}"))),
-        }
+        self.ask(&Request::Open(self.spec.clone()), &[]).map(|_| ())
     }
 
-    fn ask(&mut self, request: &Request, payload: &[u8]) -> std::result::Result<Reply, Failure> {
+    fn ask(&mut self, request: &Request, payload: &[u8]) -> std::result::Result<ShowTimes, Failure> {
         let Some(process) = &mut self.process else { return Err(Failure::Helper("it ended".into())) };
         match process.ask(request, payload) {
-            Ok(Reply::Fault { fault: what, help }) => Err(Failure::Projector(fault(what, help))),
-            Ok(reply) => Ok(reply),
+            Ok(reply) => reply.map_err(|[what, help]| Failure::Projector(fault(what, help))),
             Err(why) => {
                 self.process = None;
                 Err(Failure::Helper(why))
@@ -105,13 +102,8 @@ impl X11Projector {
         let request = Request::Show { resolution: frame.resolution(), channels: frame.channels() };
         // The frame has been checked, so its levels have 8 bits.
         let levels: Vec<u8> = frame.levels().iter().map(|&level| level as u8).collect();
-        match self.ask(&request, &levels)? {
-            Reply::Shown(times) => {
-                self.times = times;
-                Ok(())
-            }
-            other => Err(Failure::Helper(format!("it answered {other:?}"))),
-        }
+        self.times = self.ask(&request, &levels)?;
+        Ok(())
     }
 
     fn gone(&self, why: Failure) -> Error {
@@ -136,14 +128,13 @@ impl Projector for X11Projector {
     fn show(&mut self, frame: &Frame) -> Result<Shown> {
         self.info.check(frame)?;
         self.shown = None;
-        let first = self.try_show(frame);
-        if let Err(Failure::Helper(_)) = first {
+        let mut tried = self.try_show(frame);
+        if let Err(Failure::Helper(_)) = tried {
             // The helper crashed or hangs. Another helper is started once.
             self.restarts += 1;
-            self.start().and_then(|()| self.try_show(frame)).map_err(|why| self.gone(why))?;
-        } else {
-            first.map_err(|why| self.gone(why))?;
+            tried = self.start().and_then(|()| self.try_show(frame));
         }
+        tried.map_err(|why| self.gone(why))?;
         self.shown = Some(frame.clone());
         Ok(Shown { at: self.clock.seconds() })
     }
@@ -156,10 +147,7 @@ impl Projector for X11Projector {
         if self.shown.is_none() {
             return Ok(());
         }
-        match self.ask(&Request::Confirm, &[]) {
-            Ok(_) => Ok(()),
-            Err(why) => Err(self.gone(why)),
-        }
+        self.ask(&Request::Confirm, &[]).map(|_| ()).map_err(|why| self.gone(why))
     }
 }
 
@@ -211,17 +199,8 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         drop(self.requests.take());
-        let began = Instant::now();
-        while began.elapsed() < FAREWELL {
-            if matches!(self.child.try_wait(), Ok(Some(_))) {
-                return;
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        }
-        // The helper hangs, but its window must not stay on the monitor.
-        if self.child.kill().is_ok() {
-            let _ = self.child.wait();
-        }
+        // A helper that hangs is killed, because its window must not stay on the monitor.
+        let _ = wait(&mut self.child, FAREWELL);
     }
 }
 
@@ -239,13 +218,8 @@ pub(crate) enum Request {
     Confirm,
 }
 
-#[derive(Debug, Serialize, Deserialize)]
-pub(crate) enum Reply {
-    Opened { monitor: String, resolution: Resolution },
-    Shown(ShowTimes),
-    Confirmed,
-    Fault { fault: String, help: String },
-}
+/// The times of a frame that was shown, which are 0 for other requests. An error is a fault and its remedy.
+pub(crate) type Reply = std::result::Result<ShowTimes, [String; 2]>;
 
 /// Seconds that each step of showing a frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -273,14 +247,13 @@ pub(crate) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8])
 }
 
 pub(crate) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<Option<(T, Vec<u8>)>> {
-    let mut lengths = [0; 8];
+    let mut lengths = [0_u8; 8];
     match from.read_exact(&mut lengths) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(None),
         read => read?,
     }
-    let [header, payload] = [0, 4].map(|at| {
-        u32::from_le_bytes([lengths[at], lengths[at + 1], lengths[at + 2], lengths[at + 3]]) as usize
-    });
+    let (lengths, _) = lengths.as_chunks::<4>();
+    let [header, payload] = [0, 1].map(|at: usize| u32::from_le_bytes(lengths[at]) as usize);
     if header > LONGEST || payload > LONGEST {
         return Err(io::Error::new(io::ErrorKind::InvalidData, "the message is too long"));
     }

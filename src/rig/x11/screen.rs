@@ -3,19 +3,20 @@
 use std::time::Instant;
 
 use x11rb::connection::{Connection, RequestConnection as _};
-use x11rb::errors::{ConnectionError, ReplyOrIdError};
+use x11rb::errors::{ConnectionError, ReplyError, ReplyOrIdError};
+use x11rb::image::Image;
 use x11rb::protocol::present::ConnectionExt as _;
 use x11rb::protocol::randr::{ConnectionExt as _, NotifyMask};
 use x11rb::protocol::screensaver::ConnectionExt as _;
 use x11rb::protocol::xproto::{
-    AtomEnum, ConnectionExt as _, CreateGCAux, CreateWindowAux, Cursor, EventMask, Gcontext, Pixmap,
-    PropMode, Rectangle, Screen as XScreen, Window, WindowClass,
+    AtomEnum, ConnectionExt as _, CreateGCAux, CreateWindowAux, Cursor, EventMask, Gcontext, ImageFormat,
+    Pixmap, PropMode, Rectangle, Screen as XScreen, Window, WindowClass,
 };
 use x11rb::protocol::{present, screensaver};
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-use super::canvas::{Canvas, Difference, Picture, Reader};
+use super::canvas::{Canvas, Difference, Picture};
 use super::projector::ShowTimes;
 use super::watch::Watch;
 use super::{MonitorInfo, X11Spec, fault, lost, monitor};
@@ -37,7 +38,8 @@ pub(crate) struct Screen {
     turn: usize,
     serial: u32,
     canvas: Canvas,
-    reader: Reader,
+    /// The root window contains all other windows, so a window that covers the projector's window is read back too.
+    root: Window,
     watch: Watch,
     monitor: MonitorInfo,
     offset: [i16; 2],
@@ -66,15 +68,16 @@ impl Screen {
         let canvas = Canvas::new(&connection, &screen, spec.magnify)?;
         let window = window(&connection, &screen, &monitor).map_err(opening)?;
         let (gc, pixmaps) = pixmaps(&connection, &screen, &monitor).map_err(opening)?;
-        let rows = rows(&connection, &screen, spec).map_err(opening)?;
+        let shown = spec.shown();
+        // The pattern fits the monitor, whose sides have 16 bits.
+        let rows = [shown.width, spec.size[1]].map(|side| side as u16);
+        let rows = pixmap(&connection, &screen, rows).map_err(opening)?;
         let (size, [x, y]) = (monitor.resolution, monitor.place.map(i32::from));
         let mut watch = Watch::new(window, [x, y, size.width as i32, size.height as i32]);
         connection.map_window(window).map_err(opening)?.check().map_err(opening)?;
         watch.until_mapped(&connection)?;
-        let shown = spec.shown();
         let middle = |of: usize, shown: usize| ((of - shown) / 2) as i16;
         let offset = [middle(size.width, shown.width), middle(size.height, shown.height)];
-        let reader = Reader { root, corner: [0, 1].map(|axis| monitor.place[axis] + offset[axis]) };
         let spec = spec.clone();
         let mut screen = Self {
             connection,
@@ -85,7 +88,7 @@ impl Screen {
             turn: 0,
             serial: 0,
             canvas,
-            reader,
+            root,
             watch,
             monitor,
             offset,
@@ -96,10 +99,6 @@ impl Screen {
         screen.show(&test_frame(info.resolution, info.channels)?)?;
         screen.show(&Frame::filled(info.resolution, info.channels, 0))?;
         Ok(screen)
-    }
-
-    pub(crate) fn monitor(&self) -> &MonitorInfo {
-        &self.monitor
     }
 
     /// Shows a frame that fits. On return, the server has confirmed it, the settle refreshes have passed, and it has been read back.
@@ -226,7 +225,30 @@ impl Screen {
     }
 
     fn difference(&self, drawn: &Picture) -> Result<Option<Difference>> {
-        self.reader.difference(&self.connection, &self.canvas, drawn)
+        self.compared(drawn).map_err(|why| lost("let its screen be read back", &why))
+    }
+
+    fn compared(&self, drawn: &Picture) -> std::result::Result<Option<Difference>, ReplyError> {
+        let [left, corner] = [0, 1].map(|axis| self.monitor.place[axis] + self.offset[axis]);
+        let (width, connection) = (drawn.width(), &self.connection);
+        let ask = |[top, height]: [u16; 2]| -> std::result::Result<_, ConnectionError> {
+            let format = ImageFormat::Z_PIXMAP;
+            let asked =
+                connection.get_image(format, self.root, left, corner + top as i16, width, height, !0)?;
+            Ok((top, height, asked))
+        };
+        let mut found: Option<Difference> = None;
+        let mut coming = None;
+        // One band is compared while the next one is in transit.
+        for band in drawn.bands().map(Some).chain([None]) {
+            let next = band.map(ask).transpose()?;
+            let Some((top, height, asked)) = std::mem::replace(&mut coming, next) else { continue };
+            let seen = Image::get_from_reply(connection.setup(), width, height, asked.reply()?)?;
+            let Some(here) = self.canvas.difference(drawn, top, &seen) else { continue };
+            let count = here.count + found.as_ref().map_or(0, |found| found.count);
+            found = Some(Difference { count, ..found.unwrap_or(here) });
+        }
+        Ok(found)
     }
 }
 
@@ -252,7 +274,7 @@ type Made<T> = std::result::Result<T, ReplyOrIdError>;
 
 /// Makes a black window that covers all of `monitor` and is not mapped yet. The window bypasses the window manager, so that it has no
 /// border and stays in its place.
-pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &MonitorInfo) -> Made<Window> {
+fn window(connection: &RustConnection, screen: &XScreen, monitor: &MonitorInfo) -> Made<Window> {
     let (root, [x, y], [width, height]) = (screen.root, monitor.place, sides(monitor));
     let window = connection.generate_id()?;
     let look = CreateWindowAux::new()
@@ -280,7 +302,14 @@ pub(crate) fn window(connection: &RustConnection, screen: &XScreen, monitor: &Mo
     Ok(window)
 }
 
-pub(crate) fn pixmaps(
+fn pixmap(connection: &RustConnection, screen: &XScreen, [width, height]: [u16; 2]) -> Made<Pixmap> {
+    let pixmap = connection.generate_id()?;
+    connection.create_pixmap(screen.root_depth, pixmap, screen.root, width, height)?;
+    Ok(pixmap)
+}
+
+/// Makes two black pixmaps of the size of `monitor`, and the context to draw on them.
+fn pixmaps(
     connection: &RustConnection,
     screen: &XScreen,
     monitor: &MonitorInfo,
@@ -289,21 +318,12 @@ pub(crate) fn pixmaps(
     let gc = connection.generate_id()?;
     let black = CreateGCAux::new().foreground(screen.black_pixel).graphics_exposures(0);
     connection.create_gc(gc, screen.root, &black)?;
-    let mut pixmaps = [0; 2];
-    for pixmap in &mut pixmaps {
-        *pixmap = connection.generate_id()?;
-        connection.create_pixmap(screen.root_depth, *pixmap, screen.root, width, height)?;
-        connection.poly_fill_rectangle(*pixmap, gc, &[Rectangle { x: 0, y: 0, width, height }])?;
+    let new = || pixmap(connection, screen, [width, height]);
+    let pixmaps = [new()?, new()?];
+    for pixmap in pixmaps {
+        connection.poly_fill_rectangle(pixmap, gc, &[Rectangle { x: 0, y: 0, width, height }])?;
     }
     Ok((gc, pixmaps))
-}
-
-pub(crate) fn rows(connection: &RustConnection, screen: &XScreen, spec: &X11Spec) -> Made<Pixmap> {
-    let pixmap = connection.generate_id()?;
-    // The pattern fits the monitor, whose sides have 16 bits.
-    let [width, height] = [spec.shown().width, spec.size[1]].map(|side| side as u16);
-    connection.create_pixmap(screen.root_depth, pixmap, screen.root, width, height)?;
-    Ok(pixmap)
 }
 
 /// The monitor's sides as 16-bit numbers, the type from which they were read.

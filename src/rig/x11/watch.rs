@@ -53,15 +53,8 @@ impl Watch {
     }
 
     pub(crate) fn until_mapped(&mut self, connection: &RustConnection) -> Result<()> {
-        let began = Instant::now();
-        while !self.mapped {
-            self.look(connection)?;
-            if began.elapsed() > PATIENCE {
-                return Err(fault("the X server does not show the projector's window", "restart the server"));
-            }
-            std::thread::sleep(POLL);
-        }
-        Ok(())
+        let late = || fault("the X server does not show the projector's window", "restart the server");
+        self.wait(connection, |watch| watch.mapped.then_some(()), late)
     }
 
     pub(crate) fn completed(
@@ -70,17 +63,30 @@ impl Watch {
         serial: u32,
         of_frame: bool,
     ) -> Result<Completed> {
+        let late = || {
+            fault(
+                format!("the X server has not confirmed a frame for {} s", PATIENCE.as_secs()),
+                "wake the monitor, and switch its power saving off (xset -dpms s off)",
+            )
+        };
+        self.wait(connection, |watch| watch.confirmation(serial, of_frame), late)
+    }
+
+    /// Reads events until `found` finds its result.
+    fn wait<T>(
+        &mut self,
+        connection: &RustConnection,
+        found: impl Fn(&mut Self) -> Option<T>,
+        late: impl FnOnce() -> Error,
+    ) -> Result<T> {
         let began = Instant::now();
         loop {
             self.look(connection)?;
-            if let Some(found) = self.confirmation(serial, of_frame) {
+            if let Some(found) = found(self) {
                 return Ok(found);
             }
             if began.elapsed() > PATIENCE {
-                return Err(fault(
-                    format!("the X server has not confirmed a frame for {} s", PATIENCE.as_secs()),
-                    "wake the monitor, and switch its power saving off (xset -dpms s off)",
-                ));
+                return Err(late());
             }
             std::thread::sleep(POLL);
         }

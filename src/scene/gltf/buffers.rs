@@ -34,10 +34,9 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
             None => return Err(missing(document, &what)),
         };
         if (bytes.len() as u64) < expected {
-            return Err(document.fault(
-                format!("{what} should have {expected} bytes, but there are {}", bytes.len()),
-                "the file or its buffer is cut short: copy or export it again",
-            ));
+            return Err(document
+                .fault(format!("{what} should have {expected} bytes, but there are {}", bytes.len()))
+                .help("the file or its buffer is cut short: copy or export it again"));
         }
         document.buffers.push(bytes);
     }
@@ -45,10 +44,9 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
 }
 
 fn missing(document: &Document, what: &str) -> Error {
-    document.fault(
-        format!("{what} has neither a URI nor a binary chunk in the file"),
-        "the file is incomplete: export it again",
-    )
+    document
+        .fault(format!("{what} has neither a URI nor a binary chunk in the file"))
+        .help("the file is incomplete: export it again")
 }
 
 /// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses it.
@@ -126,16 +124,16 @@ pub(super) fn read_uri(document: &mut Document, what: &str, uri: &str) -> Result
 fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     let Some((header, content)) = data.split_once(',') else {
         return Err(document
-            .fault(format!("{what}: its data URI has no comma before the data"), "export the scene again"));
+            .fault(format!("{what}: its data URI has no comma before the data"))
+            .help("export the scene again"));
     };
     if !header.to_ascii_lowercase().ends_with(";base64") {
-        return Err(document.fault(
-            format!("{what}: its data URI is not base64"),
-            "export the scene with base64 data, as separate files, or as .glb",
-        ));
+        return Err(document
+            .fault(format!("{what}: its data URI is not base64"))
+            .help("export the scene with base64 data, as separate files, or as .glb"));
     }
     BASE64.decode(content).map_err(|error| {
-        document.fault(format!("{what}: its base64 data is damaged: {error}"), "export the scene again")
+        document.fault(format!("{what}: its base64 data is damaged: {error}")).help("export the scene again")
     })
 }
 
@@ -153,15 +151,17 @@ pub(super) fn absence(document: &Document, uri: &str) -> Option<&'static str> {
 fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     let help = "put the file next to the scene and refer to it by a relative path, or export as .glb";
     if uri.is_empty() {
-        return Err(document.fault(format!("{what}: its URI is empty"), help));
+        return Err(document.fault(format!("{what}: its URI is empty")).help(help));
     }
     let decoded = percent_decode(uri).ok_or_else(|| {
-        document.fault(format!("{what}: `{uri}` is not a valid URI (percent-encoding or UTF-8)"), help)
+        document.fault(format!("{what}: `{uri}` is not a valid URI (percent-encoding or UTF-8)")).help(help)
     })?;
     // Both forms are checked: a scheme is recognized before decoding, an encoded absolute path only after it.
     source::next_to(&document.path, uri).and_then(|_| source::next_to(&document.path, &decoded)).map_err(
         |fault| {
-            document.fault(format!("{what}: `{uri}` is {fault}; only files next to the scene are read"), help)
+            document
+                .fault(format!("{what}: `{uri}` is {fault}; only files next to the scene are read"))
+                .help(help)
         },
     )
 }
@@ -248,22 +248,26 @@ pub(super) fn open_accessor<'a>(
 ) -> Result<OpenAccessor<'a>> {
     let index = accessor.value();
     let Some(accessor) = document.root.accessors.get(index) else {
-        return Err(document.fault(format!("{what} refers to accessor {index}, which does not exist"), HELP));
+        return Err(document
+            .fault(format!("{what} refers to accessor {index}, which does not exist"))
+            .help(HELP));
     };
     let component = match accessor.component_type {
         Checked::Valid(component) if components.contains(&component.0) => component.0,
         Checked::Valid(component) => {
-            return Err(document.fault(
-                format!("{what} has components of type {:?}; expected one of {components:?}", component.0),
-                HELP,
-            ));
+            return Err(document
+                .fault(format!(
+                    "{what} has components of type {:?}; expected one of {components:?}",
+                    component.0
+                ))
+                .help(HELP));
         }
         Checked::Invalid => {
-            return Err(document.fault(format!("accessor {index} has an unknown component type"), HELP));
+            return Err(document.fault(format!("accessor {index} has an unknown component type")).help(HELP));
         }
     };
     if accessor.type_ != Checked::Valid(shape) {
-        return Err(document.fault(format!("{what} (accessor {index}) is not of type {shape:?}"), HELP));
+        return Err(document.fault(format!("{what} (accessor {index}) is not of type {shape:?}")).help(HELP));
     }
     let element = component.size() * shape.multiplicity();
     let count = accessor.count.0;
@@ -276,7 +280,7 @@ pub(super) fn open_accessor<'a>(
         None => None,
     };
     let Ok(count) = usize::try_from(count) else {
-        return Err(document.fault(format!("accessor {index} has {count} elements"), HELP));
+        return Err(document.fault(format!("accessor {index} has {count} elements")).help(HELP));
     };
     let sparse = accessor.sparse.as_ref().map(|sparse| open_sparse(document, index, sparse, element, count));
     Ok(OpenAccessor { base, sparse: sparse.transpose()?, component, normalized: accessor.normalized, count })
@@ -294,7 +298,7 @@ fn open_sparse<'a>(
         Checked::Valid(component) => component.0,
         Checked::Invalid => {
             let fault = format!("accessor {accessor}: its sparse indices have an unknown component type");
-            return Err(document.fault(fault, HELP));
+            return Err(document.fault(fault).help(HELP));
         }
     };
     let (indices, values) = (&source.indices, &source.values);
@@ -314,10 +318,9 @@ fn open_sparse<'a>(
     for position in 0..sparse.count {
         let index = sparse.index(position);
         if index <= last || index.is_none_or(|index| index as usize >= base_count) {
-            return Err(document.fault(
-                format!("accessor {accessor}: its sparse indices do not increase below {base_count}"),
-                HELP,
-            ));
+            return Err(document
+                .fault(format!("accessor {accessor}: its sparse indices do not increase below {base_count}"))
+                .help(HELP));
         }
         last = index;
     }
@@ -336,10 +339,9 @@ fn elements<'a>(
     let (view, stride) = self::view(document, what, view)?;
     let stride = stride.unwrap_or(element);
     if stride < element {
-        return Err(document.fault(
-            format!("{what} has elements of {element} bytes in a buffer view of stride {stride}"),
-            HELP,
-        ));
+        return Err(document
+            .fault(format!("{what} has elements of {element} bytes in a buffer view of stride {stride}"))
+            .help(HELP));
     }
     // The arithmetic is checked: a hostile count or offset must not wrap around.
     let end = match count.checked_sub(1) {
@@ -355,14 +357,11 @@ fn elements<'a>(
         .and_then(|offset| view.get(offset..));
     match bytes {
         Some(bytes) => Ok(Elements { bytes, stride }),
-        None => Err(document.fault(
-            format!(
+        None => Err(document.fault(format!(
                 "{what} ({count} elements of {element} bytes, stride {stride}, at {offset}) ends outside its buffer \
                  view ({} bytes)",
                 view.len()
-            ),
-            HELP,
-        )),
+            )).help(HELP)),
     }
 }
 

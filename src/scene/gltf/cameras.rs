@@ -96,10 +96,9 @@ pub(super) fn pair(
             Some(build(document, projector)?)
         }
         (None, [first, second, ..]) => {
-            return Err(document.fault(
-                format!("two projectors, `{}` and `{}`", first.name, second.name),
-                "keep \"krylux\": \"projector\" in the extras of one of them only",
-            ));
+            return Err(document
+                .fault(format!("two projectors, `{}` and `{}`", first.name, second.name))
+                .help("keep \"krylux\": \"projector\" in the extras of one of them only"));
         }
     };
     Ok(CameraPair { camera, projector, projector_resolution: resolution })
@@ -119,10 +118,9 @@ fn candidates<'a>(
         let is_projector = extras.is_projector(document, &what)?;
         let Some(index) = node.camera.map(|camera| camera.value()) else {
             if is_projector {
-                return Err(document.fault(
-                    format!("{} is marked as the projector, but is not a camera", what()),
-                    "put \"krylux\": \"projector\" into the extras of a camera's node",
-                ));
+                return Err(document
+                    .fault(format!("{} is marked as the projector, but is not a camera", what()))
+                    .help("put \"krylux\": \"projector\" into the extras of a camera's node"));
             }
             continue;
         };
@@ -152,24 +150,24 @@ fn choose<'a>(
     };
     let matching: Vec<_> =
         candidates.iter().filter(|candidate| wanted.is_none_or(|wanted| wanted == candidate.name)).collect();
-    match (matching.as_slice(), wanted) {
-        ([candidate], _) => Ok(candidate),
-        _ if candidates.is_empty() => Err(document.fault(
-            "no camera in the scene",
+    let (fault, help) = match (matching.as_slice(), wanted) {
+        ([candidate], _) => return Ok(candidate),
+        _ if candidates.is_empty() => (
+            "no camera in the scene".into(),
             "add a perspective camera where the rig stands, and export the scene with cameras, give a camera file by \
              --camera-file, or let --auto-camera place one",
-        )),
-        ([], Some(wanted)) => Err(document.fault(
+        ),
+        ([], Some(wanted)) => (
             format!("no camera is called `{wanted}`; there are {}", names()),
             "give one of these names to --camera",
-        )),
-        (_, Some(wanted)) => Err(document.fault(
-            format!("{} cameras are called `{wanted}`", matching.len()),
-            "give the camera nodes different names",
-        )),
-        (_, None) => Err(document
-            .fault(format!("{} cameras: {}", candidates.len(), names()), "choose one with --camera NAME")),
-    }
+        ),
+        (_, Some(wanted)) => {
+            let fault = format!("{} cameras are called `{wanted}`", matching.len());
+            (fault, "give the camera nodes different names")
+        }
+        (_, None) => (format!("{} cameras: {}", candidates.len(), names()), "choose one with --camera NAME"),
+    };
+    Err(document.fault(fault).help(help))
 }
 
 fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Posed> {
@@ -179,31 +177,27 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Posed> {
             Checked::Valid(json::camera::Type::Orthographic) => "is orthographic",
             _ => "has no perspective",
         };
-        return Err(document.fault(
-            format!("camera `{name}` {fault}"),
-            "make it a perspective camera: the rig's projector and camera are pinholes",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` {fault}"))
+            .help("make it a perspective camera: the rig's projector and camera are pinholes"));
     };
     let field = f64::from(perspective.yfov);
     let Some(tan_half_fov) = tan_half(field) else {
-        return Err(document.fault(
-            format!("camera `{name}` has a vertical field of view of {field} rad"),
-            "it must lie between 0 and π",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` has a vertical field of view of {field} rad"))
+            .help("it must lie between 0 and π"));
     };
     if perspective.aspect_ratio.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
-        return Err(document.fault(
-            format!("camera `{name}` has an aspect ratio that is not positive"),
-            "correct aspectRatio, or leave it out",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` has an aspect ratio that is not positive"))
+            .help("correct aspectRatio, or leave it out"));
     }
     let [right, up, forward] = axes(document, name, placed)?;
     let position = placed.transform.translation;
     if !position.is_finite() || position.abs().max_element() > f64::from(MAX_COORDINATE) {
-        return Err(document.fault(
-            format!("camera `{name}` stands more than {MAX_COORDINATE:e} m from the origin"),
-            "glTF lengths are metres: scale the scene",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` stands more than {MAX_COORDINATE:e} m from the origin"))
+            .help("glTF lengths are metres: scale the scene"));
     }
     let camera = Camera {
         name: name.clone(),
@@ -223,22 +217,19 @@ fn axes(document: &Document, name: &str, placed: &Placed) -> Result<[DVec3; 3]> 
     let linear = placed.transform.matrix3;
     let normalized = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.try_normalize());
     let [Some(x), Some(y), Some(z)] = normalized else {
-        return Err(document.fault(
-            format!("camera `{name}` is scaled to nothing"),
-            "set the scale of the camera's node and its parents to 1",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` is scaled to nothing"))
+            .help("set the scale of the camera's node and its parents to 1"));
     };
     if x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs()) > MAX_SHEAR {
-        return Err(document.fault(
-            format!("camera `{name}` is sheared by its node's transform"),
-            "set the scale of the camera's parents to 1",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` is sheared by its node's transform"))
+            .help("set the scale of the camera's parents to 1"));
     }
     if x.cross(y).dot(z) < 0.0 {
-        return Err(document.fault(
-            format!("camera `{name}` is mirrored by its node's transform"),
-            "remove the negative scale from the camera's node or its parents",
-        ));
+        return Err(document
+            .fault(format!("camera `{name}` is mirrored by its node's transform"))
+            .help("remove the negative scale from the camera's node or its parents"));
     }
     // glTF cameras look along −Z with +Y up. Adding zero turns −0 into 0.
     let forward = -z + DVec3::ZERO;

@@ -52,10 +52,9 @@ pub(super) fn decompress_views(document: &mut Document) -> Result<()> {
                 decoded_view(document, &compressed, &mut workspace)
             })
             .map_err(|why| {
-                document.fault(
-                    format!("buffer view {index} cannot be decompressed (meshopt): {why}"),
-                    "the file is damaged or too large: export it again, or without mesh compression",
-                )
+                document
+                    .fault(format!("buffer view {index} cannot be decompressed (meshopt): {why}"))
+                    .help("the file is damaged or too large: export it again, or without mesh compression")
             })?;
         let buffer = add_buffer(document, bytes);
         let view = &mut document.root.buffer_views[index];
@@ -125,7 +124,7 @@ pub(super) fn decompress_primitives(document: &mut Document) -> Result<()> {
             let name = object_name("mesh", mesh, document.root.meshes[mesh].name.as_ref());
             let what = format!("{name}, primitive {primitive}");
             let compressed: CompressedPrimitive = serde_json::from_value(extension).map_err(|error| {
-                document.fault(format!("{what}: its {DRACO} cannot be read: {error}"), HELP)
+                document.fault(format!("{what}: its {DRACO} cannot be read: {error}")).help(HELP)
             })?;
             let decoded = decode(document, &what, &compressed)?;
             replace(document, &what, [mesh, primitive], &compressed, &decoded)?;
@@ -142,9 +141,9 @@ fn decode(document: &Document, what: &str, compressed: &CompressedPrimitive) -> 
         .with_max_faces(MAX_TRIANGLES as u64)
         .with_max_decoded_bytes(MAX_BYTES as u64);
     let mut mesh = Mesh::new();
-    MeshDecoder::new()
-        .decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh)
-        .map_err(|error| document.fault(format!("{what} cannot be decompressed (Draco): {error}"), HELP))?;
+    MeshDecoder::new().decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh).map_err(
+        |error| document.fault(format!("{what} cannot be decompressed (Draco): {error}")).help(HELP),
+    )?;
     Ok(mesh)
 }
 
@@ -169,10 +168,12 @@ fn replace(
         let found = decoded.attribute_by_unique_id(id);
         let like = document.root.accessors.get(accessor.value()).cloned();
         let (Some(found), Some(like)) = (found, like) else {
-            return Err(document.fault(format!("{what}: its {name} is not in the compressed mesh"), HELP));
+            return Err(document
+                .fault(format!("{what}: its {name} is not in the compressed mesh"))
+                .help(HELP));
         };
         let (Checked::Valid(shape), Checked::Valid(component)) = (like.type_, like.component_type) else {
-            return Err(document.fault(format!("{what}: its {name} has an unknown type"), HELP));
+            return Err(document.fault(format!("{what}: its {name} has an unknown type")).help(HELP));
         };
         let values = found.read_f32s(count, shape.multiplicity());
         let bytes = values.into_iter().flat_map(|value| encoded(value, component.0)).collect();
@@ -180,7 +181,7 @@ fn replace(
         replaced.insert(Checked::Valid(semantic), accessor);
     }
     if !replaced.contains_key(&Checked::Valid(Semantic::Positions)) {
-        return Err(document.fault(format!("{what} has no POSITION"), HELP));
+        return Err(document.fault(format!("{what} has no POSITION")).help(HELP));
     }
     let primitive = &mut document.root.meshes[mesh].primitives[primitive];
     primitive.attributes = replaced;

@@ -94,7 +94,7 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         if !is_supported(name) && name != LIGHTS && !WITHOUT_EFFECT.contains(&name) {
             let why = if compresses(name) { "this krylux is built without" } else { "is not supported" };
             let fault = format!("the file requires the extension {name}, which {why}");
-            return Err(document.fault(fault, advice(name)));
+            return Err(document.fault(fault).help(advice(name)));
         }
     }
     for name in &document.root.extensions_used {
@@ -159,10 +159,10 @@ impl Extras {
         match self.0.get("krylux") {
             None => Ok(false),
             Some(role) if role == "projector" => Ok(true),
-            Some(_) => Err(document.fault(
-                format!("{}: its extras.krylux is not \"projector\"", what()),
-                "mark the projector's node by \"krylux\": \"projector\", and remove extras.krylux from other nodes",
-            )),
+            Some(_) => {
+                let help = "mark the projector's node by \"krylux\": \"projector\", and remove extras.krylux from other nodes";
+                Err(document.fault(format!("{}: its extras.krylux is not \"projector\"", what())).help(help))
+            }
         }
     }
 
@@ -175,7 +175,7 @@ impl Extras {
         };
         number("aperture_radius")
             .and_then(|radius| Lens::checked(radius, number("focus_distance")?))
-            .map_err(|what| document.fault(format!("camera `{name}` {what}"), Lens::HELP))
+            .map_err(|what| document.fault(format!("camera `{name}` {what}")).help(Lens::HELP))
     }
 
     /// The resolution of the projector `name`, if stated.
@@ -183,10 +183,9 @@ impl Extras {
         let Some(value) = self.0.get("resolution") else { return Ok(None) };
         match serde_json::from_value::<[usize; 2]>(value.clone()) {
             Ok([width @ 1..=16384, height @ 1..=16384]) => Ok(Some(Resolution::new(width, height))),
-            _ => Err(document.fault(
-                format!("camera `{name}` has a resolution that is not [width, height]"),
-                "give 1 to 16384 pixels a side",
-            )),
+            _ => Err(document
+                .fault(format!("camera `{name}` has a resolution that is not [width, height]"))
+                .help("give 1 to 16384 pixels a side")),
         }
     }
 }
@@ -229,10 +228,11 @@ pub(super) fn label(document: &Document, what: &str, extras: &json::Extras) -> R
         _ => None,
     };
     label.map(Some).ok_or_else(|| {
-        document.fault(
-            format!("{what}: its extras.region is {}, which is not a label", shortened(region)),
-            format!("label regions by a non-negative integer or a name of at most {MAX_NAME_BYTES} bytes"),
-        )
+        document
+            .fault(format!("{what}: its extras.region is {}, which is not a label", shortened(region)))
+            .help(format!(
+                "label regions by a non-negative integer or a name of at most {MAX_NAME_BYTES} bytes"
+            ))
     })
 }
 

@@ -50,9 +50,9 @@ pub(super) fn assemble(
             true => "no triangles in the scene, but points or lines, which have no area and show nothing",
             false => "no triangles in the scene",
         };
-        return Err(
-            document.fault(what, "export meshes with faces, in the scene that the file shows by default")
-        );
+        return Err(document
+            .fault(what)
+            .help("export meshes with faces, in the scene that the file shows by default"));
     }
     Ok(assembly.surfaces)
 }
@@ -277,10 +277,9 @@ impl Placer<'_> {
             return Err(bad_position(document, what, index, vertex.position));
         }
         if !vertex.texcoords.iter().all(|coordinates| coordinates.is_finite()) {
-            return Err(document.fault(
-                format!("{what}: texture coordinate of vertex {index} is not finite"),
-                "correct the mesh's texture coordinates",
-            ));
+            return Err(document
+                .fault(format!("{what}: texture coordinate of vertex {index} is not finite"))
+                .help("correct the mesh's texture coordinates"));
         }
         place.note(world, vertex.position.as_dvec3(), transform.stretch());
         triangle.positions[corner] = (world - place.origin).as_vec3();
@@ -294,15 +293,13 @@ impl Placer<'_> {
 /// The error about a vertex with an unusable world position. `local` is its position in the mesh's frame.
 fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Error {
     if local.is_finite() {
-        document.fault(
-            format!("{what}: vertex {vertex} lies more than {MAX_COORDINATE:e} m from the origin"),
-            "glTF lengths are metres: scale the scene",
-        )
+        document
+            .fault(format!("{what}: vertex {vertex} lies more than {MAX_COORDINATE:e} m from the origin"))
+            .help("glTF lengths are metres: scale the scene")
     } else {
-        document.fault(
-            format!("{what}: vertex {vertex} has a position that is not finite: {local}"),
-            "correct the mesh: look for a division by zero where it was made",
-        )
+        document
+            .fault(format!("{what}: vertex {vertex} has a position that is not finite: {local}"))
+            .help("correct the mesh: look for a division by zero where it was made")
     }
 }
 
@@ -333,7 +330,7 @@ impl Counts {
     ) -> Result<()> {
         *number = number.saturating_add(more);
         match *number > most {
-            true => Err(document.fault(format!("more than {most} {what}"), help)),
+            true => Err(document.fault(format!("more than {most} {what}")).help(help)),
             false => Ok(()),
         }
     }
@@ -363,10 +360,9 @@ impl Counts {
 }
 
 pub(super) fn too_many(document: &Document, count: usize) -> Error {
-    document.fault(
-        format!("there is no memory for {count} triangles, all instances counted"),
-        "simplify the meshes, place fewer of them, or use a machine with more memory",
-    )
+    document
+        .fault(format!("there is no memory for {count} triangles, all instances counted"))
+        .help("simplify the meshes, place fewer of them, or use a machine with more memory")
 }
 
 #[derive(Clone, Copy)]

@@ -202,7 +202,8 @@ fn alpha_mode(checked: &Checks<'_>, source: &json::Material) -> Result<AlphaMode
         Checked::Invalid => {
             return Err(checked
                 .document
-                .fault(format!("{} has an unknown alphaMode", checked.what), "use OPAQUE, MASK or BLEND"));
+                .fault(format!("{} has an unknown alphaMode", checked.what))
+                .help("use OPAQUE, MASK or BLEND"));
         }
     })
 }
@@ -282,10 +283,9 @@ impl Checks<'_> {
     }
 
     fn out_of_range(&self, factor: &str, value: f32, expected: &str) -> Error {
-        self.document.fault(
-            format!("{}: its {factor} is {value}", self.what),
-            format!("correct the material: the value must be {expected}"),
-        )
+        self.document
+            .fault(format!("{}: its {factor} is {value}", self.what))
+            .help(format!("correct the material: the value must be {expected}"))
     }
 }
 

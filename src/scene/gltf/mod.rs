@@ -28,7 +28,7 @@ use serde::de::DeserializeOwned;
 
 use super::camera::Posed;
 use super::place::Place;
-use super::source::{self, ContentHash, Warnings, fault};
+use super::source::{self, ContentHash, Warnings};
 use super::{Camera, LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
 use cameras::Wanted;
@@ -134,7 +134,7 @@ impl Document {
     fn leave_out(&mut self, fault: String, help: impl Into<String>, what: &str) -> Result<()> {
         let help = help.into();
         if self.strict {
-            return Err(self.fault(fault, help));
+            return Err(self.fault(fault).help(help));
         }
         self.warnings.add(format!("{fault}: {what} is left out; {help}"));
         Ok(())
@@ -155,20 +155,20 @@ impl Document {
     ) -> Result<Option<T>> {
         let value = extensions.and_then(|extensions| extensions.get(name));
         value.map(|value| serde_json::from_value(value.clone())).transpose().map_err(|error| {
-            self.fault(format!("{what}: {name} cannot be read: {error}"), "export the scene again")
+            self.fault(format!("{what}: {name} cannot be read: {error}")).help("export the scene again")
         })
     }
 
     fn damaged(&self, fault: impl Into<String>) -> Error {
-        self.fault(fault, "the file is damaged: export it again")
+        self.fault(fault).help("the file is damaged: export it again")
     }
 
     fn damaged_mesh(&self, fault: impl Into<String>) -> Error {
-        self.fault(fault, "the mesh is damaged: export it again")
+        self.fault(fault).help("the mesh is damaged: export it again")
     }
 
-    fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
-        source::fault(&self.path, fault, help)
+    fn fault(&self, fault: impl Into<String>) -> Error {
+        Error::scene(&self.path, fault)
     }
 }
 
@@ -178,8 +178,8 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
         Ok(root) => return Err(other_version(path, &root.asset.version)),
         Err(error) => error,
     };
-    let broken =
-        fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0");
+    let broken = Error::scene(path, format!("not a valid glTF document: {error}"))
+        .help("export the scene again as glTF 2.0");
     // The document may have another glTF version, which does not fit the structure.
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     match value.pointer("/asset/version").and_then(json::Value::as_str) {
@@ -287,9 +287,9 @@ fn other_version(path: &Path, version: &str) -> Error {
     } else {
         "export the scene as glTF 2.0"
     };
-    fault(path, format!("glTF version `{version}` is not supported"), help)
+    Error::scene(path, format!("glTF version `{version}` is not supported")).help(help)
 }
 
 fn damaged(path: &Path, what: impl Into<String>) -> Error {
-    fault(path, what, "the file is damaged or not glTF 2.0: copy or export it again")
+    Error::scene(path, what).help("the file is damaged or not glTF 2.0: copy or export it again")
 }

@@ -54,10 +54,12 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
         let node = &document.root.nodes[index];
         let transform = parent * local_transform(document, index, node)?;
         if !transform.is_finite() {
-            return Err(document.fault(
-                format!("{}: its transform is not finite", object_name("node", index, node.name.as_ref())),
-                "correct the node's matrix, translation, rotation or scale",
-            ));
+            return Err(document
+                .fault(format!(
+                    "{}: its transform is not finite",
+                    object_name("node", index, node.name.as_ref())
+                ))
+                .help("correct the node's matrix, translation, rotation or scale"));
         }
         let what = object_name("node", index, node.name.as_ref());
         let label = extensions::label(document, &what, &node.extras)?.or(inherited);
@@ -77,14 +79,13 @@ fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize
         return Ok((0..parents.len()).filter(|&node| parents[node].is_none()).collect());
     }
     let Some(scene) = document.root.scenes.get(index) else {
-        return Err(document.fault(
-            if count == 0 {
+        return Err(document
+            .fault(if count == 0 {
                 "the file has no scene and no nodes".to_string()
             } else {
                 format!("the default scene is {index}, but there are only {count}")
-            },
-            "export the objects as a scene",
-        ));
+            })
+            .help("export the objects as a scene"));
     };
     let roots = scene.nodes.iter().map(|node| node.value()).collect();
     if count > 1 {
@@ -106,13 +107,13 @@ fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
             let child = child.value();
             if child >= nodes.len() {
                 return Err(document
-                    .fault(format!("{} has a child {child}, which does not exist", name(index)), FOREST));
+                    .fault(format!("{} has a child {child}, which does not exist", name(index)))
+                    .help(FOREST));
             }
             if let Some(other) = parents[child].replace(index) {
-                return Err(document.fault(
-                    format!("{} has two parents, {} and {}", name(child), name(other), name(index)),
-                    FOREST,
-                ));
+                return Err(document
+                    .fault(format!("{} has two parents, {} and {}", name(child), name(other), name(index)))
+                    .help(FOREST));
             }
         }
     }
@@ -127,10 +128,12 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
     let mut is_listed = vec![false; parents.len()];
     for &root in &listed {
         if root >= parents.len() {
-            return Err(document.fault(format!("the scene has node {root}, which does not exist"), FOREST));
+            return Err(document
+                .fault(format!("the scene has node {root}, which does not exist"))
+                .help(FOREST));
         }
         if std::mem::replace(&mut is_listed[root], true) {
-            return Err(document.fault(format!("the scene lists {} twice", name(root)), FOREST));
+            return Err(document.fault(format!("the scene lists {} twice", name(root))).help(FOREST));
         }
     }
     let above = above(parents, &is_listed);
@@ -151,7 +154,7 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
             }
             None => {
                 let cycle = if in_cycle(parents, root) { "is" } else { "lies below a node that is" };
-                return Err(document.fault(format!("{} {cycle} its own ancestor", name(root)), FOREST));
+                return Err(document.fault(format!("{} {cycle} its own ancestor", name(root))).help(FOREST));
             }
         }
     }
@@ -213,10 +216,12 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
         let last = matrix.row(3);
         // glTF requires an affine matrix. The tolerance is for exporters that round.
         if !last.abs_diff_eq(glam::DVec4::W, 1e-6) {
-            return Err(document.fault(
-                format!("{}: its matrix is not affine", object_name("node", index, node.name.as_ref())),
-                "the last row of a node's matrix must be 0 0 0 1",
-            ));
+            return Err(document
+                .fault(format!(
+                    "{}: its matrix is not affine",
+                    object_name("node", index, node.name.as_ref())
+                ))
+                .help("the last row of a node's matrix must be 0 0 0 1"));
         }
         let translation = stated.unwrap_or(matrix.w_axis.truncate());
         return Ok(DAffine3 { matrix3: DMat3::from_mat4(matrix), translation });
@@ -227,13 +232,12 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
     let rotation = node.rotation.map_or(DQuat::IDENTITY, |turn| DQuat::from_array(turn.0.map(f64::from)));
     let length = rotation.length();
     if !(length.is_finite() && length > 1e-6) {
-        return Err(document.fault(
-            format!(
+        return Err(document
+            .fault(format!(
                 "{}: its rotation is not a unit quaternion",
                 object_name("node", index, node.name.as_ref())
-            ),
-            "correct the node's rotation",
-        ));
+            ))
+            .help("correct the node's rotation"));
     }
     Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
 }
@@ -267,10 +271,12 @@ fn by_label(document: &mut Document, surfaces: &[Surface]) -> Result<Naming> {
     let mut index: BTreeMap<Label, u32> =
         surfaces.iter().map(|surface| (surface.label.clone().unwrap_or(Label::Absent), 0)).collect();
     if index.len() > MAX_LABELS {
-        return Err(document.fault(
-            format!("{} different region labels, but at most {MAX_LABELS} can be told apart", index.len()),
-            "use fewer labels in extras.region",
-        ));
+        return Err(document
+            .fault(format!(
+                "{} different region labels, but at most {MAX_LABELS} can be told apart",
+                index.len()
+            ))
+            .help("use fewer labels in extras.region"));
     }
     for (position, region) in index.values_mut().enumerate() {
         *region = position as u32;

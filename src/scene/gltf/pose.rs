@@ -112,10 +112,9 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
     let counts = [&translations, &rotations, &scales].into_iter().flatten().map(|array| array.count);
     let (Some(least), Some(most)) = (counts.clone().min(), counts.max()) else { return Ok(Some(Vec::new())) };
     if least != most || most > MAX_INSTANCES {
-        return Err(document.fault(
-            format!("{what} has {most} instances, and {least} in another list of them"),
-            format!("give all lists the same length, of at most {MAX_INSTANCES} instances"),
-        ));
+        return Err(document
+            .fault(format!("{what} has {most} instances, and {least} in another list of them"))
+            .help(format!("give all lists the same length, of at most {MAX_INSTANCES} instances")));
     }
 
     let vector = |array: &Option<OpenAccessor<'_>>, index: usize, default: DVec3| match array {
@@ -140,12 +139,11 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
     (0..most)
         .map(|index| {
             place(index).ok_or_else(|| {
-                document.fault(
-                    format!(
+                document
+                    .fault(format!(
                         "{what}: the transform of its instance {index} is not finite, or its rotation is zero"
-                    ),
-                    "correct the instance's translation, rotation and scale",
-                )
+                    ))
+                    .help("correct the instance's translation, rotation and scale")
             })
         })
         .collect::<Result<Vec<_>>>()
@@ -195,10 +193,9 @@ impl Skins {
         let mut matrices = Vec::new();
         for (position, joint) in skin.joints.iter().enumerate() {
             let Some(&Some(transform)) = self.placed.get(joint.value()) else {
-                return Err(document.fault(
-                    format!("{what}: its joint {} is not a node of the scene", joint.value()),
-                    "export the skeleton in the same scene as the mesh",
-                ));
+                return Err(document
+                    .fault(format!("{what}: its joint {} is not a node of the scene", joint.value()))
+                    .help("export the skeleton in the same scene as the mesh"));
             };
             let bound = match &inverse_bind {
                 None => DAffine3::IDENTITY,
@@ -248,10 +245,9 @@ impl<'a> Influences<'a> {
                 (Some(joints), Some(weights)) if set < MAX_SETS => (joints, weights),
                 (None, None) if set > 0 => break,
                 (Some(_), Some(_)) => {
-                    return Err(document.fault(
-                        format!("{what} has more than {} joints to a vertex", 4 * MAX_SETS),
-                        "limit the number of influences in the exporter",
-                    ));
+                    return Err(document
+                        .fault(format!("{what} has more than {} joints to a vertex", 4 * MAX_SETS))
+                        .help("limit the number of influences in the exporter"));
                 }
                 _ => {
                     return Err(document.damaged_mesh(format!(

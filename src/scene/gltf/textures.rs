@@ -74,10 +74,9 @@ impl Textures {
         let [scale, offset] = [info.transform.scale.0, info.transform.offset.0].map(Vec2::from_array);
         let transform = transform(scale, info.transform.rotation.0, offset);
         if !transform.is_finite() {
-            return Err(document.fault(
-                format!("{material}: the KHR_texture_transform of its {role} texture is not finite"),
-                "correct the texture's offset, rotation or scale",
-            ));
+            return Err(document
+                .fault(format!("{material}: the KHR_texture_transform of its {role} texture is not finite"))
+                .help("correct the texture's offset, rotation or scale"));
         }
         let texture = self.index_of(document, material, role, info.index)?;
         Ok(Some(TextureRef { texture, set, transform }))
@@ -139,15 +138,15 @@ impl Textures {
             },
             (None, Some(view)) => buffers::view(document, &what, view)?.0.to_vec(),
             (None, None) => {
-                return Err(
-                    document.fault(format!("{what} has no data"), "the file is incomplete: export it again")
-                );
+                return Err(document
+                    .fault(format!("{what} has no data"))
+                    .help("the file is incomplete: export it again"));
             }
         };
         match self.pictures.decode(&bytes, file_name.map(Path::new)) {
             Ok(picture) => Ok(Ok((what, picture))),
             Err(Fault { fault, help, is_unknown: true }) => Ok(Err((format!("{what} {fault}"), help))),
-            Err(Fault { fault, help, .. }) => Err(document.fault(format!("{what} {fault}"), help)),
+            Err(Fault { fault, help, .. }) => Err(document.fault(format!("{what} {fault}")).help(help)),
         }
     }
 }

@@ -141,10 +141,9 @@ fn open_targets<'a>(
             continue;
         }
         if !weight.is_finite() {
-            return Err(document.fault(
-                format!("{what}: the weight of its morph target {index} is {weight}"),
-                "correct the weights of the mesh or the node",
-            ));
+            return Err(document
+                .fault(format!("{what}: the weight of its morph target {index} is {weight}"))
+                .help("correct the weights of the mesh or the node"));
         }
         let open = |name: &str, accessor: Option<json::Index<json::Accessor>>| {
             let Some(accessor) = accessor else { return Ok(None) };

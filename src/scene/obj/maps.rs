@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use glam::{Affine2, Mat2, Vec2};
 
 use super::statements::shortened;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::file;
-use crate::scene::source::{self, ContentHash, Fault, Pictures, Texels, fault};
+use crate::scene::source::{self, ContentHash, Fault, Pictures, Texels};
 use crate::scene::{Texture, TextureRef, Wrap};
 
 pub(super) struct Maps<'a> {
@@ -51,11 +51,11 @@ impl<'a> Maps<'a> {
             (Some(color), Some(opacity)) => {
                 let same = Map { file: color.file.clone(), ..opacity.clone() } == *color;
                 if !same {
-                    return Err(fault(
+                    return Err(Error::scene(
                         self.scene,
                         format!("material `{material}`: map_Kd and map_d have different options"),
-                        "give both the same -o, -s and -clamp",
-                    ));
+                    )
+                    .help("give both the same -o, -s and -clamp"));
                 }
                 color.clone()
             }
@@ -143,18 +143,15 @@ impl<'a> Maps<'a> {
         hash.add(&bytes);
         self.pictures
             .decode(&bytes, Some(file))
-            .map_err(|what| fault(file, format!("the picture {}", what.fault), what.help))
+            .map_err(|what| Error::scene(file, format!("the picture {}", what.fault)).help(what.help))
     }
 
     /// Parses the arguments `-o u v w -s u v w … FILE`.
     fn parse(&mut self, material: &str, text: &str) -> Result<Map> {
         let scene = self.scene;
         let bad = |what: &str| {
-            fault(
-                scene,
-                format!("material `{material}`: `{}` {what}", shortened(text)),
-                "give the options -o, -s and -clamp, and a file next to the scene",
-            )
+            Error::scene(scene, format!("material `{material}`: `{}` {what}", shortened(text)))
+                .help("give the options -o, -s and -clamp, and a file next to the scene")
         };
         let mut map = Map { file: PathBuf::new(), offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false };
         let mut rest = text.trim();

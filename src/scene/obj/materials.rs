@@ -27,8 +27,8 @@ use indexmap::IndexSet;
 
 use super::maps::Maps;
 use super::statements::{Checked, Line, UNNAMED, shortened, statements};
-use crate::error::Result;
-use crate::scene::source::{self, ContentHash, Warnings, fault};
+use crate::error::{Error, Result};
+use crate::scene::source::{self, ContentHash, Warnings};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
 
 pub(super) struct ObjMaterials {
@@ -63,7 +63,7 @@ impl ObjMaterials {
             format!("faces of material `{}` have no texture coordinates, but it has a texture", bare.name);
         let help = "unwrap the mesh, or remove the texture from the material";
         if strict {
-            return Err(fault(path, what, help));
+            return Err(Error::scene(path, what).help(help));
         }
         warnings.add(format!("{what}: they are shown without it; {help}"));
         bare.retain_textures(|_| false);
@@ -133,11 +133,11 @@ fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Inde
                 (Ok(file), _) => Ok(file),
                 // The path belongs to another computer.
                 (Err(_), Some(file)) if !strict => Ok(file),
-                (Err(what), _) => Err(fault(
+                (Err(what), _) => Err(Error::scene(
                     path,
                     format!("mtllib: `{name}` is {what}; only files next to the scene are read"),
-                    "put the library next to the scene and refer to it by a relative path",
-                )),
+                )
+                .help("put the library next to the scene and refer to it by a relative path")),
             }
         };
         let whole = resolve(line)?;
@@ -154,7 +154,7 @@ fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Inde
         }
         if count > MAX_LIBRARIES {
             let what = format!("more than {MAX_LIBRARIES} names of material libraries");
-            return Err(fault(path, what, "join them into one library"));
+            return Err(Error::scene(path, what).help("join them into one library"));
         }
     }
     Ok(files)

@@ -23,10 +23,10 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::camera::Posed;
 use super::place::Place;
-use super::source::{self, ContentHash, Warnings, fault};
+use super::source::{self, ContentHash, Warnings};
 use super::triangle::{MAX_COORDINATE, Triangle};
 use super::{Camera, LoadOptions, Material, Scene, camera_file};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use polygon::Triangulator;
 use statements::Checked;
 
@@ -78,11 +78,11 @@ fn place(path: &Path, checked: &Checked, camera: Option<&Posed>) -> Result<Place
     for [vertex, ..] in &checked.corners {
         let (position, _) = checked.vertices[*vertex as usize - 1];
         if position.abs().max_element() > f64::from(MAX_COORDINATE) {
-            return Err(fault(
+            return Err(Error::scene(
                 path,
                 format!("a vertex at {position} lies more than {MAX_COORDINATE:e} m from the origin"),
-                "lengths are metres: scale the scene",
-            ));
+            )
+            .help("lengths are metres: scale the scene"));
         }
         place.note(position, position, 1.0);
     }
@@ -98,22 +98,15 @@ fn find_rig(
     hash: &mut ContentHash,
 ) -> Result<camera_file::CameraPair> {
     if let Some(name) = options.camera {
-        return Err(fault(
-            path,
-            format!("an .obj file has no cameras, and none called `{name}`"),
-            "leave out --camera, and give a camera file by --camera-file",
-        ));
+        return Err(Error::scene(path, format!("an .obj file has no cameras, and none called `{name}`"))
+            .help("leave out --camera, and give a camera file by --camera-file"));
     }
     let missing = || {
         let sidecar = path.with_extension("rig.toml");
-        fault(
-            path,
-            "an .obj file has no camera, and no camera file gives one",
-            format!(
+        Error::scene(path, "an .obj file has no camera, and no camera file gives one").help(format!(
                 "write {} with [camera] position, look_at and vertical_fov_degrees, name such a file by --camera-file, or let --auto-camera place one",
                 sidecar.display()
-            ),
-        )
+            ))
     };
     if options.auto_camera && given.as_ref().is_none_or(|given| given.camera.is_none()) {
         let camera = Camera::in_front_of(triangles, materials);
@@ -172,7 +165,7 @@ fn triangles(
             true => "no triangles in the scene, but points or lines, which have no area and show nothing",
             false => "no triangles in the scene",
         };
-        return Err(fault(path, what, "export meshes with faces"));
+        return Err(Error::scene(path, what).help("export meshes with faces"));
     }
     Ok(triangles)
 }

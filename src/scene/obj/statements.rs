@@ -6,7 +6,7 @@ use glam::{DVec3, Vec2, Vec3};
 use indexmap::IndexSet;
 
 use crate::error::{Error, Result};
-use crate::scene::source::{Warnings, fault};
+use crate::scene::source::Warnings;
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
 pub(super) const UNNAMED: &str = "unnamed";
@@ -65,11 +65,8 @@ pub(super) fn statements(
 
 impl<'a> Line<'a> {
     pub(super) fn fault(&self, what: &str) -> Error {
-        fault(
-            self.path,
-            format!("line {}: {what}", self.number),
-            "correct the line, or export the scene again",
-        )
+        Error::scene(self.path, format!("line {}: {what}", self.number))
+            .help("correct the line, or export the scene again")
     }
 
     pub(super) fn place(&self) -> String {
@@ -236,11 +233,8 @@ impl Checked {
         self.sizes.push(corners as u32);
         self.triangles += corners - 2;
         if self.triangles > MAX_TRIANGLES {
-            return Err(fault(
-                line.path,
-                format!("more than {MAX_TRIANGLES} triangles"),
-                "simplify the meshes",
-            ));
+            return Err(Error::scene(line.path, format!("more than {MAX_TRIANGLES} triangles"))
+                .help("simplify the meshes"));
         }
         let group = if self.group.is_empty() { "unnamed" } else { &self.group };
         let group = index_of(&mut self.groups, group);

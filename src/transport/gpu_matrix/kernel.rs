@@ -48,12 +48,10 @@ impl DeviceLayer {
         let CompressedRows { row_start, columns, weights } = from;
         let longest = row_start.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);
         if longest > LONGEST_ROW {
-            return Err(Error::Device {
-                fault: format!(
-                    "a row of the matrix has {longest} entries, and a GPU can sum at most {LONGEST_ROW}"
-                ),
-                help: "take the products on the processor: --products cpu".into(),
-            });
+            return Err(Error::device(format!(
+                "a row of the matrix has {longest} entries, and a GPU can sum at most {LONGEST_ROW}"
+            ))
+            .help("take the products on the processor: --products cpu"));
         }
         let band = |rows: Range<usize>| {
             let entries = row_start[rows.start]..row_start[rows.end];

@@ -66,10 +66,11 @@ impl GpuMatrix {
 
     fn within(gpu: &Gpu, matrix: &TransportMatrix, limits: Limits) -> Result<Self> {
         if !gpu.summary.double_precision {
-            return Err(Error::Device {
-                fault: format!("{} cannot calculate in f64, which products need", gpu.summary.name),
-                help: "take the products on the processor: --products cpu".into(),
-            });
+            return Err(Error::device(format!(
+                "{} cannot calculate in f64, which products need",
+                gpu.summary.name
+            ))
+            .help("take the products on the processor: --products cpu"));
         }
         let kernel = Kernel::new(gpu)?;
         let rig = matrix.rig;
@@ -170,11 +171,11 @@ impl GpuMatrix {
             Direction::Adjoint => [to.len(), from.len()],
         };
         if found != expected {
-            return Err(Error::Dimension {
-                what: "pixels of pattern and photo",
-                expected: format!("{} and {}", expected[0], expected[1]),
-                found: format!("{} and {}", found[0], found[1]),
-            });
+            return Err(Error::dimension(
+                "pixels of pattern and photo",
+                format!("{} and {}", expected[0], expected[1]),
+                format!("{} and {}", found[0], found[1]),
+            ));
         }
         let gpu = &self.gpu;
         let steps = self.steps(state, product)?;

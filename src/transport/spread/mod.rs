@@ -140,12 +140,13 @@ pub fn share_scene(
         };
         let (theirs, ours) = (of(&theirs), of(tracer.adapter()));
         if theirs != ours {
-            return Err(Error::Team {
-                fault: format!("process {rank} on {host} traces on {theirs}, and process 0 on {ours}"),
-                help: "use machines with the same adapter and driver, or name a common one by --adapter; \
-                       light paths of different drivers have different bits"
-                    .into(),
-            });
+            return Err(Error::team(format!(
+                "process {rank} on {host} traces on {theirs}, and process 0 on {ours}"
+            ))
+            .help(
+                "use machines with the same adapter and driver, or name a common one by --adapter; \
+                       light paths of different drivers have different bits",
+            ));
         }
     }
     tracer.share(remote);

@@ -175,11 +175,8 @@ impl Verb for Compensate {
         } else if !lab.has_saved_model() {
             self.options(true, None).check()?;
             if self.crosstalk.is_some() && lab.channels() == Channels::Luma {
-                return Err(Error::Option {
-                    option: "--crosstalk".into(),
-                    fault: "gray light has no colours to mix".into(),
-                    help: "add --channels rgb".into(),
-                });
+                return Err(Error::option("--crosstalk", "gray light has no colours to mix")
+                    .help("add --channels rgb"));
             }
         }
         self.target(lab.resolution(), lab.channels()).map(drop)
@@ -270,8 +267,8 @@ impl Compensate {
             None => return Err(no_target()),
         };
         let unusable = |fault: String, help: &str| match &self.target {
-            Some(Picture::File(path)) => Error::Data { path: path.clone(), fault, help: help.into() },
-            _ => Error::Option { option: "--target".into(), fault, help: help.into() },
+            Some(Picture::File(path)) => Error::data(&path, fault).help(help),
+            _ => Error::option("--target", fault).help(help),
         };
         let image = match image.channels() > channels.count() {
             true => image.gray().ok_or_else(|| {
@@ -364,11 +361,7 @@ impl Compensate {
 }
 
 fn no_target() -> Error {
-    Error::Option {
-        option: "--target".into(),
-        fault: "it is not said what is to be seen".into(),
-        help: "give a picture of values in [0, 1]".into(),
-    }
+    Error::option("--target", "it is not said what is to be seen").help("give a picture of values in [0, 1]")
 }
 
 /// Refuses a model if its photos or patterns differ in resolution from those of the source.
@@ -377,11 +370,8 @@ fn check_model(lab: &Lab, [photos, patterns]: [Resolution; 2]) -> Result<()> {
         return Ok(());
     }
     let [name, own] = [lab.name(), lab.resolution().to_string()];
-    Err(Error::Option {
-        option: "--model".into(),
-        fault: format!("its photos have {photos} pixels, but those of {name} have {own}"),
-        help: format!("give --size {photos}, or the source that it was captured from"),
-    })
+    Err(Error::option("--model", format!("its photos have {photos} pixels, but those of {name} have {own}"))
+        .help(format!("give --size {photos}, or the source that it was captured from")))
 }
 
 #[cfg(test)]

@@ -92,11 +92,11 @@ impl Verb for Relight {
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
         if let (SourceKind::Rig, Some(_)) = (lab.kind(), self.max_error) {
-            return Err(Error::Option {
-                option: "--max-error".into(),
-                fault: "a rig does not know the true photos of patterns that it never showed".into(),
-                help: "leave it out, or give a scene".into(),
-            });
+            return Err(Error::option(
+                "--max-error",
+                "a rig does not know the true photos of patterns that it never showed",
+            )
+            .help("leave it out, or give a scene"));
         }
         let given = [
             (self.photos.is_some(), "--photos"),
@@ -106,13 +106,11 @@ impl Verb for Relight {
         ];
         if let Some((_, option)) = given.into_iter().find(|(is_given, _)| *is_given && lab.has_model()) {
             let name = lab.name();
-            return Err(Error::Option {
-                option: option.into(),
-                fault: format!(
-                    "{name} holds a model that is captured already, and no scene to compare it with"
-                ),
-                help: "leave it out, or give the scene or the rig".into(),
-            });
+            return Err(Error::option(
+                option,
+                format!("{name} holds a model that is captured already, and no scene to compare it with"),
+            )
+            .help("leave it out, or give the scene or the rig"));
         }
         check_vectors("--block", self.block(), lab.projector_resolution().pixels())?;
         // An unusable file is reported before anything is traced.
@@ -196,11 +194,8 @@ impl Relight {
         let named = |pattern: &Pattern| {
             let (name, image) = (pattern.to_string(), pattern.image(resolution)?);
             if image.channels() > channels {
-                return Err(Error::Option {
-                    option: "--pattern".into(),
-                    fault: format!("{name} is coloured, but the model is gray"),
-                    help: "give a gray pattern, or capture with --channels rgb".into(),
-                });
+                return Err(Error::option("--pattern", format!("{name} is coloured, but the model is gray"))
+                    .help("give a gray pattern, or capture with --channels rgb"));
             }
             Ok((name, image))
         };
@@ -218,11 +213,8 @@ fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(Strin
             vec![(0..r.len()).map(|i| red * r[i] + green * g[i] + blue * b[i]).collect()]
         }
         (1, 3) => {
-            return Err(Error::Data {
-                path: path.to_path_buf(),
-                fault: "it is gray, but the model has three channels".into(),
-                help: "give a coloured photo, or capture with --channels luma".into(),
-            });
+            return Err(Error::data(path, "it is gray, but the model has three channels")
+                .help("give a coloured photo, or capture with --channels luma"));
         }
         _ => image.planes(),
     };

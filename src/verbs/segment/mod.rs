@@ -124,9 +124,7 @@ impl Verb for Segment {
     type Answer = Segmented;
 
     fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| {
-            Err(Error::Option { option: option.into(), fault, help: help.into() })
-        };
+        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         Capture::new(self.options(0, None))?;
         let blur = self.blur.unwrap_or(0.0);
         if !(0.0..1000.0).contains(&blur) {
@@ -331,19 +329,16 @@ impl Segment {
         let outside = |&&Pixel(x, y): &&Pixel| x >= resolution.width || y >= resolution.height;
         match self.features.iter().find(outside) {
             None => Ok(()),
-            Some(Pixel(x, y)) => Err(Error::Option {
-                option: "--features".into(),
-                fault: format!("pixel {x},{y} is outside of the picture"),
-                help: format!("it has {resolution} pixels; columns and rows are counted from 0"),
-            }),
+            Some(Pixel(x, y)) => {
+                Err(Error::option("--features", format!("pixel {x},{y} is outside of the picture"))
+                    .help(format!("it has {resolution} pixels; columns and rows are counted from 0")))
+            }
         }
     }
 
     /// Refuses options that need a symmetric matrix.
     fn check_apart(&self) -> Result<()> {
-        let refuse = |option: &str, fault: &str, help: &str| {
-            Err(Error::Option { option: option.into(), fault: fault.into(), help: help.into() })
-        };
+        let refuse = |option: &str, fault: &str, help: &str| Err(Error::option(option, fault).help(help));
         if self.direct_method().is_some() {
             let fault = "direct light is no diagonal where camera and projector stand apart";
             return refuse("--direct", fault, "give --direct keep: direct light connects no groups");

@@ -114,11 +114,8 @@ impl Verb for Separate {
         ];
         let is_scene = lab.kind() == SourceKind::Scene;
         if let Some((_, option)) = asked.into_iter().find(|(is_asked, _)| *is_asked && !is_scene) {
-            return Err(Error::Option {
-                option: option.into(),
-                fault: "a rig does not know the exact bounces of its light".into(),
-                help: "leave it out, or give a scene".into(),
-            });
+            return Err(Error::option(option, "a rig does not know the exact bounces of its light")
+                .help("leave it out, or give a scene"));
         }
         check_vectors("--photos", self.budget(lab), lab.projector_resolution().pixels())?;
         by.map_or(Ok(()), SeparateBy::check)

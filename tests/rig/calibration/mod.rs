@@ -58,7 +58,7 @@ pub fn calibrated_from(
 /// projector pixels.
 fn map_error(rig: &VirtualRig, report: &CalibrationReport) -> f64 {
     let map = report.map.lens.as_ref().expect("a coaxial rig has a map");
-    let truth = rig.camera.misregistration();
+    let truth = &rig.camera;
     let (camera, projector) = (map.camera, map.projector);
     let squares = (0..camera.pixels()).map(|pixel| {
         let at = [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5];
@@ -66,7 +66,7 @@ fn map_error(rig: &VirtualRig, report: &CalibrationReport) -> f64 {
             at[0] * projector.width as f64 / camera.width as f64,
             at[1] * projector.height as f64 / camera.height as f64,
         ];
-        let (found, truth) = (map.to_projector(at), truth.apply(projector, scaled));
+        let (found, truth) = (map.to_projector(at), truth.sees(projector, scaled));
         (found[0] - truth[0]).powi(2) + (found[1] - truth[1]).powi(2)
     });
     (squares.sum::<f64>() / camera.pixels() as f64).sqrt()

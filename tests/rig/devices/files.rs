@@ -125,7 +125,7 @@ fn values_out_of_range_are_named_with_their_range() {
             "drift.swing is 0.1, but drift.period is missing",
             "give its period in seconds",
         ),
-        ("[measurement]\ntries = 0\n", "measurement.tries is 0", "give 1 to 1000000"),
+        ("[measurement]\ntries = 0\n", "measurement.tries is 0", "give a whole number from 1 to 1000"),
         ("[projector]\noverscan = 0.6\n", "projector.overscan is 0.6", "give 0 to 0.5"),
         ("[projector]\niris = { dimming = 1.0 }\n", "projector.iris.dimming is 1", "give -1 to 0.95"),
         ("[projector]\niris = { time = -1.0 }\n", "projector.iris.time is -1", "give 0 to 3600"),

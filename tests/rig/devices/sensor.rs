@@ -255,7 +255,7 @@ fn a_homography_equals_its_rotation_scale_and_shift() {
     ]);
     let size = Resolution::new(24, 18);
     for point in [[0.0, 0.0], [24.0, 0.0], [3.5, 11.25]] {
-        let [one, other] = [&parts, &whole].map(|rig| rig.camera.misregistration().apply(size, point));
+        let [one, other] = [&parts, &whole].map(|rig| rig.camera.sees(size, point));
         assert!(one.iter().zip(other).all(|(one, other)| (one - other).abs() < 1e-12), "{one:?} {other:?}");
     }
     let counts = [&parts, &whole].map(|rig| counts(&mut show(open(rig), rig, 255, 0.1)));

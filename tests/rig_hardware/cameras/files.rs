@@ -40,14 +40,14 @@ const STILL: &str = "kind = \"gphoto2\"\nsize = [5616, 3744]\ntiles = \"rggb\"\n
 fn each_kind_has_its_keys_and_defaults() {
     let all = "offset = [8, 2]\npixel_format = \"bayerrg12p\"\ncolour = \"luma\"\nsaturation = 4000\ngain = 6\n\
                exposures = [1e-3, 0.1]\ntimeout = 2\n";
-    let CameraSpec::Gige(gige) = camera(&format!("{GIGE}{all}packet_size = 1500\n")) else {
+    let CameraSpec::Genicam(gige) = camera(&format!("{GIGE}{all}packet_size = 1500\n")) else {
         panic!("another kind")
     };
     assert_eq!(
         (gige.pixel_format, gige.colour, gige.saturation),
         (PixelFormat::BayerRG12p, Colour::Luma, Some(4000))
     );
-    let CameraSpec::Usb3(usb3) = camera(&format!("{USB3}{all}")) else { panic!("another kind") };
+    let CameraSpec::Genicam(usb3) = camera(&format!("{USB3}{all}")) else { panic!("another kind") };
     assert_eq!((usb3.serial.as_deref(), usb3.pixel_format), (Some("A1"), PixelFormat::BayerRG12p));
     let CameraSpec::V4l(v4l) = camera(&format!("{V4L}pixel_format = \"yuyv\"\ngain = 16\nskip = 3\n")) else {
         panic!("another kind")
@@ -61,7 +61,7 @@ fn each_kind_has_its_keys_and_defaults() {
     // Left out.
     let CameraSpec::Gphoto2(still) = camera(STILL) else { panic!("another kind") };
     assert_eq!(still.decoder[..3], ["dcraw", "-4", "-D"]);
-    let CameraSpec::Usb3(usb3) = camera("kind = \"usb3\"\nsize = [640, 480]\n") else {
+    let CameraSpec::Genicam(usb3) = camera("kind = \"usb3\"\nsize = [640, 480]\n") else {
         panic!("another kind")
     };
     assert_eq!((usb3.serial, usb3.pixel_format), (None, PixelFormat::Mono12));
@@ -74,7 +74,7 @@ fn a_pixel_format_may_have_the_cameras_spelling() {
         ("mono12packed", PixelFormat::Mono12Packed),
         ("BayerRG8", PixelFormat::BayerRG8),
     ] {
-        let CameraSpec::Gige(gige) = camera(&format!("{GIGE}pixel_format = \"{text}\"\n")) else {
+        let CameraSpec::Genicam(gige) = camera(&format!("{GIGE}pixel_format = \"{text}\"\n")) else {
             panic!("another kind")
         };
         assert_eq!(gige.pixel_format, format);
@@ -135,7 +135,9 @@ fn misspelt_keys_and_contradictions_are_named() {
         (GIGE, "\"gige\"", "\"usb\"", "known here: gige, usb3, v4l, gphoto2"),
         (GIGE, "kind = \"gige\"\n", "", "missing field `kind`"),
         (GIGE, "address", "adress", "line 7, in [camera]: unknown key `adress`; did you mean `address`?"),
-        (USB3, "serial", "address", "unknown key `address`"),
+        (USB3, "serial = \"A1\"", "address = \"10.0.0.1\"", "unknown key `address`"),
+        (GIGE, "size", "serial = \"A1\"\nsize", "unknown key `serial`"),
+        (GIGE, "address = \"192.168.1.20\"\n", "", "missing field `address`"),
         (USB3, "serial = \"A1\"", "colour = \"rbg\"", "unknown value `rbg`; did you mean `rgb`?"),
         (V4L, "device", "devise", "unknown key `devise`; did you mean `device`?"),
         (V4L, "size", "skip = 1000\nsize", "camera.skip is 1000; give 0 to 100"),

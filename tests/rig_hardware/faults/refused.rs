@@ -35,7 +35,7 @@ fn a_monitor_of_the_wrong_size_is_named_with_both_sizes() {
 #[test]
 fn a_camera_that_another_program_holds_is_named_and_free_afterwards() {
     let run = Run::new(51);
-    let CameraSpec::Gige(spec) = &run.stage.hardware.camera else {
+    let CameraSpec::Genicam(spec) = &run.stage.hardware.camera else {
         unreachable!("the stage has a camera on the network")
     };
     let mut other = GigeVision::open(spec, WallClock::starting_at(0.0), 0).expect("it is free");

@@ -13,7 +13,7 @@ fn every_photo_is_right_when_two_packets_in_a_hundred_are_lost() {
     let lamp = Lamp::new(clock);
     let device = camera(20, &lamp);
     // Small packets, so that there are enough to lose some.
-    let spec = krylux::rig::GigeSpec { packet_size: Some(576), ..spec(20) };
+    let spec = krylux::rig::GenicamSpec { packet_size: Some(576), ..spec(20) };
     let mut shots = live(&spec, &lamp, clock).expect("it answers");
     device.lose(0.02);
     let scene = scene(12);
@@ -34,7 +34,7 @@ fn frames_without_a_packet_are_counted_as_incomplete_and_not_as_missing() {
     let lamp = Lamp::new(clock);
     let device = camera(24, &lamp);
     // Frames that are incomplete are waited for until the end: a busy machine may be slow to send them.
-    let spec = krylux::rig::GigeSpec { packet_size: Some(576), timeout: 1.0, ..spec(24) };
+    let spec = krylux::rig::GenicamSpec { packet_size: Some(576), timeout: 1.0, ..spec(24) };
     let mut shots = live(&spec, &lamp, clock).expect("it answers");
     shots.capture(&shot(0, 0.001)).expect("it comes");
     device.always_lose(2);

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
 use krylux::measure::FrameSource;
-use krylux::rig::{Camera, Colour, Frame, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
+use krylux::rig::{Camera, Colour, Frame, GenicamSpec, GigeVision, PixelFormat, Projector, WallClock};
 
 use super::support::{Lamp, SIZE, address, camera, expected, frame, live, scene, shot, spec};
 use crate::gige_camera::GigeCamera;
@@ -20,7 +20,7 @@ fn counts_are_those_of_the_scene_in_every_gray_format() {
         lamp.show(&frame(3)).expect("a lamp shows all");
         let scene = scene(format.bits());
         let _camera = GigeCamera::start(address(last), scene.clone(), lamp.look());
-        let spec = GigeSpec { pixel_format: format, ..spec(last) };
+        let spec = GenicamSpec { pixel_format: format, ..spec(last) };
         let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
         assert_eq!(opened.configure(0.05).expect("within range"), 0.05);
         let found = opened.capture().expect("it is there").expect("it comes");
@@ -58,7 +58,7 @@ fn a_colour_sensors_cells_become_pixels_in_every_bayer_format() {
         let _camera = GigeCamera::start(address(last), scene.clone(), lamp.look());
         let sites = expected(&scene, &frame(3), 0.05);
         for (colour, channels, bits) in [(Colour::Rgb, 3, 1), (Colour::Luma, 1, 2), (Colour::Green, 1, 1)] {
-            let spec = GigeSpec { pixel_format: format, colour, ..spec(last) };
+            let spec = GenicamSpec { pixel_format: format, colour, ..spec(last) };
             let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
             let info = opened.info().clone();
             assert_eq!((info.resolution, info.channels), (Resolution::new(24, 10), channels));
@@ -91,7 +91,7 @@ fn a_cell_with_a_saturated_photosite_is_saturated_in_all_channels() {
     let mut lamp = Lamp::new(clock);
     lamp.show(&frame(3)).expect("a lamp shows all");
     let _camera = camera(80, &lamp);
-    let spec = GigeSpec { pixel_format: PixelFormat::BayerRG12p, saturation: Some(4000), ..spec(80) };
+    let spec = GenicamSpec { pixel_format: PixelFormat::BayerRG12p, saturation: Some(4000), ..spec(80) };
     let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
     opened.configure(0.2).expect("within range");
     let found = opened.capture().expect("it is there").expect("it comes");
@@ -111,9 +111,13 @@ fn a_region_of_a_colour_sensor_consists_of_whole_cells() {
     let mut lamp = Lamp::new(clock);
     lamp.show(&frame(5)).expect("a lamp shows all");
     let _camera = camera(81, &lamp);
-    let spec =
-        GigeSpec { pixel_format: PixelFormat::BayerGB12Packed, size: [16, 8], offset: [30, 12], ..spec(81) };
-    let spec = GigeSpec { colour: Colour::Luma, ..spec };
+    let spec = GenicamSpec {
+        pixel_format: PixelFormat::BayerGB12Packed,
+        size: [16, 8],
+        offset: [30, 12],
+        ..spec(81)
+    };
+    let spec = GenicamSpec { colour: Colour::Luma, ..spec };
     let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
     opened.configure(0.02).expect("within range");
     let found = opened.capture().expect("it is there").expect("it comes");
@@ -131,7 +135,7 @@ fn a_region_is_the_same_part_of_the_whole_frame() {
     let mut lamp = Lamp::new(clock);
     lamp.show(&frame(5)).expect("a lamp shows all");
     let _camera = camera(5, &lamp);
-    let spec = GigeSpec { size: [16, 9], offset: [30, 11], ..spec(5) };
+    let spec = GenicamSpec { size: [16, 9], offset: [30, 11], ..spec(5) };
     let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
     opened.configure(0.02).expect("within range");
     let found = opened.capture().expect("it is there").expect("it comes");
@@ -148,7 +152,7 @@ fn exposures_take_their_time_and_gain_multiplies() {
     let mut lamp = Lamp::new(clock);
     lamp.show(&frame(1)).expect("a lamp shows all");
     let _camera = camera(6, &lamp);
-    let spec = GigeSpec { gain: Some(20.0 * 2_f64.log10()), ..spec(6) };
+    let spec = GenicamSpec { gain: Some(20.0 * 2_f64.log10()), ..spec(6) };
     let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
     for exposure in [0.001, 0.02, 0.06] {
         // This camera rounds to whole microseconds.

@@ -3,7 +3,7 @@
 use krylux::image::Resolution;
 use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use krylux::operator::Operator;
-use krylux::rig::{Camera, Colour, Devices, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
+use krylux::rig::{Camera, Colour, Devices, GenicamSpec, GigeVision, PixelFormat, Projector, WallClock};
 use krylux::transport::Part;
 
 use super::support::{Lamp, SIZE, address, scene, spec};
@@ -23,7 +23,7 @@ fn a_product_measured_with_a_bayer_camera_is_that_of_the_scenes_matrix() {
         let (clock, last) = (WallClock::starting_at(0.0), 90 + at as u8);
         let lamp = Lamp::new(clock);
         let _device = GigeCamera::start(address(last), scene.clone(), lamp.look());
-        let spec = GigeSpec { size: sensor, pixel_format: PixelFormat::BayerGR12p, colour, ..spec(last) };
+        let spec = GenicamSpec { size: sensor, pixel_format: PixelFormat::BayerGR12p, colour, ..spec(last) };
         let camera = GigeVision::open(&spec, clock, 0).expect("it answers");
         let info = camera.info().clone();
         assert_eq!(info.resolution, Resolution::new(SIZE.width, SIZE.height));

@@ -3,12 +3,12 @@
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-use krylux::rig::{Camera, GigeSpec, GigeVision, PixelFormat, WallClock, gige_camera_abilities};
+use krylux::rig::{Camera, GenicamSpec, GigeVision, PixelFormat, WallClock, gige_camera_abilities};
 
 use super::support::{Lamp, address, camera, refused, scene, spec};
 use crate::gige_camera::GigeCamera;
 
-fn open(spec: &GigeSpec) -> krylux::Result<GigeVision> {
+fn open(spec: &GenicamSpec) -> krylux::Result<GigeVision> {
     GigeVision::open(spec, WallClock::starting_at(0.0), 0)
 }
 
@@ -67,7 +67,7 @@ fn a_camera_that_is_held_exclusively_is_in_use() {
 fn unsupported_settings_are_named_when_the_camera_is_opened() {
     let lamp = Lamp::new(WallClock::starting_at(0.0));
     let _device = GigeCamera::start(address(42), scene(12), lamp.look());
-    let with = |change: fn(&mut GigeSpec)| {
+    let with = |change: fn(&mut GenicamSpec)| {
         let mut spec = spec(42);
         change(&mut spec);
         refused(open(&spec))
@@ -100,7 +100,7 @@ fn unsupported_settings_are_named_when_the_camera_is_opened() {
         ),
         ([16, 8], [0, 13], "camera.offset[1] is 13, but OffsetY of the camera at ADDRESS is 0 to 12"),
     ] {
-        let message = refused(open(&GigeSpec { size, offset, ..spec(42) }));
+        let message = refused(open(&GenicamSpec { size, offset, ..spec(42) }));
         let part = part.replace("ADDRESS", &address(42).to_string());
         assert!(message.contains(&part), "{message}");
     }
@@ -113,7 +113,7 @@ fn unsupported_settings_are_named_when_the_camera_is_opened() {
     let limits = format!("camera.gain is 100, but Gain of the camera at {} is 0 to 24", address(42));
     assert!(message.contains(&limits), "{message}");
     // The settings of one session do not disturb the next.
-    drop(open(&GigeSpec { size: [16, 8], offset: [32, 12], ..spec(42) }).expect("it can do that"));
+    drop(open(&GenicamSpec { size: [16, 8], offset: [32, 12], ..spec(42) }).expect("it can do that"));
     let mut opened = open(&spec(42)).expect("it can do that");
     let message = refused(opened.configure(0.6));
     assert!(

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use krylux::image::Resolution;
 use krylux::measure::{CaptureRequest, LiveFrames};
 use krylux::rig::{
-    Devices, Frame, GigeSpec, GigeVision, Projector, ProjectorInfo, Shown, VirtualRig, VirtualScene,
+    Devices, Frame, GenicamSpec, GigeVision, Projector, ProjectorInfo, Shown, VirtualRig, VirtualScene,
     WallClock,
 };
 use krylux::sparse::Csr;
@@ -73,10 +73,10 @@ pub fn address(last: u8) -> Ipv4Addr {
     Ipv4Addr::new(127, high, low, last)
 }
 
-pub fn spec(last: u8) -> GigeSpec {
+pub fn spec(last: u8) -> GenicamSpec {
     let exposures = [1e-4, 0.5];
     // A busy machine may leave the camera waiting for a while.
-    GigeSpec { exposures, timeout: 5.0, ..GigeSpec::new(address(last), SIZE.width, SIZE.height) }
+    GenicamSpec { exposures, timeout: 5.0, ..GenicamSpec::gige(address(last), SIZE.width, SIZE.height) }
 }
 
 /// A camera of 12 bits that sees the lamp's light on the sheet.
@@ -84,7 +84,7 @@ pub fn camera(last: u8, lamp: &Lamp) -> GigeCamera {
     GigeCamera::start(address(last), scene(12), lamp.look())
 }
 
-pub fn live(spec: &GigeSpec, lamp: &Lamp, clock: WallClock) -> krylux::Result<LiveFrames> {
+pub fn live(spec: &GenicamSpec, lamp: &Lamp, clock: WallClock) -> krylux::Result<LiveFrames> {
     let camera = GigeVision::open(spec, clock, 0)?;
     Ok(LiveFrames::new(Devices::new(lamp.clone(), camera, clock), 0.0, 6))
 }

@@ -20,12 +20,11 @@ impl RigSource {
             None => crate::file::read(path)?,
         };
         if RigFile::from_bytes(path, &bytes)? != self.file {
-            return Err(Error::Data {
-                path: path.clone(),
-                fault: "the file is not what the rig was opened by, and a run keeps the file".into(),
-                help: "open the rig by the file as it is, or take its photos without a folder for the run"
-                    .into(),
-            });
+            return Err(Error::data(
+                &path,
+                "the file is not what the rig was opened by, and a run keeps the file",
+            )
+            .help("open the rig by the file as it is, or take its photos without a folder for the run"));
         }
         journal.note(notes::RIG_FILE, &bytes)?;
         let calibration = calibration_folder(folder);

@@ -1,9 +1,40 @@
-//! Dense reference solutions for Krylov methods.
+//! Vectors, products, and dense reference solutions for Krylov methods.
 
 use faer::{Mat, Side};
 
 use crate::error::{Error, Result};
+use crate::krylov::{dot, norm};
+use crate::operator::Operator;
 use crate::sparse::Csr;
+
+/// `A x`, one photo.
+pub(super) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>> {
+    let mut y = vec![0.0; operator.rows()];
+    operator.apply(x, &mut y)?;
+    Ok(y)
+}
+
+/// `a − b`.
+pub(super) fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// `y ← y + share · x`.
+pub(super) fn add(y: &mut [f64], share: f64, x: &[f64]) {
+    y.iter_mut().zip(x).for_each(|(y, x)| *y += share * x);
+}
+
+/// The vector scaled to norm 1.
+pub(super) fn unit(mut vector: Vec<f64>) -> Vec<f64> {
+    let length = norm(&vector);
+    vector.iter_mut().for_each(|value| *value /= length);
+    vector
+}
+
+/// `|xᵀ y| / (‖x‖ ‖y‖)`, the absolute cosine of the angle between two vectors.
+pub(super) fn overlap(x: &[f64], y: &[f64]) -> f64 {
+    dot(x, y).abs() / (norm(x) * norm(y))
+}
 
 /// All eigenvalues of a symmetric matrix, the largest first, and its eigenvectors of norm 1.
 pub(super) struct Spectrum {
@@ -11,12 +42,15 @@ pub(super) struct Spectrum {
     pub(super) vectors: Vec<Vec<f64>>,
 }
 
+fn dense(matrix: &Csr) -> Mat<f64> {
+    let mut dense = Mat::<f64>::zeros(matrix.rows(), matrix.cols());
+    matrix.entries().for_each(|(row, column, weight)| dense[(row, column)] += weight);
+    dense
+}
+
 /// The spectrum by a dense eigensolver, with `16 n²` bytes and O(`n³`) operations.
 pub(super) fn spectrum(matrix: &Csr) -> Result<Spectrum> {
-    let n = matrix.rows();
-    let mut dense = Mat::<f64>::zeros(n, n);
-    matrix.entries().for_each(|(row, column, weight)| dense[(row, column)] += weight);
-    of_dense(&dense)
+    of_dense(&dense(matrix))
 }
 
 /// The spectrum of the symmetric part of a small matrix, given by its rows.
@@ -45,9 +79,7 @@ pub(super) struct DenseTriplets {
 
 /// The `count` largest singular values by a dense solver. It needs `24 n²` bytes and O(`n³`) operations.
 pub(super) fn singular_triplets(matrix: &Csr, count: usize) -> Result<DenseTriplets> {
-    let mut dense = Mat::<f64>::zeros(matrix.rows(), matrix.cols());
-    matrix.entries().for_each(|(row, column, weight)| dense[(row, column)] += weight);
-    let found = dense.thin_svd().map_err(|error| Error::Numerical(format!("the dense SVD: {error:?}")))?;
+    let found = dense(matrix).thin_svd().map_err(no_svd)?;
     let count = count.min(matrix.rows()).min(matrix.cols());
     let column = |of: faer::MatRef<'_, f64>, at: usize| of.col(at).iter().copied().collect();
     Ok(DenseTriplets {
@@ -57,17 +89,21 @@ pub(super) fn singular_triplets(matrix: &Csr, count: usize) -> Result<DenseTripl
     })
 }
 
+fn no_svd(error: faer::linalg::solvers::SvdError) -> Error {
+    Error::Numerical(format!("the dense SVD: {error:?}"))
+}
+
 /// The condition number `σ_max / σ_min` of the matrix of the first `k` of these vectors, each scaled to norm 1, for `k` from 1 to all.
 /// Infinite if they are linearly dependent.
 pub(super) fn conditions(vectors: &[Vec<f64>]) -> Result<Vec<f64>> {
     let (rows, columns) = (vectors.first().map_or(0, Vec::len), vectors.len());
-    let norms: Vec<f64> = vectors.iter().map(|vector| crate::krylov::norm(vector)).collect();
+    let norms: Vec<f64> = vectors.iter().map(|vector| norm(vector)).collect();
     let scaled = Mat::from_fn(rows, columns, |row, column| vectors[column][row] / norms[column]);
     // A = Q R: the first k columns of A and the leading block of R have the same singular values.
     let triangle = scaled.qr().thin_R().to_owned();
     let condition = |k: usize| {
         let block = triangle.submatrix(0, 0, k.min(rows), k);
-        let found = block.svd().map_err(|error| Error::Numerical(format!("the dense SVD: {error:?}")))?;
+        let found = block.svd().map_err(no_svd)?;
         let values = found.S().column_vector();
         let (largest, smallest) = (values[0], values[k.min(rows) - 1]);
         Ok(if smallest > 0.0 { largest / smallest } else { f64::INFINITY })
