@@ -38,6 +38,6 @@ impl Answer {
 
     /// The verb that asked for the answer.
     pub(crate) fn verb(&self) -> &'static str {
-        self.kept().verb()
+        self.kept().names()[0]
     }
 }

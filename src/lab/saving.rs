@@ -54,7 +54,7 @@ impl Lab {
         let folder = folder.as_ref();
         if self.run.as_ref().is_none_or(|run| run.path != folder) {
             let options = RunOptions { folder: Some(folder.to_path_buf()), ..RunOptions::default() };
-            self.begin_run(answer.verb(), &options)?;
+            self.begin_run(answer.names()[0], &options)?;
         }
         self.finish(answer)
     }
