@@ -1,6 +1,6 @@
 """The verbs of a laboratory: what the command line asks, as methods that return arrays."""
 
-from . import _checks, _declared, answers
+from . import _checks, _declared
 
 
 class Asking:
@@ -25,30 +25,8 @@ class Asking:
             lower, upper: The box of the methods that keep one.
         """
         rhs = _checks.vector(b, "b", self.shape[0] * self.shape[1])
-        bounds = (_checks.finite(lower, "lower"), _checks.finite(upper, "upper"))
-        question = (_checks.count(photos, "photos"), _checks.finite(rtol, "rtol", 0.0), *bounds)
-        return answers.Solution({}, *self._native.solve(method, rhs, question), self)
-
-    def audit(self, *, patterns=6, tolerance=0.01, asymmetry=0.1):
-        """Checks that the source is the linear, symmetric operator that every other method takes it for.
-
-        Args:
-            patterns: Random patterns; symmetry is judged by all pairs of them.
-            tolerance: Relative deviation from additivity, homogeneity and repeatability that passes.
-            asymmetry: ``‖A − Aᵀ‖/‖A‖`` that passes.
-        """
-        question = (_checks.count(patterns, "patterns"), _checks.finite(tolerance, "tolerance", 0.0),
-                    _checks.finite(asymmetry, "asymmetry", 0.0))
-        return answers.Audit({}, *self._native.audit(*question), self)
-
-    def _budget(self, photos, default):
-        """The photos that were given, or those of the run, or a default."""
-        return _checks.count(self._photos_of_run or default if photos is None else photos, "photos")
-
-    @property
-    def _pixels(self):
-        """Pixels of a pattern."""
-        return self.projector_shape[0] * self.projector_shape[1]
+        options = {"method": method, "photos": photos, "rtol": rtol, "lower": lower, "upper": upper}
+        return _declared.ask(self, "solve", options, [("values", "", rhs)])
 
 
 _declared.add_verbs(Asking)

@@ -5,19 +5,37 @@ import json
 import os
 import textwrap
 
+import numpy as np
+
 from . import _checks, _krylux, answers
 
 #: The class of each verb's answer.
 _ANSWERS = {
-    "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "segment": answers.Segmentation,
-    "separate": answers.Separation,
+    "audit": answers.Audit, "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "probe": answers.Probing,
+    "relight": answers.Relighting, "segment": answers.Segmentation, "separate": answers.Separation,
+    "solve": answers.Solution,
 }
+
+#: Verbs whose methods are written by hand, since they take arrays as their first parameter.
+_BY_HAND = ("relight", "solve")
 
 
 def add_verbs(cls):
     """Adds a method for each verb that krylux declares."""
-    for verb, about, parameters in _krylux.verbs():
+    for verb, about, parameters in _declared():
         setattr(cls, verb, _method(cls, verb, about, parameters))
+
+
+def _declared():
+    return [verb for verb in _krylux.verbs() if verb[0] not in _BY_HAND]
+
+
+def ask(lab, verb, options, arrays=()):
+    """The answer of a verb. ``arrays`` are ``(field, name, array)`` in place of files."""
+    arrays = [(field, name, np.ascontiguousarray(array, np.float64)) for field, name, array in arrays]
+    answered = lab._native.ask(verb, asked(options), arrays)
+    kind = answers.SingularTriplets if options.get("singular", False) else _ANSWERS.get(verb, answers.Answer)
+    return kind(*answered, lab)
 
 
 def _method(cls, verb, about, parameters):
@@ -30,10 +48,7 @@ def _method(cls, verb, about, parameters):
 
     def method(*arguments, **options):
         (_, lab), *given = signature.bind(*arguments, **options).arguments.items()
-        given, pictures = pictures_apart(lab, dict(given), named)
-        arrays, facts, native = lab._native.ask(verb, asked(given), pictures)
-        answer = answers.SingularTriplets if given.get("singular", False) else _ANSWERS[verb]
-        return answer(arrays, facts, native, lab)
+        return ask(lab, verb, *pictures_apart(lab, dict(given), named))
 
     method.__name__, method.__qualname__, method.__module__ = verb, f"{cls.__qualname__}.{verb}", cls.__module__
     method.__signature__ = signature
@@ -42,12 +57,13 @@ def _method(cls, verb, about, parameters):
 
 
 def pictures_apart(lab, options, names):
-    """The options, and the pictures among them that are arrays and no files, which have the camera's pixels."""
-    pictures = {
-        name: _checks.picture(options[name], name, lab.shape, lab.channels)
+    """The options, and as ``(field, "", array)`` the pictures among them that are no files, which have the camera's pixels."""
+    pictures = [
+        (name, "", _checks.picture(options[name], name, lab.shape, lab.channels).astype(np.float64))
         for name in names if options.get(name) is not None and not isinstance(options[name], (str, os.PathLike))
-    }
-    return {name: value for name, value in options.items() if name not in pictures}, pictures
+    ]
+    given = {name for name, _, _ in pictures}
+    return {name: value for name, value in options.items() if name not in given}, pictures
 
 
 def asked(options):
@@ -69,16 +85,16 @@ def _documentation(verb, about, parameters):
     lines = [f"{about}.", "", "Parameters", "----------"]
     for name, _, kind, text in parameters:
         lines += [f"{name} : {kind}", textwrap.fill(f"{text}.", 110, initial_indent="    ", subsequent_indent="    ")]
-    return "\n".join([*lines, "", "Returns", "-------", f"krylux.answers.{_ANSWERS[verb].__name__}", ""])
+    return "\n".join([*lines, "", "Returns", "-------", f"krylux.answers.{_ANSWERS.get(verb, answers.Answer).__name__}", ""])
 
 
 def stub():
     """The lines of ``_asking.pyi`` that describe the declared verbs."""
     lines = []
-    for verb, _, parameters in _krylux.verbs():
+    for verb, _, parameters in _declared():
         lines += [f"    def {verb}(", "        self,"]
         for index, (name, default, kind, _) in enumerate(parameters):
             lines += ["        *,"] if index == 1 else []
             lines.append(f"        {name}: {kind} = {_default(default)!r},".replace("'", '"'))
-        lines.append(f"    ) -> answers.{_ANSWERS[verb].__name__}: ...")
+        lines.append(f"    ) -> answers.{_ANSWERS.get(verb, answers.Answer).__name__}: ...")
     return "\n".join(lines) + "\n"

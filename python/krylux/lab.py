@@ -58,8 +58,7 @@ class Lab(Asking):
     def _hold(self, native: _krylux.Lab) -> None:
         self._native = native
         self._matrices: weakref.WeakValueDictionary[tuple[str, int], _krylux.Matrix] = weakref.WeakValueDictionary()
-        (self.kind, self.name, self.shape, self.projector_shape, self.channels, self.unit, self.seed,
-         self._photos_of_run) = native.describe()
+        (self.kind, self.name, self.shape, self.projector_shape, self.channels, self.unit, self.seed) = native.describe()
 
     @overload
     def photo(self, pattern: ArrayLike, *, with_error: Literal[False] = False) -> NDArray[np.float32]: ...
@@ -180,19 +179,6 @@ class Lab(Asking):
         native = self._native.operator(part, _checks.count(channel, "channel", 0))
         return LabOperator(native, part, channel, self.shape, self.projector_shape)
 
-    def probe(self, paths: Literal["direct", "indirect", "near", "far", "near-indirect"] = "indirect", *,
-              sigma: float | None = None, photos: int | None = None) -> answers.Probing:
-        """Takes a photo of which only some light paths are let through.
-
-        Args:
-            paths: ``"direct"``, ``"indirect"``, ``"near"``, ``"far"`` or ``"near-indirect"``.
-            sigma: Near light is weighted by ``exp(−d²/2σ²)`` of the distance ``d`` in pixels. Default: a sixteenth of
-                the width.
-            photos: Random patterns. Default 100.
-        """
-        sigma = _checks.maybe(_checks.finite, sigma, "sigma", 0.0)
-        return answers.Probing({}, *self._native.probe(paths, sigma, self._budget(photos, 100)), self)
-
     def relight(self, patterns: Mapping[str, ArrayLike] | None = None, *, duals: Mapping[str, ArrayLike] | None = None,
                 photographs: Mapping[str, ArrayLike] | None = None, photos: int | None = None, block: int | None = None,
                 max_error: float | None = None) -> answers.Relighting:
@@ -210,18 +196,15 @@ class Lab(Asking):
         """
         if patterns is None:
             patterns = {"white": np.ones(self.projector_shape, np.float32)}
-
-        def named(of, option, size):
-            return [(name, _checks.picture(array, f"{option}[{name!r}]", size, self.channels))
-                    for name, array in dict(of or {}).items()]
-
         asked = [
-            named(patterns, "patterns", self.projector_shape),
-            named(duals, "duals", self.shape),
-            named(photographs, "photographs", self.shape),
+            ("patterns", patterns, self.projector_shape), ("duals", duals, self.shape),
+            ("photographs", photographs, self.shape),
         ]
-        options = _declared.asked({"photos": photos, "block": block, "max_error": max_error})
-        return answers.Relighting(*self._native.relight(asked, options), self)
+        arrays = [
+            (field, name, _checks.picture(array, f"{field}[{name!r}]", size, self.channels))
+            for field, of, size in asked for name, array in dict(of or {}).items()
+        ]
+        return _declared.ask(self, "relight", {"photos": photos, "block": block, "max_error": max_error}, arrays)
 
     def plan(self, verb: Literal["segment", "compensate", "eigs"], *arguments: Any, trials: int = 3,
              **options: Any) -> answers.Plan:
@@ -252,7 +235,7 @@ class Lab(Asking):
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
         given, pictures = _declared.pictures_apart(self, bound.arguments, ("target",) if verb == "compensate" else ())
-        if any(picture.ndim == 3 for picture in pictures.values()):
+        if any(array.ndim == 3 for _, _, array in pictures):
             raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
         return answers.Plan(self._native.plan(verb, _declared.asked(given), pictures, trials))
 

@@ -80,11 +80,6 @@ impl<'py> Fields<'py> {
         self.put(name, array(self.0.py(), value)?)
     }
 
-    pub(crate) fn planes(&self, name: &str, value: &[Vec<f64>], size: Resolution) -> PyResult<&Self> {
-        let samples = (0..size.pixels()).flat_map(|pixel| value.iter().map(move |plane| plane[pixel]));
-        self.raster_of(name, samples.collect(), size, value.len())
-    }
-
     /// One value for each pixel as an array of `H×W`.
     pub(crate) fn raster<T: Element>(&self, name: &str, values: Vec<T>, size: Resolution) -> PyResult<&Self> {
         self.raster_of(name, values, size, 1)

@@ -107,7 +107,7 @@ impl Lab {
             let [photo, pattern] =
                 [lab.resolution(), lab.projector_resolution()].map(|size| (size.height, size.width));
             let (channels, unit) = (lab.channels().count(), lab.unit().to_owned());
-            Ok((kind, lab.name(), photo, pattern, channels, unit, lab.seed(), lab.photos_of_run()))
+            Ok((kind, lab.name(), photo, pattern, channels, unit, lab.seed()))
         })?;
         about.into_pyobject(py)
     }

@@ -7,9 +7,9 @@ use glam::DVec3;
 use indicatif::HumanCount;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
 use super::options::ViewArgs;
-use super::Outcome;
 use crate::error::{Error, Result};
 use crate::finding::decimal;
 use crate::image::Resolution;

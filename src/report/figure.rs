@@ -38,9 +38,19 @@ pub(crate) fn amounts(
     unit: &str,
     caption: impl Into<String>,
 ) -> Result<Figure> {
-    let range = (0.0, robust_range(values, None));
-    let legend = Legend::sequential(range.0, range.1).with_unit(unit);
-    let painted = (paint_sequential(size, values, None, range)?, legend);
+    sequential(size, values, robust_range(values, None), unit, caption)
+}
+
+/// Nonnegative amounts, shown from 0 to `high`.
+pub(crate) fn sequential(
+    size: Resolution,
+    values: &[f64],
+    high: f64,
+    unit: &str,
+    caption: impl Into<String>,
+) -> Result<Figure> {
+    let legend = Legend::sequential(0.0, high).with_unit(unit);
+    let painted = (paint_sequential(size, values, None, (0.0, high))?, legend);
     figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption)
 }
 
@@ -58,4 +68,12 @@ pub(crate) fn figure(
 ) -> Result<Figure> {
     let (png, caption) = (picture.encode_png()?, caption.into());
     Ok(Figure { png, caption, legend, values: Some(values), ..Figure::default() })
+}
+
+/// Allows each of the named figures to be flipped with the others.
+pub(crate) fn flip(figures: &mut [Figure], names: &[&str]) {
+    for figure in figures.iter_mut().filter(|figure| names.contains(&figure.name.as_str())) {
+        let others = names.iter().filter(|name| **name != figure.name);
+        figure.flips = others.map(|name| (*name).to_owned()).collect();
+    }
 }

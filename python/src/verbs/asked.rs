@@ -1,18 +1,19 @@
-//! Verbs whose requests are declared in krylux: their fields come as keyword arguments, and their answers go out as attributes.
+//! The declared verbs: their fields come as keyword arguments, and their answers go out as attributes.
 
 use std::collections::BTreeMap;
 
 use krylux::Error;
-use krylux::lab::{Answer as Answering, Verb};
+use krylux::lab::{Answer as Answering, GivenArray};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Compensate, Eigs, Request, Segment, Separate, from_json, signature};
-use numpy::PyReadonlyArrayDyn;
+use krylux::verbs::{AnyVerb, Declared, VERBS, from_json};
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 
-use crate::answers::{Answer, Kept};
+use crate::answers::Answer;
 use crate::arrays::{self, Fields, shaped};
 use crate::errors::{self, in_python};
 use crate::lab::Lab;
@@ -23,40 +24,40 @@ type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 /// The verbs that [`Lab::ask`] knows.
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
-    vec![described::<Compensate>(), described::<Eigs>(), described::<Segment>(), described::<Separate>()]
+    let described = |verb: &Declared| {
+        let (about, parameters) = (verb.signature)();
+        let parameters = parameters.into_iter().map(|of| (of.name, of.default, of.kind, in_python(&of.help)));
+        (verb.name, in_python(&about), parameters.collect())
+    };
+    VERBS.iter().map(described).collect()
 }
 
-fn described<V: Request>() -> Signature {
-    let (about, parameters) = signature::<V>();
-    let parameters = parameters.into_iter().map(|of| (of.name, of.default, of.kind, in_python(&of.help)));
-    (V::NAME, in_python(&about), parameters.collect())
+/// Arrays that are given in place of files: the field, the name among several, and the array.
+pub(super) type Arrays<'py> = Vec<(String, String, PyReadonlyArrayDyn<'py, f64>)>;
+
+/// The request with its arrays.
+pub(super) fn give<V: AnyVerb + ?Sized>(py: Python<'_>, request: &mut V, arrays: Arrays<'_>) -> PyResult<()> {
+    for (field, name, array) in arrays {
+        let (shape, values) = (array.shape().to_vec(), array.as_slice()?.to_vec());
+        let given = request.give(GivenArray { field, name, shape, values });
+        given.map_err(|error| errors::raise(py, &error))?;
+    }
+    Ok(())
 }
 
-/// Pictures that are asked about, by the names of their keyword arguments.
-pub(super) type Pictures<'py> = BTreeMap<String, PyReadonlyArrayDyn<'py, f32>>;
+/// The fields of keyword arguments whose values are JSON.
+fn fields(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<Map<String, Value>> {
+    let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
+    let fields = parsed.collect::<Result<_, serde_json::Error>>();
+    fields.map_err(|why| errors::raise(py, &Error::Numerical(why.to_string())))
+}
 
-/// The request of keyword arguments whose values are JSON.
+/// The request of keyword arguments.
 pub(crate) fn request<V: Serialize + DeserializeOwned + Default>(
     py: Python<'_>,
     asked: BTreeMap<String, String>,
 ) -> PyResult<V> {
-    let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
-    let fields = parsed.collect::<Result<_, serde_json::Error>>();
-    let fields = fields.map_err(|why| Error::Numerical(why.to_string()));
-    fields.and_then(from_json).map_err(|error| errors::raise(py, &error))
-}
-
-/// The request of a compensation, whose target may be an array.
-pub(super) fn compensation(
-    py: Python<'_>,
-    asked: BTreeMap<String, String>,
-    pictures: &Pictures<'_>,
-) -> PyResult<Compensate> {
-    let asked: Compensate = request(py, asked)?;
-    match pictures.get("target") {
-        Some(target) => Ok(Compensate { target: Some(arrays::image(target)?.into()), ..asked }),
-        None => Ok(asked),
-    }
+    from_json(fields(py, asked)?).map_err(|error| errors::raise(py, &error))
 }
 
 #[pymethods]
@@ -67,30 +68,16 @@ impl Lab {
         py: Python<'py>,
         verb: &str,
         asked: BTreeMap<String, String>,
-        pictures: Pictures<'py>,
+        arrays: Arrays<'py>,
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)> {
-        match verb {
-            Compensate::NAME => self.answered(py, &compensation(py, asked, &pictures)?),
-            Eigs::NAME => self.answered(py, &request::<Eigs>(py, asked)?),
-            Segment::NAME => self.answered(py, &request::<Segment>(py, asked)?),
-            Separate::NAME => self.answered(py, &request::<Separate>(py, asked)?),
-            other => Err(errors::option(py, "verb", &format!("there is no {other}"), "see krylux.Lab")),
-        }
-    }
-}
-
-impl Lab {
-    fn answered<'py, V>(
-        &self,
-        py: Python<'py>,
-        request: &V,
-    ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Answer)>
-    where
-        V: Request + Verb<Answer: Send + 'static> + Sync,
-    {
-        let found = self.with(py, |lab| lab.ask(request))?;
-        let (arrays, facts) = attributes(py, &found)?;
-        Ok((arrays, facts, Answer::new(Kept::Asked(Box::new(found)))))
+        let Some(verb) = Declared::named(verb) else {
+            return Err(errors::option(py, "verb", &format!("there is no {verb}"), "see krylux.Lab"));
+        };
+        let mut request = (verb.from_json)(fields(py, asked)?).map_err(|error| errors::raise(py, &error))?;
+        give(py, &mut *request, arrays)?;
+        let found = self.with(py, |lab| request.ask(lab))?;
+        let (arrays, facts) = attributes(py, &*found)?;
+        Ok((arrays, facts, Answer::new(found)))
     }
 }
 

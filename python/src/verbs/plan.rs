@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use krylux::verbs::Compensate;
 use krylux::verbs::plan::Planned;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::asked::{Pictures, attributes_of, compensation, request};
+use super::asked::{Arrays, attributes_of, give, request};
 use crate::lab::Lab;
 
 #[pymethods]
@@ -17,12 +18,16 @@ impl Lab {
         py: Python<'py>,
         verb: &str,
         asked: BTreeMap<String, String>,
-        pictures: Pictures<'py>,
+        arrays: Arrays<'py>,
         trials: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
         let planned = match verb {
             "segment" => Planned::Segment(request(py, asked)?),
-            "compensate" => Planned::Compensate(compensation(py, asked, &pictures)?),
+            "compensate" => {
+                let mut request: Compensate = request(py, asked)?;
+                give(py, &mut request, arrays)?;
+                Planned::Compensate(request)
+            }
             _ => Planned::Eigs(request(py, asked)?),
         };
         let found = self.with(py, |lab| planned.predict(lab, trials, false))?;

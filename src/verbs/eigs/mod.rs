@@ -15,9 +15,10 @@ use crate::krylov::{
     self, Completeness, Confirm, EigsMethod, EigsOptions, HistoryRow, PairStatus, SingularOptions, Start,
     Which, eigs, singular,
 };
-use crate::lab::{Answer, Lab, LabOperator, RunFolder, SourceKind, Verb, Verified};
+use crate::lab::{Answer, Lab, LabOperator, SourceKind, Verb, Verified};
 use crate::operator::Operator;
 use crate::report::content::Content;
+use crate::report::run::AnswerPage;
 use crate::transport::Part;
 
 pub use pairs::Eigenpairs;
@@ -307,8 +308,8 @@ impl Spectrum {
 }
 
 impl Answer for Spectrum {
-    fn verb(&self) -> &'static str {
-        Eigs::NAME
+    fn names(&self) -> [&'static str; 2] {
+        self.inner().names()
     }
 
     fn photos(&self) -> usize {
@@ -334,7 +335,7 @@ impl Answer for Spectrum {
         }
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        self.inner().write(lab, run, seconds)
+    fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        self.inner().show(lab, page)
     }
 }

@@ -10,10 +10,10 @@ use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit, SavedModel};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::lab::text::{self, decimal};
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
 use crate::report::planes::percent;
-use crate::report::run::Run;
+use crate::report::run::AnswerPage;
 
 /// A captured model and its answers.
 #[derive(Clone, Debug)]
@@ -72,24 +72,24 @@ impl Relighting {
 
     fn arrays<'a>(&'a self, content: &mut Content<'a>) {
         for (index, relit) in self.relit.iter().enumerate() {
-            content.picture("relit", Some(index), &relit.relit);
+            content.picture("relit", &relit.relit).key = Some(index);
             if let Some(truth) = &relit.truth {
-                content.picture("truth", Some(index), truth);
+                content.picture("truth", truth).key = Some(index);
             }
         }
         for (index, dual) in self.duals.iter().enumerate() {
-            content.picture("duals", Some(index), &dual.image);
+            content.picture("duals", &dual.image).key = Some(index);
         }
         for (index, reduced) in self.reduced.iter().enumerate() {
-            content.picture("direct", Some(index), &reduced.direct);
+            content.picture("direct", &reduced.direct).key = Some(index);
         }
-        content.picture("ambient", None, &self.model.ambient);
+        content.picture("ambient", &self.model.ambient);
         let [projector, camera] = [self.model.projector, self.model.resolution].map(|size| size.pixels());
         for (channel, model) in self.model.channels.iter().enumerate() {
             for (name, rows, length) in
                 [("basis", model.basis(), projector), ("basis_photos", model.photos(), camera)]
             {
-                content.keyed_attribute(name, channel, &[rows.len(), length], rows.concat());
+                content.attribute(name, &[rows.len(), length], rows.concat()).key = Some(channel);
             }
         }
     }
@@ -150,8 +150,8 @@ impl Relighting {
 }
 
 impl Answer for Relighting {
-    fn verb(&self) -> &'static str {
-        Relight::NAME
+    fn names(&self) -> [&'static str; 2] {
+        [Relight::NAME, "low-rank light transport"]
     }
 
     fn photos(&self) -> usize {
@@ -206,16 +206,16 @@ impl Answer for Relighting {
         Ok(lab.verify_relighting(&self.model, &self.relit)?.map(Verified::from))
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let mut files = match &self.place {
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        let folder = page.files.folder;
+        page.files.names.extend(match &self.place {
             ModelPlace::Source => Vec::new(),
-            ModelPlace::Folder(folder, files) if *folder == run.path => files.clone(),
-            ModelPlace::Folder(..) | ModelPlace::Memory => self.model.write(&run.answer)?,
-        };
-        let run = lab.page("", run, seconds);
-        let title = format!("{} · low-rank light transport", self.model.source);
-        let strip = run.strip.filter(|_| self.photos > 0);
-        files.extend(self.write_page(&Run { title, unit: &self.model.unit, strip, ..run })?);
-        Ok(files)
+            ModelPlace::Folder(run, files) if folder.parent() == Some(run) => files.clone(),
+            ModelPlace::Folder(..) | ModelPlace::Memory => self.model.write(folder)?,
+        });
+        page.title = format!("{} · {}", self.model.source, self.names()[1]);
+        page.unit.clone_from(&self.model.unit);
+        page.strip.take_if(|_| self.photos == 0);
+        self.show_on(page)
     }
 }

@@ -9,8 +9,9 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Resolution;
 use crate::lab::text::{decimal, rounded, with_error};
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
+use crate::report::run::AnswerPage;
 use crate::transport::Part;
 
 /// The groups, with the further results that were requested.
@@ -105,10 +106,10 @@ impl Segmented {
         content.array("eigenvectors", &[count, height, width], found.eigenvectors.concat());
         content.array("degree", &[height, width], &found.degree);
         for (groups, labels) in &found.labels {
-            content.keyed("labels", *groups, &[height, width], labels);
+            content.array("labels", &[height, width], labels).key = Some(*groups);
         }
         for (groups, confidence) in &found.confidence {
-            content.keyed("confidence", *groups, &[height, width], confidence);
+            content.array("confidence", &[height, width], confidence).key = Some(*groups);
         }
         if let Some(truth) = &self.truth {
             content.array("labels-true", &[height, width], &truth.labels);
@@ -117,7 +118,7 @@ impl Segmented {
             content.array("direct", &[height, width], &direct.direct);
         }
         for of in &self.evidence {
-            content.keyed("evidence", of.groups, &[of.groups, height, width], of.photos.concat());
+            content.array("evidence", &[of.groups, height, width], of.photos.concat()).key = Some(of.groups);
         }
         content.attribute("within", &[count], &found.embedding.within);
         content.attribute("weights", &[height, width], &found.weights);
@@ -268,8 +269,8 @@ impl Segmented {
 }
 
 impl Answer for Segmented {
-    fn verb(&self) -> &'static str {
-        Segment::NAME
+    fn names(&self) -> [&'static str; 2] {
+        [Segment::NAME, "light transport segmentation"]
     }
 
     fn photos(&self) -> usize {
@@ -319,8 +320,7 @@ impl Answer for Segmented {
         Ok(Some(Verified { estimates: self.estimates.clone(), ..verified.verification.into() }))
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let white = lab.white()?;
-        self.write_page(&white, &lab.page("light transport segmentation", run, seconds))
+    fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        self.show_on(&lab.white()?, page)
     }
 }

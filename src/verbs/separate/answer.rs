@@ -9,9 +9,10 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Resolution;
 use crate::lab::text::{self, decimal};
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
 use crate::report::planes::percent;
+use crate::report::run::AnswerPage;
 
 /// Direct and global light under white, with the further results that were requested.
 #[derive(Clone, Debug)]
@@ -142,8 +143,8 @@ impl Separated {
 }
 
 impl Answer for Separated {
-    fn verb(&self) -> &'static str {
-        Separate::NAME
+    fn names(&self) -> [&'static str; 2] {
+        [Separate::NAME, "direct and global light"]
     }
 
     /// The number of photos of the method and of the separation of near from far.
@@ -225,7 +226,7 @@ impl Answer for Separated {
         Ok(lab.verify_separation(&self.direct, &self.global, error)?.map(Verified::from))
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        self.write_page(&lab.page("direct and global light", run, seconds))
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        self.show_on(page)
     }
 }
