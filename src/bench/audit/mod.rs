@@ -161,7 +161,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<AuditR
     Ok(audit)
 }
 
-impl Audit {
+impl AuditReport {
     /// The checks that compare photos of random patterns.
     fn by_patterns(
         &mut self,
