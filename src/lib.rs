@@ -93,7 +93,7 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paint, paper, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, krylov, io, sparse, observer, finding, image, file, machine, error
+//! cli       → paint, paper, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, io, sparse, observer, finding, image, file, machine, error
 //! paint     → verbs, lab, report, analysis, transport, krylov, io, sparse, operator, image, error
 //! paper     → lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
 //! verbs     → lab, report, bench, analysis, measure, transport, scene, krylov, io, sparse, operator, finding, image, machine, error

@@ -8,39 +8,6 @@ from . import answers
 
 class Asking:
     # What krylux declares, as krylux._declared.stub() writes it: a test holds it.
-    def compensate(
-        self,
-        target: ArrayLike | str | PathLike[str] | None = None,
-        *,
-        paper: bool = False,
-        method: str | None = None,
-        photos: int | None = None,
-        rtol: float | None = None,
-        lift: float | None = None,
-        floor: float = 0.0,
-        precondition: Literal["none", "diagonal", "multiscale", "direct", "geometry", "defocus"] | None = None,
-        out_of_focus: bool = False,
-        defocus: float | None = None,
-        peak: float | None = None,
-        model: str | PathLike[str] | None = None,
-        crosstalk: Any | None = None,
-        unmix: bool = False,
-        compare_methods: bool = False,
-    ) -> answers.Compensation: ...
-    def eigs(
-        self,
-        count: int = 6,
-        *,
-        part: Literal["full", "direct", "global"] = "full",
-        which: Literal["la", "sa", "lm", "sm", "be", "li"] = "la",
-        photos: int | None = None,
-        tolerance: float | None = None,
-        method: Literal["power", "lanczos", "block-lanczos", "arnoldi"] = "lanczos",
-        block: int = 2,
-        max_basis: int | None = None,
-        confirm: float | None = None,
-        singular: bool = False,
-    ) -> answers.Eigenpairs: ...
     def segment(
         self,
         groups: int | Sequence[int] = (),
@@ -61,6 +28,25 @@ class Asking:
         evidence: bool = False,
         min_rand_index: float | None = None,
     ) -> answers.Segmentation: ...
+    def compensate(
+        self,
+        target: ArrayLike | str | PathLike[str] | None = None,
+        *,
+        paper: bool = False,
+        method: str | None = None,
+        photos: int | None = None,
+        rtol: float | None = None,
+        lift: float | None = None,
+        floor: float = 0.0,
+        precondition: Literal["none", "diagonal", "multiscale", "direct", "geometry", "defocus"] | None = None,
+        out_of_focus: bool = False,
+        defocus: float | None = None,
+        peak: float | None = None,
+        model: str | PathLike[str] | None = None,
+        crosstalk: Any | None = None,
+        unmix: bool = False,
+        compare_methods: bool = False,
+    ) -> answers.Compensation: ...
     def separate(
         self,
         by: Literal["exact", "checkerboards", "sinusoids", "codes", "random", "capture"] | None = None,
@@ -76,25 +62,31 @@ class Asking:
         compare: bool = False,
         max_error: float | None = None,
     ) -> answers.Separation: ...
-    # Wrappers, by hand.
-    def singular(
+    def probe(
+        self,
+        paths: Literal["direct", "indirect", "near", "far", "near-indirect"] = "indirect",
+        *,
+        sigma: float | None = None,
+        photos: int | None = None,
+    ) -> answers.Probing: ...
+    def eigs(
         self,
         count: int = 6,
         *,
         part: Literal["full", "direct", "global"] = "full",
+        which: Literal["la", "sa", "lm", "sm", "be", "li"] = "la",
         photos: int | None = None,
         tolerance: float | None = None,
+        method: Literal["power", "lanczos", "block-lanczos", "arnoldi"] = "lanczos",
+        block: int = 2,
+        max_basis: int | None = None,
         confirm: float | None = None,
-    ) -> answers.SingularTriplets: ...
-    def solve(
+        singular: bool = False,
+    ) -> answers.Eigenpairs: ...
+    def audit(
         self,
-        b: ArrayLike,
+        patterns: int = 6,
         *,
-        method: str = "minres",
-        photos: int = 50,
-        rtol: float = 1e-6,
-        lower: float = 0.0,
-        upper: float = 1.0,
-    ) -> answers.Solution: ...
-    def audit(self, *, patterns: int = 6, tolerance: float = 0.01, asymmetry: float = 0.1) -> answers.Audit: ...
-    def _budget(self, photos: int | None, default: int) -> int: ...
+        tolerance: float = 0.01,
+        asymmetry: float = 0.1,
+    ) -> answers.Audit: ...

@@ -5,49 +5,65 @@ import json
 import os
 import textwrap
 
+import numpy as np
+
 from . import _checks, _krylux, answers
 
 #: The class of each verb's answer.
 _ANSWERS = {
-    "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "segment": answers.Segmentation,
-    "separate": answers.Separation,
+    "audit": answers.Audit, "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "probe": answers.Probing,
+    "relight": answers.Relighting, "segment": answers.Segmentation, "separate": answers.Separation,
+    "solve": answers.Solution,
 }
+
+#: Verbs whose methods are written by hand, since they take arrays as their first parameter.
+_BY_HAND = ("relight", "solve")
 
 
 def add_verbs(cls):
     """Adds a method for each verb that krylux declares."""
-    for verb, about, parameters in _krylux.verbs():
+    for verb, about, parameters in _declared():
         setattr(cls, verb, _method(cls, verb, about, parameters))
 
 
-def _method(cls, verb, about, parameters):
-    signature = inspect.Signature([inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD), *(
-        inspect.Parameter(name, _kind(index), default=_default(default))
-        for index, (name, default, _, _) in enumerate(parameters)
-    )])
+def _declared():
+    return [verb for verb in _krylux.verbs() if verb[0] not in _BY_HAND]
 
+
+def ask(lab, verb, options, arrays=()):
+    """The answer of a verb. ``arrays`` are ``(field, name, array)`` in place of files."""
+    kind = answers.SingularTriplets if options.get("singular", False) else _ANSWERS[verb]
+    return kind(*lab._native.ask(verb, asked(options), arrays), lab)
+
+
+def _method(cls, verb, about, parameters):
+    keyword, place = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    # The first parameter may be given without its name.
+    parameters_of = [inspect.Parameter("self", place), *(
+        inspect.Parameter(name, keyword if index else place, default=_default(default), annotation=kind)
+        for index, (name, default, kind, _) in enumerate(parameters)
+    )]
+    signature = inspect.Signature(parameters_of, return_annotation=f"answers.{_ANSWERS[verb].__name__}")
     named = [name for name, _, kind, _ in parameters if kind.startswith("ArrayLike")]
 
     def method(*arguments, **options):
         (_, lab), *given = signature.bind(*arguments, **options).arguments.items()
-        given, pictures = pictures_apart(lab, dict(given), named)
-        arrays, facts, native = lab._native.ask(verb, asked(given), pictures)
-        answer = answers.SingularTriplets if given.get("singular", False) else _ANSWERS[verb]
-        return answer(arrays, facts, native, lab)
+        return ask(lab, verb, *pictures_apart(lab, dict(given), named))
 
     method.__name__, method.__qualname__, method.__module__ = verb, f"{cls.__qualname__}.{verb}", cls.__module__
     method.__signature__ = signature
-    method.__doc__ = _documentation(verb, about, parameters)
+    method.__doc__ = _documentation(about, parameters)
     return method
 
 
 def pictures_apart(lab, options, names):
-    """The options, and the pictures among them that are arrays and no files, which have the camera's pixels."""
-    pictures = {
-        name: _checks.picture(options[name], name, lab.shape, lab.channels)
+    """The options, and as ``(field, "", array)`` the pictures among them that are no files, which have the camera's pixels."""
+    pictures = [
+        (name, "", _checks.picture(options[name], name, lab.shape, lab.channels).astype(np.float64))
         for name in names if options.get(name) is not None and not isinstance(options[name], (str, os.PathLike))
-    }
-    return {name: value for name, value in options.items() if name not in pictures}, pictures
+    ]
+    given = {name for name, _, _ in pictures}
+    return {name: value for name, value in options.items() if name not in given}, pictures
 
 
 def asked(options):
@@ -55,27 +71,22 @@ def asked(options):
     return {name: _checks.as_json(name, value) for name, value in options.items() if value is not None}
 
 
-def _kind(index):
-    """The first parameter may be given without its name."""
-    return inspect.Parameter.KEYWORD_ONLY if index else inspect.Parameter.POSITIONAL_OR_KEYWORD
-
-
 def _default(text):
     value = json.loads(text)
     return tuple(value) if isinstance(value, list) else value
 
 
-def _documentation(verb, about, parameters):
-    lines = [f"{about}.", "", "Parameters", "----------"]
-    for name, _, kind, text in parameters:
-        lines += [f"{name} : {kind}", textwrap.fill(f"{text}.", 110, initial_indent="    ", subsequent_indent="    ")]
-    return "\n".join([*lines, "", "Returns", "-------", f"krylux.answers.{_ANSWERS[verb].__name__}", ""])
+def _documentation(about, parameters):
+    lines = [f"{about}.", "", "Args:"]
+    lines += [textwrap.fill(f"{name}: {text}.", 110, initial_indent="    ", subsequent_indent="        ")
+              for name, _, _, text in parameters]
+    return "\n".join([*lines, ""])
 
 
 def stub():
     """The lines of ``_asking.pyi`` that describe the declared verbs."""
     lines = []
-    for verb, _, parameters in _krylux.verbs():
+    for verb, _, parameters in _declared():
         lines += [f"    def {verb}(", "        self,"]
         for index, (name, default, kind, _) in enumerate(parameters):
             lines += ["        *,"] if index == 1 else []

@@ -48,7 +48,7 @@ class Answer:
     def __init__(
         self, arrays: dict[str, Any], facts: dict[str, Any], native: _krylux.Answer | None = None, lab: _Lab | None = None
     ) -> None:
-        self.__dict__.update(facts | arrays)
+        self.__dict__.update(facts | {name.replace("-", "_"): array for name, array in arrays.items()})
         self.__dict__.update({name: self.__dict__[of] for name, of in self._names.items()})
         if isinstance(self.__dict__.get("history"), list):
             self.history: Any = [tuple(row) for row in facts["history"]]
@@ -276,8 +276,8 @@ class SingularTriplets(Answer):
     history: _History
     _title = "Singular values"
     _names = {
-        "values": "singular-values", "standard_errors": "standard-errors", "patterns": "right-vectors",
-        "photographs": "left-vectors", "completeness": "completeness_in_words",
+        "values": "singular_values", "patterns": "right_vectors", "photographs": "left_vectors",
+        "completeness": "completeness_in_words",
     }
 
     def _sentence(self) -> str:
@@ -403,10 +403,11 @@ class Probing(Answer):
 
     values: _Floats
     standard_errors: _Floats
-    truth: _Floats | None
+    truth: _Floats | None = None
     paths: str
     noise: float | None
     error: float | None
+    _names = {"paths": "name", "noise": "relative_standard_error", "error": "relative_error"}
 
     def _figures(self) -> Iterable[str]:
         yield _display.image(_display.light(self.values), self.paths)
@@ -468,9 +469,9 @@ class Audit(Answer):
     """
 
     checks: list[dict[str, Any]]
-    white: _Floats | None
-    direct_share: _Floats | None
-    additivity: _Floats | None
+    white: _Floats | None = None
+    direct_share: _Floats | None = None
+    additivity: _Floats | None = None
 
     def _figures(self) -> Iterable[str]:
         yield _display.table([check[cell] for cell in ("name", "grade", "found")] for check in self.checks)
@@ -483,7 +484,7 @@ class Solution(Answer):
         x: ``float64[n]``: the best iterate.
         residual: Its ``‖b − A x‖/‖b‖``.
         history, best: The residual after each product, and the least so far.
-        products: Products with ``A`` and ``Aᵀ``.
+        products, photos: Products with ``A`` and ``Aᵀ``; on a rig each is a photo.
     """
 
     x: _Floats
@@ -491,11 +492,11 @@ class Solution(Answer):
     history: _Floats
     best: _Floats
     products: int
+    _names = {"x": "solution", "status": "ended"}
 
-    @property
-    def photos(self) -> int:  # type: ignore[override]
-        """The products: on a rig each is a photo."""
-        return self.products
+    def __init__(self, arrays: dict[str, Any], facts: dict[str, Any], *asked: Any) -> None:
+        super().__init__(arrays, facts, *asked)
+        self.residual = float(arrays["residual"])
 
 
 class Plan:

@@ -80,7 +80,7 @@ def solve(
         "upper": _checks.finite(upper, "upper"),
         "diagonal": _checks.maybe(_checks.vector, diagonal, "diagonal", n),
     }
-    return answers.Solution({}, _krylux.solve(method, described, _checks.vector(b, "b", m), question))
+    return answers.Solution(*_krylux.solve(method, described, _checks.vector(b, "b", m), question))
 
 
 def _named(method: str, about: str) -> _Solver:

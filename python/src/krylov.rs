@@ -4,19 +4,19 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use krylux::krylov::{
-    Diagonal, EigsOptions, LowRankOptions, Method, Preconditioner, Side, Solution, SolveOptions, Start,
+    Diagonal, EigsOptions, LowRankOptions, Method, Preconditioner, Side, SolveOptions, Start,
     UserPreconditioner, eigs, hutch_plus_plus, hutchinson, randomized_svd, solve_adjoint,
 };
 use krylux::observer::Observer;
 use krylux::operator::{Adjoint, Operator, Symmetry};
-use krylux::verbs::Eigs;
 use krylux::verbs::eigs::Eigenpairs;
+use krylux::verbs::{Eigs, Solved};
 use krylux::{Error, Result};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{Fields, rows};
+use crate::arrays::rows;
 use crate::settings::{chosen, item, one_of};
 use crate::verbs;
 use crate::watch::Watcher;
@@ -132,17 +132,7 @@ fn called_preconditioner(product: Py<PyAny>) -> UserPreconditioner {
     })
 }
 
-/// The attributes of a solution.
-pub(crate) fn solution_fields<'py>(py: Python<'py>, found: &Solution) -> PyResult<Bound<'py, PyDict>> {
-    let fields = Fields::new(py);
-    fields.numbers("x", found.x.clone())?.put("residual", found.residual)?;
-    fields.numbers("history", found.history.iter().map(|row| row.residual).collect::<Vec<_>>())?;
-    fields.numbers("best", found.history.iter().map(|row| row.best).collect::<Vec<_>>())?;
-    fields.put("products", found.stats.products)?.put("status", found.stats.status.to_string())?;
-    Ok(fields.0)
-}
-
-/// Solves `A x = b`.
+/// Solves `A x = b`: the arrays and the facts of the answer.
 #[pyfunction]
 pub(crate) fn solve<'py>(
     py: Python<'py>,
@@ -150,12 +140,12 @@ pub(crate) fn solve<'py>(
     mut operator: Called,
     b: PyReadonlyArray1<'py, f64>,
     question: Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
     let method = Method::from_name(method).map_err(|error| errors::raise(py, &error))?;
     let options = options(&question)?;
     let b = b.as_slice()?;
     let found = work::detached(py, || solve_adjoint(method, &mut operator, b, &options))?;
-    solution_fields(py, &found)
+    verbs::attributes(py, &Solved { found, method, file: None })
 }
 
 /// The arguments of [`eigenpairs`] that a laboratory answers by itself: seed, noise, first vector, known vectors.

@@ -1,49 +1,32 @@
-//! A verb on the command line: its request with the options that all such verbs have, from the source to the end of the run.
+//! A declared verb on the command line: its request with the options that all such verbs have, from the source to the end of the run.
 
 use clap::builder::{Resettable, StyledStr};
-use clap::{ArgMatches, Command, FromArgMatches};
-use serde_json::json;
+use clap::error::ErrorKind;
+use clap::{ArgMatches, Args, Command, FromArgMatches, Subcommand};
+use serde_json::{Value, json};
 
-use super::Outcome;
 use super::console::Console;
-use super::opening::{Ending, Opening, finish, in_run};
+use super::opening::{Opening, in_run, merge};
 use super::options::{CheckArgs, OperatorArgs, RunArgs, SourceArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use crate::error::Result;
-use crate::lab::{Answer, Lab, Verb};
+use super::{Outcome, embedded_page, opener};
+use crate::error::{Error, Result};
+use crate::finding::Grade;
+use crate::io::name::Name;
+use crate::lab::{Answer, Lab};
+use crate::paint::Canvas;
 use crate::paint::page::Kept;
+use crate::verbs::{AnyVerb, Declared, VERBS};
 
-/// The command line of a verb: its request between the options that it shares with others.
-pub(super) struct Asked<V, B = Before, A = After> {
+/// A request between options that it shares with others.
+pub(super) struct Framed<V, B, A> {
     pub(super) before: B,
     pub(super) request: V,
     pub(super) after: A,
 }
 
-/// The options before those of the request.
-#[derive(clap::Args)]
-pub(super) struct Before {
-    #[command(flatten)]
-    source: SourceArgs,
-    #[command(flatten)]
-    trace: TraceArgs,
-    #[command(flatten)]
-    operator: OperatorArgs,
-}
-
-/// The options after those of the request.
-#[derive(clap::Args)]
-pub(super) struct After {
-    #[command(flatten)]
-    check: CheckArgs,
-    #[command(flatten)]
-    run: RunArgs,
-    #[command(flatten)]
-    live: LiveArgs,
-}
-
-impl<V: clap::Args, B: clap::Args, A: clap::Args> FromArgMatches for Asked<V, B, A> {
+impl<V: Args, B: Args, A: Args> FromArgMatches for Framed<V, B, A> {
     fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
         Ok(Self {
             before: B::from_arg_matches(matches)?,
@@ -58,16 +41,10 @@ impl<V: clap::Args, B: clap::Args, A: clap::Args> FromArgMatches for Asked<V, B,
     }
 }
 
-impl<V: clap::Args, B: clap::Args, A: clap::Args> clap::Args for Asked<V, B, A> {
+impl<V: Args, B: Args, A: Args> Args for Framed<V, B, A> {
     fn augment_args(command: Command) -> Command {
-        let verb = V::augment_args(Command::new(""));
-        // Groups of options bring their own comments. Those of the request are the verb's.
-        let command = A::augment_args(V::augment_args(B::augment_args(command)));
-        let text = |text: Option<&StyledStr>| Resettable::from(text.cloned());
-        command
-            .about(text(verb.get_about()))
-            .long_about(text(verb.get_long_about()))
-            .after_help(text(verb.get_after_help()))
+        let declared = V::augment_args(Command::new(""));
+        with_texts_of(&declared, A::augment_args(V::augment_args(B::augment_args(command))))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -75,10 +52,93 @@ impl<V: clap::Args, B: clap::Args, A: clap::Args> clap::Args for Asked<V, B, A> 
     }
 }
 
-impl<V: Verb> Asked<V> {
+/// The command with the texts of a request. Groups of options bring their own comments; those of the request are the verb's.
+fn with_texts_of(declared: &Command, command: Command) -> Command {
+    let text = |text: Option<&StyledStr>| Resettable::from(text.cloned());
+    command
+        .about(text(declared.get_about()))
+        .long_about(text(declared.get_long_about()))
+        .after_help(text(declared.get_after_help()))
+}
+
+/// The command line of a verb of the list.
+pub(super) struct Asked {
+    name: &'static str,
+    before: Before,
+    request: Box<dyn AnyVerb>,
+    check: Option<CheckArgs>,
+    after: After,
+}
+
+/// The options before those of the request.
+#[derive(Args)]
+struct Before {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
+}
+
+/// The options after those of the request.
+#[derive(Args)]
+struct After {
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    live: LiveArgs,
+}
+
+impl FromArgMatches for Asked {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let found = matches.subcommand().and_then(|(name, of)| Some((Declared::named(name)?, of)));
+        let (verb, matches) = found.ok_or_else(|| clap::Error::new(ErrorKind::InvalidSubcommand))?;
+        let is_checked = verb.is_checked;
+        Ok(Self {
+            name: verb.name,
+            before: Before::from_arg_matches(matches)?,
+            request: (verb.from_matches)(matches)?,
+            check: is_checked.then(|| CheckArgs::from_arg_matches(matches)).transpose()?,
+            after: After::from_arg_matches(matches)?,
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Subcommand for Asked {
+    fn augment_subcommands(command: Command) -> Command {
+        VERBS.iter().fold(command, |command, verb| command.subcommand(command_of(verb)))
+    }
+
+    fn augment_subcommands_for_update(command: Command) -> Command {
+        Self::augment_subcommands(command)
+    }
+
+    fn has_subcommand(name: &str) -> bool {
+        Declared::named(name).is_some()
+    }
+}
+
+fn command_of(verb: &Declared) -> Command {
+    let declared = (verb.augment)(Command::new(verb.name));
+    let command = (verb.augment)(Before::augment_args(Command::new(verb.name)));
+    let command = if verb.is_checked { CheckArgs::augment_args(command) } else { command };
+    with_texts_of(&declared, After::augment_args(command))
+}
+
+impl Asked {
     /// Opens the source, asks, and writes the answer in a run of its own.
     pub(super) fn run(&self, console: &Console) -> Result<Outcome> {
-        let Self { before, request, after } = self;
+        let Self { before, request, after, .. } = self;
+        if let (true, Some(fault)) = (after.run.resume, request.not_resumed()) {
+            let help = format!("{} anew, with --overwrite or into another folder", self.name);
+            return Err(Error::option("--resume", fault).help(help));
+        }
         // Wrong options should show before anything is written or traced.
         request.check()?;
         let channels = request.channels(&before.source.source)?;
@@ -88,22 +148,69 @@ impl<V: Verb> Asked<V> {
         };
         let mut lab = opening.open_shown(&after.live, console)?;
         request.check_on(&lab)?;
-        in_run(&mut lab, &after.run, V::NAME, |lab| self.answer(lab, console))
+        in_run(&mut lab, &after.run, self.name, |lab| self.answer(lab, console))
     }
 
     fn answer(&self, lab: &mut Lab, console: &Console) -> Result<Outcome> {
-        let mut answer = lab.ask(&self.request)?;
+        let mut answer = self.request.ask(lab)?;
         console.go_on()?;
-        if self.after.check.is_on() {
+        if self.check.as_ref().is_some_and(CheckArgs::is_on) {
             answer.verify(lab)?;
         }
         let content = answer.content();
         content.lines.iter().try_for_each(|line| console.say(line))?;
         content.notes.iter().for_each(|note| console.note(note));
-        let (summary, kept) = (json!(content), Kept::of(&answer, &content));
+        let (summary, kept) = (json!(content), Kept::of(&*answer, &content));
         // Writing makes the arrays anew: two copies of all eigenvectors at once would take twice the memory.
         drop(content);
-        let ending = Ending { run: &self.after.run, demands: Vec::new(), summary, kept };
-        Ok(finish(lab, console, &answer, ending)?.1)
+        self.finish(lab, &*answer, (summary, kept), console)
+    }
+
+    /// Writes an answer into the folder of the open run, says where, and prints the summary. `kept` is what the painting page shows
+    /// without asking.
+    fn finish(
+        &self,
+        lab: &mut Lab,
+        answer: &dyn Answer,
+        (facts, kept): (Value, Kept),
+        console: &Console,
+    ) -> Result<Outcome> {
+        console.go_on()?;
+        let [noise, rig, verification] = match lab.run() {
+            Some(run) => {
+                let manifest = &run.manifest;
+                if let Some(found) = &manifest.verification {
+                    console.say(format_args!("checked   by {}: {found}", found.by))?;
+                    console.say(format_args!("          {}", found.sentence()))?;
+                }
+                [json!(manifest.noise), json!(manifest.rig), json!(manifest.verification)]
+            }
+            None => Default::default(),
+        };
+        let saved = lab.finish(answer)?;
+        for finding in saved.findings.iter().filter(|finding| finding.grade != Grade::Ok) {
+            console.say(format_args!("finding   {finding}"))?;
+        }
+        console.say(format_args!("report    {}", saved.report.display()))?;
+        let mut summary = json!({
+            "verb": self.name,
+            "folder": Name::from(&saved.folder),
+            "report": Name::from(&saved.report),
+            "noise": noise,
+            "rig": rig,
+            "verification": verification,
+            "findings": saved.findings,
+            "seconds": saved.seconds,
+        });
+        if self.after.run.paint {
+            let page = saved.folder.join("paint.html");
+            summary["paint"] = embedded_page::write(&page, &mut Canvas::new(lab)?, kept, console)?;
+        }
+        merge(&mut summary, facts);
+        console.summary(&summary)?;
+        if self.after.run.open {
+            opener::open(&saved.report, console);
+        }
+        Ok(Outcome::of(&saved.findings))
     }
 }

@@ -1,9 +1,8 @@
-//! The command line: `krylux VERB SOURCE [options]`, one file per verb.
+//! The command line: `krylux VERB SOURCE [options]`. The verbs of [`crate::verbs::VERBS`] share [`asked`]; each other verb has a file.
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
 mod asked;
-mod audit;
 mod bar;
 mod cache;
 mod compare;
@@ -22,14 +21,12 @@ mod options;
 mod paint;
 mod photo;
 mod plan;
-mod probe;
 mod progress;
 mod projector;
 mod reproduce;
 mod rig;
 mod rig_info;
 mod runs;
-mod solve;
 mod team;
 mod tev;
 mod trace;
@@ -42,7 +39,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Compensate, Eigs, Plan, Relight, Segment, Separate, pattern};
+use crate::verbs::{Plan, pattern};
 use console::Console;
 use options::GlobalArgs;
 
@@ -61,17 +58,11 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 #[derive(Subcommand)]
 enum Verb {
     Photo(photo::Args),
-    Segment(asked::Asked<Segment>),
-    Compensate(asked::Asked<Compensate>),
-    Separate(asked::Asked<Separate>),
-    Relight(asked::Asked<Relight>),
+    #[command(flatten)]
+    Asked(asked::Asked),
     Paint(paint::Args),
-    Probe(probe::Args),
-    Eigs(asked::Asked<Eigs>),
-    Audit(audit::Args),
-    Plan(asked::Asked<Plan, opening::Traced, ()>),
+    Plan(asked::Framed<Plan, opening::Traced, ()>),
     Rig(rig::Args),
-    Solve(solve::Args),
     Matrix(matrix::Args),
     Reproduce(reproduce::Args),
     Labels(labels::Args),
@@ -126,17 +117,10 @@ pub fn main() -> ExitCode {
     let console = Console::new(&cli.global, team.clone());
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console),
-        Verb::Segment(args) => args.run(&console),
-        Verb::Compensate(args) => args.run(&console),
-        Verb::Separate(args) => args.run(&console),
-        Verb::Relight(args) => args.run(&console),
+        Verb::Asked(asked) => asked.run(&console),
         Verb::Paint(args) => paint::run(args, &console),
-        Verb::Probe(args) => probe::run(args, &console),
-        Verb::Eigs(args) => args.run(&console),
-        Verb::Audit(args) => audit::run(args, &console),
         Verb::Rig(args) => rig::run(args, &console),
         Verb::Plan(args) => plan::run(args, &console),
-        Verb::Solve(args) => solve::run(args, &console),
         Verb::Matrix(args) => matrix::run(args, &console),
         Verb::Reproduce(args) => reproduce::run(args, &console),
         Verb::Labels(args) => labels::run(args, &console),

@@ -6,18 +6,11 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
-use super::options::{OperatorArgs, RunArgs, SourceArgs, ViewArgs};
+use super::options::{KeepArgs, OperatorArgs, RunArgs, SourceArgs, ViewArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use super::{embedded_page, opener, options::KeepArgs};
 use crate::error::{Error, Result};
-use crate::finding::{Finding, Grade};
-use crate::io::name::Name;
-use crate::lab::{
-    Answer, ChannelChoice, Lab, LabBuilder, RunOptions, Saved, Settings, SharedObserver, SourceKind,
-};
-use crate::paint::Canvas;
-use crate::paint::page::Kept;
+use crate::lab::{ChannelChoice, Lab, LabBuilder, RunOptions, Settings, SharedObserver, SourceKind};
 use crate::report::content::Content;
 use crate::transport::Channels;
 
@@ -110,8 +103,8 @@ pub(super) fn in_run<T>(
     }
     lab.begin_run(verb, &run.into())?;
     let mut outcome = work(lab);
-    // Devices do not know whether there is a run to go on with. An audit keeps no photos.
-    if let (Err(Error::Rig { help, .. }), true) = (&mut outcome, verb != "audit") {
+    // Devices do not know whether there is a run to go on with.
+    if let (Err(Error::Rig { help, .. }), true) = (&mut outcome, lab.keeps_photos()) {
         help.push_str("; go on with --resume: the photos taken so far are kept");
     }
     if let Err(error) = &outcome {
@@ -142,64 +135,6 @@ pub(super) fn in_journal<T>(
         }
         Some(run) => in_run(lab, &run, verb, work),
     }
-}
-
-/// How an answer is reported in the end.
-pub(super) struct Ending<'a> {
-    pub(super) run: &'a RunArgs,
-    /// Whether the answer is what was asked for, beside what it says of itself.
-    pub(super) demands: Vec<Finding>,
-    /// What the machine-readable summary has beside what all verbs have in common.
-    pub(super) summary: Value,
-    /// What the painting page shows without asking.
-    pub(super) kept: Kept,
-}
-
-/// Writes an answer into the folder of the open run, says where, and prints the summary.
-pub(super) fn finish(
-    lab: &mut Lab,
-    console: &Console,
-    answer: &impl Answer,
-    ending: Ending<'_>,
-) -> Result<(Saved, Outcome)> {
-    console.go_on()?;
-    let [noise, rig, verification] = match lab.run() {
-        Some(run) => {
-            let manifest = &run.manifest;
-            if let Some(found) = &manifest.verification {
-                console.say(format_args!("checked   by {}: {found}", found.by))?;
-                console.say(format_args!("          {}", found.sentence()))?;
-            }
-            [json!(manifest.noise), json!(manifest.rig), json!(manifest.verification)]
-        }
-        None => [Value::Null, Value::Null, Value::Null],
-    };
-    let saved = lab.finish_with(answer, ending.demands)?;
-    for finding in saved.findings.iter().filter(|finding| finding.grade != Grade::Ok) {
-        console.say(format_args!("finding   {finding}"))?;
-    }
-    console.say(format_args!("report    {}", saved.report.display()))?;
-    let mut summary = json!({
-        "verb": answer.verb(),
-        "folder": Name::from(&saved.folder),
-        "report": Name::from(&saved.report),
-        "noise": noise,
-        "rig": rig,
-        "verification": verification,
-        "findings": saved.findings,
-        "seconds": saved.seconds,
-    });
-    if ending.run.paint {
-        let page = saved.folder.join("paint.html");
-        summary["paint"] = embedded_page::write(&page, &mut Canvas::new(lab)?, ending.kept, console)?;
-    }
-    merge(&mut summary, ending.summary);
-    console.summary(&summary)?;
-    if ending.run.open {
-        opener::open(&saved.report, console);
-    }
-    let outcome = Outcome::of(&saved.findings);
-    Ok((saved, outcome))
 }
 
 /// Adds the fields of `more`, which replace those of the same name.

@@ -6,7 +6,7 @@ use clap::Args;
 
 pub(super) use crate::lab::{OperatorSettings as OperatorArgs, View as ViewArgs};
 pub(super) use crate::transport::Channels as ChannelsArg;
-pub(super) use crate::verbs::options::{count, method, number, time};
+pub(super) use crate::verbs::options::{count, number, time};
 
 /// Which source of photos.
 #[derive(Args, Clone)]

@@ -95,6 +95,11 @@ impl Lab {
         self.audits = true;
     }
 
+    /// Whether photos are kept in the journal of the run.
+    pub(crate) fn keeps_photos(&self) -> bool {
+        self.keeps_photos
+    }
+
     pub(crate) fn without_journal(&mut self) {
         if self.keeps_photos && self.run.is_some() {
             self.transport = None;

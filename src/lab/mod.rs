@@ -23,7 +23,6 @@
 //! [`Lab::builder`] changes the defaults: pixels, light paths, channels, a folder whose journal keeps every photo, and an
 //! [`Observer`](crate::observer::Observer) that receives progress and can stop all work.
 
-mod answers;
 mod builder;
 mod calibration;
 mod folder;
@@ -73,7 +72,7 @@ pub use settings::{
 };
 pub(crate) use settings::{byte_count, size};
 pub use source::{RigSource, SourceKind};
-pub use verb::{Answer, Saved, Verb, Verified};
+pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
 pub use verbs::{JoinedShards, MatrixRequest, Scaling, SinglePhoto, TracedShard, join_shards};
 pub use verification::VerifiedEigenpairs;
 
@@ -83,8 +82,6 @@ use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::report::contact_sheet::ContactSheet;
-pub use crate::report::probing::ProbedLight;
-pub use crate::report::solution::Solved;
 pub use crate::report::text;
 use crate::scene::Scene;
 use crate::sparse::Csr;

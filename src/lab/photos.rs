@@ -4,7 +4,8 @@ use super::lock::lock;
 use super::source::Source;
 use super::transport::LightTransport;
 use super::{Lab, Log};
-use crate::error::Result;
+use crate::bench::rig_check;
+use crate::error::{Error, Result};
 use crate::finding::{Finding, merge};
 use crate::image::Image;
 use crate::measure::{Measurement, RigRecord};
@@ -111,5 +112,20 @@ impl Lab {
     ) -> Result<Option<T>> {
         let mut transport = lock(self.transport()?);
         transport.rig().map(|rig| work(&mut rig.measurement)).transpose()
+    }
+
+    /// Findings about unrequested behaviour of a rig's devices, such as an automatic iris. The devices are opened for this check alone,
+    /// before they are opened as an operator. Devices that a program handed over can be opened only once, so they are not examined.
+    pub(crate) fn faults_of_devices(&mut self) -> Result<Vec<Finding>> {
+        self.transport = None;
+        let Source::Rig(rig) = &self.source else { return Ok(Vec::new()) };
+        let known = rig.is_calibrated.then_some(&rig.calibration);
+        let mut frames = match rig.opener()(None) {
+            Ok(frames) => frames,
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            // The audit opens the devices next, and reports the error then.
+            Err(_) => return Ok(Vec::new()),
+        };
+        rig_check::faults(&rig.file, known, &mut *frames)
     }
 }

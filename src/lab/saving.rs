@@ -73,17 +73,12 @@ impl Lab {
     /// # Errors
     /// [`Error::Option`] if no run is open; otherwise as [`Lab::save`].
     pub fn finish(&mut self, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
-        self.finish_with(answer, Vec::new())
-    }
-
-    /// As [`Lab::finish`], with further findings, for example whether the answer meets the request. Fails as [`Lab::finish`].
-    pub fn finish_with(&mut self, answer: &(impl Answer + ?Sized), more: Vec<Finding>) -> Result<Saved> {
         let Some(mut run) = self.run.take() else {
             return Err(
                 Error::option("-o", "no run is open").help("name the folder: lab.save(folder, &answer)")
             );
         };
-        let written = self.write(answer, more, &mut run);
+        let written = self.write(answer, &mut run);
         match &written {
             Ok(saved) => run.close(Ok(&saved.message))?,
             Err(error) => self.closed_by(error, &mut run),
@@ -91,12 +86,7 @@ impl Lab {
         written
     }
 
-    fn write(
-        &mut self,
-        answer: &(impl Answer + ?Sized),
-        more: Vec<Finding>,
-        run: &mut RunFolder,
-    ) -> Result<Saved> {
+    fn write(&mut self, answer: &(impl Answer + ?Sized), run: &mut RunFolder) -> Result<Saved> {
         run.manifest.photos = answer.photos() as u64;
         if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
             run.manifest.rig = lock(transport).record(answer.has_white())?;
@@ -105,10 +95,9 @@ impl Lab {
         run.manifest.findings = self.findings_of(answer);
         // The run is already closed.
         merge(&mut run.manifest.findings, run.manifest.verification.as_ref().map(Verification::finding));
-        merge(&mut run.manifest.findings, more);
         let seconds = run.seconds();
         let start = Instant::now();
-        run.answer(|run| answer.write(self, run, seconds))?;
+        run.answer(|run| self.show(answer, run, seconds))?;
         run.manifest.record("files", start.elapsed());
         Ok(Saved {
             report: run.path.join("report.html"),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, adjusted_rand_index};
-use crate::bench::audit::AuditOptions;
+use crate::bench::audit::{AuditOptions, audit};
 use crate::error::Result;
 use crate::finding::Grade;
 use crate::image::Image;
@@ -156,8 +156,11 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     assert!(refused.contains("was not calibrated") && refused.contains("rig calibrate"), "{refused}");
     let meant = ["black_takes = 16", "black_takes = 16\nresponse = false"];
     assert!(before(&exact, 2.5, &[meant])?.white().is_ok(), "the file says that counts are used as they are");
-    let audit = before(&exact, 2.5, &[])?.audit(&AuditOptions::default())?;
-    assert!(audit.checks.iter().any(|check| check.grade == Grade::Fails), "an audit finds it");
+    let mut rig = before(&exact, 2.5, &[])?;
+    rig.unexamined();
+    let report = rig.with_measurement(|measurement| audit(measurement, &AuditOptions::default()))?;
+    let Some(report) = report else { unreachable!("a rig") };
+    assert!(report.checks.iter().any(|check| check.grade == Grade::Fails), "an audit finds it");
     let mut rig = before(&exact, 2.5, &[])?;
     rig.calibrate(&Default::default())?;
     assert!(rig.white().is_ok());

@@ -6,17 +6,53 @@ use serde::Serialize;
 
 use super::{ChannelChoice, Lab, RunFolder};
 use crate::analysis::EigenpairEstimate;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::finding::Finding;
-use crate::image::Image;
+use crate::image::{Image, Resolution};
 use crate::io::manifest::Verification;
 use crate::report::content::Content;
-use crate::report::run::{PAINT, Run};
+use crate::report::run::{AnswerPage, Files, PAINT};
+
+/// An array that a program gives for a field of a request, in place of a file.
+#[derive(Clone, Debug)]
+pub struct GivenArray {
+    /// The name of the field.
+    pub field: String,
+    /// The name of the array, for a field that takes several.
+    pub name: String,
+    /// The shape.
+    pub shape: Vec<usize>,
+    /// The elements in C order.
+    pub values: Vec<f64>,
+}
+
+impl GivenArray {
+    /// The array as an image of `H×W` or `H×W×3`. Fails with [`Error::Option`] for another shape.
+    pub fn image(&self) -> Result<Image> {
+        let (height, width, channels) = match *self.shape {
+            [height, width] => (height, width, 1),
+            [height, width, channels] => (height, width, channels),
+            _ => return Err(self.refused("it is no picture", "give an array of H×W or H×W×3")),
+        };
+        let samples = self.values.iter().map(|&value| value as f32).collect();
+        Image::new(Resolution::new(width, height), channels, samples)
+    }
+
+    fn refused(&self, fault: &str, help: &str) -> Error {
+        Error::option(format!("--{}", self.field.replace('_', "-")), fault).help(help)
+    }
+}
 
 /// A question to a laboratory: a struct whose documented fields are command line options, Python keywords, and the record in `run.json`.
 pub trait Verb: Serialize {
     /// The name, which is part of the folder's default name.
     const NAME: &'static str;
+
+    /// Whether an answer can be compared with light that it was not computed from.
+    const IS_CHECKED: bool = true;
+
+    /// Why a run keeps no photos that it could go on with, if it keeps none.
+    const NOT_RESUMED: Option<&'static str> = None;
 
     /// The type of the answer.
     type Answer: Answer;
@@ -39,6 +75,11 @@ pub trait Verb: Serialize {
         Ok(())
     }
 
+    /// Takes an array for a field. Fails with [`Error::Option`] if no field of this name takes one.
+    fn give(&mut self, given: GivenArray) -> Result<()> {
+        Err(given.refused("it takes no array", "give a value"))
+    }
+
     /// The channels of a source that is opened for the request. Fails if they depend on a model that cannot be read.
     fn channels(&self, _source: &Path) -> Result<ChannelChoice> {
         Ok(ChannelChoice::Luma)
@@ -52,6 +93,9 @@ pub trait Verb: Serialize {
 pub trait Answer {
     /// The verb that asks for this answer. It is part of the folder's default name.
     fn verb(&self) -> &'static str;
+
+    /// The title of the page, without the name of the source.
+    fn title(&self) -> &'static str;
 
     /// The number of photos that it took, for the run's record.
     fn photos(&self) -> usize;
@@ -80,11 +124,9 @@ pub trait Answer {
         true
     }
 
-    /// Writes arrays, pictures and the page. `seconds` is the run's duration so far. Returns the files' names, relative to the folder.
-    ///
-    /// # Errors
-    /// [`crate::Error::Write`] naming the file; the errors of the photos that the page shows.
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>>;
+    /// Writes pictures, adds sections to the page, and replaces its title, sentence or facts. The arrays of [`Answer::content`] are written
+    /// before. Fails if a file cannot be written, or with the errors of the photos that the page shows.
+    fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()>;
 }
 
 /// A verification of an answer by light that it was not computed from.
@@ -132,17 +174,28 @@ impl Lab {
         request.answer(self)
     }
 
-    pub(crate) fn page<'a>(&'a self, what: &str, run: &'a RunFolder, seconds: f64) -> Run<'a> {
-        Run {
-            title: format!("{} · {what}", self.name()),
-            folder: &run.answer,
-            has_paint: run.path.join(PAINT).is_file()
-                || run.manifest.command.iter().any(|word| word.to_str() == Some("--paint")),
-            manifest: &run.manifest,
-            seconds,
+    /// Writes the arrays, the pictures and the page of an answer into the folder of a run. Returns the names of all files.
+    pub(super) fn show(
+        &mut self,
+        answer: &(impl Answer + ?Sized),
+        run: &RunFolder,
+        seconds: f64,
+    ) -> Result<Vec<String>> {
+        let manifest = &run.manifest;
+        let has_option = manifest.command.iter().any(|word| word.to_str() == Some("--paint"));
+        let mut page = AnswerPage {
+            title: format!("{} · {}", self.name(), answer.title()),
+            sentence: answer.sentence(),
+            photos: answer.photos(),
             resolution: self.resolution(),
-            unit: self.unit(),
+            unit: self.unit().to_owned(),
             strip: Some(self.contact_sheet()),
-        }
+            has_paint: has_option || run.path.join(PAINT).is_file(),
+            files: Files::of(&run.answer, &answer.content())?,
+            facts: Vec::new(),
+            sections: Vec::new(),
+        };
+        answer.show(self, &mut page)?;
+        page.finish(answer.findings(), manifest, seconds)
     }
 }

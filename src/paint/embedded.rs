@@ -40,7 +40,7 @@ pub struct Kept {
 
 impl Kept {
     /// The labels of a segmentation, or else the eigenvectors, if the answer has any.
-    pub fn of(answer: &impl crate::lab::Answer, content: &Content<'_>) -> Self {
+    pub fn of(answer: &dyn crate::lab::Answer, content: &Content<'_>) -> Self {
         let answer = || Answer { status: answer.sentence(), ..Answer::default() };
         let (mut groups, mut eigenvectors) = (answer(), answer());
         for array in &content.arrays {

@@ -46,7 +46,17 @@ pub(crate) fn amounts(
     unit: &str,
     caption: impl Into<String>,
 ) -> Result<Figure> {
-    let high = robust_range(values, None);
+    sequential(size, values, robust_range(values, None), unit, caption)
+}
+
+/// Nonnegative amounts, shown from 0 to `high`.
+pub(crate) fn sequential(
+    size: Resolution,
+    values: &[f64],
+    high: f64,
+    unit: &str,
+    caption: impl Into<String>,
+) -> Result<Figure> {
     Ok(Figure {
         png: paint_sequential(size, values, None, (0.0, high))?.encode_png()?,
         caption: caption.into(),
@@ -54,4 +64,12 @@ pub(crate) fn amounts(
         values: Some(Values::of_numbers(size, Kind::Number, values, unit)),
         ..Figure::default()
     })
+}
+
+/// Allows each of the named figures to be flipped with the others.
+pub(crate) fn flip(figures: &mut [Figure], names: &[&str]) {
+    for figure in figures.iter_mut().filter(|figure| names.contains(&figure.name.as_str())) {
+        let others = names.iter().filter(|name| **name != figure.name);
+        figure.flips = others.map(|name| (*name).to_owned()).collect();
+    }
 }

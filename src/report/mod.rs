@@ -5,14 +5,12 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`probing`], [`solution`], [`audit`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
 //! | scripts of pages | [`web`] |
 //!
 //! Files are written through [`crate::io`].
 
-pub mod audit;
 mod axis;
 pub mod colormap;
 pub mod contact_sheet;
@@ -25,11 +23,9 @@ mod oklab;
 pub mod palette;
 pub(crate) mod planes;
 pub mod plot;
-pub mod probing;
 pub(crate) mod residuals;
 pub mod run;
 pub mod scatter;
-pub mod solution;
 pub(crate) mod spectrum;
 mod svg;
 pub mod text;

@@ -1,6 +1,7 @@
 //! Plots of a report as SVG: residuals over photos, and spectra.
 
 use super::axis::{Axis, Scale, Tick};
+use super::html::Block;
 use super::svg::{Chart, Layout, nothing_to_plot};
 
 /// Line colours that colour-blind readers can distinguish, on white and on black.
@@ -26,6 +27,18 @@ pub struct LinePlot {
     pub series: Vec<Series>,
     /// Dashed horizontal lines with a note, e.g. the noise floor.
     pub marks: Vec<(f64, String)>,
+}
+
+/// A plot of lines over `[x, y]`, the labels of a linear and a logarithmic axis.
+pub(crate) fn lines([x, y]: [&str; 2], series: Vec<Series>, caption: &str) -> Block {
+    let plot =
+        LinePlot { x_label: x.into(), y_label: y.into(), logarithmic: true, series, marks: Vec::new() };
+    Block::Plot { svg: plot.render(), caption: caption.into() }
+}
+
+/// A line through points.
+pub(crate) fn line(name: impl Into<String>, points: impl Iterator<Item = (f64, f64)>) -> Series {
+    Series { name: name.into(), points: points.collect() }
 }
 
 /// One line.

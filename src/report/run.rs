@@ -3,9 +3,12 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use super::colormap::robust_range;
 use super::contact_sheet::ContactSheet;
 use super::content::{Content, Values};
+use super::figure;
 use super::html::{Block, Figure, FileLink, Outcome, Report, Section, Verdict};
+use super::planes::{difference, mean};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, merge, worst};
 use crate::image::{Image, Resolution};
@@ -13,46 +16,97 @@ use crate::io::manifest::{Independent, ProductsOn};
 use crate::io::{atomic, npy, picture};
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
-/// The run of an answer, as its page and its files show it.
-#[derive(Clone, Debug)]
-pub struct Run<'a> {
-    /// The page's title.
+/// The page of an answer and the files beside it, while they are written.
+#[derive(Debug)]
+pub struct AnswerPage<'a> {
+    /// The title.
     pub title: String,
-    /// The folder that the files are written into.
-    pub folder: &'a Path,
-    /// Whether a page with the matrix exists beside this one, or will be written. It shows the rows that this page cannot hold.
-    pub has_paint: bool,
-    /// The run's record.
-    pub manifest: &'a RunManifest,
-    /// The run's duration so far.
-    pub seconds: f64,
-    /// Resolution of photos.
+    /// The result in one sentence.
+    pub sentence: String,
+    /// The number of photos.
+    pub photos: usize,
+    /// The resolution of photos.
     pub resolution: Resolution,
-    /// Unit of the photos' values.
-    pub unit: &'a str,
+    /// The unit of the photos' values.
+    pub unit: String,
     /// The contact sheet of all photos; `None` if there are no photos to show.
     pub strip: Option<ContactSheet>,
+    /// Whether a page with the matrix exists beside this one, or will be written. It shows the rows that this page cannot hold.
+    pub has_paint: bool,
+    pub(crate) files: Files<'a>,
+    /// Facts of the verb itself, which are placed after those of the rig.
+    pub(crate) facts: Vec<(&'static str, String)>,
+    pub(crate) sections: Vec<Section>,
 }
 
-impl Run<'_> {
-    /// The section with the contact sheet; `order` explains the order of its photos.
-    pub(crate) fn photos(&self, order: &str) -> Result<Option<Section>> {
-        match &self.strip {
-            Some(strip) => strip.section(self.unit, order),
-            None => Ok(None),
-        }
+impl AnswerPage<'_> {
+    /// Adds a section.
+    pub(crate) fn section(
+        &mut self,
+        title: impl Into<String>,
+        text: impl Into<String>,
+        blocks: impl Into<Vec<Block>>,
+    ) {
+        self.sections.push(Section { title: title.into(), text: text.into(), blocks: blocks.into() });
     }
 
-    /// The page of an answer with its sentence and its number of photos. `findings` are those of the answer, and `more` are facts of the
-    /// command itself. The colour follows from the findings of the answer and of the run.
-    pub(crate) fn page(
+    /// Adds the section with the contact sheet; `order` explains the order of its photos.
+    pub(crate) fn contact_sheet(&mut self, order: &str) -> Result<()> {
+        if let Some(strip) = &self.strip {
+            self.sections.extend(strip.section(&self.unit, order)?);
+        }
+        Ok(())
+    }
+
+    /// Adds a fact of the verb itself.
+    pub(crate) fn fact(&mut self, name: &'static str, value: impl ToString) {
+        self.facts.push((name, value.to_string()));
+    }
+
+    /// Writes a picture to `FILE.png`.
+    pub(crate) fn picture(&mut self, file: &str, figure: Figure) -> Result<Figure> {
+        self.files.picture(file, &figure)?;
+        Ok(figure)
+    }
+
+    /// Writes light in all three formats, and names its figure as its files. `scale` is the exposure of the `.png`.
+    pub(crate) fn light(
+        &mut self,
+        file: &str,
+        image: &Image,
+        scale: f32,
+        caption: impl Into<String>,
+    ) -> Result<Figure> {
+        self.files.image(file, image)?;
+        let figure = figure::light(image, scale, &self.unit, caption)?;
+        self.picture(file, figure.named(file, format!("{file}.npy")))
+    }
+
+    /// A figure of standard errors of light, as means over the channels.
+    pub(crate) fn errors(&self, errors: &[Vec<f64>], caption: impl Into<String>) -> Result<Figure> {
+        figure::amounts(self.resolution, &mean(errors), &self.unit, caption)
+    }
+
+    /// A figure of the difference of light, as a mean over the channels.
+    pub(crate) fn difference(
         &self,
-        (findings, sentence): (Vec<Finding>, String),
-        photos: usize,
-        more: impl IntoIterator<Item = (&'static str, String)>,
-        mut sections: Vec<Section>,
-    ) -> Report {
-        let mut all = self.manifest.findings.clone();
+        found: &[Vec<f64>],
+        truth: &[Vec<f64>],
+        caption: impl Into<String>,
+    ) -> Result<Figure> {
+        let error = difference(found, truth);
+        figure::signed(self.resolution, &error, robust_range(&error, None), &self.unit, caption)
+    }
+
+    /// Writes the page with the findings of the answer, and returns the names of all files. The colour of the page follows from these
+    /// findings and from those of the run.
+    pub(crate) fn finish(
+        mut self,
+        findings: Vec<Finding>,
+        manifest: &RunManifest,
+        seconds: f64,
+    ) -> Result<Vec<String>> {
+        let mut all = manifest.findings.clone();
         merge(&mut all, findings);
         let found = Section {
             title: "What was found".into(),
@@ -61,18 +115,24 @@ impl Run<'_> {
         };
         match outcome(&all) {
             _ if all.is_empty() => {}
-            Outcome::Good => sections.push(found),
-            _ => sections.insert(0, found),
+            Outcome::Good => self.sections.push(found),
+            _ => self.sections.insert(0, found),
         }
-        Report {
-            title: self.title.clone(),
-            verdict: Verdict { outcome: outcome(&all), sentence: sentence_of(sentence, &all) },
-            facts: facts(self.manifest, photos, more, self.seconds),
-            sections,
-            footer: self.manifest.command_line(),
+        let mut files = self.files.links();
+        if self.has_paint {
+            files.push(FileLink::new(PAINT, "the light transport matrix, to paint with"));
+        }
+        let page = Report {
+            title: self.title,
+            verdict: Verdict { outcome: outcome(&all), sentence: sentence_of(self.sentence, &all) },
+            facts: facts(manifest, self.photos, self.facts, seconds),
+            sections: self.sections,
+            files,
             paint: if self.has_paint { PAINT.to_owned() } else { String::new() },
-            ..Report::default()
-        }
+            footer: manifest.command_line(),
+        };
+        page.write(&self.files.path("report.html"))?;
+        Ok(self.files.names)
     }
 }
 
@@ -94,16 +154,14 @@ pub(crate) fn table(findings: &[Finding]) -> Block {
         let cells = [&*finding.name, finding.grade.word(), &finding.found, &finding.expected, &finding.help];
         cells.map(str::to_owned).to_vec()
     };
-    Block::Table {
-        headers: ["Examined", "Verdict", "Found", "Expected", "What to do"].map(str::to_owned).to_vec(),
-        rows: findings.iter().map(row).collect(),
-        caption: String::new(),
-    }
+    let headers = ["Examined", "Verdict", "Found", "Expected", "What to do"];
+    Block::table(headers, findings.iter().map(row).collect(), "")
 }
 
 /// The files of a run's folder. The name of each requested path is recorded.
+#[derive(Debug)]
 pub(crate) struct Files<'a> {
-    folder: &'a Path,
+    pub(crate) folder: &'a Path,
     pub(crate) names: Vec<String>,
     /// Descriptions of some files, by name.
     about: Vec<(String, String)>,
@@ -179,15 +237,6 @@ impl<'a> Files<'a> {
         };
         let record = FileLink::new("run.json", "the record of the run");
         names.into_iter().map(|name| FileLink::new(name, about(name))).chain([record]).collect()
-    }
-
-    pub(crate) fn finish(mut self, page: Report) -> Result<Vec<String>> {
-        let mut page = Report { files: self.links(), ..page };
-        if !page.paint.is_empty() {
-            page.files.push(FileLink::new(PAINT, "the light transport matrix, to paint with"));
-        }
-        page.write(&self.path("report.html"))?;
-        Ok(self.names)
     }
 }
 

@@ -4,11 +4,13 @@ use rayon::prelude::*;
 
 use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Kind, Legend, Values};
-use super::plot::{LinePlot, Series, StemPlot};
+use super::plot::{self, StemPlot};
+use super::run::AnswerPage;
 use super::text::{decimal, with_error};
 use crate::analysis::segment::Embedding;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::exr;
 use crate::krylov::HistoryRow;
 
 /// Maximum number of lines in the plot of residuals.
@@ -54,6 +56,12 @@ pub(crate) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec
     vectors.iter().enumerate().map(layer).collect()
 }
 
+/// Writes the layers to `eigenvectors.exr`.
+pub(crate) fn write_layers(page: &mut AnswerPage<'_>, layers: Vec<(String, Image)>) -> Result<()> {
+    let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
+    exr::write_exr(&page.files.path("eigenvectors.exr"), &layers)
+}
+
 /// A plane of `f64` values as a gray `f32` image.
 pub(crate) fn narrowed(resolution: Resolution, values: &[f64]) -> Result<Image> {
     Image::new(resolution, 1, values.iter().map(|&value| value as f32).collect())
@@ -73,20 +81,12 @@ pub(crate) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
 /// A plot of the leading pairs' residual norms over the photos; `first` is the number of the first pair with a history.
 pub(crate) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     let pairs = history.last().map_or(0, |row| row.residuals.len()).min(LINES);
-    let points = |pair: usize| {
-        history.iter().filter_map(move |row| Some((row.products as f64, *row.residuals.get(pair)?))).collect()
-    };
-    let plot = LinePlot {
-        x_label: "photos".into(),
-        y_label: "residual norm".into(),
-        logarithmic: true,
-        series: (0..pairs)
-            .map(|pair| Series { name: format!("λ{}", pair + first), points: points(pair) })
-            .collect(),
-        marks: Vec::new(),
+    let line = |pair: usize| {
+        let at = |row: &HistoryRow| Some((row.products as f64, *row.residuals.get(pair)?));
+        plot::line(format!("λ{}", pair + first), history.iter().filter_map(at))
     };
     let caption = "Residual norms of the leading eigenpairs as photos are taken; they cost no photo.";
-    Block::Plot { svg: plot.render(), caption: caption.into() }
+    plot::lines(["photos", "residual norm"], (0..pairs).map(line).collect(), caption)
 }
 
 /// A table of each pair's eigenvalue, with its standard error if known, and residual norm, followed by the columns `more`.
@@ -105,9 +105,6 @@ pub(crate) fn table(
         cells
     };
     let headers = ["", "eigenvalue", "residual norm"].into_iter().chain(more.iter().map(|(name, _)| *name));
-    Block::Table {
-        headers: headers.map(String::from).collect(),
-        rows: values.iter().zip(residuals).enumerate().map(row).collect(),
-        caption: "Eigenvalues with their residual norms".into(),
-    }
+    let rows = values.iter().zip(residuals).enumerate().map(row).collect();
+    Block::table(headers, rows, "Eigenvalues with their residual norms")
 }

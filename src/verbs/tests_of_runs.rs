@@ -4,7 +4,6 @@ use std::path::Path;
 
 use crate::analysis::segment::segment;
 use crate::analysis::{Cut, SegmentOptions};
-use crate::bench::audit::AuditOptions;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::norm;
@@ -14,7 +13,7 @@ use crate::operator::Operator;
 use crate::scene::builtin;
 use crate::transport::Part;
 use crate::verbs::options::LightPart;
-use crate::verbs::{Eigs, Segment};
+use crate::verbs::{Audit, Eigs, Segment};
 
 fn cornell() -> Result<Lab> {
     Lab::builder_of_scene(builtin::cornell().to_scene()).size(24, 24).samples(64).open()
@@ -117,7 +116,7 @@ fn what_was_photographed_is_answered_as_it_was_and_an_audit_wants_real_photos() 
     operator.apply(&vec![1.0; white.len()], &mut again)?;
     let off: Vec<f64> = again.iter().zip(&white).map(|(a, b)| a - b).collect();
     assert!(norm(&off) < 1e-9 * norm(&white), "{}", norm(&off));
-    let refused = crate::open(&run)?.audit(&AuditOptions::default());
+    let refused = crate::open(&run)?.ask(&Audit::default());
     assert!(matches!(refused, Err(Error::Data { .. })), "a model would be symmetric by construction");
     Ok(())
 }

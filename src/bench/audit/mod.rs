@@ -51,7 +51,7 @@ impl Default for AuditOptions {
 
 /// The result of an audit.
 #[derive(Clone, Debug)]
-pub struct Audit {
+pub struct AuditReport {
     /// The checks, in the order of the report.
     pub checks: Vec<Finding>,
     /// The resolution of all images.
@@ -70,7 +70,7 @@ pub struct Audit {
     pub devices: Vec<Finding>,
 }
 
-impl Audit {
+impl AuditReport {
     /// The faults that were found in the devices.
     pub fn faults(&self) -> impl Iterator<Item = &Finding> {
         self.devices.iter().filter(|finding| finding.grade >= Grade::Warning)
@@ -119,14 +119,14 @@ const LIGHT: &str = "light";
 ///
 /// # Errors
 /// [`Error::Option`] for fewer than two patterns, and any error of taking photos.
-pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit> {
+pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<AuditReport> {
     if options.patterns < 2 {
         return Err(
             Error::option("--patterns", format!("{} make no pair", options.patterns)).help("give 2 or more")
         );
     }
     let resolution = subject.resolution();
-    let mut audit = Audit {
+    let mut audit = AuditReport {
         checks: Vec::new(),
         resolution,
         white: Vec::new(),

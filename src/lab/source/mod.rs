@@ -24,7 +24,7 @@ pub(in crate::lab) use matrix::{ExplicitParts, MatrixSource};
 pub(in crate::lab) use model::{ModelParts, ModelSource};
 pub(in crate::lab) use rig::Handed;
 pub use rig::RigSource;
-pub(in crate::lab) use run::{RunPhotos, RunSource, not_for_runs};
+pub(in crate::lab) use run::{RunPhotos, RunSource};
 pub(in crate::lab) use scene::SceneSource;
 
 /// An open source. It traces nothing and takes no photo before its light transport is requested.

@@ -165,7 +165,3 @@ fn incomplete(journal: &Journal, what: &str) -> Error {
     Error::journal(journal.path(), format!("it holds {} photos, but not {what}", journal.photos()))
         .help("go on with that run by the command that began it, and --resume")
 }
-
-pub(in crate::lab) fn not_for_runs(run: &Path) -> Error {
-    Error::data(run, "its photos do not answer this verb").help("give the scene or the rig")
-}

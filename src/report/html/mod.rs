@@ -114,6 +114,18 @@ pub enum Block {
     },
 }
 
+impl Block {
+    /// A table with one header for each column.
+    pub fn table<H: Into<String>>(
+        headers: impl IntoIterator<Item = H>,
+        rows: Vec<Vec<String>>,
+        caption: impl Into<String>,
+    ) -> Self {
+        let headers = headers.into_iter().map(Into::into).collect();
+        Self::Table { headers, rows, caption: caption.into() }
+    }
+}
+
 /// Measured numbers beside a statement.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {

@@ -10,8 +10,9 @@ use crate::analysis::{Clamping, CompensateOptions, Compensation, CompensationRow
 use crate::error::Result;
 use crate::finding::{Finding, Grade, decimal};
 use crate::krylov::Method;
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
+use crate::report::run::AnswerPage;
 
 /// A compensation with its options.
 #[derive(Clone, Debug)]
@@ -192,6 +193,10 @@ impl Answer for Compensated {
         Compensate::NAME
     }
 
+    fn title(&self) -> &'static str {
+        "light transport compensation"
+    }
+
     fn photos(&self) -> usize {
         let compared: usize = self.methods.iter().map(|run| run.photos).sum();
         self.found.photos + self.found.preparation + compared
@@ -258,12 +263,12 @@ impl Answer for Compensated {
         Ok(self.verified.clone())
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        const WHAT: &str = "light transport compensation";
-        let mut run = lab.page(WHAT, run, seconds);
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         if let Some((name, unit)) = &self.model {
-            (run.title, run.unit, run.strip) = (format!("{name} · {WHAT}"), unit, None);
+            page.title = format!("{name} · {}", self.title());
+            page.unit.clone_from(unit);
+            page.strip = None;
         }
-        self.write_page(&run)
+        self.show_on(page)
     }
 }

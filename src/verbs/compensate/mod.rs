@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::io::{model, name, picture};
 use crate::krylov::{Constraint, Method};
-use crate::lab::{ChannelChoice, Lab, LabOperator, Log, Verb, model_shape, open_model};
+use crate::lab::{ChannelChoice, GivenArray, Lab, LabOperator, Log, Verb, model_shape, open_model};
 use crate::operator::Operator;
 use crate::scene::predicted_direct;
 use crate::transport::{Channels, Part};
@@ -188,6 +188,11 @@ impl Verb for Compensate {
             None if model::is_in(source) => Ok(ChannelChoice::Native),
             None => Ok(self.channels.into()),
         }
+    }
+
+    fn give(&mut self, given: GivenArray) -> Result<()> {
+        self.target = Some(given.image()?.into());
+        Ok(())
     }
 
     /// Finds the pattern from photos of the source, or from a model of its light.

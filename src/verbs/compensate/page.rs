@@ -8,109 +8,79 @@ use crate::error::Result;
 use crate::finding::decimal;
 use crate::image::Image;
 use crate::io::raster::exposure;
-use crate::lab::Answer;
 use crate::report::colormap::robust_range;
 use crate::report::figure;
-use crate::report::html::{Block, Figure, Report, Section};
+use crate::report::html::{Block, Figure};
 use crate::report::residuals::{self, Row};
-use crate::report::run::{Files, Run};
+use crate::report::run::AnswerPage;
 
 impl Compensated {
-    /// Writes arrays, pictures, `residuals.csv` and `report.html` into the run's folder and returns their names.
-    ///
-    /// The `.png` of the compensation holds the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, the observed
-    /// and the uncompensated photo share one exposure.
-    pub(super) fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
+    /// Writes pictures and residuals.
+    pub(super) fn show_on(&self, page: &mut AnswerPage<'_>) -> Result<()> {
         let found = &self.found;
-        let mut files = Files::of(run.folder, &self.content())?;
-        let pictures = self.pictures(run.unit)?;
-        for (name, figure) in &pictures {
-            files.picture(name, figure)?;
+        page.photos = found.photos;
+        let figures = Block::Figures(self.figures(page)?);
+        let text = "Photos are developed alike. Errors are of all channels together.";
+        page.section("Seen and projected", text, [figures, similarity(self)]);
+        page.files.text("residuals.csv", &residuals::csv("photo", &rows(&found.history)))?;
+        // An answer from a model has no photos, hence no convergence history.
+        if !found.history.is_empty() {
+            convergence(self, page);
         }
-        files.text("residuals.csv", &residuals::csv("photo", &rows(&found.history)))?;
-        if let Some(clamping) = &found.clamping {
-            let displayed = residuals::csv("photo", &rows(&clamping.displayed));
-            files.text("residuals-displayed.csv", &displayed)?;
+        if let Some(found) = &found.clamping {
+            let displayed = residuals::csv("photo", &rows(&found.displayed));
+            page.files.text("residuals-displayed.csv", &displayed)?;
+            clamping(self, found, page);
         }
         if !self.methods.is_empty() {
-            files.text("methods.csv", &csv(&self.methods))?;
+            page.files.text("methods.csv", &csv(&self.methods))?;
+            compared(self, page);
         }
-        let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        files.finish(self.page(run, figures)?)
+        page.contact_sheet("White comes first, then those that measure a preconditioner, if any, then those of the method; those that only show or compare (the result, the uncompensated target, other methods) come last.")?;
+        page.fact("Peak", format_args!("{} {}", decimal(found.peak, 5), page.unit.clone()));
+        page.fact("Photos before the method's", found.preparation);
+        if self.options.lift > 0.0 {
+            page.fact("Target moved to", format_args!("[{}, 1]", self.options.lift));
+        }
+        if let Some([photo, errors]) = self.verified.as_ref().and_then(|found| found.photo.as_ref()) {
+            let (errors, photo) = (errors.planes(), photo.planes());
+            page.fact("Standard error of the photo", relative_to(norm(&errors), &photo, &errors));
+        }
+        Ok(())
     }
 
-    fn pictures(&self, unit: &str) -> Result<Vec<(&'static str, Figure)>> {
+    /// The `.png` of the compensation holds the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, the observed
+    /// and the uncompensated photo share one exposure.
+    fn figures(&self, page: &mut AnswerPage<'_>) -> Result<Vec<Figure>> {
         let found = &self.found;
         let scale = exposure(&found.target);
-        let light = |image: &Image, caption: String| figure::light(image, scale, unit, caption);
-        let mut pictures = vec![
-            ("target", light(&found.target, "The target".into())?),
-            (
-                "observed",
-                light(&found.observed, format!("What is seen: residual {}", decimal(found.residual, 4)))?,
-            ),
-            (
-                "uncompensated",
-                light(
-                    &found.uncompensated,
-                    format!("Uncompensated: residual {}", decimal(found.uncompensated_residual, 4)),
-                )?,
-            ),
-            ("compensation", figure::pattern(&found.pattern, "What is projected")?),
+        let seen = format!("What is seen: residual {}", decimal(found.residual, 4));
+        let plain = format!("Uncompensated: residual {}", decimal(found.uncompensated_residual, 4));
+        let light = [
+            ("target", &found.target, "The target".to_owned()),
+            ("observed", &found.observed, seen),
+            ("uncompensated", &found.uncompensated, plain),
         ];
+        let mut figures = Vec::new();
+        for (name, image, caption) in light {
+            let figure = figure::light(image, scale, &page.unit, caption)?;
+            figures.push(figure.named(name, format!("{name}.npy")));
+        }
+        let pattern = figure::pattern(&found.pattern, "What is projected")?;
+        figures.push(pattern.named("compensation", "compensation.npy"));
         let errors = [&found.observed, &found.uncompensated].map(|photo| difference(photo, &found.target));
         let range = robust_range(&errors.concat(), None);
         let captions = ["Seen less the target", "Uncompensated less the target"];
         for ((error, caption), name) in errors.iter().zip(captions).zip(["error", "error-uncompensated"]) {
-            pictures.push((name, figure::signed(found.target.resolution(), error, range, unit, caption)?));
+            let figure = figure::signed(page.resolution, error, range, &page.unit, caption)?;
+            figures.push(figure.named(name, ""));
         }
-        let named = |(name, figure): (&'static str, Figure)| {
-            let file = if name.starts_with("error") { String::new() } else { format!("{name}.npy") };
-            let figure = figure.named(name, file);
-            let figure = match name {
-                "target" => figure.flipped_with(["observed", "uncompensated"]),
-                "observed" => figure.flipped_with(["target", "uncompensated"]),
-                "uncompensated" => figure.flipped_with(["target", "observed"]),
-                "error" => figure.flipped_with(["error-uncompensated"]),
-                _ => figure,
-            };
-            (name, figure)
-        };
-        Ok(pictures.into_iter().map(named).collect())
-    }
-
-    fn page(&self, run: &Run<'_>, figures: Vec<Figure>) -> Result<Report> {
-        let found = &self.found;
-        let mut more = vec![
-            ("Peak", format!("{} {}", decimal(found.peak, 5), run.unit)),
-            ("Photos before the method's", found.preparation.to_string()),
-        ];
-        let lift = self.options.lift;
-        more.extend((lift > 0.0).then(|| ("Target moved to", format!("[{lift}, 1]"))));
-        let checked = self.verified.as_ref().and_then(|found| found.photo.as_ref());
-        more.extend(checked.map(|[photo, errors]| {
-            let (errors, photo) = (errors.planes(), photo.planes());
-            ("Standard error of the photo", relative_to(norm(&errors), &photo, &errors).to_string())
-        }));
-        let mut sections = vec![Section {
-            title: "Seen and projected".into(),
-            text: "Photos are developed alike. Errors are of all channels together.".into(),
-            blocks: vec![Block::Figures(figures), similarity(self)],
-        }];
-        // An answer from a model has no photos, hence no convergence history.
-        if !found.history.is_empty() {
-            sections.push(convergence(self));
-        }
-        sections.extend(found.clamping.as_ref().map(|found| clamping(self, found)));
-        if !self.methods.is_empty() {
-            sections.push(compared(self));
-        }
-        sections.extend(run.photos(ORDER)?);
-        Ok(run.page((self.findings(), self.sentence()), found.photos, more, sections))
+        figure::flip(&mut figures, &["target", "observed", "uncompensated"]);
+        figure::flip(&mut figures, &["error", "error-uncompensated"]);
+        figures.iter().try_for_each(|figure| page.files.picture(&figure.name, figure))?;
+        Ok(figures)
     }
 }
-
-const ORDER: &str = "White comes first, then those that measure a preconditioner, if any, then those of the method; those that only show or compare (the result, the uncompensated target, other methods) come last.";
 
 /// The mean of `a − b` over the channels, for each pixel.
 fn difference(a: &Image, b: &Image) -> Vec<f64> {
@@ -125,7 +95,7 @@ fn rows(history: &[CompensationRow]) -> Vec<Row> {
     history.iter().map(|row| (row.photo, row.residual)).collect()
 }
 
-fn convergence(run: &Compensated) -> Section {
+fn convergence(run: &Compensated, page: &mut AnswerPage<'_>) {
     let found = &run.found;
     let (ours, theirs) = (rows(&found.history), rows(&found.baseline));
     let mut lines: Vec<(&str, &[Row])> = vec![(run.method(), &ours)];
@@ -142,15 +112,12 @@ fn convergence(run: &Compensated) -> Section {
         }
         None => "The least residual so far: what would be seen, had the photos ended there.",
     };
-    Section {
-        title: "Convergence".into(),
-        text: "Residuals are relative to the light of the target. The photos that show target and result, and those of the baseline, are not the method's and are not counted.".into(),
-        blocks: vec![residuals::plot("photos", &lines, marks, caption)],
-    }
+    let text = "Residuals are relative to the light of the target. The photos that show target and result, and those of the baseline, are not the method's and are not counted.";
+    page.section("Convergence", text, [residuals::plot("photos", &lines, marks, caption)]);
 }
 
 /// The residuals of an unconstrained method whose answers are clamped to the projector's range.
-fn clamping(run: &Compensated, clamping: &Clamping) -> Section {
+fn clamping(run: &Compensated, clamping: &Clamping, page: &mut AnswerPage<'_>) {
     let (own, displayed, boxed) =
         (rows(&run.found.history), rows(&clamping.displayed), rows(&clamping.boxed));
     let own_name = format!("{}, not clamped", run.method());
@@ -159,18 +126,15 @@ fn clamping(run: &Compensated, clamping: &Clamping) -> Section {
         [(&own_name, &own), (&name, &displayed), ("krylov-box, inside the range", &boxed)];
     let marks = vec![(clamping.uncompensated, "uncompensated".to_owned())];
     let caption = "The residual of what is seen after each photo. The first line cannot be projected.";
-    Section {
-        title: "What clamping does".into(),
-        text: clamping.warning().map_or_else(
-            || "The answer leaves what can be projected and is clamped; here that costs little.".into(),
-            |warning| format!("Warning: {warning}."),
-        ),
-        blocks: vec![residuals::plot("photos", &lines, marks, caption)],
-    }
+    let text = clamping.warning().map_or_else(
+        || "The answer leaves what can be projected and is clamped; here that costs little.".into(),
+        |warning| format!("Warning: {warning}."),
+    );
+    page.section("What clamping does", text, [residuals::plot("photos", &lines, marks, caption)]);
 }
 
 /// The residuals of every method at equal photo counts, and on a rig at equal frames.
-fn compared(run: &Compensated) -> Section {
+fn compared(run: &Compensated, page: &mut AnswerPage<'_>) {
     let methods = &run.methods;
     let marks = || vec![(run.found.uncompensated_residual, "uncompensated".to_owned())];
     let plot = |count: &str, histories: &[Vec<Row>], caption: &str| {
@@ -188,11 +152,8 @@ fn compared(run: &Compensated) -> Section {
         blocks.push(plot("frames", &frames, caption));
     }
     blocks.push(at_the_end(methods));
-    Section {
-        title: "Every method at equal photos".into(),
-        text: "All from the same white photo; the light that is seen is what counts.".into(),
-        blocks,
-    }
+    let text = "All from the same white photo; the light that is seen is what counts.";
+    page.section("Every method at equal photos", text, blocks);
 }
 
 /// The displayed residuals of a method over its frames; empty if photos are computed.
@@ -215,11 +176,7 @@ fn at_the_end(methods: &[MethodRun]) -> Block {
         ]
     };
     let headers = ["method", "photos", "frames", "seen", "before clamping", "SSIM"];
-    Block::Table {
-        headers: headers.map(String::from).into(),
-        rows: methods.iter().map(row).collect(),
-        caption: "Relative residuals at the end".into(),
-    }
+    Block::table(headers, methods.iter().map(row).collect(), "Relative residuals at the end")
 }
 
 fn similarity(run: &Compensated) -> Block {
@@ -227,14 +184,12 @@ fn similarity(run: &Compensated) -> Block {
     let row = |name: &str, residual: f64, similarity: &Similarity| {
         vec![name.to_owned(), decimal(residual, 4), format!("{:.2}", similarity.psnr), ssim(similarity)]
     };
-    Block::Table {
-        headers: ["", "relative residual", "PSNR, dB", "SSIM"].map(String::from).into(),
-        rows: vec![
-            row("compensated", found.residual, &found.similarity),
-            row("uncompensated", found.uncompensated_residual, &found.uncompensated_similarity),
-        ],
-        caption: "What is seen against the target; the data range is the peak".into(),
-    }
+    let rows = vec![
+        row("compensated", found.residual, &found.similarity),
+        row("uncompensated", found.uncompensated_residual, &found.uncompensated_similarity),
+    ];
+    let headers = ["", "relative residual", "PSNR, dB", "SSIM"];
+    Block::table(headers, rows, "What is seen against the target; the data range is the peak")
 }
 
 /// The content of `methods.csv`: the displayed residual of each method after each photo, and its frames (empty if photos are computed).

@@ -15,9 +15,10 @@ use crate::krylov::{
     self, Completeness, Confirm, EigsMethod, EigsOptions, HistoryRow, PairStatus, SingularOptions, Start,
     Which, eigs, singular,
 };
-use crate::lab::{Answer, Lab, LabOperator, RunFolder, SourceKind, Verb, Verified};
+use crate::lab::{Answer, Lab, LabOperator, SourceKind, Verb, Verified};
 use crate::operator::Operator;
 use crate::report::content::Content;
+use crate::report::run::AnswerPage;
 use crate::transport::Part;
 
 pub use pairs::Eigenpairs;
@@ -311,6 +312,10 @@ impl Answer for Spectrum {
         Eigs::NAME
     }
 
+    fn title(&self) -> &'static str {
+        self.inner().title()
+    }
+
     fn photos(&self) -> usize {
         self.inner().photos()
     }
@@ -334,7 +339,7 @@ impl Answer for Spectrum {
         }
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        self.inner().write(lab, run, seconds)
+    fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        self.inner().show(lab, page)
     }
 }

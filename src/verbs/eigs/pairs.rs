@@ -6,14 +6,13 @@ use super::{Eigs, converged, history, in_words, missing, shape};
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::Finding;
-use crate::image::{Image, Resolution};
-use crate::io::exr;
+use crate::image::Resolution;
 use crate::krylov;
 use crate::lab::text::{percent, rounded, signed, with_error};
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
-use crate::report::html::{Block, Report, Section};
-use crate::report::run::{Files, Run};
+use crate::report::html::{Block, Figure};
+use crate::report::run::AnswerPage;
 use crate::report::spectrum;
 use crate::transport::Part;
 
@@ -81,63 +80,20 @@ impl Eigenpairs {
         }
     }
 
-    fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
-        let mut files = Files::of(run.folder, &self.content())?;
-        let mut pictures = Vec::new();
-        if let Some(size) = self.size {
-            let layers = spectrum::layers(size, &self.found.vectors)?;
-            let layers: Vec<(&str, &Image)> =
-                layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
-            exr::write_exr(&files.path("eigenvectors.exr"), &layers)?;
-            pictures = spectrum::pictures(size, &self.found.vectors, &self.found.values, None, None)?;
-            for (name, figure) in &pictures {
-                files.picture(name, figure)?;
-            }
-        }
-        let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        files.finish(self.page(run, Block::Figures(figures))?)
-    }
-
-    fn page(&self, run: &Run<'_>, figures: Block) -> Result<Report> {
-        let found = &self.found;
-        let sentence =
-            format!("{} photos: {}; {}.", found.stats.products, found.stats.status, found.completeness);
-        let statuses = in_words(&found.statuses).into_iter().map(String::from).collect();
-        let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
-        let mut columns = vec![("error at most", bounds), ("verdict", statuses)];
-        if !self.estimates.is_empty() {
-            let of_scene = |of: &EigenpairEstimate| with_error(of.value, of.standard_error);
-            columns.insert(0, ("of the scene", self.estimates.iter().map(of_scene).collect()));
-        }
-        if self.is_complex() {
-            let imaginary = found.imaginary_values.iter().map(|&value| signed(value, 6) + " i").collect();
-            columns.insert(0, ("imaginary part", imaginary));
-        }
-        let mut sections = Vec::new();
-        if self.size.is_some() {
-            sections.push(Section {
-                title: "Eigenvectors".into(),
-                text: "Signed images of norm 1. Projected (as far as signs can be), each would come back as a photo of itself.".into(),
-                blocks: vec![figures],
-            });
-        }
-        sections.push(Section {
-            title: "Spectrum and convergence".into(),
-            text: sentence.clone(),
-            blocks: vec![
-                spectrum::stems(&found.values, &found.residuals, "Eigenvalues; bars are residual norms."),
-                spectrum::convergence(&found.history, 1),
-                spectrum::table((&found.values, &found.standard_errors), &found.residuals, &columns),
-            ],
-        });
-        sections.extend(run.photos("")?);
-        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
+    fn figures(&self, size: Resolution, page: &mut AnswerPage<'_>) -> Result<Vec<Figure>> {
+        spectrum::write_layers(page, spectrum::layers(size, &self.found.vectors)?)?;
+        let pictures = spectrum::pictures(size, &self.found.vectors, &self.found.values, None, None)?;
+        pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect()
     }
 }
 
 impl Answer for Eigenpairs {
     fn verb(&self) -> &'static str {
         Eigs::NAME
+    }
+
+    fn title(&self) -> &'static str {
+        "eigenpairs"
     }
 
     fn photos(&self) -> usize {
@@ -211,9 +167,35 @@ impl Answer for Eigenpairs {
         Ok(Some(Verified { estimates: verified.estimates, ..verified.verification.into() }))
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let run = lab.page("eigenpairs", run, seconds);
-        let strip = run.strip.filter(|_| self.size.is_some());
-        self.write_page(&Run { strip, ..run })
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        let found = &self.found;
+        page.sentence =
+            format!("{} photos: {}; {}.", found.stats.products, found.stats.status, found.completeness);
+        match self.size {
+            None => page.strip = None,
+            Some(size) => {
+                let figures = self.figures(size, page)?;
+                let text = "Signed images of norm 1. Projected (as far as signs can be), each would come back as a photo of itself.";
+                page.section("Eigenvectors", text, [Block::Figures(figures)]);
+            }
+        }
+        let statuses = in_words(&found.statuses).into_iter().map(String::from).collect();
+        let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
+        let mut columns = vec![("error at most", bounds), ("verdict", statuses)];
+        if !self.estimates.is_empty() {
+            let of_scene = |of: &EigenpairEstimate| with_error(of.value, of.standard_error);
+            columns.insert(0, ("of the scene", self.estimates.iter().map(of_scene).collect()));
+        }
+        if self.is_complex() {
+            let imaginary = found.imaginary_values.iter().map(|&value| signed(value, 6) + " i").collect();
+            columns.insert(0, ("imaginary part", imaginary));
+        }
+        let blocks = [
+            spectrum::stems(&found.values, &found.residuals, "Eigenvalues; bars are residual norms."),
+            spectrum::convergence(&found.history, 1),
+            spectrum::table((&found.values, &found.standard_errors), &found.residuals, &columns),
+        ];
+        page.section("Spectrum and convergence", page.sentence.clone(), blocks);
+        page.contact_sheet("")
     }
 }

@@ -6,10 +6,10 @@ use crate::finding::{Finding, decimal};
 use crate::image::Resolution;
 use crate::krylov::Singular;
 use crate::lab::text::{percent, rounded, with_error};
-use crate::lab::{Answer, Lab, RunFolder, Verb};
+use crate::lab::{Answer, Lab, Verb};
 use crate::report::content::Content;
-use crate::report::html::{Block, Figure, Report, Section};
-use crate::report::run::{Files, Run};
+use crate::report::html::{Block, Figure};
+use crate::report::run::AnswerPage;
 use crate::report::spectrum;
 
 /// Singular triplets, with the number that was wanted.
@@ -48,63 +48,37 @@ impl SingularTriplets {
         }
     }
 
-    fn write_page(&self, run: &Run<'_>) -> Result<Vec<String>> {
-        let mut files = Files::of(run.folder, &self.content())?;
+    /// The patterns and their photos.
+    fn figures(
+        &self,
+        [of_photos, of_patterns]: [Resolution; 2],
+        page: &mut AnswerPage<'_>,
+    ) -> Result<Vec<Figure>> {
         let found = &self.found;
+        let sides =
+            [(of_patterns, "pattern", "right", &found.right), (of_photos, "photo", "left", &found.left)];
         let mut figures = Vec::new();
-        for (side, what, file, vectors) in
-            [(1, "pattern", "right", &found.right), (0, "photo", "left", &found.left)]
-        {
-            let Some(size) = self.sizes.map(|sizes| sizes[side]) else { continue };
+        for (size, what, file, vectors) in sides {
             let pictures = spectrum::pictures(size, vectors, &found.values, None, None)?;
             for (index, (_, figure)) in pictures.into_iter().enumerate() {
-                let figure = figure
-                    .named(format!("{what} {}", index + 1), format!("{file}-vectors.npy[{index}]"))
-                    .in_series(what);
-                let caption = format!("{what} {}: σ = {}", index + 1, decimal(found.values[index], 5));
-                let figure = Figure { caption, ..figure };
-                files.picture(&format!("{file}-{:02}", index + 1), &figure)?;
-                figures.push(figure);
+                let name = format!("{what} {}", index + 1);
+                let caption = format!("{name}: σ = {}", decimal(found.values[index], 5));
+                let figure = figure.named(name, format!("{file}-vectors.npy[{index}]")).in_series(what);
+                let file = format!("{file}-{:02}", index + 1);
+                figures.push(page.picture(&file, Figure { caption, ..figure })?);
             }
         }
-        files.finish(self.page(run, figures)?)
-    }
-
-    fn page(&self, run: &Run<'_>, figures: Vec<Figure>) -> Result<Report> {
-        let found = &self.found;
-        let sentence = format!(
-            "{} photos there and back: {}; {}.",
-            found.stats.products, found.stats.status, found.completeness
-        );
-        let mut sections = Vec::new();
-        if !figures.is_empty() {
-            sections.push(Section {
-                title: "Patterns and their photos".into(),
-                text: "Signed images of norm 1. Each pattern (right singular vector), projected as far as signs can be, comes back as its photo (left singular vector), σ times as bright; the photo, projected by the exchanged devices, comes back as the pattern.".into(),
-                blocks: vec![Block::Figures(figures)],
-            });
-        }
-        sections.push(Section {
-            title: "Singular values and convergence".into(),
-            text: sentence.clone(),
-            blocks: vec![
-                spectrum::stems(&found.values, &found.residuals, "Singular values; bars are residual norms."),
-                spectrum::convergence(&found.history, 1),
-                spectrum::table(
-                    (&found.values, &found.standard_errors),
-                    &found.residuals,
-                    &[("verdict", in_words(&found.statuses).into_iter().map(String::from).collect())],
-                ),
-            ],
-        });
-        sections.extend(run.photos("")?);
-        Ok(run.page((self.findings(), sentence), found.stats.products, [], sections))
+        Ok(figures)
     }
 }
 
 impl Answer for SingularTriplets {
     fn verb(&self) -> &'static str {
         Eigs::NAME
+    }
+
+    fn title(&self) -> &'static str {
+        "singular values"
     }
 
     fn photos(&self) -> usize {
@@ -145,7 +119,28 @@ impl Answer for SingularTriplets {
         vec![converged("singular values", &self.found.statuses, self.wanted, self.is_strict)]
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        self.write_page(&lab.page("singular values", run, seconds))
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        let found = &self.found;
+        page.sentence = format!(
+            "{} photos there and back: {}; {}.",
+            found.stats.products, found.stats.status, found.completeness
+        );
+        if let Some(sizes) = self.sizes {
+            let figures = self.figures(sizes, page)?;
+            let text = "Signed images of norm 1. Each pattern (right singular vector), projected as far as signs can be, comes back as its photo (left singular vector), σ times as bright; the photo, projected by the exchanged devices, comes back as the pattern.";
+            page.section("Patterns and their photos", text, [Block::Figures(figures)]);
+        }
+        let statuses = in_words(&found.statuses).into_iter().map(String::from).collect();
+        let blocks = [
+            spectrum::stems(&found.values, &found.residuals, "Singular values; bars are residual norms."),
+            spectrum::convergence(&found.history, 1),
+            spectrum::table(
+                (&found.values, &found.standard_errors),
+                &found.residuals,
+                &[("verdict", statuses)],
+            ),
+        ];
+        page.section("Singular values and convergence", page.sentence.clone(), blocks);
+        page.contact_sheet("")
     }
 }

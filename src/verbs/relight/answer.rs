@@ -10,10 +10,10 @@ use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit, SavedModel};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::lab::text::{self, decimal};
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
 use crate::report::planes::percent;
-use crate::report::run::Run;
+use crate::report::run::AnswerPage;
 
 /// A captured model and its answers.
 #[derive(Clone, Debug)]
@@ -154,6 +154,10 @@ impl Answer for Relighting {
         Relight::NAME
     }
 
+    fn title(&self) -> &'static str {
+        "low-rank light transport"
+    }
+
     fn photos(&self) -> usize {
         self.photos
     }
@@ -206,16 +210,16 @@ impl Answer for Relighting {
         Ok(lab.verify_relighting(&self.model, &self.relit)?.map(Verified::from))
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let mut files = match &self.place {
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        let folder = page.files.folder;
+        page.files.names.extend(match &self.place {
             ModelPlace::Source => Vec::new(),
-            ModelPlace::Folder(folder, files) if *folder == run.path => files.clone(),
-            ModelPlace::Folder(..) | ModelPlace::Memory => self.model.write(&run.answer)?,
-        };
-        let run = lab.page("", run, seconds);
-        let title = format!("{} · low-rank light transport", self.model.source);
-        let strip = run.strip.filter(|_| self.photos > 0);
-        files.extend(self.write_page(&Run { title, unit: &self.model.unit, strip, ..run })?);
-        Ok(files)
+            ModelPlace::Folder(run, files) if folder.parent() == Some(run) => files.clone(),
+            ModelPlace::Folder(..) | ModelPlace::Memory => self.model.write(folder)?,
+        });
+        page.title = format!("{} · {}", self.model.source, self.title());
+        page.unit.clone_from(&self.model.unit);
+        page.strip.take_if(|_| self.photos == 0);
+        self.show_on(page)
     }
 }

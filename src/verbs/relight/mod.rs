@@ -14,7 +14,7 @@ use crate::analysis::planes::{Planes, difference};
 use crate::error::{Error, Result};
 use crate::image::{Image, LUMINANCE, Resolution};
 use crate::io::picture;
-use crate::lab::{ChannelChoice, Lab, LabOperator, SourceKind, Verb};
+use crate::lab::{ChannelChoice, GivenArray, Lab, LabOperator, SourceKind, Verb};
 use crate::transport::{Channels, Part};
 
 use answer::ModelPlace;
@@ -22,7 +22,7 @@ pub use answer::Relighting;
 
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
-/// The run's folder keeps the model. Given as SOURCE, it relights with other patterns without any photo, and without a
+/// The run's folder keeps the model. GivenArray as SOURCE, it relights with other patterns without any photo, and without a
 /// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal
 /// (a rough one of `eigs` without `--part global`, whose photos go to direct light).
 #[derive(Clone, Debug, clap::Args, Serialize, Deserialize)]
@@ -115,6 +115,17 @@ impl Verb for Relight {
         check_vectors("--block", self.block(), lab.projector_resolution().pixels())?;
         // An unusable file is reported before anything is traced.
         self.questions_to(lab).map(drop)
+    }
+
+    /// Takes `patterns`, `duals` and `photographs` in place of files.
+    fn give(&mut self, given: GivenArray) -> Result<()> {
+        let (questions, image) = (self.questions.get_or_insert_default(), given.image()?);
+        match given.field.as_str() {
+            "duals" => questions.duals.push((given.name, image)),
+            "photographs" => questions.photographs.push((given.name, image.planes())),
+            _ => questions.patterns.push((given.name, image)),
+        }
+        Ok(())
     }
 
     /// Captures the light transport and asks the model, or asks the model of the source without a photo. A captured model is written into

@@ -9,8 +9,9 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Resolution;
 use crate::lab::text::{decimal, rounded, with_error};
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
+use crate::report::run::AnswerPage;
 use crate::transport::Part;
 
 /// The groups, with the further results that were requested.
@@ -272,6 +273,10 @@ impl Answer for Segmented {
         Segment::NAME
     }
 
+    fn title(&self) -> &'static str {
+        "light transport segmentation"
+    }
+
     fn photos(&self) -> usize {
         let direct = self.direct.as_ref().map_or(0, |direct| direct.photos);
         let evidence: usize = self.evidence.iter().map(|evidence| evidence.photos.len()).sum();
@@ -319,8 +324,7 @@ impl Answer for Segmented {
         Ok(Some(Verified { estimates: self.estimates.clone(), ..verified.verification.into() }))
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let white = lab.white()?;
-        self.write_page(&white, &lab.page("light transport segmentation", run, seconds))
+    fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        self.show_on(&lab.white()?, page)
     }
 }

@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use crate::analysis::{FeatureView, Segmentation};
 use crate::finding::decimal;
-use crate::report::html::{Block, Section};
+use crate::report::html::Block;
 use crate::report::palette::Palette;
+use crate::report::run::AnswerPage;
 use crate::report::scatter::ScatterPlot;
 
 /// The maximum number of points in a plot. More points would overlap and enlarge the page.
@@ -41,16 +42,12 @@ pub(super) fn csv(view: &FeatureView) -> String {
     text + "\n"
 }
 
-pub(super) fn section(found: &Segmentation, view: &FeatureView, palette: &Palette) -> Section {
+pub(super) fn show(found: &Segmentation, view: &FeatureView, palette: &Palette, page: &mut AnswerPage<'_>) {
     let mut blocks: Vec<Block> =
         [[0, 1], [2, 3]].into_iter().filter_map(|axes| scatter(found, view, palette, axes)).collect();
-    blocks.push(coordinates(view));
-    blocks.push(distances(view));
-    Section {
-        title: "Pixels in the space of eigenvectors".into(),
-        text: "A pixel's coordinates are its values in the eigenvectors, each over √(1 − λ). Pixels that exchange much light lie close together, however far apart they are in the picture; these are the points that the groups are made of.".into(),
-        blocks,
-    }
+    blocks.extend([coordinates(view), distances(view)]);
+    let text = "A pixel's coordinates are its values in the eigenvectors, each over √(1 − λ). Pixels that exchange much light lie close together, however far apart they are in the picture; these are the points that the groups are made of.";
+    page.section("Pixels in the space of eigenvectors", text, blocks);
 }
 
 /// A scatter plot over two eigenvectors. Index 0 is the second eigenvector.
@@ -92,24 +89,22 @@ fn coordinates(view: &FeatureView) -> Block {
         cells
     };
     let headers = ["pixel", "column", "row"].into_iter().map(String::from);
-    Block::Table {
-        headers: headers.chain((0..count).map(|index| format!("u{}", index + 2))).collect(),
-        rows: view.pixels.iter().zip(&view.coordinates).enumerate().map(row).collect(),
-        caption: "Coordinates of the chosen pixels, also in features.csv".into(),
-    }
+    Block::table(
+        headers.chain((0..count).map(|index| format!("u{}", index + 2))),
+        view.pixels.iter().zip(&view.coordinates).enumerate().map(row).collect(),
+        "Coordinates of the chosen pixels, also in features.csv",
+    )
 }
 
 fn distances(view: &FeatureView) -> Block {
     let row = |(index, distances): (usize, &Vec<f64>)| {
         std::iter::once(name(index)).chain(distances.iter().map(|&value| decimal(value, 3))).collect()
     };
-    Block::Table {
-        headers: std::iter::once(String::new()).chain((0..view.pixels.len()).map(name)).collect(),
-        rows: view.distances.iter().enumerate().map(row).collect(),
-        caption:
-            "Distances between them, in units of the root mean square distance of all pixels from the origin"
-                .into(),
-    }
+    Block::table(
+        std::iter::once(String::new()).chain((0..view.pixels.len()).map(name)),
+        view.distances.iter().enumerate().map(row).collect(),
+        "Distances between them, in units of the root mean square distance of all pixels from the origin",
+    )
 }
 
 #[cfg(test)]

@@ -9,9 +9,10 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Resolution;
 use crate::lab::text::{self, decimal};
-use crate::lab::{Answer, Lab, RunFolder, Verb, Verified};
+use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
 use crate::report::planes::percent;
+use crate::report::run::AnswerPage;
 
 /// Direct and global light under white, with the further results that were requested.
 #[derive(Clone, Debug)]
@@ -146,6 +147,10 @@ impl Answer for Separated {
         Separate::NAME
     }
 
+    fn title(&self) -> &'static str {
+        "direct and global light"
+    }
+
     /// The number of photos of the method and of the separation of near from far.
     fn photos(&self) -> usize {
         self.photos + self.near_far.as_ref().map_or(0, |near_far| near_far.photos)
@@ -225,7 +230,7 @@ impl Answer for Separated {
         Ok(lab.verify_separation(&self.direct, &self.global, error)?.map(Verified::from))
     }
 
-    fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        self.write_page(&lab.page("direct and global light", run, seconds))
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        self.show_on(page)
     }
 }

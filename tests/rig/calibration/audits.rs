@@ -1,6 +1,6 @@
 //! Audits of virtual rigs: each fault is named with its value, and nothing else is.
 
-use krylux::bench::audit::{Audit, AuditOptions, Exact, audit};
+use krylux::bench::audit::{AuditOptions, AuditReport, Exact, audit};
 use krylux::calibrate::CalibrateOptions;
 use krylux::finding::Grade;
 use krylux::image::Resolution;
@@ -13,7 +13,12 @@ use super::{calibrated, realistic};
 
 const SIZE: Resolution = Resolution { width: 32, height: 32 };
 
-fn audited(rig: &VirtualRig, scene: &Folded, calibration: Calibration, options: MeasureOptions) -> Audit {
+fn audited(
+    rig: &VirtualRig,
+    scene: &Folded,
+    calibration: Calibration,
+    options: MeasureOptions,
+) -> AuditReport {
     let bench = rig.open(Box::new(scene.clone()), None).expect("the scene fits its rig");
     let settle = calibration.stability.settle;
     let frames = Box::new(LiveFrames::new(bench, settle, 5));
@@ -25,12 +30,12 @@ fn ideal(rig: &VirtualRig) -> Calibration {
     Calibration::ideal(&rig.projector_info(), &rig.camera_info())
 }
 
-fn failed(audit: &Audit) -> Vec<&str> {
+fn failed(audit: &AuditReport) -> Vec<&str> {
     audit.checks.iter().for_each(|check| println!("{check}"));
     audit.checks.iter().filter(|check| check.grade == Grade::Fails).map(|check| &*check.name).collect()
 }
 
-fn figure(audit: &Audit, name: &str) -> f64 {
+fn figure(audit: &AuditReport, name: &str) -> f64 {
     audit.checks.iter().find(|check| check.name == name).and_then(|check| check.value).unwrap_or(f64::NAN)
 }
 

@@ -1,0 +1,196 @@
+//! A linear system from files, so that the solvers can be compared with others.
+
+use std::borrow::Cow;
+use std::cmp::Ordering;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::options::{count, defaults, method, number};
+use crate::error::{Error, Result};
+use crate::finding::{Finding, Grade};
+use crate::io::npy;
+use crate::krylov::{Method, Solution, SolveOptions, Status, solve_adjoint};
+use crate::lab::{Answer, GivenArray, Lab, Verb};
+use crate::report::content::Content;
+use crate::report::residuals::{self, Row};
+use crate::report::run::AnswerPage;
+use crate::transport::Part;
+
+/// Solve A x = b for a matrix and a right-hand side from files
+#[derive(Clone, Debug, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(after_help = "Example:\n  krylux solve matrix.npz photo.npy --method minres -o out/solved")]
+pub struct Solve {
+    /// The right-hand side: an .npy file with as many numbers as the matrix has rows, in any shape
+    #[arg(value_name = "RHS", required = true)]
+    pub rhs: Option<PathBuf>,
+    /// The method: minres, gmres, fgmres, cg, cgs, bicgstab, lsqr, lsmr; inside a box: jacobi, fista, krylov-box; not
+    /// negative: mrnsd, multiplicative
+    #[arg(long, value_name = "NAME", default_value = "gmres", value_parser = method)]
+    pub method: Method,
+    /// Products with the matrix or its transpose at most
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = count::<usize>)]
+    pub photos: usize,
+    /// Done when |b − A x| is at most this share of |b|
+    #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = number::<f64>)]
+    pub rtol: f64,
+    /// The box's lower bound, for methods inside a box
+    #[arg(long, value_name = "X", default_value_t = 0.0, value_parser = number::<f64>)]
+    pub lower: f64,
+    /// The box's upper bound, for methods inside a box
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = number::<f64>)]
+    pub upper: f64,
+    /// The right-hand side that a program has in memory, in place of `rhs`.
+    #[arg(skip)]
+    #[serde(skip)]
+    pub values: Option<Vec<f64>>,
+}
+
+impl Default for Solve {
+    fn default() -> Self {
+        defaults()
+    }
+}
+
+impl Solve {
+    /// The right-hand side, with an entry for each row of the matrix.
+    fn right_hand_side(&self, rows: usize) -> Result<Cow<'_, [f64]>> {
+        let (values, path) = match (&self.values, &self.rhs) {
+            (Some(values), _) => (Cow::Borrowed(values.as_slice()), PathBuf::from("RHS")),
+            (None, Some(path)) => (Cow::Owned(npy::read_npy(path)?.values), path.clone()),
+            (None, None) => {
+                return Err(Error::option("RHS", "there is no right-hand side").help("name its file"));
+            }
+        };
+        if values.len() == rows {
+            return Ok(values);
+        }
+        let fault = format!("it has {} numbers, but the matrix has {rows} rows", values.len());
+        Err(Error::data(path, fault).help("give a right-hand side that belongs to this matrix"))
+    }
+}
+
+impl Verb for Solve {
+    const NAME: &'static str = "solve";
+    const IS_CHECKED: bool = false;
+    type Answer = Solved;
+
+    fn check(&self) -> Result<()> {
+        if self.lower.partial_cmp(&self.upper) == Some(Ordering::Less) {
+            return Ok(());
+        }
+        let fault = format!("{} is not below --upper {}", self.lower, self.upper);
+        Err(Error::option("--lower", fault).help("give a lower bound below the upper one"))
+    }
+
+    fn check_on(&self, lab: &Lab) -> Result<()> {
+        self.right_hand_side(lab.resolution().pixels()).map(drop)
+    }
+
+    fn give(&mut self, given: GivenArray) -> Result<()> {
+        self.values = Some(given.values);
+        Ok(())
+    }
+
+    /// Solves with the first channel's matrix.
+    fn answer(&self, lab: &mut Lab) -> Result<Solved> {
+        let rhs = self.right_hand_side(lab.resolution().pixels())?;
+        let options = SolveOptions {
+            products: self.photos,
+            rtol: self.rtol,
+            lower: self.lower,
+            upper: self.upper,
+            ..SolveOptions::default()
+        };
+        let mut operator = lab.operator(Part::Full)?;
+        lab.expect(options.products);
+        let found = lab.photos(|_| solve_adjoint(self.method, &mut operator, &rhs, &options))?;
+        let file = lab.run().map(|run| run.path.join("solution.npy"));
+        Ok(Solved { found, method: self.method, file })
+    }
+}
+
+/// A solution and the method that found it.
+#[derive(Clone, Debug)]
+pub struct Solved {
+    /// The solution.
+    pub found: Solution,
+    /// The method.
+    pub method: Method,
+    /// The file of the solution in the open run.
+    pub file: Option<PathBuf>,
+}
+
+impl Solved {
+    /// Whether the solution is as good as requested, or as good as possible.
+    pub fn is_good(&self) -> bool {
+        matches!(
+            self.found.stats.status,
+            Status::ReachedTolerance
+                | Status::NoiseFloor
+                | Status::SpaceExhausted
+                | Status::LeastSquares
+                | Status::ConstrainedOptimum
+        )
+    }
+}
+
+impl Answer for Solved {
+    fn verb(&self) -> &'static str {
+        Solve::NAME
+    }
+
+    fn title(&self) -> &'static str {
+        "linear system"
+    }
+
+    fn photos(&self) -> usize {
+        self.found.stats.products
+    }
+
+    fn sentence(&self) -> String {
+        format!("{} products: {}", self.found.stats.products, self.found.stats.status)
+    }
+
+    fn content(&self) -> Content<'_> {
+        let (mut content, found) = (Content::default(), &self.found);
+        content.array("solution", &[found.x.len()], &found.x);
+        let history = &found.history;
+        let residuals: Vec<f64> = history.iter().map(|row| row.residual).collect();
+        content.attribute("history", &[history.len()], residuals);
+        content.attribute("best", &[history.len()], history.iter().map(|row| row.best).collect::<Vec<_>>());
+        content.attribute("residual", &[], vec![found.residual]);
+        content.fact("products", found.stats.products);
+        content.fact("status", found.stats.status.to_string());
+        content.fact("relative_residual", found.residual);
+        content.detail("ended", found.stats.status.to_string());
+        content.line(format_args!("products  {}: {}", found.stats.products, found.stats.status));
+        content.line(format_args!("residual  {:.3e} of the right-hand side", found.residual));
+        if let Some(file) = &self.file {
+            content.line(format_args!("solution  {}", file.display()));
+        }
+        content
+    }
+
+    /// The quality of the solution.
+    fn findings(&self) -> Vec<Finding> {
+        let grade = if self.is_good() { Grade::Ok } else { Grade::Fails };
+        let status = self.found.stats.status.to_string();
+        vec![Finding::graded("solution", grade, status, "a residual within --rtol", "give more --photos")]
+    }
+
+    fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
+        let (found, method) = (&self.found, self.method.facts().name);
+        let history: Vec<Row> = found.history.iter().map(|row| (row.products, row.residual)).collect();
+        page.files.text("residuals.csv", &residuals::csv("products", &history))?;
+        let caption = "The residual of each iterate, as the method knows it: no product is spent on it.";
+        let plot = residuals::plot("products", &[(method, &history)], Vec::new(), caption);
+        page.section("Convergence", "", [plot]);
+        page.sentence = format!(
+            "{} products by {method}: {}. The residual is {:.3e} of the right-hand side.",
+            found.stats.products, found.stats.status, found.residual
+        );
+        Ok(())
+    }
+}
