@@ -90,23 +90,3 @@ class Asking:
         tolerance: float = 0.01,
         asymmetry: float = 0.1,
     ) -> answers.Audit: ...
-    # Wrappers, by hand.
-    def singular(
-        self,
-        count: int = 6,
-        *,
-        part: Literal["full", "direct", "global"] = "full",
-        photos: int | None = None,
-        tolerance: float | None = None,
-        confirm: float | None = None,
-    ) -> answers.SingularTriplets: ...
-    def solve(
-        self,
-        b: ArrayLike,
-        *,
-        method: str = "minres",
-        photos: int = 50,
-        rtol: float = 1e-6,
-        lower: float = 0.0,
-        upper: float = 1.0,
-    ) -> answers.Solution: ...

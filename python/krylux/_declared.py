@@ -32,18 +32,18 @@ def _declared():
 
 def ask(lab, verb, options, arrays=()):
     """The answer of a verb. ``arrays`` are ``(field, name, array)`` in place of files."""
-    arrays = [(field, name, np.ascontiguousarray(array, np.float64)) for field, name, array in arrays]
-    answered = lab._native.ask(verb, asked(options), arrays)
-    kind = answers.SingularTriplets if options.get("singular", False) else _ANSWERS.get(verb, answers.Answer)
-    return kind(*answered, lab)
+    kind = answers.SingularTriplets if options.get("singular", False) else _ANSWERS[verb]
+    return kind(*lab._native.ask(verb, asked(options), arrays), lab)
 
 
 def _method(cls, verb, about, parameters):
-    signature = inspect.Signature([inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD), *(
-        inspect.Parameter(name, _kind(index), default=_default(default))
-        for index, (name, default, _, _) in enumerate(parameters)
-    )])
-
+    keyword, place = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    # The first parameter may be given without its name.
+    parameters_of = [inspect.Parameter("self", place), *(
+        inspect.Parameter(name, keyword if index else place, default=_default(default), annotation=kind)
+        for index, (name, default, kind, _) in enumerate(parameters)
+    )]
+    signature = inspect.Signature(parameters_of, return_annotation=f"answers.{_ANSWERS[verb].__name__}")
     named = [name for name, _, kind, _ in parameters if kind.startswith("ArrayLike")]
 
     def method(*arguments, **options):
@@ -52,7 +52,7 @@ def _method(cls, verb, about, parameters):
 
     method.__name__, method.__qualname__, method.__module__ = verb, f"{cls.__qualname__}.{verb}", cls.__module__
     method.__signature__ = signature
-    method.__doc__ = _documentation(verb, about, parameters)
+    method.__doc__ = _documentation(about, parameters)
     return method
 
 
@@ -71,21 +71,16 @@ def asked(options):
     return {name: _checks.as_json(name, value) for name, value in options.items() if value is not None}
 
 
-def _kind(index):
-    """The first parameter may be given without its name."""
-    return inspect.Parameter.KEYWORD_ONLY if index else inspect.Parameter.POSITIONAL_OR_KEYWORD
-
-
 def _default(text):
     value = json.loads(text)
     return tuple(value) if isinstance(value, list) else value
 
 
-def _documentation(verb, about, parameters):
-    lines = [f"{about}.", "", "Parameters", "----------"]
-    for name, _, kind, text in parameters:
-        lines += [f"{name} : {kind}", textwrap.fill(f"{text}.", 110, initial_indent="    ", subsequent_indent="    ")]
-    return "\n".join([*lines, "", "Returns", "-------", f"krylux.answers.{_ANSWERS.get(verb, answers.Answer).__name__}", ""])
+def _documentation(about, parameters):
+    lines = [f"{about}.", "", "Args:"]
+    lines += [textwrap.fill(f"{name}: {text}.", 110, initial_indent="    ", subsequent_indent="        ")
+              for name, _, _, text in parameters]
+    return "\n".join([*lines, ""])
 
 
 def stub():
@@ -96,5 +91,5 @@ def stub():
         for index, (name, default, kind, _) in enumerate(parameters):
             lines += ["        *,"] if index == 1 else []
             lines.append(f"        {name}: {kind} = {_default(default)!r},".replace("'", '"'))
-        lines.append(f"    ) -> answers.{_ANSWERS.get(verb, answers.Answer).__name__}: ...")
+        lines.append(f"    ) -> answers.{_ANSWERS[verb].__name__}: ...")
     return "\n".join(lines) + "\n"

@@ -48,8 +48,8 @@ class Answer:
     def __init__(
         self, arrays: dict[str, Any], facts: dict[str, Any], native: _krylux.Answer | None = None, lab: _Lab | None = None
     ) -> None:
-        self.__dict__.update(facts | arrays)
-        self.__dict__.update({name: self.__dict__[of] for name, of in self._names.items() if of in self.__dict__})
+        self.__dict__.update(facts | {name.replace("-", "_"): array for name, array in arrays.items()})
+        self.__dict__.update({name: self.__dict__[of] for name, of in self._names.items()})
         if isinstance(self.__dict__.get("history"), list):
             self.history: Any = [tuple(row) for row in facts["history"]]
         self._native = native
@@ -276,8 +276,8 @@ class SingularTriplets(Answer):
     history: _History
     _title = "Singular values"
     _names = {
-        "values": "singular-values", "standard_errors": "standard-errors", "patterns": "right-vectors",
-        "photographs": "left-vectors", "completeness": "completeness_in_words",
+        "values": "singular_values", "patterns": "right_vectors", "photographs": "left_vectors",
+        "completeness": "completeness_in_words",
     }
 
     def _sentence(self) -> str:
@@ -472,7 +472,6 @@ class Audit(Answer):
     white: _Floats | None = None
     direct_share: _Floats | None = None
     additivity: _Floats | None = None
-    _names = {"direct_share": "direct-share"}
 
     def _figures(self) -> Iterable[str]:
         yield _display.table([check[cell] for cell in ("name", "grade", "found")] for check in self.checks)

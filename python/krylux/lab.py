@@ -58,7 +58,7 @@ class Lab(Asking):
     def _hold(self, native: _krylux.Lab) -> None:
         self._native = native
         self._matrices: weakref.WeakValueDictionary[tuple[str, int], _krylux.Matrix] = weakref.WeakValueDictionary()
-        (self.kind, self.name, self.shape, self.projector_shape, self.channels, self.unit, self.seed) = native.describe()
+        self.kind, self.name, self.shape, self.projector_shape, self.channels, self.unit, self.seed = native.describe()
 
     @overload
     def photo(self, pattern: ArrayLike, *, with_error: Literal[False] = False) -> NDArray[np.float32]: ...
@@ -179,6 +179,31 @@ class Lab(Asking):
         native = self._native.operator(part, _checks.count(channel, "channel", 0))
         return LabOperator(native, part, channel, self.shape, self.projector_shape)
 
+    def singular(self, count: int = 6, *, part: _Part = "full", photos: int | None = None, tolerance: float | None = None,
+                 confirm: float | None = None) -> answers.SingularTriplets:
+        """Computes singular values of one part of the light transport matrix: :meth:`eigs` with ``singular=True``.
+
+        References: Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix*, 1965.
+        """
+        options = {"part": part, "photos": photos, "tolerance": tolerance, "confirm": confirm, "singular": True}
+        return _declared.ask(self, "eigs", {"count": count, **options})
+
+    def solve(self, b: ArrayLike, *, method: str = "minres", photos: int = 50, rtol: float = 1e-6, lower: float = 0.0,
+              upper: float = 1.0) -> answers.Solution:
+        """Solves ``A x = b`` with the matrix of the first channel.
+
+        Args:
+            b: An entry for each pixel of a photo.
+            method: A name of ``krylux solve --method``, such as ``"minres"``, ``"gmres"``, ``"lsqr"`` or
+                ``"krylov-box"``.
+            photos: Products to take at most.
+            rtol: Done when ``‖b − A x‖ ≤ rtol ‖b‖``.
+            lower, upper: The box of the methods that keep one.
+        """
+        options = {"method": method, "photos": photos, "rtol": rtol, "lower": lower, "upper": upper}
+        rhs = _checks.vector(b, "b", self.shape[0] * self.shape[1])
+        return _declared.ask(self, "solve", options, [("values", "", rhs)])
+
     def relight(self, patterns: Mapping[str, ArrayLike] | None = None, *, duals: Mapping[str, ArrayLike] | None = None,
                 photographs: Mapping[str, ArrayLike] | None = None, photos: int | None = None, block: int | None = None,
                 max_error: float | None = None) -> answers.Relighting:
@@ -196,15 +221,14 @@ class Lab(Asking):
         """
         if patterns is None:
             patterns = {"white": np.ones(self.projector_shape, np.float32)}
-        asked = [
-            ("patterns", patterns, self.projector_shape), ("duals", duals, self.shape),
-            ("photographs", photographs, self.shape),
+
+        pictures = [
+            (field, name, _checks.picture(array, f"{field}[{name!r}]", size, self.channels).astype(np.float64))
+            for field, of, size in (("patterns", patterns, self.projector_shape), ("duals", duals, self.shape),
+                                    ("photographs", photographs, self.shape))
+            for name, array in dict(of or {}).items()
         ]
-        arrays = [
-            (field, name, _checks.picture(array, f"{field}[{name!r}]", size, self.channels))
-            for field, of, size in asked for name, array in dict(of or {}).items()
-        ]
-        return _declared.ask(self, "relight", {"photos": photos, "block": block, "max_error": max_error}, arrays)
+        return _declared.ask(self, "relight", {"photos": photos, "block": block, "max_error": max_error}, pictures)
 
     def plan(self, verb: Literal["segment", "compensate", "eigs"], *arguments: Any, trials: int = 3,
              **options: Any) -> answers.Plan:
@@ -235,7 +259,7 @@ class Lab(Asking):
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
         given, pictures = _declared.pictures_apart(self, bound.arguments, ("target",) if verb == "compensate" else ())
-        if any(array.ndim == 3 for _, _, array in pictures):
+        if any(picture.ndim == 3 for _, _, picture in pictures):
             raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
         return answers.Plan(self._native.plan(verb, _declared.asked(given), pictures, trials))
 

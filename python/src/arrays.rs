@@ -71,22 +71,12 @@ impl<'py> Fields<'py> {
         Ok(self)
     }
 
-    /// Numbers as an array of one dimension.
-    pub(crate) fn numbers<T: Element>(&self, name: &str, values: Vec<T>) -> PyResult<&Self> {
-        self.put(name, values.into_pyarray(self.0.py()))
-    }
-
     pub(crate) fn image(&self, name: &str, value: &Image) -> PyResult<&Self> {
         self.put(name, array(self.0.py(), value)?)
     }
 
-    /// One value for each pixel as an array of `H×W`.
-    pub(crate) fn raster<T: Element>(&self, name: &str, values: Vec<T>, size: Resolution) -> PyResult<&Self> {
-        self.raster_of(name, values, size, 1)
-    }
-
     /// Interleaved samples as an array of `H×W`, or of `H×W×3` in colour.
-    pub(crate) fn raster_of<T: Element>(
+    pub(crate) fn raster<T: Element>(
         &self,
         name: &str,
         samples: Vec<T>,

@@ -14,7 +14,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{self, Fields};
 use crate::settings::Request;
-use crate::verbs::asked::{attributes_of, request};
+use crate::verbs::{attributes_of, request};
 use crate::work::Held;
 use crate::{errors, work};
 
@@ -112,8 +112,8 @@ impl Preview {
         })?;
         let fields = Fields::new(py);
         let picture = range.paint(&raw);
-        fields.raster_of("picture", picture.bytes().to_vec(), raw.resolution, 3)?;
-        fields.raster_of("counts", raw.counts, raw.resolution, raw.channels)?;
+        fields.raster("picture", picture.bytes().to_vec(), raw.resolution, 3)?;
+        fields.raster("counts", raw.counts, raw.resolution, raw.channels)?;
         fields.put("status", figures.line(&range))?;
         fields.put("range", (range.black, range.limit, range.full))?.record("figures", &figures)?;
         Ok(fields.0)

@@ -99,9 +99,9 @@ fn panel_fields<'py>(py: Python<'py>, panel: &Panel) -> PyResult<Bound<'py, PyDi
         Content::Light { white, .. } => ("light", *white),
     };
     match &panel.content {
-        Content::Labels(labels) => fields.raster("values", labels.clone(), size)?,
+        Content::Labels(labels) => fields.raster("values", labels.clone(), size, 1)?,
         Content::Signed(values) | Content::Amounts(values) | Content::Light { values, .. } => {
-            fields.raster("values", values.clone(), size)?
+            fields.raster("values", values.clone(), size, 1)?
         }
     };
     fields.put("kind", kind)?.put("white", white)?.put("caption", &panel.caption)?;

@@ -12,12 +12,11 @@ use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::answers::Answer;
 use crate::arrays::{self, Fields, record, shaped};
 use crate::matrix::Matrix;
 use crate::operator::Operator;
 use crate::settings::{Request, one_of};
-use crate::verbs::asked::{attributes_of, request};
+use crate::verbs::{Answer, attributes_of, request};
 use crate::work::Held;
 use crate::{errors, work};
 
@@ -95,7 +94,7 @@ impl Lab {
         attributes_of(py, &measured_figures(&report))
     }
 
-    /// What is known without a photo: kind, name, the shapes of photos and of patterns, channels, unit, seed, and the photos of a run.
+    /// What is known without a photo: kind, name, the shapes of photos and of patterns, channels, unit and seed.
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let about = self.with(py, |lab| {
             let kind = match lab.kind() {
@@ -203,21 +202,21 @@ impl Lab {
                 (Some(_), Some(open)) => return Err(in_another_folder(&open)),
                 (folder, None) => {
                     let options = RunOptions { folder: folder.clone(), overwrite, resume: false };
-                    lab.begin_run(answer.verb(), &options)?;
+                    lab.begin_run(answer.kept().verb(), &options)?;
                 }
             }
-            answer.finish(lab).map(|saved| saved.folder)
+            lab.finish(&**answer.kept()).map(|saved| saved.folder)
         })
     }
 
     /// What was found of an answer and of the rig whose photos it is from.
     fn findings<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Bound<'py, PyAny>> {
-        record(py, &self.with(py, |lab| Ok(answer.findings(lab)))?)
+        record(py, &self.with(py, |lab| Ok(lab.findings_of(&**answer.kept())))?)
     }
 
     /// Compares the photos that an answer predicts with independent ones.
     fn check<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(found) = self.with(py, |lab| answer.check(lab))? else { return Ok(None) };
+        let Some(found) = self.with(py, |lab| answer.kept().verify(lab))? else { return Ok(None) };
         let fields = Fields(record(py, &found.verification)?.cast_into()?);
         if !found.estimates.is_empty() {
             fields.record("of_scene", &found.estimates)?;

@@ -7,13 +7,12 @@
 //! | `errors` | errors of krylux as exceptions |
 //! | `watch` | progress, messages and signals |
 //! | `settings` | the arguments of `krylux.open` |
-//! | `lab`, `verbs`, `answers` | the laboratory, its questions, and what can be saved |
+//! | `lab`, `verbs` | the laboratory, its questions, and answers that can be saved |
 //! | `matrix`, `operator`, `arrays` | matrices, products and pictures as arrays |
 //! | `krylov` | krylux's solvers on operators of Python |
 //! | `figures` | pictures from files and their comparison, and the paper's figures |
 //! | `devices`, `bench` | cameras and projectors of Python, and the devices of a rig |
 
-mod answers;
 mod arrays;
 mod bench;
 mod devices;
@@ -34,8 +33,6 @@ mod _krylux {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use crate::answers::Answer;
-    #[pymodule_export]
     use crate::bench::{Preview, ask_rig};
     #[pymodule_export]
     use crate::figures::{Figures, compare, read_picture, reproduce};
@@ -48,7 +45,7 @@ mod _krylux {
     #[pymodule_export]
     use crate::operator::Operator;
     #[pymodule_export]
-    use crate::verbs::verbs;
+    use crate::verbs::{Answer, verbs};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

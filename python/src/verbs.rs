@@ -1,11 +1,14 @@
-//! The declared verbs: their fields come as keyword arguments, and their answers go out as attributes.
+//! The verbs that krylux declares: their fields come as keyword arguments, their answers go out as attributes, and are kept until they are
+//! saved.
 
 use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use krylux::Error;
-use krylux::lab::{Answer as Answering, GivenArray};
+use krylux::lab::{Answer as Answering, GivenArray, Verb};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{AnyVerb, Declared, VERBS, from_json};
+use krylux::verbs::plan::Planned;
+use krylux::verbs::{AnyVerb, Compensate, Declared, VERBS, from_json};
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -13,7 +16,6 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use crate::answers::Answer;
 use crate::arrays::{self, Fields, shaped};
 use crate::errors::{self, in_python};
 use crate::lab::Lab;
@@ -32,11 +34,21 @@ pub(crate) fn verbs() -> Vec<Signature> {
     VERBS.iter().map(described).collect()
 }
 
+/// An answer as krylux has it.
+#[pyclass(frozen, module = "krylux._krylux", name = "Answer")]
+pub(crate) struct Answer(Mutex<Box<dyn Answering + Send>>);
+
+impl Answer {
+    pub(crate) fn kept(&self) -> MutexGuard<'_, Box<dyn Answering + Send>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// Arrays that are given in place of files: the field, the name among several, and the array.
-pub(super) type Arrays<'py> = Vec<(String, String, PyReadonlyArrayDyn<'py, f64>)>;
+type Arrays<'py> = Vec<(String, String, PyReadonlyArrayDyn<'py, f64>)>;
 
 /// The request with its arrays.
-pub(super) fn give<V: AnyVerb + ?Sized>(py: Python<'_>, request: &mut V, arrays: Arrays<'_>) -> PyResult<()> {
+fn give<V: AnyVerb + ?Sized>(py: Python<'_>, request: &mut V, arrays: Arrays<'_>) -> PyResult<()> {
     for (field, name, array) in arrays {
         let (shape, values) = (array.shape().to_vec(), array.as_slice()?.to_vec());
         let given = request.give(GivenArray { field, name, shape, values });
@@ -77,7 +89,29 @@ impl Lab {
         give(py, &mut *request, arrays)?;
         let found = self.with(py, |lab| request.ask(lab))?;
         let (arrays, facts) = attributes(py, &*found)?;
-        Ok((arrays, facts, Answer::new(found)))
+        Ok((arrays, facts, Answer(Mutex::new(found))))
+    }
+
+    /// The plan of a verb: what it will cost on a rig, and how good its answer will be.
+    fn plan<'py>(
+        &self,
+        py: Python<'py>,
+        verb: &str,
+        asked: BTreeMap<String, String>,
+        arrays: Arrays<'py>,
+        trials: u64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let planned = match verb {
+            "segment" => Planned::Segment(request(py, asked)?),
+            "compensate" => {
+                let mut request: Compensate = request(py, asked)?;
+                give(py, &mut request, arrays)?;
+                Planned::Compensate(request)
+            }
+            _ => Planned::Eigs(request(py, asked)?),
+        };
+        let found = self.with(py, |lab| planned.predict(lab, trials, false))?;
+        attributes_of(py, &found.content())
     }
 }
 
@@ -86,22 +120,25 @@ pub(crate) fn attributes<'py>(
     py: Python<'py>,
     found: &dyn Answering,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
-    let (content, facts) = (found.content(), Fields::new(py));
-    for (name, value) in content.facts() {
-        facts.put(name, arrays::parsed(py, value)?)?;
-    }
+    let content = found.content();
+    let facts = facts_of(py, &content)?;
     facts.put("photos", found.photos())?.put("status", found.sentence())?;
     Ok((arrays_of(py, &content)?, facts.0))
 }
 
 /// The facts and the arrays of a content by name. An array replaces the fact of its name.
 pub(crate) fn attributes_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, PyDict>> {
-    let fields = Fields::new(py);
-    for (name, value) in content.facts() {
-        fields.put(name, arrays::parsed(py, value)?)?;
-    }
+    let fields = facts_of(py, content)?;
     fields.0.update(arrays_of(py, content)?.as_mapping())?;
     Ok(fields.0)
+}
+
+fn facts_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Fields<'py>> {
+    let facts = Fields::new(py);
+    for (name, value) in content.facts() {
+        facts.put(name, arrays::parsed(py, value)?)?;
+    }
+    Ok(facts)
 }
 
 /// The arrays by name; those that share a name are a dictionary by their number.
