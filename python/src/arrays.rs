@@ -71,11 +71,6 @@ impl<'py> Fields<'py> {
         Ok(self)
     }
 
-    /// Numbers as an array of one dimension.
-    pub(crate) fn numbers<T: Element>(&self, name: &str, values: Vec<T>) -> PyResult<&Self> {
-        self.put(name, values.into_pyarray(self.0.py()))
-    }
-
     pub(crate) fn image(&self, name: &str, value: &Image) -> PyResult<&Self> {
         self.put(name, array(self.0.py(), value)?)
     }

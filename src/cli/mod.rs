@@ -21,7 +21,6 @@ mod options;
 mod paint;
 mod photo;
 mod plan;
-mod plan_ranks;
 mod progress;
 mod projector;
 mod reproduce;
@@ -40,7 +39,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::pattern;
+use crate::verbs::{Plan, pattern};
 use console::Console;
 use options::GlobalArgs;
 
@@ -60,9 +59,9 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 enum Verb {
     Photo(photo::Args),
     #[command(flatten)]
-    Asked(asked::Asked),
+    Asked(asked::AskedVerb),
     Paint(paint::Args),
-    Plan(plan::Args),
+    Plan(asked::Asked<Plan, opening::Traced, ()>),
     Rig(rig::Args),
     Matrix(matrix::Args),
     Reproduce(reproduce::Args),
@@ -78,7 +77,7 @@ enum Verb {
     Projector(projector::Args),
     #[cfg(any(feature = "gige", feature = "usb3"))]
     #[command(hide = true)]
-    DescribeCamera(rig::describe::Args),
+    DescribeCamera(rig::DescribeCamera),
 }
 
 /// The command line as clap describes it: what the guide's reference is made from.
@@ -134,7 +133,7 @@ pub fn main() -> ExitCode {
         Verb::Runs(args) => runs::run(args, &console),
         Verb::Projector(args) => projector::run(args),
         #[cfg(any(feature = "gige", feature = "usb3"))]
-        Verb::DescribeCamera(args) => rig::describe::run(args, &console),
+        Verb::DescribeCamera(args) => args.run(&console),
     };
     if let Some(team) = team {
         // Values that are never dropped may still refer to the team, and MPI reports a process that does not close it as failed.

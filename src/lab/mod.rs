@@ -24,6 +24,7 @@
 //! [`Observer`](crate::observer::Observer) that receives progress and can stop all work.
 
 mod builder;
+mod calibration;
 mod folder;
 mod independent;
 mod journal;
@@ -72,10 +73,7 @@ pub use settings::{
 pub(crate) use settings::{byte_count, size};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
-pub use verbs::{
-    Calibrated, JoinedShards, MatrixRequest, Plan, PlanRequest, Scaling, SinglePhoto, TracedShard,
-    join_shards,
-};
+pub use verbs::{JoinedShards, MatrixRequest, Scaling, SinglePhoto, TracedShard, join_shards};
 pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;

@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 
 use krylux::Error;
-use krylux::lab::{Answer as Answering, GivenArray, Verb};
+use krylux::lab::{Answer as Answering, GivenArray};
 use krylux::report::content::{Content, Values};
-use krylux::verbs::{Declared, Request, VERBS, from_json};
+use krylux::verbs::{AnyVerb, Declared, VERBS, from_json};
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use crate::answers::Answer;
@@ -33,10 +35,14 @@ pub(crate) fn verbs() -> Vec<Signature> {
 /// Arrays that are given in place of files: the field, the name among several, and the array.
 pub(super) type Arrays<'py> = Vec<(String, String, PyReadonlyArrayDyn<'py, f64>)>;
 
-fn given(arrays: Arrays<'_>) -> impl Iterator<Item = PyResult<GivenArray>> {
-    arrays.into_iter().map(|(field, name, array)| {
-        Ok(GivenArray { field, name, shape: array.shape().to_vec(), values: array.as_slice()?.to_vec() })
-    })
+/// The request with its arrays.
+pub(super) fn give<V: AnyVerb + ?Sized>(py: Python<'_>, request: &mut V, arrays: Arrays<'_>) -> PyResult<()> {
+    for (field, name, array) in arrays {
+        let (shape, values) = (array.shape().to_vec(), array.as_slice()?.to_vec());
+        let given = request.give(GivenArray { field, name, shape, values });
+        given.map_err(|error| errors::raise(py, &error))?;
+    }
+    Ok(())
 }
 
 /// The fields of keyword arguments whose values are JSON.
@@ -46,17 +52,12 @@ fn fields(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<Map<Strin
     fields.map_err(|why| errors::raise(py, &Error::Numerical(why.to_string())))
 }
 
-/// The request of keyword arguments and arrays.
-pub(crate) fn request<V: Request>(
+/// The request of keyword arguments.
+pub(crate) fn request<V: Serialize + DeserializeOwned + Default>(
     py: Python<'_>,
     asked: BTreeMap<String, String>,
-    arrays: Arrays<'_>,
 ) -> PyResult<V> {
-    let mut request: V = from_json(fields(py, asked)?).map_err(|error| errors::raise(py, &error))?;
-    for given in given(arrays) {
-        Verb::give(&mut request, given?).map_err(|error| errors::raise(py, &error))?;
-    }
-    Ok(request)
+    from_json(fields(py, asked)?).map_err(|error| errors::raise(py, &error))
 }
 
 #[pymethods]
@@ -73,9 +74,7 @@ impl Lab {
             return Err(errors::option(py, "verb", &format!("there is no {verb}"), "see krylux.Lab"));
         };
         let mut request = (verb.from_json)(fields(py, asked)?).map_err(|error| errors::raise(py, &error))?;
-        for given in given(arrays) {
-            request.give(given?).map_err(|error| errors::raise(py, &error))?;
-        }
+        give(py, &mut *request, arrays)?;
         let found = self.with(py, |lab| request.ask(lab))?;
         let (arrays, facts) = attributes(py, &*found)?;
         Ok((arrays, facts, Answer::new(found)))
@@ -93,6 +92,16 @@ pub(crate) fn attributes<'py>(
     }
     facts.put("photos", found.photos())?.put("status", found.sentence())?;
     Ok((arrays_of(py, &content)?, facts.0))
+}
+
+/// The facts and the arrays of a content by name. An array replaces the fact of its name.
+pub(crate) fn attributes_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, PyDict>> {
+    let fields = Fields::new(py);
+    for (name, value) in content.facts() {
+        fields.put(name, arrays::parsed(py, value)?)?;
+    }
+    fields.0.update(arrays_of(py, content)?.as_mapping())?;
+    Ok(fields.0)
 }
 
 /// The arrays by name; those that share a name are a dictionary by their number.
