@@ -9,10 +9,10 @@ use serde_json::json;
 
 use super::Outcome;
 use super::asked::Asked;
-use super::bar::has_terminal;
 use super::console::Console;
 use super::opening::{Opening, Traced, tell};
 use super::options::{SourceArgs, ViewArgs, free_file};
+use super::progress::has_terminal;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::bench::align::Round;

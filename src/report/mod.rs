@@ -19,8 +19,6 @@ pub mod content;
 pub(crate) mod figure;
 pub mod html;
 pub mod index;
-mod notes;
-mod oklab;
 pub mod palette;
 pub(crate) mod planes;
 pub mod plot;
