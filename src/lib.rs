@@ -94,12 +94,12 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paint, paper, verbs, lab, report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, team, io, sparse, observer, finding, image, file, machine, error
+//! cli       → paint, paper, verbs, lab, report, bench, analysis, cache, measure, rig, transport, render, scene, team, io, observer, finding, image, file, machine, error
 //! paint     → verbs, lab, report, analysis, transport, krylov, io, sparse, operator, image, error
 //! paper     → lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
-//! verbs     → lab, report, bench, analysis, measure, transport, scene, krylov, io, sparse, operator, finding, image, machine, error
+//! verbs     → lab, report, bench, analysis, calibrate, measure, rig, transport, scene, krylov, io, sparse, operator, observer, finding, image, machine, error
 //! lab       → report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
-//! report    → bench, analysis, calibrate, measure, rig, krylov, io, finding, image, file, error
+//! report    → analysis, measure, krylov, io, finding, image, file, error
 //! bench     → analysis, calibrate, measure, rig, io, operator, finding, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
 //! calibrate → measure, rig, transport, finding, image, error
