@@ -63,6 +63,7 @@
 //! | `first_groups` | the README's five lines |
 //! | `segment` | groups of pixels that exchange light, with the report |
 //! | `compensate` | a pattern under which a scene looks like a target |
+//! | `own_verb` | a question of your own: its request, its answer and its page ([`lab::Verb`]) |
 //! | `own_matrix` | eigenpairs of a matrix or a function of your own ([`krylov`], [`operator::Closure`]) |
 //! | `own_camera` | a projector and a camera of your own behind the traits of [`rig`] |
 //! | `relight_run` | a scene relit from the folder of a finished run |

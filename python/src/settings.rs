@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use krylux::image::Resolution;
 use krylux::lab::{
-    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, OperatorSettings, Settings, SharedObserver,
-    TraceOverrides, View,
+    CacheChoice, ChannelChoice, Lab, LabBuilder, OperatorChoice, OperatorSettings, RunOptions, Settings,
+    SharedObserver, TraceOverrides, View,
 };
 use krylux::render::Sampler;
 use krylux::transport::Backend;
@@ -38,14 +38,13 @@ impl Request {
         if let Some(devices) = item::<Option<ProgramDevices>>(asked, "devices")? {
             builder = builder.devices(devices.opener());
         }
-        if let Some(folder) = item::<Option<PathBuf>>(asked, "folder")? {
-            builder = builder.folder(folder);
-        }
-        if item(asked, "resume")? {
-            builder = builder.resume();
-        }
-        if item(asked, "overwrite")? {
-            builder = builder.overwrite();
+        let run = RunOptions {
+            folder: item(asked, "folder")?,
+            overwrite: item(asked, "overwrite")?,
+            resume: item(asked, "resume")?,
+        };
+        if run.folder.is_some() || run.overwrite || run.resume {
+            builder = builder.run(run);
         }
         Ok(builder.observer(SharedObserver(Arc::new(item::<Watcher>(asked, "progress")?))))
     }

@@ -19,50 +19,8 @@ use crate::paint::Canvas;
 use crate::paint::page::Kept;
 use crate::verbs::{AnyVerb, Declared, VERBS};
 
-/// A request between options that it shares with others.
-pub(super) struct Framed<V, B, A> {
-    pub(super) before: B,
-    pub(super) request: V,
-    pub(super) after: A,
-}
-
-impl<V: Args, B: Args, A: Args> FromArgMatches for Framed<V, B, A> {
-    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
-        Ok(Self {
-            before: B::from_arg_matches(matches)?,
-            request: V::from_arg_matches(matches)?,
-            after: A::from_arg_matches(matches)?,
-        })
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
-}
-
-impl<V: Args, B: Args, A: Args> Args for Framed<V, B, A> {
-    fn augment_args(command: Command) -> Command {
-        let declared = V::augment_args(Command::new(""));
-        with_texts_of(&declared, A::augment_args(V::augment_args(B::augment_args(command))))
-    }
-
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-/// The command with the texts of a request. Groups of options bring their own comments; those of the request are the verb's.
-fn with_texts_of(declared: &Command, command: Command) -> Command {
-    let text = |text: Option<&StyledStr>| Resettable::from(text.cloned());
-    command
-        .about(text(declared.get_about()))
-        .long_about(text(declared.get_long_about()))
-        .after_help(text(declared.get_after_help()))
-}
-
-/// The command line of a verb of the list.
-pub(super) struct Asked {
+/// A verb of the list on the command line.
+pub(super) struct AskedVerb {
     name: &'static str,
     before: Before,
     request: Box<dyn AnyVerb>,
@@ -90,7 +48,7 @@ struct After {
     live: LiveArgs,
 }
 
-impl FromArgMatches for Asked {
+impl FromArgMatches for AskedVerb {
     fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
         let found = matches.subcommand().and_then(|(name, of)| Some((Declared::named(name)?, of)));
         let (verb, matches) = found.ok_or_else(|| clap::Error::new(ErrorKind::InvalidSubcommand))?;
@@ -110,7 +68,7 @@ impl FromArgMatches for Asked {
     }
 }
 
-impl Subcommand for Asked {
+impl Subcommand for AskedVerb {
     fn augment_subcommands(command: Command) -> Command {
         VERBS.iter().fold(command, |command, verb| command.subcommand(command_of(verb)))
     }
@@ -128,10 +86,19 @@ fn command_of(verb: &Declared) -> Command {
     let declared = (verb.augment)(Command::new(verb.name));
     let command = (verb.augment)(Before::augment_args(Command::new(verb.name)));
     let command = if verb.is_checked { CheckArgs::augment_args(command) } else { command };
-    with_texts_of(&declared, After::augment_args(command))
+    described_as(&declared, After::augment_args(command))
 }
 
-impl Asked {
+/// Groups of options bring their own comments. Those of the request are the verb's.
+fn described_as(request: &Command, command: Command) -> Command {
+    let text = |text: Option<&StyledStr>| Resettable::from(text.cloned());
+    command
+        .about(text(request.get_about()))
+        .long_about(text(request.get_long_about()))
+        .after_help(text(request.get_after_help()))
+}
+
+impl AskedVerb {
     /// Opens the source, asks, and writes the answer in a run of its own.
     pub(super) fn run(&self, console: &Console) -> Result<Outcome> {
         let Self { before, request, after, .. } = self;
@@ -212,5 +179,38 @@ impl Asked {
             opener::open(&saved.report, console);
         }
         Ok(Outcome::of(&saved.findings))
+    }
+}
+
+/// The command line of another verb: its request between the options that it shares with others.
+pub(super) struct Asked<V, B, A> {
+    pub(super) before: B,
+    pub(super) request: V,
+    pub(super) after: A,
+}
+
+impl<V: Args, B: Args, A: Args> FromArgMatches for Asked<V, B, A> {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        Ok(Self {
+            before: B::from_arg_matches(matches)?,
+            request: V::from_arg_matches(matches)?,
+            after: A::from_arg_matches(matches)?,
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl<V: Args, B: Args, A: Args> Args for Asked<V, B, A> {
+    fn augment_args(command: Command) -> Command {
+        let request = V::augment_args(Command::new(""));
+        described_as(&request, A::augment_args(V::augment_args(B::augment_args(command))))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
     }
 }

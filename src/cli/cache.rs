@@ -37,16 +37,9 @@ struct ActionArgs {
     cache: CacheArgs,
 }
 
-impl Args {
-    fn action(&self) -> &ActionArgs {
-        match &self.action {
-            Action::List(args) | Action::Clear(args) => args,
-        }
-    }
-}
-
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let cache = args.action().cache.choice().open().ok_or_else(|| {
+    let (Action::List(of) | Action::Clear(of)) = &args.action;
+    let cache = of.cache.choice().open().ok_or_else(|| {
         Error::option("--cache", "there is no cache to look at")
             .help("name its folder by --cache DIR or KRYLUX_CACHE")
     })?;

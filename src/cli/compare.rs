@@ -15,6 +15,7 @@ use crate::io::name::Name;
 use crate::io::{npy, picture};
 use crate::lab::text::percent;
 use crate::report::colormap::{paint_signed, robust_range};
+use crate::report::planes::mean;
 
 /// Compare two images: RMSE, relative RMSE, PSNR and SSIM; exit status 1 past a threshold
 #[derive(clap::Args)]
@@ -112,25 +113,20 @@ fn misses(args: &Args, found: &Similarity) -> Result<Vec<String>> {
         return Err(Error::option("--min-ssim", "the images are smaller than SSIM's window, 11x11 pixels")
             .help("use --max-relative-rmse or --min-psnr"));
     }
-    let above = [
-        ("the RMSE", found.rmse, args.max_rmse),
-        ("the relative RMSE", found.relative_rmse, args.max_relative_rmse),
+    let bounds = [
+        ("the RMSE", found.rmse, args.max_rmse, "above"),
+        ("the relative RMSE", found.relative_rmse, args.max_relative_rmse, "above"),
+        ("the PSNR", found.psnr, args.min_psnr, "below"),
+        ("SSIM", found.ssim.unwrap_or(1.0), args.min_ssim, "below"),
     ];
-    let below = [("the PSNR", found.psnr, args.min_psnr), ("SSIM", found.ssim.unwrap_or(1.0), args.min_ssim)];
-    // A threshold of NaN is missed, not passed.
-    let above = above
-        .into_iter()
-        .filter_map(|(name, value, most)| {
-            most.filter(|&most| value > most || most.is_nan()).map(|most| (name, value, most))
-        })
-        .map(|(name, value, most)| format!("{name}, {}, is above {most}", decimal(value, 5)));
-    let below = below
-        .into_iter()
-        .filter_map(|(name, value, least)| {
-            least.filter(|&least| value < least || least.is_nan()).map(|least| (name, value, least))
-        })
-        .map(|(name, value, least)| format!("{name}, {}, is below {least}", decimal(value, 5)));
-    Ok(above.chain(below).collect())
+    let miss = |(name, value, bound, side): (&str, f64, Option<f64>, &str)| {
+        let bound = bound?;
+        let is_beyond = if side == "above" { value > bound } else { value < bound };
+        // A threshold of NaN is missed, not passed.
+        let is_missed = is_beyond || bound.is_nan();
+        is_missed.then(|| format!("{name}, {}, is {side} {bound}", decimal(value, 5)))
+    };
+    Ok(bounds.into_iter().filter_map(miss).collect())
 }
 
 fn say(found: &Similarity, console: &Console) -> Result<()> {
@@ -158,12 +154,7 @@ fn write_difference(file: &Path, image: &Image, reference: &Image) -> Result<()>
     match file.extension().and_then(|extension| extension.to_str()) {
         Some("npy") => npy::write_image(file, &difference)?,
         Some("png") => {
-            let count = difference.channels();
-            let mean: Vec<f64> = difference
-                .samples()
-                .chunks_exact(count)
-                .map(|pixel| pixel.iter().map(|&value| f64::from(value)).sum::<f64>() / count as f64)
-                .collect();
+            let mean = mean(&difference.planes());
             paint_signed(difference.resolution(), &mean, None, robust_range(&mean, None))?.write_png(file)?;
         }
         _ => picture::write(file, &difference)?,

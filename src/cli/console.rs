@@ -3,12 +3,12 @@
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::ops::ControlFlow;
+use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::bar::Bar;
 use super::options::GlobalArgs;
-use super::progress::Progress;
+use super::progress::{Bar, LINE, Progress};
 use crate::error::{Error, Result};
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 use crate::team::Team;
@@ -113,10 +113,13 @@ impl Console {
     /// Whether the user has asked to stop.
     pub(super) fn check(&self) -> ControlFlow<()> {
         self.asked.store(true, Ordering::SeqCst);
-        if self.interrupted.load(Ordering::SeqCst) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
+        self.is_interrupted()
+    }
+
+    fn is_interrupted(&self) -> ControlFlow<()> {
+        match self.interrupted.load(Ordering::SeqCst) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         }
     }
 
@@ -145,7 +148,7 @@ impl Console {
 
     /// One line that is rewritten again and again.
     pub(super) fn line(&self) -> Bar {
-        Bar::line(self.quiet)
+        Bar::new(self.quiet, "", LINE)
     }
 
     /// What is shown of a running computation.
@@ -159,10 +162,7 @@ impl Observer for Console {
         self.progress().step(step);
         if step.stage == "loading" {
             // Between these steps nothing may ask whether to stop for long, so that Ctrl-C still ends the program at once.
-            return match self.interrupted.load(Ordering::SeqCst) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            };
+            return self.is_interrupted();
         }
         self.check()
     }
@@ -187,7 +187,7 @@ impl Observer for Console {
 }
 
 /// An error as one JSON object: `{"error": …, "help": …}`. The help is null where the message has none.
-pub(super) fn json_of(message: &str) -> String {
+fn json_of(message: &str) -> String {
     let (error, help) = match message.split_once("\n  help: ") {
         Some((error, help)) => (error, Some(help)),
         None => (message, None),
@@ -212,6 +212,25 @@ fn written(done: std::io::Result<()>) -> Result<()> {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::writing("standard output")(error)),
         _ => Ok(()),
     }
+}
+
+/// Says why the command line cannot be parsed, as JSON with `--json`; or prints the help that was asked for.
+pub(super) fn report_usage(why: &clap::Error) -> ExitCode {
+    let wants_json = std::env::args_os().any(|argument| argument == "--json");
+    if why.use_stderr() && wants_json {
+        let _ = writeln!(std::io::stderr().lock(), "{}", json_of(&as_error_and_help(&why.to_string())));
+    } else {
+        // A reader who has gone is not an error.
+        let _ = why.print();
+    }
+    ExitCode::from(u8::try_from(why.exit_code()).unwrap_or(2))
+}
+
+/// The message in the form of krylux's own errors: what is wrong first, then what to do about it.
+fn as_error_and_help(message: &str) -> String {
+    let message = message.trim();
+    let (error, help) = message.split_once("\n\n").unwrap_or((message, "see --help"));
+    format!("{}\n  help: {}", error.trim_start_matches("error: "), help.trim())
 }
 
 #[cfg(test)]

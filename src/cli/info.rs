@@ -1,14 +1,15 @@
 //! `krylux info`: the adapters, and what is in a scene or a rig file.
 
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use indicatif::HumanCount;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
 use super::options::ViewArgs;
-use super::{Outcome, drawing, rig_info};
 use crate::error::{Error, Result};
 use crate::finding::decimal;
 use crate::image::Resolution;
@@ -20,6 +21,7 @@ use crate::lab::{self, SourceKind};
 use crate::measure::RigFile;
 use crate::render;
 use crate::scene::{self, Camera, LoadOptions, Scene};
+use crate::verbs::rig::about;
 
 /// Show the graphics adapters and their limits, and what is in a scene or a rig file
 #[derive(clap::Args)]
@@ -48,12 +50,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut scene = None;
     let mut rig = None;
     match &args.source {
-        Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(RigFile::load(path)?),
+        Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(about(&RigFile::load(path)?)),
         Some(path) => scene = Some(load(path, &args.view, console)?),
         None => {}
     }
     if let Some(rig) = &rig {
-        rig_info::say(rig, console)?;
+        rig.lines.iter().try_for_each(|line| console.say(line))?;
     }
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
@@ -90,7 +92,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "processes": placements,
         "adapters": adapters,
         "scene": scene.as_ref().map(describe),
-        "rig": rig.as_ref().map(rig_info::describe),
+        "rig": rig,
     }))?;
     // A rig may do without.
     if adapters.is_empty() && rig.is_none() {
@@ -155,7 +157,7 @@ fn show(scene: &Scene, args: &Args, console: &Console) -> Result<()> {
     // Photos are square unless --size says otherwise.
     let aspect = scene.camera.aspect.unwrap_or(1.0);
     if args.draw || console.draws_pictures() {
-        console.print(&drawing::half_blocks(&picture(scene, drawing::size(aspect))?))?;
+        console.print(&half_blocks(&picture(scene, drawn_size(aspect))?))?;
     }
     let Some(file) = &args.picture else { return Ok(()) };
     if file.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
@@ -200,4 +202,58 @@ fn describe(scene: &Scene) -> serde_json::Value {
 fn bounds(scene: &Scene) -> (DVec3, DVec3) {
     let [low, high] = scene.bounds().map(|corner| corner.as_dvec3() + scene.origin);
     (low, high)
+}
+
+/// Columns of a picture in the terminal.
+const COLUMNS: usize = 48;
+
+/// The size of a picture with this ratio of width to height: two rows of pixels in a line of characters, which are twice as high as wide.
+fn drawn_size(aspect: f32) -> Resolution {
+    let rows = (COLUMNS as f32 / aspect).round().clamp(2.0, 2.0 * COLUMNS as f32) as usize;
+    Resolution::new(COLUMNS, rows.next_multiple_of(2))
+}
+
+/// The characters, with 24-bit colours as most terminals know them.
+fn half_blocks(picture: &Raster) -> String {
+    let size = picture.resolution();
+    let mut text = String::new();
+    for row in (0..size.height).step_by(2) {
+        for column in 0..size.width {
+            let [red, green, blue] = picture.pixel(column, row);
+            let [below_red, below_green, below_blue] = match row + 1 < size.height {
+                true => picture.pixel(column, row + 1),
+                false => [0; 3],
+            };
+            // Writing to a string does not fail.
+            let _ = write!(
+                text,
+                "\u{1b}[38;2;{red};{green};{blue};48;2;{below_red};{below_green};{below_blue}m▀"
+            );
+        }
+        text.push_str("\u{1b}[0m\n");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_character_has_the_colours_of_two_pixels() {
+        let pixels = [[255, 0, 0], [0, 255, 0], [1, 2, 3], [4, 5, 6], [7, 8, 9], [10, 11, 12]];
+        let text = half_blocks(&Raster::from_pixels(Resolution::new(2, 3), pixels));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "\u{1b}[38;2;255;0;0;48;2;1;2;3m▀\u{1b}[38;2;0;255;0;48;2;4;5;6m▀\u{1b}[0m");
+        assert_eq!(lines[1], "\u{1b}[38;2;7;8;9;48;2;0;0;0m▀\u{1b}[38;2;10;11;12;48;2;0;0;0m▀\u{1b}[0m");
+        assert_eq!(lines.len(), 2);
+    }
+
+    #[test]
+    fn pictures_keep_their_shape() {
+        assert_eq!(drawn_size(1.0), Resolution::new(48, 48));
+        assert_eq!(drawn_size(16.0 / 9.0), Resolution::new(48, 28));
+        assert_eq!(drawn_size(1e9), Resolution::new(48, 2));
+        assert_eq!(drawn_size(1e-9), Resolution::new(48, 96));
+    }
 }

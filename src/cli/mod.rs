@@ -3,17 +3,13 @@
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
 mod asked;
-mod bar;
 mod cache;
 mod compare;
-mod completions;
 mod console;
-mod drawing;
 mod embedded_page;
-mod index;
+mod generated;
 mod info;
 mod labels;
-mod man;
 mod matrix;
 mod opener;
 mod opening;
@@ -22,15 +18,12 @@ mod paint;
 mod photo;
 mod plan;
 mod progress;
-mod projector;
 mod reproduce;
 mod rig;
-mod rig_info;
 mod runs;
 mod team;
 mod tev;
 mod trace;
-mod usage;
 
 use std::process::ExitCode;
 
@@ -59,22 +52,22 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 enum Verb {
     Photo(photo::Args),
     #[command(flatten)]
-    Asked(asked::Asked),
+    Asked(asked::AskedVerb),
     Paint(paint::Args),
-    Plan(asked::Framed<Plan, opening::Traced, ()>),
+    Plan(asked::Asked<Plan, opening::Traced, ()>),
     Rig(rig::Args),
     Matrix(matrix::Args),
     Reproduce(reproduce::Args),
     Labels(labels::Args),
     Compare(compare::Args),
-    Index(index::Args),
+    Index(runs::IndexArgs),
     Info(info::Args),
     Cache(cache::Args),
-    Completions(completions::Args),
-    Man(man::Args),
+    Completions(generated::Completions),
+    Man(generated::Manual),
     Runs(runs::Args),
     #[command(hide = true)]
-    Projector(projector::Args),
+    Projector(team::Projector),
     #[cfg(any(feature = "gige", feature = "usb3"))]
     #[command(hide = true)]
     DescribeCamera(rig::DescribeCamera),
@@ -111,7 +104,7 @@ pub fn main() -> ExitCode {
     };
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(why) => return usage::report(&why),
+        Err(why) => return console::report_usage(&why),
     };
     machine::start_threads();
     let console = Console::new(&cli.global, team.clone());
@@ -125,13 +118,13 @@ pub fn main() -> ExitCode {
         Verb::Reproduce(args) => reproduce::run(args, &console),
         Verb::Labels(args) => labels::run(args, &console),
         Verb::Compare(args) => compare::run(args, &console),
-        Verb::Index(args) => index::run(args, &console),
+        Verb::Index(args) => runs::index(args, &console),
         Verb::Info(args) => info::run(args, &console),
         Verb::Cache(args) => cache::run(args, &console),
-        Verb::Completions(args) => completions::run(args, &console),
-        Verb::Man(args) => man::run(args, &console),
+        Verb::Completions(args) => generated::completions(args, &console),
+        Verb::Man(args) => generated::manual(args, &console),
         Verb::Runs(args) => runs::run(args, &console),
-        Verb::Projector(args) => projector::run(args),
+        Verb::Projector(_) => team::serve_projector(),
         #[cfg(any(feature = "gige", feature = "usb3"))]
         Verb::DescribeCamera(args) => args.run(&console),
     };
@@ -166,7 +159,9 @@ mod tests {
     fn options(command: &Command, types: &[TypeId]) -> Vec<(String, ValueParser)> {
         let of = |argument: &Arg| {
             let parser = argument.get_value_parser().clone();
-            let is_one = types.iter().any(|of| parser.type_id() == *of);
+            // Memory and files may have more bytes than there are photos or pixels.
+            let is_bytes = argument.get_value_names().is_some_and(|names| names[0] == "BYTES");
+            let is_one = !is_bytes && types.iter().any(|of| parser.type_id() == *of);
             is_one.then(|| (format!("{} {argument}", command.get_name()), parser))
         };
         let own = command.get_arguments().filter_map(of);

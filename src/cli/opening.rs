@@ -12,7 +12,6 @@ use super::trace::TraceArgs;
 use crate::error::{Error, Result};
 use crate::lab::{ChannelChoice, Lab, LabBuilder, RunOptions, Settings, SharedObserver, SourceKind};
 use crate::report::content::Content;
-use crate::transport::Channels;
 
 /// The options that open a source.
 pub(super) struct Opening<'a> {
@@ -141,14 +140,6 @@ pub(super) fn in_journal<T>(
 pub(super) fn merge(summary: &mut Value, more: Value) {
     if let (Some(fields), Value::Object(more)) = (summary.as_object_mut(), more) {
         fields.extend(more);
-    }
-}
-
-/// The names of the files of each channel beside the matrix's or image's own.
-pub(super) fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
-    match channels {
-        Channels::Luma => &[""],
-        Channels::Rgb => &[".r", ".g", ".b"],
     }
 }
 

@@ -1,10 +1,15 @@
 //! What is seen of a computation while it goes on: a bar of light paths, or a line about the photos of a run; and images in a viewer.
 
-use std::io::Write;
+use std::cell::Cell;
+use std::fmt;
+use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use super::bar::{Bar, has_terminal};
+use indicatif::style::TemplateError;
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+
 use crate::image::Resolution;
+use crate::machine;
 use crate::observer::{PhotoTaken, Step};
 use crate::report::viewer::{Plane, Viewer};
 
@@ -53,7 +58,7 @@ impl Progress {
             "tracing" if self.photos.is_some() => {}
             "loading" | "tracing" | "trials" => {
                 let quiet = self.quiet;
-                let bar = self.steps.get_or_insert_with(|| Bar::steps(quiet, step.stage));
+                let bar = self.steps.get_or_insert_with(|| Bar::new(quiet, step.stage, STEPS));
                 // Whether to go on is asked by the console, and not here: while a scene is loaded, it is not asked at all.
                 bar.show(step.done, step.total);
                 if step.done == step.total {
@@ -112,7 +117,8 @@ struct PhotoLine {
     bar: Bar,
     estimate: String,
     start: Instant,
-    rhythm: Rhythm,
+    /// The time of the last line.
+    last: Instant,
     /// Photos of earlier stages, which took another time, and of all stages at most.
     before: u64,
     total: u64,
@@ -121,8 +127,8 @@ struct PhotoLine {
 impl PhotoLine {
     fn new(quiet: bool, before: u64, total: u64) -> Self {
         let start = Instant::now();
-        let bar = Bar::photos(quiet);
-        Self { quiet, bar, estimate: String::new(), start, rhythm: Rhythm { last: start }, before, total }
+        let bar = Bar::new(quiet, "photos", PHOTOS);
+        Self { quiet, bar, estimate: String::new(), start, last: start, before, total }
     }
 
     fn estimate(&mut self, estimate: String) {
@@ -133,17 +139,14 @@ impl PhotoLine {
     fn at(&mut self, taken: u64) {
         let total = self.total.max(taken);
         self.bar.show(taken, total);
-        if self.quiet || has_terminal() || !self.rhythm.is_due(Instant::now()) {
+        if self.quiet || has_terminal() || !is_due(&mut self.last, Instant::now()) {
             return;
         }
         let (done, all) = (taken - self.before, total - self.before);
         // The console would take the line off the screen; there is none without a terminal.
-        eprintln_softly(&line(done, all, self.start.elapsed(), &self.estimate));
+        let line = line(done, all, self.start.elapsed(), &self.estimate);
+        let _ = writeln!(std::io::stderr().lock(), "{line}");
     }
-}
-
-fn eprintln_softly(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
 /// `photos    12 of 50, 8 s gone, about 25 s left, relative residual 0.0012`
@@ -156,31 +159,96 @@ fn line(done: u64, total: u64, gone: Duration, estimate: &str) -> String {
     )
 }
 
-struct Rhythm {
-    last: Instant,
+/// Whether it is time for the next line; then the next one's time starts.
+fn is_due(last: &mut Instant, now: Instant) -> bool {
+    let is_due = now.duration_since(*last) >= EVERY;
+    if is_due {
+        *last = now;
+    }
+    is_due
 }
 
-impl Rhythm {
-    /// Whether it is time for the next line; then the next one's time starts.
-    fn is_due(&mut self, now: Instant) -> bool {
-        let is_due = now.duration_since(self.last) >= EVERY;
-        if is_due {
-            self.last = now;
+const STEPS: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left";
+pub(super) const LINE: &str = "{wide_msg}";
+/// One line with what is known of the answer so far. 80 columns hold it with the longest estimate and a thousand photos.
+const PHOTOS: &str = "{prefix} {bar:8} {pos}/{len}  {gone} gone, {left} left  {wide_msg}";
+
+/// Whether progress is drawn on a terminal.
+pub(super) fn has_terminal() -> bool {
+    std::io::stderr().is_terminal()
+}
+
+/// A progress bar on stderr; nothing is drawn where stderr is no terminal.
+pub(super) struct Bar {
+    bar: ProgressBar,
+    total: Cell<u64>,
+}
+
+impl Bar {
+    pub(super) fn new(quiet: bool, what: &'static str, template: &str) -> Self {
+        let is_hidden = quiet || !has_terminal();
+        let target = if is_hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(Some(0), target);
+        // The templates are constants; the test below settles that they parse.
+        if let Ok(style) = style(template) {
+            bar.set_style(style);
         }
-        is_due
+        bar.set_prefix(what);
+        // The clock of a bar needs a thread. Without one the bar moves when something is done.
+        if !is_hidden && machine::has_thread() {
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
+        Self { bar, total: Cell::new(0) }
+    }
+
+    /// Something beside it.
+    pub(super) fn say(&self, text: &str) {
+        self.bar.set_message(text.to_owned());
+    }
+
+    /// Shows that `done` of `total` steps are done.
+    pub(super) fn show(&self, done: u64, total: u64) {
+        if self.total.replace(total) != total {
+            self.bar.set_length(total);
+        }
+        self.bar.set_position(done);
+    }
+}
+
+/// The style of a bar. Its template may have `{gone}` and `{left}`: times in few characters, such as `12s` and `3m`.
+fn style(template: &str) -> Result<ProgressStyle, TemplateError> {
+    // A time that cannot be formatted is left out; nothing else depends on it.
+    let style = ProgressStyle::with_template(template)?
+        .with_key("gone", |state: &ProgressState, to: &mut dyn fmt::Write| {
+            let _ = write!(to, "{:#}", HumanDuration(state.elapsed()));
+        })
+        .with_key("left", |state: &ProgressState, to: &mut dyn fmt::Write| {
+            let _ = write!(to, "{:#}", HumanDuration(state.eta()));
+        });
+    Ok(style.progress_chars("━╸─"))
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use indicatif::TermLike;
+
     use super::*;
+    use crate::observer::Estimate;
 
     #[test]
     fn lines_are_sparse() {
         let start = Instant::now();
-        let mut rhythm = Rhythm { last: start };
+        let mut last = start;
         let after = |seconds: u64| start + Duration::from_secs(seconds);
-        let due: Vec<u64> = (0..60).filter(|&second| rhythm.is_due(after(second))).collect();
+        let due: Vec<u64> = (0..60).filter(|&second| is_due(&mut last, after(second))).collect();
         assert_eq!(due, [10, 20, 30, 40, 50]);
     }
 
@@ -189,5 +257,73 @@ mod tests {
         let said = line(12, 48, Duration::from_secs(8), "residual 1.2e-3");
         assert_eq!(said, "photos    12 of 48, 8 s gone, about 24 s left, residual 1.2e-3");
         assert_eq!(line(1, 1, Duration::from_secs(3), ""), "photos    1 of 1, 3 s gone, about 0 s left");
+    }
+
+    #[test]
+    fn the_templates_of_bars_parse() {
+        for template in [STEPS, PHOTOS, LINE] {
+            assert!(style(template).is_ok(), "{template}");
+        }
+    }
+
+    /// A terminal of 80 columns that keeps all that is written to it.
+    #[derive(Clone, Debug, Default)]
+    struct Terminal(Arc<Mutex<String>>);
+
+    impl TermLike for Terminal {
+        fn width(&self) -> u16 {
+            80
+        }
+
+        fn move_cursor_up(&self, _: usize) -> std::io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_down(&self, _: usize) -> std::io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_right(&self, _: usize) -> std::io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_left(&self, _: usize) -> std::io::Result<()> {
+            Ok(())
+        }
+
+        fn write_line(&self, line: &str) -> std::io::Result<()> {
+            self.write_str(line)
+        }
+
+        fn write_str(&self, text: &str) -> std::io::Result<()> {
+            self.0.lock().expect("no test fails while it writes").push_str(text);
+            Ok(())
+        }
+
+        fn clear_line(&self) -> std::io::Result<()> {
+            Ok(())
+        }
+
+        fn flush(&self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn eighty_columns_hold_the_whole_estimate() {
+        let eigenpairs = Estimate::Eigenpairs { values: &[1.0; 20], residuals: &[1.2e-13; 20] };
+        let solution = Estimate::Solution { residual: 0.5, best: 0.25, iterate: &Vec::new };
+        for estimate in [eigenpairs, solution, Estimate::Unpredicted(0.123)] {
+            let terminal = Terminal::default();
+            let target = ProgressDrawTarget::term_like(Box::new(terminal.clone()));
+            let bar = ProgressBar::with_draw_target(Some(1000), target).with_elapsed(Duration::from_secs(59));
+            bar.set_style(style(PHOTOS).expect("it parses"));
+            bar.set_prefix("photos");
+            bar.set_message(estimate.to_string());
+            bar.set_position(873);
+            bar.force_draw();
+            let shown = terminal.0.lock().expect("no test fails while it writes").clone();
+            assert!(shown.contains("59s gone") && shown.contains(&estimate.to_string()), "{shown}");
+        }
     }
 }

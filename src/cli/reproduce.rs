@@ -1,9 +1,9 @@
 //! `krylux reproduce`: the paper's figures, made again and held to bounds.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 
 use clap::ValueEnum;
-use clap::builder::PossibleValue;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
 use super::Outcome;
@@ -23,8 +23,8 @@ use crate::paper::{self, BenchOptions, Figure, Gallery, Reproduced, Rig};
 )]
 pub(super) struct Args {
     /// Which figures
-    #[arg(value_name = "FIGURE", required = true, value_enum)]
-    figures: Vec<FigureArg>,
+    #[arg(value_name = "FIGURE", required = true, value_parser = figure())]
+    figures: Vec<Option<Figure>>,
     /// Photos without devices' faults, through a virtual projector and camera with theirs, or one after the other
     #[arg(long, value_enum, default_value = "ideal")]
     rig: RigArg,
@@ -38,26 +38,11 @@ pub(super) struct Args {
     run: RunArgs,
 }
 
-/// A figure, or all of them.
-#[derive(Clone, Copy)]
-enum FigureArg {
-    One(Figure),
-    All,
-}
-
-impl ValueEnum for FigureArg {
-    fn value_variants<'a>() -> &'a [Self] {
-        static ARGUMENTS: LazyLock<Vec<FigureArg>> =
-            LazyLock::new(|| Figure::ALL.map(FigureArg::One).into_iter().chain([FigureArg::All]).collect());
-        &ARGUMENTS
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(match self {
-            Self::One(figure) => PossibleValue::new(figure.name()).help(figure.title()),
-            Self::All => PossibleValue::new("all").help("All of them"),
-        })
-    }
+/// The figure of this name; `None` stands for all of them.
+fn figure() -> impl TypedValueParser<Value = Option<Figure>> {
+    let named = Figure::ALL.map(|figure| PossibleValue::new(figure.name()).help(figure.title()));
+    PossibleValuesParser::new(named.into_iter().chain([PossibleValue::new("all").help("All of them")]))
+        .map(|name| Figure::ALL.into_iter().find(|figure| figure.name() == name))
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -70,12 +55,7 @@ enum RigArg {
 impl Args {
     /// In the paper's order, each once.
     fn figures(&self) -> Vec<Figure> {
-        let asked = |figure: &Figure| {
-            self.figures.iter().any(|argument| match argument {
-                FigureArg::One(one) => one == figure,
-                FigureArg::All => true,
-            })
-        };
+        let asked = |figure: &Figure| self.figures.iter().any(|one| one.is_none_or(|one| one == *figure));
         Figure::ALL.into_iter().filter(asked).collect()
     }
 

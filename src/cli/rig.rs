@@ -8,11 +8,11 @@ use clap::Subcommand;
 use serde_json::json;
 
 use super::Outcome;
-use super::asked::Framed;
-use super::bar::has_terminal;
+use super::asked::Asked;
 use super::console::Console;
 use super::opening::{Opening, Traced, tell};
 use super::options::{SourceArgs, ViewArgs, free_file};
+use super::progress::has_terminal;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::bench::align::Round;
@@ -40,11 +40,11 @@ pub(super) struct Args {
 #[derive(Subcommand)]
 enum Action {
     List(ListDevices),
-    Preview(Box<Framed<PreviewCamera, RigArgs, LiveArgs>>),
-    Align(Box<Framed<Align, RigArgs, LiveArgs>>),
-    Calibrate(Box<Framed<Calibrate, Traced, ()>>),
-    FlatField(Box<Framed<MeasureSheet, Traced, ()>>),
-    Check(Box<Framed<CheckBench, RigArgs, ()>>),
+    Preview(Box<Asked<PreviewCamera, RigArgs, LiveArgs>>),
+    Align(Box<Asked<Align, RigArgs, LiveArgs>>),
+    Calibrate(Box<Asked<Calibrate, Traced, ()>>),
+    FlatField(Box<Asked<MeasureSheet, Traced, ()>>),
+    Check(Box<Asked<CheckBench, RigArgs, ()>>),
 }
 
 /// Which rig.
@@ -96,7 +96,7 @@ fn opening(args: &Traced) -> Result<Opening<'_>> {
 }
 
 /// Says each finding as soon as it is known.
-fn check(args: &Framed<CheckBench, RigArgs, ()>, console: &Console) -> Result<Outcome> {
+fn check(args: &Asked<CheckBench, RigArgs, ()>, console: &Console) -> Result<Outcome> {
     require_rig(&args.before.rig, "RIG")?;
     // An output that cannot be written, such as a closed pipe.
     let mut unwritten = Ok(());
@@ -110,7 +110,7 @@ fn check(args: &Framed<CheckBench, RigArgs, ()>, console: &Console) -> Result<Ou
     tell("rig check", &CheckBench::content(&findings), findings.passed(), console)
 }
 
-fn align(args: &Framed<Align, RigArgs, LiveArgs>, console: &Console) -> Result<Outcome> {
+fn align(args: &Asked<Align, RigArgs, LiveArgs>, console: &Console) -> Result<Outcome> {
     let request = &args.request;
     let file = request.file.clone().unwrap_or_else(|| free_file("align", "png"));
     atomic::check_writable(&file)?;
@@ -154,7 +154,7 @@ const EVERY: Duration = Duration::from_millis(250);
 /// Shortest time between two lines without a terminal.
 const SAID: Duration = Duration::from_secs(1);
 
-fn preview(args: &Framed<PreviewCamera, RigArgs, LiveArgs>, console: &Console) -> Result<Outcome> {
+fn preview(args: &Asked<PreviewCamera, RigArgs, LiveArgs>, console: &Console) -> Result<Outcome> {
     let request = &args.request;
     let file = request.file.clone().unwrap_or_else(|| free_file("preview", "png"));
     atomic::check_writable(&file)?;

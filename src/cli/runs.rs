@@ -1,4 +1,4 @@
-//! `krylux runs`: the runs below a folder, and the photos that they keep.
+//! `krylux runs` and `krylux index`: the runs below a folder, the photos that they keep, and a page about them.
 
 use std::path::PathBuf;
 
@@ -7,9 +7,11 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
-use crate::error::Result;
+use super::opener;
+use crate::error::{Error, Result};
 use crate::io::name::Name;
 use crate::lab::{KeptPhotos, KeptRun, text};
+use crate::report::index::{self as page, FoundRun};
 
 /// Show what runs take on the disk, or remove photos that can be computed again
 #[derive(clap::Args)]
@@ -133,4 +135,64 @@ fn described(run: &KeptRun) -> Value {
         "recomputable": run.photos == KeptPhotos::Recomputable,
         "photos": in_words(&run.photos),
     })
+}
+
+/// Write a page over the runs in a folder: a picture, the verb, the source, photos, time and status of each, and a link to its report
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  krylux index out\n  krylux index out --open")]
+pub(super) struct IndexArgs {
+    /// The folder; runs in folders within it are found, too
+    #[arg(value_name = "DIR", default_value = "out")]
+    folder: PathBuf,
+    /// Replace an index.html that is not krylux's
+    #[arg(long)]
+    overwrite: bool,
+    /// Open the page in the browser
+    #[arg(long)]
+    open: bool,
+}
+
+pub(super) fn index(args: &IndexArgs, console: &Console) -> Result<Outcome> {
+    let file = args.folder.join(page::NAME);
+    if let Ok(old) = crate::file::read(&file)
+        && !args.overwrite
+        && !page::is_own(&old)
+    {
+        return Err(Error::option(file.display().to_string(), "is the page of another program")
+            .help("move it aside, or add --overwrite"));
+    }
+    let runs = page::find(&args.folder)?;
+    if runs.is_empty() {
+        return Err(Error::option(
+            args.folder.display().to_string(),
+            "holds no run: no folder in it has a run.json",
+        )
+        .help("name the folder that the folders of runs lie in, such as out"));
+    }
+    let page = page::write(&args.folder, &runs)?;
+    console.say(format_args!("runs      {}", runs.len()))?;
+    console.say(format_args!("page      {}", page.display()))?;
+    console.summary(&json!({
+        "verb": "index",
+        "page": Name::from(&page),
+        "runs": runs.iter().map(summary_of).collect::<Vec<_>>(),
+    }))?;
+    if args.open {
+        opener::open(&page, console);
+    }
+    Ok(Outcome::Done)
+}
+
+fn summary_of(run: &FoundRun) -> Value {
+    match &run.record {
+        Ok(record) => json!({
+            "folder": Name::from(&run.folder),
+            "verb": record.verb(),
+            "source": record.scene.as_ref().map(|scene| &scene.path),
+            "photos": record.photos,
+            "status": record.status,
+            "started": record.started,
+        }),
+        Err(fault) => json!({ "folder": Name::from(&run.folder), "error": fault }),
+    }
 }

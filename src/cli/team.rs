@@ -1,11 +1,11 @@
-//! The processes that `mpirun` or `srun` started together with this one.
+//! The processes that `mpirun` or `srun` started together with this one, and the helper that owns a projector's window.
 
 use std::process::ExitCode;
 use std::sync::Arc;
 
-#[cfg(not(feature = "mpi"))]
-use crate::error::Error;
-use crate::error::Result;
+use super::Outcome;
+use crate::error::{Error, Result};
+use crate::rig;
 use crate::team::Team;
 
 /// The role of this process.
@@ -86,4 +86,15 @@ fn joined() -> Result<Role> {
         .help("build it with `--features mpi`, or start one process")),
         _ => Ok(Role::Ended(ExitCode::from(2))),
     }
+}
+
+/// Show frames on a monitor, as the program says that started this one (by standard input and output)
+#[derive(clap::Args)]
+pub(super) struct Projector {}
+
+/// The helper process that owns a projector's window. It is started by krylux itself.
+pub(super) fn serve_projector() -> Result<Outcome> {
+    rig::serve_projector(std::io::stdin().lock(), std::io::stdout().lock())
+        .map_err(Error::writing("the pipe to krylux"))?;
+    Ok(Outcome::Done)
 }

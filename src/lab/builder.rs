@@ -3,18 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use super::folder::RunOptions;
-use super::settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings};
-use super::source::Handed;
-use super::source::MatrixSource;
-use super::source::SceneSource;
-use super::source::{Source, SourceKind, check_settings, not_a_rig};
+use super::settings::{ChannelChoice, OperatorChoice, Settings};
+use super::source::{Handed, MatrixSource, SceneSource, Source, SourceKind, check_settings, not_a_rig};
 use super::{Lab, RigSource, SharedObserver};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::DeviceOpener;
 use crate::scene::Scene;
 use crate::sparse::Csr;
-use crate::transport::{Backend, Channels};
 
 /// Settings of a laboratory to be opened: see [`Lab::builder`].
 #[derive(Clone)]
@@ -78,13 +74,6 @@ impl LabBuilder {
         self
     }
 
-    /// The largest number of surfaces that a light path meets; 6 by default. 1 gives direct light only.
-    #[must_use]
-    pub fn max_bounces(mut self, bounces: u32) -> Self {
-        self.settings.trace.max_bounces = Some(bounces);
-        self
-    }
-
     /// Selects the random numbers of the tracer and of starting vectors; 0 by default.
     #[must_use]
     pub fn seed(mut self, seed: u32) -> Self {
@@ -106,24 +95,10 @@ impl LabBuilder {
         self
     }
 
-    /// The place where matrices are kept for later runs.
-    #[must_use]
-    pub fn cache(mut self, cache: CacheChoice) -> Self {
-        self.settings.cache = cache;
-        self
-    }
-
     /// How the photos of a scene are computed.
     #[must_use]
     pub fn operator(mut self, operator: OperatorChoice) -> Self {
         self.settings.operator.choice = operator;
-        self
-    }
-
-    /// The place where products with a scene's matrix are computed.
-    #[must_use]
-    pub fn backend(mut self, backend: Backend) -> Self {
-        self.settings.operator.backend = backend;
         self
     }
 
@@ -134,18 +109,10 @@ impl LabBuilder {
         self
     }
 
-    /// Uses a folder that holds an earlier run. The earlier run is replaced when the new run is complete.
+    /// A run with its folder, which may hold an earlier run.
     #[must_use]
-    pub fn overwrite(mut self) -> Self {
-        self.run.get_or_insert_default().overwrite = true;
-        self
-    }
-
-    /// Continues the run in the folder: a photo in its journal is not taken again.
-    #[must_use]
-    pub fn resume(mut self) -> Self {
-        self.run.get_or_insert_default().resume = true;
-        self
+    pub fn run(self, run: RunOptions) -> Self {
+        Self { run: Some(run), ..self }
     }
 
     /// Opens the devices of a rig file of `kind = "program"`.
@@ -201,13 +168,5 @@ impl LabBuilder {
             Origin::Scene(scene) => Err(not_a_rig(&scene.path)),
             Origin::Matrix(_, name) => Err(not_a_rig(Path::new(name))),
         }
-    }
-}
-
-impl LabBuilder {
-    /// One gray channel, or three colour channels.
-    #[must_use]
-    pub fn rgb(self) -> Self {
-        self.channels(Channels::Rgb)
     }
 }

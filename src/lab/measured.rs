@@ -1,13 +1,11 @@
 //! An open rig with its processing stages, its costs so far, and the findings of its photos.
 
-mod symmetry;
-
 use crate::error::{Error, Result};
-use crate::finding::{Finding, Ratio};
+use crate::finding::{Finding, Grade, Ratio};
+use crate::krylov::{dot, norm};
 use crate::measure::{Calibration, FrameSource, Measurement, RigFile, RigRecord};
 use crate::operator::Symmetry;
-use crate::transport::Channels;
-use symmetry::Products;
+use crate::transport::{Channels, Part};
 
 pub(super) struct MeasuredRig {
     pub(super) measurement: Measurement,
@@ -22,23 +20,21 @@ impl MeasuredRig {
     /// The costs of the rig so far, for a run's record. If `is_complete`, the record includes findings and the noise and drift that the
     /// photos show. This takes one photo of white if patterns were shown.
     pub(super) fn record(&mut self, is_complete: bool) -> Result<RigRecord> {
-        let mut record = RigRecord {
+        let (mut findings, mut noise, mut drift) = Default::default();
+        if is_complete {
+            findings = vec![self.measurement.sight()?, self.measurement.steadiness()?];
+            findings.extend(self.map.clone().into_iter().chain(self.products.symmetry()));
+            (noise, drift) = self.noise_and_drift()?;
+        }
+        Ok(RigRecord {
             calibration: self.calibration.clone(),
             measurement: self.measurement.options().clone(),
-            patterns: 0,
+            patterns: self.measurement.patterns() as u64,
             effort: self.measurement.effort(),
-            noise: None,
-            drift: None,
-            findings: Vec::new(),
-        };
-        if is_complete {
-            record.findings = vec![self.measurement.sight()?, self.measurement.steadiness()?];
-            record.findings.extend(self.map.clone().into_iter().chain(self.products.symmetry()));
-            (record.noise, record.drift) = self.noise_and_drift()?;
-        }
-        record.patterns = self.measurement.patterns() as u64;
-        record.effort = self.measurement.effort();
-        Ok(record)
+            noise,
+            drift,
+            findings,
+        })
     }
 
     fn noise_and_drift(&mut self) -> Result<(Option<f64>, Option<f64>)> {
@@ -74,4 +70,76 @@ pub(super) fn measured(
     let calibration = file.calibration.as_ref().map(|folder| folder.display().to_string());
     let products = Products::new(&measurement);
     Ok(MeasuredRig { measurement, calibration, map: None, products })
+}
+
+/// The largest ratio `‖H − Hᵀ‖ / ‖H‖` that passes, where `H` is the matrix restricted to the patterns that were shown.
+const MOST: f64 = 0.1;
+
+/// The largest numbers of products and of stored values (64 MiB).
+const KEPT: usize = 12;
+const NUMBERS: usize = 8 << 20;
+
+/// The first products of a rig with one part of its light.
+pub(super) struct Products {
+    /// Patterns of norm 1, their products, and the standard error of each value of a product.
+    taken: Vec<(Vec<f64>, Vec<f64>, f64)>,
+    of: Option<(Part, usize)>,
+    most: usize,
+}
+
+impl Products {
+    fn new(measurement: &Measurement) -> Self {
+        let pixels = measurement.resolution().pixels();
+        let most = match measurement.symmetry() {
+            Symmetry::Symmetric => (NUMBERS / (2 * pixels.max(1))).clamp(2, KEPT),
+            Symmetry::General => 0,
+        };
+        Self { taken: Vec::new(), of: None, most }
+    }
+
+    /// Keeps products with several patterns, and their standard errors, up to the limit.
+    pub(super) fn keep(&mut self, of: (Part, usize), xs: &[&[f64]], ys: &[&mut [f64]], errors: &[f64]) {
+        if of.0 == Part::Direct || *self.of.get_or_insert(of) != of {
+            return;
+        }
+        for ((x, y), error) in xs.iter().zip(ys).zip(errors) {
+            let length = norm(x);
+            if self.taken.len() < self.most && length > 0.0 {
+                let scaled = |vector: &[f64]| vector.iter().map(|value| value / length).collect();
+                self.taken.push((scaled(x), scaled(y), error / length / (y.len() as f64).sqrt()));
+            }
+        }
+    }
+
+    /// The finding about symmetry; `None` for fewer than two products, or for a rig that is not coaxial.
+    fn symmetry(&self) -> Option<Finding> {
+        let [mut squares, mut noise, mut energy, mut pairs] = [0.0; 4];
+        for (i, (x, y, error)) in self.taken.iter().enumerate() {
+            energy += dot(x, y).powi(2);
+            for (other, product, other_error) in &self.taken[..i] {
+                let [there, back] = [dot(other, y), dot(x, product)];
+                squares += 2.0 * (there - back).powi(2);
+                // The patterns have norm 1, so the error of each value counts once.
+                noise += 2.0 * (error * error + other_error * other_error);
+                energy += there * there + back * back;
+                pairs += 1.0;
+            }
+        }
+        if pairs == 0.0 {
+            return None;
+        }
+        let figure = Ratio::of((squares - noise).max(0.0).sqrt(), energy.sqrt(), noise.sqrt());
+        let Some(value) = figure.value() else {
+            return Some(Finding::unmeasured("asymmetry", "the products are no more than noise"));
+        };
+        // A mean of squares of `pairs` Gaussians has a relative error of √(2/pairs). Its root has half of that relative error.
+        let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
+        let found = format!(
+            "light from one pixel to another differs from light back by {figure}, ± {}, on the patterns that were shown",
+            Ratio::from(error)
+        );
+        let help = "calibrate the rig with `krylux rig calibrate`: the pixel map is off, or camera and projector do not look from one point";
+        let expected = format!("at most {:.0} %", 100.0 * MOST);
+        Some(Finding::at_most("asymmetry", [value, error, MOST], Grade::Fails, found, expected, help))
+    }
 }

@@ -26,16 +26,15 @@
 mod builder;
 mod calibration;
 mod folder;
-mod independent;
 mod journal;
 mod kept;
-mod labels;
 mod layout;
 mod light;
-mod loading;
 mod lock;
 mod look;
+mod matrix;
 mod measured;
+mod model;
 mod notes;
 mod observing;
 mod operator;
@@ -44,6 +43,7 @@ mod replaced;
 mod run_model;
 mod saving;
 mod settings;
+mod shards;
 mod source;
 #[cfg(test)]
 mod tests_of_rigs;
@@ -53,7 +53,6 @@ mod transport;
 mod verb;
 mod verbs;
 mod verification;
-mod view;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -71,9 +70,10 @@ pub use settings::{
     CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
 };
 pub(crate) use settings::{byte_count, size};
+pub use shards::{JoinedShards, Scaling, TracedShard, join_shards};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
-pub use verbs::{JoinedShards, MatrixRequest, Scaling, SinglePhoto, TracedShard, join_shards};
+pub use verbs::SinglePhoto;
 pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;

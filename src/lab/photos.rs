@@ -1,16 +1,17 @@
-//! The photos of a laboratory, and their costs.
+//! The photos of a laboratory, their costs, and the labels of their pixels.
 
 use super::lock::lock;
 use super::source::Source;
 use super::transport::LightTransport;
-use super::{Lab, Log};
+use super::{Lab, Log, Truth};
 use crate::bench::rig_check;
 use crate::error::{Error, Result};
 use crate::finding::{Finding, merge};
 use crate::image::Image;
 use crate::measure::{Measurement, RigRecord};
-use crate::observer::{Estimate, Step};
+use crate::observer::{Estimate, Level, Step};
 use crate::report::contact_sheet::ContactSheet;
+use crate::scene::view::reason_for_darkness;
 
 impl Lab {
     /// The photo of a pattern, in [`Lab::unit`], with the ambient light. A rig's photo excludes the ambient light unless the rig file says
@@ -127,5 +128,41 @@ impl Lab {
             Err(_) => return Ok(Vec::new()),
         };
         rig_check::faults(&rig.file, known, &mut *frames)
+    }
+
+    /// The region that the centre of each pixel of a scene sees, row by row; 255 marks a pixel that sees none.
+    ///
+    /// # Errors
+    /// [`crate::Error::Data`] if there is no scene; [`crate::Error::Scene`] for more than 255 regions.
+    pub fn labels(&self) -> Result<Vec<u8>> {
+        self.scene_source()?.labels(self.resolution())
+    }
+
+    /// The true labels by the scene's author, if there are any. Fails as [`Lab::labels`].
+    pub fn truth(&self) -> Result<Option<Truth>> {
+        self.source.truth()
+    }
+
+    /// The true labels that a segmentation supplied, or else [`Lab::truth`]. Fails as [`Lab::labels`].
+    pub fn known_truth(&self) -> Result<Option<Truth>> {
+        match &self.kept_truth {
+            Some(truth) => Ok(Some(truth.clone())),
+            None => self.truth(),
+        }
+    }
+
+    /// Makes the journal of the run keep the true labels, so that a replay of the run knows them. Call it before the first photo.
+    pub(crate) fn keep_truth(&mut self, truth: Option<&Truth>) {
+        self.kept_truth = truth.cloned();
+    }
+
+    /// Warns if the photos of a scene will be black or nearly so, and gives the reason.
+    pub(super) fn warn_of_darkness(&self) {
+        let Ok(source) = self.scene_source() else { return };
+        let scene = &source.scene;
+        if let Some(reason) = reason_for_darkness(scene, source.settings.resolution) {
+            let message = format!("warning: {}: {reason}", scene.path.display());
+            self.observer.log(Level::Warning, &message);
+        }
     }
 }

@@ -54,7 +54,7 @@ impl Lab {
         let folder = folder.as_ref();
         if self.run.as_ref().is_none_or(|run| run.path != folder) {
             let options = RunOptions { folder: Some(folder.to_path_buf()), ..RunOptions::default() };
-            self.begin_run(answer.verb(), &options)?;
+            self.begin_run(answer.names()[0], &options)?;
         }
         self.finish(answer)
     }
@@ -88,10 +88,8 @@ impl Lab {
 
     fn write(&mut self, answer: &(impl Answer + ?Sized), run: &mut RunFolder) -> Result<Saved> {
         run.manifest.photos = answer.photos() as u64;
-        if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
-            run.manifest.rig = lock(transport).record(answer.has_white())?;
-            merge(&mut self.findings, run.manifest.rig.iter().flat_map(|rig| rig.findings.clone()));
-        }
+        self.record_costs(run, answer.has_white())?;
+        merge(&mut self.findings, run.manifest.rig.iter().flat_map(|rig| rig.findings.clone()));
         run.manifest.findings = self.findings_of(answer);
         // The run is already closed.
         merge(&mut run.manifest.findings, run.manifest.verification.as_ref().map(Verification::finding));
@@ -112,9 +110,7 @@ impl Lab {
     pub fn end_run(&mut self, photos: usize, message: &str) -> Result<()> {
         let Some(mut run) = self.run.take() else { return Ok(()) };
         run.manifest.photos = photos as u64;
-        if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
-            run.manifest.rig = lock(transport).record(true)?;
-        }
+        self.record_costs(&mut run, true)?;
         run.manifest.findings = run.manifest.rig.as_ref().map_or(Vec::new(), |rig| rig.findings.clone());
         run.close(Ok(message))
     }
@@ -126,11 +122,17 @@ impl Lab {
         }
     }
 
-    fn closed_by(&mut self, error: &Error, run: &mut RunFolder) {
+    /// Records the costs of a rig, unless that was done after its photos.
+    fn record_costs(&self, run: &mut RunFolder, is_complete: bool) -> Result<()> {
         if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
-            run.manifest.rig = lock(transport).record(false).unwrap_or(None);
+            run.manifest.rig = lock(transport).record(is_complete)?;
         }
+        Ok(())
+    }
+
+    fn closed_by(&mut self, error: &Error, run: &mut RunFolder) {
         // The error itself is more important than the failure to record it.
+        let _ = self.record_costs(run, false);
         if let Err(why) = run.close(Err(error)) {
             self.observer.note(format_args!("note: the record of the run is not written: {why}"));
         }

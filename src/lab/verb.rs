@@ -91,11 +91,8 @@ pub trait Verb: Serialize {
 
 /// An answer: named arrays and facts, which become files, summary and attributes, and a page.
 pub trait Answer {
-    /// The verb that asks for this answer. It is part of the folder's default name.
-    fn verb(&self) -> &'static str;
-
-    /// The title of the page, without the name of the source.
-    fn title(&self) -> &'static str;
+    /// The verb that asks for this answer, which is part of the folder's default name; and the title of the page without the source.
+    fn names(&self) -> [&'static str; 2];
 
     /// The number of photos that it took, for the run's record.
     fn photos(&self) -> usize;
@@ -184,7 +181,7 @@ impl Lab {
         let manifest = &run.manifest;
         let has_option = manifest.command.iter().any(|word| word.to_str() == Some("--paint"));
         let mut page = AnswerPage {
-            title: format!("{} · {}", self.name(), answer.title()),
+            title: format!("{} · {}", self.name(), answer.names()[1]),
             sentence: answer.sentence(),
             photos: answer.photos(),
             resolution: self.resolution(),

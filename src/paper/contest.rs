@@ -8,13 +8,16 @@ use super::figure::{Check, Content, Panel, Plot, Points, counted};
 use super::vectors::{minus, product};
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
-use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
+use crate::krylov::{Constraint, Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
 use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
 use crate::transport::Part;
 
-/// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
-pub(super) struct TargetLight {
+/// The target of a compensation on a stage, in W/(m² sr), and the photo under white that sets its scale.
+pub(super) struct TargetLight<'a> {
+    stage: &'a Stage,
+    /// The picture that the target shows, in [0, 1].
+    picture: Vec<f64>,
     pub(super) light: Vec<f64>,
     pub(super) peak: f64,
     white: Vec<f64>,
@@ -22,31 +25,110 @@ pub(super) struct TargetLight {
     unit: f64,
 }
 
-impl TargetLight {
-    /// Scales `target` (values in [0, 1]) by half the median of the white photo, so that all but its brightest parts are feasible.
-    pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
-        let white = product(operator, &vec![1.0; target.len()])?;
-        let truth = stage.white();
+impl<'a> TargetLight<'a> {
+    /// Scales the picture by half the median of the white photo, so that all but its brightest parts are feasible.
+    pub(super) fn new(stage: &'a Stage, operator: &mut dyn Adjoint) -> Result<Self> {
+        let picture = picture(stage.resolution.width);
+        let white = product(operator, &vec![1.0; picture.len()])?;
+        let mut truth = stage.white();
         let unit = white.iter().sum::<f64>() / truth.iter().sum::<f64>();
-        let mut sorted = truth;
-        sorted.sort_by(f64::total_cmp);
-        let peak = 0.5 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        Ok(Self { light: target.iter().map(|value| peak * value).collect(), peak, white, unit })
+        truth.sort_by(f64::total_cmp);
+        let peak = 0.5 * truth.get(truth.len() / 2).copied().unwrap_or(0.0);
+        let light = picture.iter().map(|value| peak * value).collect();
+        Ok(Self { stage, picture, light, peak, white, unit })
     }
 
     /// `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
-    pub(super) fn residual(&self, stage: &Stage, pattern: &[f64]) -> f64 {
-        norm(&minus(&self.light, &stage.photo(pattern))) / norm(&self.light)
+    pub(super) fn residual(&self, pattern: &[f64]) -> f64 {
+        norm(&minus(&self.light, &self.stage.photo(pattern))) / norm(&self.light)
     }
 
+    /// The target as the rig reads it.
     pub(super) fn wanted(&self) -> Vec<f64> {
         self.light.iter().map(|light| self.unit * light).collect()
     }
 
     fn options(&self, method: Method, photos: usize) -> SolveOptions {
-        let boxed = method.facts().constraint == crate::krylov::Constraint::Box;
+        let boxed = method.facts().constraint == Constraint::Box;
         let diagonal = boxed.then(|| self.white.clone());
         SolveOptions { products: photos, rtol: 0.0, diagonal, ..SolveOptions::default() }
+    }
+
+    /// Runs `method` for `photos` photos, preconditioned by the white photo if `scaled`, and records the residuals of its answer after each.
+    pub(super) fn run(
+        &self,
+        operator: &mut dyn Adjoint,
+        (method, scaled): (Method, bool),
+        photos: usize,
+    ) -> Result<MethodRun> {
+        let mut options = self.options(method, photos);
+        if scaled {
+            // The measurements of very dark pixels are mostly noise, hence the floor.
+            let floor = 1e-3 * self.white.iter().copied().fold(0.0, f64::max);
+            let white = self.white.iter().map(|value| value.max(floor)).collect();
+            options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
+        }
+        let blurred = self.stage.set.is_out_of_focus() || operator.symmetry() != Symmetry::Symmetric;
+        if method == Method::KrylovBox && blurred {
+            options.surrogate = Some(Arc::new(Mixture::new(self.stage.resolution, &self.white)));
+        }
+        let mut run = MethodRun::default();
+        let mut recorded = Recorded::new(operator);
+        let observer = OnStep::new(|step: &Step<'_>| {
+            let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
+            let answer = iterate();
+            // A step may take no photo. In methods of photo pairs, a step takes two.
+            while (run.answered.len() as u64) < step.done {
+                self.record(&answer, &mut run);
+            }
+            ControlFlow::Continue(())
+        });
+        let wanted = self.wanted();
+        let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
+        Ok(MethodRun { pattern: found.x, shots: recorded.products, frames: recorded.frames, ..run })
+    }
+
+    /// Records the residuals of the answer after one more photo.
+    pub(super) fn record(&self, answer: &[f64], run: &mut MethodRun) {
+        run.answered.push(self.residual(answer));
+        run.displayed.push(self.residual(&clamped(answer)));
+    }
+
+    /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
+    ///
+    /// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`. The minimum of the right side over the box is a sum over pixels (the
+    /// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only the tightness of the bound.
+    pub(super) fn optimum(&self, operator: &mut dyn Adjoint, products: usize) -> Result<(f64, f64)> {
+        let mut options = self.options(Method::Fista, products);
+        options.diagonal = Some(self.stage.white());
+        let x = solve_adjoint(Method::Fista, operator, &self.light, &options)?.x;
+        let misfit = minus(&self.light, &product(operator, &x)?);
+        let mut gradient = vec![0.0; x.len()];
+        operator.apply_adjoint(&misfit, &mut gradient)?;
+        let gap =
+            x.iter().zip(&gradient).map(|(x, g)| if *g > 0.0 { g * (1.0 - x) } else { -g * x }).sum::<f64>();
+        let square = dot(&misfit, &misfit);
+        let scale = norm(&self.light);
+        Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
+    }
+
+    /// Panels of the target, photos with and without compensation, the projected pattern, and errors. All photos share one exposure.
+    pub(super) fn panels(&self, plain: &[f64], best: &MethodRun) -> Vec<Panel> {
+        let stage = self.stage;
+        let light = |values: Vec<f64>| Content::Light { values, white: Some(self.peak) };
+        let pattern = clamped(&best.pattern);
+        let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
+        let error = |photo: &[f64]| Content::Signed(minus(photo, &self.light));
+        let shown = Content::Light { values: pattern.clone(), white: Some(1.0) };
+        let residual = |pattern: &[f64]| format!("residual {:.2} %", percent(self.residual(pattern)));
+        vec![
+            stage.panel("target", "The target, W/(m² sr)", light(self.light.clone())),
+            stage.panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
+            stage.panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
+            stage.panel("pattern", "What is projected, 0 to 1", shown),
+            stage.panel("error-before", "Projected as it is less the target, W/(m² sr)", error(&before)),
+            stage.panel("error-after", "Compensated less the target, W/(m² sr)", error(&seen)),
+        ]
     }
 }
 
@@ -84,54 +166,15 @@ fn at(residuals: &[f64], photos: usize) -> f64 {
     residuals.get(photos - 1).or(residuals.last()).copied().unwrap_or(f64::NAN)
 }
 
-/// Runs `method` for `photos` photos and records the residuals of its answer after each.
-pub(super) fn enter(
-    stage: &Stage,
-    operator: &mut dyn Adjoint,
-    target_light: &TargetLight,
-    (method, scaled): (Method, bool),
-    photos: usize,
-) -> Result<MethodRun> {
-    let mut options = target_light.options(method, photos);
-    if scaled {
-        // The measurements of very dark pixels are mostly noise, hence the floor.
-        let floor = 1e-3 * target_light.white.iter().copied().fold(0.0, f64::max);
-        let white = target_light.white.iter().map(|value| value.max(floor)).collect();
-        options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
-    }
-    let blurred = stage.set.is_out_of_focus() || operator.symmetry() != Symmetry::Symmetric;
-    if method == Method::KrylovBox && blurred {
-        options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
-    }
-    let mut entry = MethodRun::default();
-    let mut recorded = Recorded::new(operator);
-    let observer = OnStep::new(|step: &Step<'_>| {
-        let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
-        let answer = iterate();
-        // A step may take no photo. In methods of photo pairs, a step takes two.
-        while (entry.answered.len() as u64) < step.done {
-            entry.answered.push(target_light.residual(stage, &answer));
-            entry.displayed.push(target_light.residual(stage, &clamped(&answer)));
-        }
-        ControlFlow::Continue(())
-    });
-    let wanted = target_light.wanted();
-    let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
-    entry.pattern = found.x;
-    entry.shots = recorded.products;
-    entry.frames = recorded.frames;
-    Ok(entry)
-}
-
-pub(super) struct Contest {
-    pub(super) target_light: TargetLight,
+pub(super) struct Contest<'a> {
+    pub(super) target_light: TargetLight<'a>,
     /// The paper's method: a Krylov method whose last answer is clamped.
     pub(super) recipe: MethodRun,
     /// The same method, preconditioned by the white photo.
     pub(super) scaled: MethodRun,
     pub(super) boxed: MethodRun,
     pub(super) jacobi: MethodRun,
-    /// Lower bound of the residual; see [`optimum`].
+    /// Lower bound of the residual; see [`TargetLight::optimum`].
     pub(super) bound: f64,
     pub(super) optimum: f64,
     /// The target picture used as a pattern, and its residual.
@@ -139,53 +182,30 @@ pub(super) struct Contest {
     pub(super) uncompensated: f64,
 }
 
-impl Contest {
+impl<'a> Contest<'a> {
     /// Runs the comparison: `photos` photos per method besides the white one, `products` true products for the optimum.
     pub(super) fn hold(
         bench: &mut Bench,
-        stage: &Stage,
-        target: &[f64],
+        stage: &'a Stage,
         recipe: Method,
         photos: usize,
         products: usize,
     ) -> Result<Self> {
         let operator = &mut bench.photos(stage, Part::Full)?;
-        let target_light = TargetLight::new(stage, operator, target)?;
-        let mut enter = |method| enter(stage, operator, &target_light, method, photos);
-        let (recipe, scaled) = (enter((recipe, false))?, enter((recipe, true))?);
-        let (boxed, jacobi) = (enter((Method::KrylovBox, false))?, enter((Method::Jacobi, false))?);
-        let operator = &mut bench.truth(stage, Part::Full)?;
-        let (bound, optimum) = optimum(operator, stage, &target_light, products)?;
-        let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
-        let uncompensated = target_light.residual(stage, &plain);
+        let target_light = TargetLight::new(stage, operator)?;
+        let mut run = |method| target_light.run(operator, method, photos);
+        let (recipe, scaled) = (run((recipe, false))?, run((recipe, true))?);
+        let (boxed, jacobi) = (run((Method::KrylovBox, false))?, run((Method::Jacobi, false))?);
+        let (bound, optimum) = target_light.optimum(&mut bench.truth(stage, Part::Full)?, products)?;
+        let half: Vec<f64> = target_light.picture.iter().map(|value| 0.5 * value).collect();
+        let plain = clamped(&half);
+        let uncompensated = target_light.residual(&plain);
         Ok(Self { target_light, recipe, scaled, boxed, jacobi, bound, optimum, plain, uncompensated })
     }
 }
 
 pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
     pattern.iter().map(|value| value.clamp(0.0, 1.0)).collect()
-}
-
-/// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
-///
-/// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`. The minimum of the right side over the box is a sum over pixels (the Frank–Wolfe
-/// gap). `x` comes from accelerated gradients; its accuracy affects only the tightness of the bound.
-pub(super) fn optimum(
-    operator: &mut dyn Adjoint,
-    stage: &Stage,
-    target_light: &TargetLight,
-    products: usize,
-) -> Result<(f64, f64)> {
-    let mut options = target_light.options(Method::Fista, products);
-    options.diagonal = Some(stage.white());
-    let x = solve_adjoint(Method::Fista, operator, &target_light.light, &options)?.x;
-    let misfit = minus(&target_light.light, &product(operator, &x)?);
-    let mut gradient = vec![0.0; x.len()];
-    operator.apply_adjoint(&misfit, &mut gradient)?;
-    let gap: f64 = x.iter().zip(&gradient).map(|(x, g)| if *g > 0.0 { g * (1.0 - x) } else { -g * x }).sum();
-    let square = dot(&misfit, &misfit);
-    let scale = norm(&target_light.light);
-    Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
 }
 
 /// Curves of displayed residuals over the frames taken; none for an ideal rig, which takes no frames.
@@ -209,30 +229,6 @@ pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec
 
 pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
-}
-
-/// Panels of the target, photos with and without compensation, the projected pattern, and errors. All photos share one exposure.
-pub(super) fn panels(
-    stage: &Stage,
-    target_light: &TargetLight,
-    plain: &[f64],
-    best: &MethodRun,
-) -> Vec<Panel> {
-    let light = |values: Vec<f64>| Content::Light { values, white: Some(target_light.peak) };
-    let pattern = clamped(&best.pattern);
-    let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
-    let error = |photo: &[f64]| Content::Signed(minus(photo, &target_light.light));
-    let shown = Content::Light { values: pattern.clone(), white: Some(1.0) };
-    let residual =
-        |pattern: &[f64]| format!("residual {:.2} %", percent(target_light.residual(stage, pattern)));
-    vec![
-        stage.panel("target", "The target, W/(m² sr)", light(target_light.light.clone())),
-        stage.panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
-        stage.panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
-        stage.panel("pattern", "What is projected, 0 to 1", shown),
-        stage.panel("error-before", "Projected as it is less the target, W/(m² sr)", error(&before)),
-        stage.panel("error-after", "Compensated less the target, W/(m² sr)", error(&seen)),
-    ]
 }
 
 /// Residuals at equal photo counts and, through a rig, displayed ones at equal frames.
@@ -262,7 +258,7 @@ pub(super) fn at_equal_costs(
 
 /// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer to the
 /// right, and a staircase of grays. It has edges in all directions and large uniform areas.
-pub(super) fn picture(side: usize) -> Vec<f64> {
+fn picture(side: usize) -> Vec<f64> {
     let pixels = (0..side).flat_map(|row| (0..side).map(move |column| (row, column)));
     pixels
         .map(|(row, column)| {

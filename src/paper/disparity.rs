@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::bench::{Bench, EDGE, Set, Stage};
-use super::contest::{MethodRun, TargetLight, enter, percent, picture};
+use super::contest::{MethodRun, TargetLight, percent};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, Rig};
 use crate::calibrate::StructuredLight;
 use crate::error::{Error, Result};
@@ -90,9 +90,9 @@ fn row(bench: &mut Bench, stage: &Stage, tenths: u32) -> Result<Row> {
         ..EigsOptions::default()
     };
     let asymmetry = eigs(&mut rig, &options)?.asymmetry;
-    let target = TargetLight::new(stage, &mut rig, &picture(stage.resolution.width))?;
-    let minres = enter(stage, &mut rig, &target, (Method::Minres, true), PHOTOS)?;
-    let gmres = enter(stage, &mut rig.0, &target, (Method::Gmres, true), PHOTOS)?;
+    let target = TargetLight::new(stage, &mut rig)?;
+    let minres = target.run(&mut rig, (Method::Minres, true), PHOTOS)?;
+    let gmres = target.run(&mut rig.0, (Method::Gmres, true), PHOTOS)?;
     let derived = spread(derived(stage, 1e-3 * millimetres).into_iter().map(|[x, y]| x.hypot(y)));
     Ok(Row { millimetres, derived, measured: spread(measured), asymmetry, minres, gmres })
 }

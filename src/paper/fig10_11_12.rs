@@ -1,10 +1,7 @@
 //! Figures 10, 11 and 12: compensation in focus after five photos, defocused after 8 and 12, and the latter's photos in order.
 
 use super::bench::{Bench, Set, Stage};
-use super::contest::{
-    Contest, MethodRun, TargetLight, at_equal_costs, clamped, enter, frames_taken, optimum, panels, percent,
-    picture,
-};
+use super::contest::{Contest, MethodRun, TargetLight, at_equal_costs, clamped, frames_taken, percent};
 use super::figure::{Check, Figure, Reproduced, Strip};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -19,10 +16,8 @@ const MORE_IN_FOCUS: usize = 10;
 const OPTIMUM_IN_FOCUS: usize = 600;
 
 pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
-    let side = bench.side(SIDE_IN_FOCUS);
-    let stage = bench.stage(Set::Corner, side)?;
-    let contest =
-        Contest::hold(bench, &stage, &picture(side), Method::Minres, MORE_IN_FOCUS, OPTIMUM_IN_FOCUS)?;
+    let stage = bench.stage(Set::Corner, bench.side(SIDE_IN_FOCUS))?;
+    let contest = Contest::hold(bench, &stage, Method::Minres, MORE_IN_FOCUS, OPTIMUM_IN_FOCUS)?;
     let Contest { target_light, recipe, scaled, boxed, jacobi, .. } = &contest;
     let entries =
         [("MINRES, then clamped", recipe), ("Krylov inside the box", boxed), ("projected Jacobi", jacobi)];
@@ -50,11 +45,11 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
         ("projected Jacobi", &jacobi.displayed),
     ];
     let operator = &mut bench.photos(&stage, Part::Full)?;
-    let short = enter(&stage, operator, target_light, (Method::KrylovBox, false), PHOTOS_IN_FOCUS)?;
+    let short = target_light.run(operator, (Method::KrylovBox, false), PHOTOS_IN_FOCUS)?;
     Ok(Reproduced {
         setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
         checks,
-        panels: panels(&stage, target_light, &contest.plain, &short),
+        panels: target_light.panels(&contest.plain, &short),
         plots: at_equal_costs(&lines, &entries, contest.uncompensated, contest.optimum),
         photos: 1 + PHOTOS_IN_FOCUS,
         ..Reproduced::of(Figure::Fig11, bench.rig())
@@ -72,10 +67,8 @@ const NEARLY: f64 = 1.05;
 const OPTIMUM: usize = 2000;
 
 pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
-    let side = bench.side(SIDE);
-    let stage = bench.stage(Set::Defocused, side)?;
-    let target = picture(side);
-    let contest = Contest::hold(bench, &stage, &target, Method::Gmres, PHOTOS, OPTIMUM)?;
+    let stage = bench.stage(Set::Defocused, bench.side(SIDE))?;
+    let contest = Contest::hold(bench, &stage, Method::Gmres, PHOTOS, OPTIMUM)?;
     let Contest { target_light, recipe, scaled, boxed, jacobi, .. } = &contest;
     let worst = |clamped: &MethodRun| {
         (1..=PHOTOS)
@@ -87,7 +80,7 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     let mut within = Check::of("residual displayed, 12 photos inside the box, over the optimum")
         .at_most(boxed.displayed_at(PHOTOS) / contest.bound, NEARLY);
     if !within.is_met() {
-        within = within.because(transpose_is_missing(bench, &stage, &target, contest.bound)?);
+        within = within.because(transpose_is_missing(bench, &stage, contest.bound)?);
     }
     let mut checks = vec![
         within,
@@ -109,7 +102,7 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
         Check::of("optimum inside the box, % (proven from below)").stated(percent(contest.bound)),
         Check::of("uncompensated, %").stated(percent(contest.uncompensated)),
     ]);
-    checks.push(Check::of("with the camera out of focus, too: residual displayed, 12 photos inside the box, over the optimum").at_most(both_lenses(bench, &target)?, NEARLY));
+    checks.push(Check::of("with the camera out of focus, too: residual displayed, 12 photos inside the box, over the optimum").at_most(both_lenses(bench)?, NEARLY));
     let entries = [
         ("GMRES, then clamped", recipe),
         ("GMRES scaled by the white photo, then clamped", scaled),
@@ -130,7 +123,7 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
             stage.resolution
         ),
         checks,
-        panels: panels(&stage, target_light, &contest.plain, boxed),
+        panels: target_light.panels(&contest.plain, boxed),
         plots: at_equal_costs(&lines, &entries, contest.uncompensated, contest.optimum),
         photos: 2 * (1 + PHOTOS),
         ..Reproduced::of(Figure::Fig12, bench.rig())
@@ -139,12 +132,12 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
 
 /// The reason why twelve photos may not be enough, by runs on the matrix itself: with the same number of products, with more, and with the
 /// same number that includes the transpose.
-fn transpose_is_missing(bench: &mut Bench, stage: &Stage, target: &[f64], bound: f64) -> Result<String> {
+fn transpose_is_missing(bench: &mut Bench, stage: &Stage, bound: f64) -> Result<String> {
     let operator = &mut bench.truth(stage, Part::Full)?;
-    let light = TargetLight::new(stage, operator, target)?;
-    let boxed = enter(stage, operator, &light, (Method::KrylovBox, false), MORE)?;
+    let light = TargetLight::new(stage, operator)?;
+    let boxed = light.run(operator, (Method::KrylovBox, false), MORE)?;
     let from = (1..=MORE).find(|&photos| boxed.displayed_at(photos) <= NEARLY * bound);
-    let (_, with_transpose) = optimum(operator, stage, &light, 2 * MORE)?;
+    let (_, with_transpose) = light.optimum(operator, 2 * MORE)?;
     Ok(format!(
         "No photo is one of the transpose, which the gradient of the residual needs; a mixture of blurs that is fitted to the photos stands for \
          it. On the matrix itself, without any device, the method displays {:.3} times the optimum after {PHOTOS} photos, and {} within 5 %. \
@@ -158,12 +151,12 @@ fn transpose_is_missing(bench: &mut Bench, stage: &Stage, target: &[f64], bound:
 }
 
 /// The ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
-fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
+fn both_lenses(bench: &mut Bench) -> Result<f64> {
     let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
     let operator = &mut bench.photos(&stage, Part::Full)?;
-    let target_light = TargetLight::new(&stage, operator, target)?;
-    let boxed = enter(&stage, operator, &target_light, (Method::KrylovBox, false), PHOTOS)?;
-    let (bound, _) = optimum(&mut bench.truth(&stage, Part::Full)?, &stage, &target_light, OPTIMUM)?;
+    let target_light = TargetLight::new(&stage, operator)?;
+    let boxed = target_light.run(operator, (Method::KrylovBox, false), PHOTOS)?;
+    let (bound, _) = target_light.optimum(&mut bench.truth(&stage, Part::Full)?, OPTIMUM)?;
     Ok(boxed.displayed_at(PHOTOS) / bound)
 }
 
@@ -185,9 +178,7 @@ const FEWER: usize = 8;
 const ENOUGH: f64 = 0.05;
 
 pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
-    let side = bench.side(SIDE);
-    let stage = bench.stage(Set::Defocused, side)?;
-    let target = picture(side);
+    let stage = bench.stage(Set::Defocused, bench.side(SIDE))?;
     let mut strips = Vec::new();
     let mut checks = Vec::new();
     for (name, method, caption) in [
@@ -203,8 +194,7 @@ pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
         ),
     ] {
         let operator = &mut bench.photos(&stage, Part::Full)?;
-        let target_light = TargetLight::new(&stage, operator, &target)?;
-        let entry = enter(&stage, operator, &target_light, (method, false), PHOTOS)?;
+        let entry = TargetLight::new(&stage, operator)?.run(operator, (method, false), PHOTOS)?;
         if method == Method::KrylovBox {
             checks.push(
                 Check::of(format!(

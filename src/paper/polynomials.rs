@@ -6,11 +6,11 @@
 //! polynomial of least norm after `k` photos has the Ritz values as its zeros.
 
 use super::bench::{Bench, Set, Stage};
-use super::contest::{TargetLight, percent, picture};
+use super::contest::{TargetLight, percent};
 use super::figure::{Check, Figure, Plot, Points, Reproduced, counted};
 use super::vectors::{Spectrum, add, minus, product, spectrum, spectrum_of_rows};
 use crate::error::Result;
-use crate::krylov::{Factorization, Lanczos, dot, norm};
+use crate::krylov::{Factorization, dot, norm};
 use crate::lab::text::decimal;
 use crate::operator::Operator;
 use crate::transport::Part;
@@ -25,7 +25,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Corner, SIDE.min(bench.side(100)))?;
     let exact = spectrum(&stage.traced.matrix.to_csr(Part::Full, 0)?)?;
     let photos = &mut bench.photos(&stage, Part::Full)?;
-    let target_light = TargetLight::new(&stage, photos, &picture(stage.resolution.width))?;
+    let target_light = TargetLight::new(&stage, photos)?;
     let unit = norm(&target_light.wanted()) / norm(&target_light.light);
     let run = Run::of(photos, &target_light.wanted(), (PHOTOS, unit))?;
 
@@ -36,7 +36,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         let squares = exact.values.iter().zip(&shares).map(|(&value, share)| (minres(value) * share).powi(2));
         squares.sum::<f64>().sqrt() / scale
     };
-    let seen = |k: usize| target_light.residual(&stage, &run.answer(k));
+    let seen = |k: usize| target_light.residual(&run.answer(k));
     let [largest, smallest] = [exact.values[0], exact.values[exact.values.len() - 1]];
     let by_condition = chebyshev_bound(largest, smallest, JUDGED);
     let ends = [0.0_f64.min(smallest), largest];
@@ -76,7 +76,7 @@ fn curve([low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Points {
 /// The residual that the devices add to an answer's, measured by one more photo of it.
 fn devices(
     operator: &mut dyn Operator,
-    target_light: &TargetLight,
+    target_light: &TargetLight<'_>,
     stage: &Stage,
     answer: &[f64],
 ) -> Result<String> {
@@ -169,7 +169,7 @@ struct Run {
 impl Run {
     /// The process of this number of photos from `b`, read by a rig that gives `unit` for 1 W/(m² sr).
     fn of(operator: &mut dyn Operator, b: &[f64], (photos, unit): (usize, f64)) -> Result<Self> {
-        let mut process = Lanczos::new(b, &[])?;
+        let mut process = Factorization::lanczos(b, &[])?;
         for _ in 0..photos {
             process.expand(operator)?;
         }

@@ -5,14 +5,14 @@
 //! (Halko, Martinsson and Tropp, doi:10.1137/090771806). Each random pattern costs two photos. *Which pattern makes the corner look like
 //! the picture?* The answer is the combination of random patterns whose photos add up to the target's light with least squares.
 
-use super::bench::{Bench, Set, Stage};
-use super::contest::{MethodRun, TargetLight, clamped, enter, over_frames, percent, picture};
+use super::bench::{Bench, Set};
+use super::contest::{MethodRun, TargetLight, clamped, over_frames, percent};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
 use super::vectors::{add, overlap, product, spectrum_of_rows, unit};
 use crate::analysis::low_rank::smooth_starts;
-use crate::analysis::segment::{Graph, NormalizedAdjacency};
+use crate::analysis::segment::{Cut, CutMatrix, Graph};
 use crate::error::Result;
-use crate::krylov::{Factorization, Lanczos, Method, Start, Which, dot, norm};
+use crate::krylov::{Factorization, Method, Start, Which, dot, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
 use crate::transport::Part;
 
@@ -86,12 +86,12 @@ fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
 fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>, Vec<Check>)> {
     let stage = bench.stage(Set::Corner, side)?;
     let mut photos = bench.photos(&stage, Part::Full)?;
-    let target_light = TargetLight::new(&stage, &mut photos, &picture(side))?;
-    let minres = enter(&stage, &mut photos, &target_light, (Method::Minres, false), FEW)?;
+    let target_light = TargetLight::new(&stage, &mut photos)?;
+    let minres = target_light.run(&mut photos, (Method::Minres, false), FEW)?;
     let signs = Start::Rademacher { seed: SEED }.block(stage.pixels(), PHOTOS);
-    let signs = fitted(&stage, &mut photos, &target_light, &signs)?;
+    let signs = fitted(&mut photos, &target_light, &signs)?;
     let smooth = smooth_starts(stage.resolution, PHOTOS, SEED);
-    let smooth = fitted(&stage, &mut photos, &target_light, &smooth)?;
+    let smooth = fitted(&mut photos, &target_light, &smooth)?;
     let minres_to = |wanted: f64| good_from(&counted(&minres.answered), |residual| residual <= wanted);
     let checks = vec![
         Check::of(format!("photos of MINRES to compensate as {PHOTOS} of random signs do, over {PHOTOS}"))
@@ -147,9 +147,9 @@ pub(super) fn lanczos(
     graph: &Graph,
     photos: usize,
 ) -> Result<Vec<(f64, Vec<f64>)>> {
-    let known = NormalizedAdjacency::known_vector(graph);
-    let mut process = Lanczos::new(&Start::default().vector(known.len()), &[known])?;
-    let mut cut = NormalizedAdjacency::new(global, graph);
+    let known = Cut::Normalized.known_vector(graph);
+    let mut process = Factorization::lanczos(&Start::default().vector(known.len()), &[known])?;
+    let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
     let mut found = Vec::new();
     for photo in 1..=photos {
         process.expand(&mut cut)?;
@@ -165,8 +165,8 @@ pub(super) fn lanczos(
 
 /// The same by random patterns (on all pixels), after every two photos: the photo of a pattern, and the photo of its new basis vector.
 fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Result<Vec<(f64, Vec<f64>)>> {
-    let known = unit(NormalizedAdjacency::known_vector(graph));
-    let mut cut = NormalizedAdjacency::new(global, graph);
+    let known = unit(Cut::Normalized.known_vector(graph));
+    let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
     // The vectors of an orthonormal basis. Each has no image at first; its photo is taken once the vector is made.
     let mut basis = vec![[known, Vec::new()]];
     let mut products: Vec<Vec<f64>> = Vec::new();
@@ -212,10 +212,9 @@ pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]
 }
 
 /// The least-squares combination of `patterns` after each of their photos.
-pub(super) fn fitted(
-    stage: &Stage,
+fn fitted(
     operator: &mut dyn Adjoint,
-    target_light: &TargetLight,
+    target_light: &TargetLight<'_>,
     patterns: &[Vec<f64>],
 ) -> Result<MethodRun> {
     let mut recorded = Recorded::of_frames(operator);
@@ -231,8 +230,8 @@ pub(super) fn fitted(
             add(&mut entry.pattern, share, &pair[1]);
             known.push(pair);
         }
-        entry.answered.push(target_light.residual(stage, &entry.pattern));
-        entry.displayed.push(target_light.residual(stage, &clamped(&entry.pattern)));
+        let answer = entry.pattern.clone();
+        target_light.record(&answer, &mut entry);
     }
     entry.frames = recorded.frames;
     Ok(entry)

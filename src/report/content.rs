@@ -25,7 +25,7 @@ pub struct Content<'a> {
 pub struct Array<'a> {
     /// The name of the file and of the attribute in Python.
     pub name: &'static str,
-    /// The number that distinguishes arrays of one name. The file is `NAME-KEY.npy`, and the attribute is a dictionary.
+    /// The number that distinguishes arrays of one name, if there are several. The file is `NAME-KEY.npy`, and the attribute is a dictionary.
     pub key: Option<usize>,
     /// The shape.
     pub shape: Vec<usize>,
@@ -79,63 +79,50 @@ struct Fact {
 }
 
 impl<'a> Content<'a> {
-    /// Adds an array that is written to `NAME.npy`.
-    pub fn array(&mut self, name: &'static str, shape: &[usize], values: impl Into<Values<'a>>) {
-        self.push(name, None, shape, values.into(), true);
+    /// Adds an array that is written to `NAME.npy`, or with a key to `NAME-KEY.npy`.
+    pub fn array(
+        &mut self,
+        name: &'static str,
+        shape: &[usize],
+        values: impl Into<Values<'a>>,
+    ) -> &mut Array<'a> {
+        self.arrays.push(Array {
+            name,
+            key: None,
+            shape: shape.to_vec(),
+            values: values.into(),
+            is_saved: true,
+        });
+        let last = self.arrays.len() - 1;
+        &mut self.arrays[last]
     }
 
-    /// Adds one of several arrays with the same name, which is written to `NAME-KEY.npy`.
-    pub fn keyed(&mut self, name: &'static str, key: usize, shape: &[usize], values: impl Into<Values<'a>>) {
-        self.push(name, Some(key), shape, values.into(), true);
+    /// Adds an array as an attribute for programs, without a file.
+    pub fn attribute(
+        &mut self,
+        name: &'static str,
+        shape: &[usize],
+        values: impl Into<Values<'a>>,
+    ) -> &mut Array<'a> {
+        let array = self.array(name, shape, values);
+        array.is_saved = false;
+        array
     }
 
     /// Adds light of each channel, `[H, W]` or `[H, W, 3]`, as an attribute for programs.
     pub fn planes(&mut self, name: &'static str, size: Resolution, planes: &[Vec<f64>]) {
-        let shape = [size.height, size.width, planes.len()];
-        let shape = if planes.len() == 1 { &shape[..2] } else { &shape };
         let samples = (0..size.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel]));
-        self.attribute(name, shape, samples.collect::<Vec<f64>>());
+        self.attribute(name, &shape(size, planes.len()), samples.collect::<Vec<f64>>());
     }
 
-    /// Adds an image, `[H, W]` or `[H, W, 3]`, as an attribute for programs. `key` numbers several images with the same name.
-    pub fn picture(&mut self, name: &'static str, key: Option<usize>, image: &'a Image) {
-        let shape = [image.resolution().height, image.resolution().width, image.channels()];
-        let shape = if image.channels() == 1 { &shape[..2] } else { &shape };
-        self.push(name, key, shape, image.samples().into(), false);
+    /// Adds an image, `[H, W]` or `[H, W, 3]`, as an attribute for programs.
+    pub fn picture(&mut self, name: &'static str, image: &'a Image) -> &mut Array<'a> {
+        self.attribute(name, &shape(image.resolution(), image.channels()), image.samples())
     }
 
     /// Adds an image that is written to `NAME.npy` and `NAME.exr`.
     pub fn image(&mut self, name: &'static str, image: &'a Image) {
-        let Resolution { width, height } = image.resolution();
-        let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
-        self.push(name, None, shape, Values::Image(image), true);
-    }
-
-    /// Adds an array as an attribute for programs, without a file.
-    pub fn attribute(&mut self, name: &'static str, shape: &[usize], values: impl Into<Values<'a>>) {
-        self.push(name, None, shape, values.into(), false);
-    }
-
-    /// Adds one of several arrays with the same name as an attribute for programs, without a file.
-    pub fn keyed_attribute(
-        &mut self,
-        name: &'static str,
-        key: usize,
-        shape: &[usize],
-        values: impl Into<Values<'a>>,
-    ) {
-        self.push(name, Some(key), shape, values.into(), false);
-    }
-
-    fn push(
-        &mut self,
-        name: &'static str,
-        key: Option<usize>,
-        shape: &[usize],
-        values: Values<'a>,
-        is_saved: bool,
-    ) {
-        self.arrays.push(Array { name, key, shape: shape.to_vec(), values, is_saved });
+        self.array(name, &shape(image.resolution(), image.channels()), Values::Image(image));
     }
 
     /// Adds a fact. A number that JSON cannot represent becomes null.
@@ -184,6 +171,11 @@ impl Array<'_> {
     }
 }
 
+/// The shape of light: `[H, W]`, or `[H, W, 3]` in colour.
+pub(crate) fn shape(size: Resolution, channels: usize) -> Vec<usize> {
+    [size.height, size.width].into_iter().chain((channels > 1).then_some(channels)).collect()
+}
+
 /// A value as JSON. A map with keys other than strings, which no answer has, becomes null.
 fn json(value: impl Serialize) -> serde_json::Value {
     serde_json::to_value(value).unwrap_or_default()
@@ -200,7 +192,7 @@ mod tests {
         content.fact("error", f64::NAN);
         content.detail("history", [1, 2]);
         content.array("labels", &[2], vec![1_u8, 2]);
-        content.keyed("labels", 6, &[2], vec![1_u8, 2]);
+        content.array("labels", &[2], vec![1_u8, 2]).key = Some(6);
         assert_eq!(serde_json::to_string(&content).expect("facts"), r#"{"photos":7,"error":null}"#);
         assert_eq!(content.facts().last(), Some(("history", "[1,2]".to_owned())));
         assert_eq!(content.arrays.iter().map(Array::file).collect::<Vec<_>>(), ["labels", "labels-6"]);

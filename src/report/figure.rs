@@ -1,20 +1,17 @@
-//! The figures of a page for light, errors and amounts: a picture with its colour bar and unit.
+//! The figures of a page for light, errors, amounts and groups: a picture with the meaning of its colours, and its values.
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};
+use super::palette::paint_labels;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::io::raster::develop;
+use crate::io::raster::{Raster, develop};
 
 /// A photo in `unit`, developed with exposure `scale`; the colour bar of a colour photo shows its grays.
 pub(crate) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {
-    Ok(Figure {
-        png: develop(image, scale).encode_png()?,
-        caption: caption.into(),
-        legend: Legend::light(1.0 / f64::from(scale)).with_unit(unit),
-        values: Some(Values::of_light(image, 1.0 / f64::from(scale), unit)),
-        ..Figure::default()
-    })
+    let white = 1.0 / f64::from(scale);
+    let painted = (develop(image, scale), Legend::light(white).with_unit(unit));
+    figure(painted, Values::of_light(image, white, unit), caption)
 }
 
 /// A pattern; its values are fractions of the projector's white.
@@ -30,13 +27,8 @@ pub(crate) fn signed(
     unit: &str,
     caption: impl Into<String>,
 ) -> Result<Figure> {
-    Ok(Figure {
-        png: paint_signed(size, values, None, range)?.encode_png()?,
-        caption: caption.into(),
-        legend: Legend::signed(range).with_unit(unit),
-        values: Some(Values::of_numbers(size, Kind::Number, values, unit)),
-        ..Figure::default()
-    })
+    let painted = (paint_signed(size, values, None, range)?, Legend::signed(range).with_unit(unit));
+    figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption)
 }
 
 /// Nonnegative amounts, shown from 0.
@@ -57,13 +49,25 @@ pub(crate) fn sequential(
     unit: &str,
     caption: impl Into<String>,
 ) -> Result<Figure> {
-    Ok(Figure {
-        png: paint_sequential(size, values, None, (0.0, high))?.encode_png()?,
-        caption: caption.into(),
-        legend: Legend::sequential(0.0, high).with_unit(unit),
-        values: Some(Values::of_numbers(size, Kind::Number, values, unit)),
-        ..Figure::default()
-    })
+    let legend = Legend::sequential(0.0, high).with_unit(unit);
+    let painted = (paint_sequential(size, values, None, (0.0, high))?, legend);
+    figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption)
+}
+
+/// Numbers of groups.
+pub(crate) fn labels(size: Resolution, labels: &[u8], caption: impl Into<String>) -> Result<Figure> {
+    let painted = (paint_labels(size, labels), Legend::of_labels(labels));
+    figure(painted, Values::of_labels(size, labels), caption)
+}
+
+/// A picture with the meaning of its colours, and its values.
+pub(crate) fn figure(
+    (picture, legend): (Raster, Legend),
+    values: Values,
+    caption: impl Into<String>,
+) -> Result<Figure> {
+    let (png, caption) = (picture.encode_png()?, caption.into());
+    Ok(Figure { png, caption, legend, values: Some(values), ..Figure::default() })
 }
 
 /// Allows each of the named figures to be flipped with the others.

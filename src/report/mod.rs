@@ -5,6 +5,7 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
+//! | the kit of pages: sections, figures, files | [`run`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
 //! | scripts of pages | [`web`] |
@@ -18,8 +19,6 @@ pub mod content;
 pub(crate) mod figure;
 pub mod html;
 pub mod index;
-mod notes;
-mod oklab;
 pub mod palette;
 pub(crate) mod planes;
 pub mod plot;

@@ -1,6 +1,6 @@
 //! Colours of groups: labels 0 to 254, and 255 for masked pixels.
 
-use super::oklab::linear_from_oklab;
+use super::colormap::linear_from_oklab;
 use crate::image::Resolution;
 use crate::io::raster::Raster;
 use crate::io::raster::encode_srgb;
@@ -123,7 +123,7 @@ impl Palette {
 
 #[cfg(test)]
 mod tests {
-    use super::super::oklab::oklab_from_linear;
+    use super::super::colormap::oklab_from_linear;
     use super::*;
     use crate::io::raster::decode_srgb;
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::colormap::robust_range;
 use super::contact_sheet::ContactSheet;
-use super::content::{Content, Values};
+use super::content::{Content, Values, shape};
 use super::figure;
 use super::html::{Block, Figure, FileLink, Outcome, Report, Section, Verdict};
 use super::planes::{difference, mean};
@@ -41,7 +41,7 @@ pub struct AnswerPage<'a> {
 
 impl AnswerPage<'_> {
     /// Adds a section.
-    pub(crate) fn section(
+    pub fn section(
         &mut self,
         title: impl Into<String>,
         text: impl Into<String>,
@@ -51,7 +51,7 @@ impl AnswerPage<'_> {
     }
 
     /// Adds the section with the contact sheet; `order` explains the order of its photos.
-    pub(crate) fn contact_sheet(&mut self, order: &str) -> Result<()> {
+    pub fn contact_sheet(&mut self, order: &str) -> Result<()> {
         if let Some(strip) = &self.strip {
             self.sections.extend(strip.section(&self.unit, order)?);
         }
@@ -59,18 +59,18 @@ impl AnswerPage<'_> {
     }
 
     /// Adds a fact of the verb itself.
-    pub(crate) fn fact(&mut self, name: &'static str, value: impl ToString) {
+    pub fn fact(&mut self, name: &'static str, value: impl ToString) {
         self.facts.push((name, value.to_string()));
     }
 
     /// Writes a picture to `FILE.png`.
-    pub(crate) fn picture(&mut self, file: &str, figure: Figure) -> Result<Figure> {
+    pub fn picture(&mut self, file: &str, figure: Figure) -> Result<Figure> {
         self.files.picture(file, &figure)?;
         Ok(figure)
     }
 
     /// Writes light in all three formats, and names its figure as its files. `scale` is the exposure of the `.png`.
-    pub(crate) fn light(
+    pub fn light(
         &mut self,
         file: &str,
         image: &Image,
@@ -83,12 +83,12 @@ impl AnswerPage<'_> {
     }
 
     /// A figure of standard errors of light, as means over the channels.
-    pub(crate) fn errors(&self, errors: &[Vec<f64>], caption: impl Into<String>) -> Result<Figure> {
+    pub fn errors(&self, errors: &[Vec<f64>], caption: impl Into<String>) -> Result<Figure> {
         figure::amounts(self.resolution, &mean(errors), &self.unit, caption)
     }
 
     /// A figure of the difference of light, as a mean over the channels.
-    pub(crate) fn difference(
+    pub fn difference(
         &self,
         found: &[Vec<f64>],
         truth: &[Vec<f64>],
@@ -209,9 +209,8 @@ impl<'a> Files<'a> {
     }
 
     pub(crate) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
-        let Resolution { width, height } = image.resolution();
-        let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
-        self.about.push((format!("{name}.npy"), format!("{}, float32", sizes(shape))));
+        let shape = shape(image.resolution(), image.channels());
+        self.about.push((format!("{name}.npy"), format!("{}, float32", sizes(&shape))));
         ["npy", "exr"]
             .into_iter()
             .try_for_each(|extension| picture::write(&self.path(&format!("{name}.{extension}")), image))

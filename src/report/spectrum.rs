@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::colormap::{paint_signed, robust_range};
+use super::figure::figure;
 use super::html::{Block, Figure, Kind, Legend, Values};
 use super::plot::{self, StemPlot};
 use super::run::AnswerPage;
@@ -33,14 +34,9 @@ pub(crate) fn pictures(
             weight: coordinate.map(|(weight, _)| weight),
             range: coordinate.map_or((0.0, 0.0), |(_, range)| range),
         };
-        let figure = Figure {
-            png: paint_signed(resolution, vector, mask, range)?.encode_png()?,
-            caption: format!("{}: λ = {}", index + 1, decimal(*value, 5)),
-            legend: Legend::signed(range),
-            values: Some(Values::of_numbers(resolution, kind, vector, "")),
-            ..Figure::default()
-        };
-        let figure = figure
+        let painted = (paint_signed(resolution, vector, mask, range)?, Legend::signed(range));
+        let caption = format!("{}: λ = {}", index + 1, decimal(*value, 5));
+        let figure = figure(painted, Values::of_numbers(resolution, kind, vector, ""), caption)?
             .named(format!("eigenvector {}", index + 1), format!("eigenvectors.npy[{index}]"))
             .in_series("eigenvector");
         Ok((format!("eigenvector-{:02}", index + 1), figure))

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::chunk::{Key, Term};
+use super::contributions::{Key, Term};
 use super::noise::{EntrySquares, Estimates};
 use super::spread::Steps;
 use super::tiles::{CompressedRows, take};

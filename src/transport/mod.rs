@@ -15,7 +15,7 @@
 //! part ([`share_scene`]).
 
 mod assembled;
-mod chunk;
+mod contributions;
 mod estimated;
 mod gpu_matrix;
 mod journaled;
@@ -23,13 +23,11 @@ mod layer;
 mod matrix;
 mod merging;
 mod noise;
-mod pilot;
 mod retraced;
 mod row_sums;
 mod rows;
 mod scaling;
 mod shard;
-mod share;
 mod spread;
 #[cfg(test)]
 mod tests;
@@ -44,9 +42,8 @@ pub use journaled::JournaledOperator;
 pub use layer::{Bounces, Layer};
 pub use matrix::{MatrixOperator, Part, TransportMatrix};
 pub use noise::{Noise, pooled};
-pub use pilot::{Prediction, photo_bytes, predict};
 pub use retraced::{Retraced, RetracedOperator};
-pub use scaling::{Network, Probe, Scaled};
+pub use scaling::{Network, Prediction, Probe, Scaled, photo_bytes, predict};
 pub use shard::{MOST_PARTS, Shard, ShardRecord, join_shards, trace_shard};
 pub use spread::{SceneWorker, share_scene};
 pub(crate) use tiles::{CompressedRows, Entries};

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::chunk::{Chunk, Row, Term};
+use super::contributions::{Chunk, Row, Term};
 use super::noise::Estimates;
 
 /// The range of exponents, from the smallest to the largest, in which values are summed to the last bit. Smaller values lose bits that are
@@ -168,7 +168,7 @@ impl<const C: usize> Partial<C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::chunk::Key;
+    use crate::transport::contributions::Key;
 
     #[test]
     fn sums_are_exact_in_any_order() {

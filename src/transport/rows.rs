@@ -2,10 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
+use super::contributions::{About, Chunk, Chunks, Found, Key, Row, Term, Terms};
 use super::noise::Halves;
 use super::project;
-use super::share::{About, Found};
 use super::spread::Steps;
 use crate::render::{Batch, End, Merged, Run, class};
 

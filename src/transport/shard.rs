@@ -6,9 +6,8 @@
 use std::io::{self, Read, Write};
 
 use super::assembled::{Assembled, shape};
-use super::chunk::Chunk;
+use super::contributions::{Chunk, Found, Share};
 use super::noise::Estimates;
-use super::share::{Found, Share};
 use super::spread::of_share;
 use super::wire::{self, Garbled, Reader};
 use super::{Channels, RigShape};

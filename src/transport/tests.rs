@@ -9,9 +9,9 @@ mod wire;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::contributions::Found;
 use super::noise::{EntrySquares, Estimates};
 use super::rows::Rows;
-use super::share::Found;
 use super::spread::{Combined, Steps, classes, merge, steps};
 use super::*;
 use crate::operator::{Adjoint, Operator};
@@ -312,7 +312,7 @@ fn how_contributions_are_cut_into_chunks_makes_no_difference() {
 
 #[test]
 fn chunks_are_told_whether_they_are_of_a_matrix() {
-    use super::chunk::{Chunk, Key, Row, Term, Terms};
+    use super::contributions::{Chunk, Key, Row, Term, Terms};
     let chunk = |pixels: [u32; 2], keys: [(u32, u32); 3]| {
         let row = |(at, pixel)| Row { pixel, from_camera: true, end: [2, 3][at] };
         let terms = keys.map(|(other, class)| Term::<1>::none(Key::new(other, class)));

@@ -83,12 +83,8 @@ impl Verb for Audit {
 }
 
 impl Answer for AuditReport {
-    fn verb(&self) -> &'static str {
-        Audit::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "audit"
+    fn names(&self) -> [&'static str; 2] {
+        [Audit::NAME, "audit"]
     }
 
     fn photos(&self) -> usize {

@@ -7,6 +7,7 @@
 pub mod audit;
 pub mod compensate;
 pub mod eigs;
+pub mod matrix;
 pub mod options;
 pub mod pattern;
 pub mod plan;

@@ -156,12 +156,8 @@ impl ProbedLight {
 }
 
 impl Answer for ProbedLight {
-    fn verb(&self) -> &'static str {
-        Probe::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "probing of light transport"
+    fn names(&self) -> [&'static str; 2] {
+        [Probe::NAME, "probing of light transport"]
     }
 
     fn photos(&self) -> usize {

@@ -137,12 +137,8 @@ impl Solved {
 }
 
 impl Answer for Solved {
-    fn verb(&self) -> &'static str {
-        Solve::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "linear system"
+    fn names(&self) -> [&'static str; 2] {
+        [Solve::NAME, "linear system"]
     }
 
     fn photos(&self) -> usize {

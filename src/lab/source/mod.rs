@@ -12,6 +12,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::finding::Finding;
 use crate::image::Resolution;
+use crate::io::manifest::SourceFile;
 use crate::io::model as saved_model;
 use crate::journal::Journal;
 use crate::lab::layout::{journal_folder, short_name};
@@ -198,18 +199,22 @@ impl Source {
 
     /// The note that allows a run of this source to be replayed from its journal.
     pub(in crate::lab) fn note(&self, channels: Channels) -> Option<SourceNote> {
+        let note = |kind, path: &Path, hash, symmetric| SourceNote {
+            kind,
+            name: self.name(),
+            path: path.to_path_buf(),
+            hash: blake3::Hash::from_bytes(hash).to_string(),
+            photos: self.resolution(),
+            patterns: self.projector_resolution(),
+            symmetric,
+            channels: channels.count(),
+        };
         match self {
-            Self::Scene(scene) => Some(SourceNote {
-                kind: Kind::Scene,
-                name: self.name(),
-                path: scene.scene.path.clone(),
-                hash: blake3::Hash::from_bytes(scene.scene.hash).to_string(),
-                photos: self.resolution(),
-                patterns: self.projector_resolution(),
-                symmetric: scene.is_symmetric(),
-                channels: channels.count(),
-            }),
-            Self::Rig(rig) => Some(rig.note(channels)),
+            Self::Scene(source) => {
+                let scene = &source.scene;
+                Some(note(Kind::Scene, &scene.path, scene.hash, source.is_symmetric()))
+            }
+            Self::Rig(rig) => Some(note(Kind::Rig, &rig.file.path, rig.file.hash, rig.is_symmetric())),
             Self::Run(run) => Some(run.note.clone()),
             Self::Matrix(_) | Self::Model(_) => None,
         }
@@ -217,12 +222,14 @@ impl Source {
 
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest, channels: Channels) {
         match self {
-            Self::Scene(scene) => scene.describe(manifest),
-            Self::Rig(rig) => rig.describe(manifest),
-            Self::Run(run) => run.describe(manifest),
             Self::Matrix(matrix) => return matrix.describe(manifest),
             Self::Model(model) => return model.describe(manifest),
+            Self::Scene(scene) => scene.describe(manifest),
+            Self::Rig(rig) => rig.describe(manifest),
+            Self::Run(_) => {}
         }
+        let note = self.note(channels);
+        manifest.scene = note.map(|note| SourceFile { path: (&note.path).into(), hash: note.hash });
         manifest.resolution = Some(self.resolution());
         manifest.channels = Some(match channels {
             Channels::Luma => "luma".into(),

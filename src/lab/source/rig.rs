@@ -1,20 +1,22 @@
 //! A rig file as a source: its devices, real or virtual, and their calibration.
 
-mod record;
-
 use std::path::Path;
 
 use super::scene::SceneSource;
 use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, traced_scene, twin};
 use crate::analysis::plan::Twin;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::io::manifest::SourceFile;
 use crate::journal::{Identity, Journal};
-use crate::lab::layout::short_name;
+use crate::lab::layout::{calibration_folder, short_name};
 use crate::lab::measured::{MeasuredRig, measured};
+use crate::lab::notes;
 use crate::lab::settings::Settings;
 use crate::lab::{Log, SharedObserver, Truth, journal};
-use crate::measure::{Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind};
+use crate::measure::{
+    Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind, RunManifest,
+};
 use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
@@ -283,5 +285,38 @@ impl RigSource {
             None => opener(None)?,
         };
         measured(frames, &self.calibration, &self.file, (channels, self.symmetry))
+    }
+
+    /// Stores beside the journal in `folder` the data of the rig that a replay needs: its note, its file and its calibration.
+    pub(in crate::lab) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
+        let path = &self.file.path;
+        let bytes = match &self.program.text {
+            Some(text) => text.clone().into_bytes(),
+            None => crate::file::read(path)?,
+        };
+        if RigFile::from_bytes(path, &bytes)? != self.file {
+            return Err(Error::data(
+                path.clone(),
+                "the file is not what the rig was opened by, and a run keeps the file",
+            )
+            .help("open the rig by the file as it is, or take its photos without a folder for the run"));
+        }
+        journal.note(notes::RIG_FILE, &bytes)?;
+        let calibration = calibration_folder(folder);
+        let is_kept =
+            Calibration::load(&calibration).is_ok_and(|kept| kept.identity() == self.calibration.identity());
+        if !is_kept {
+            self.calibration.save(&calibration)?;
+        }
+        Ok(())
+    }
+
+    /// Describes the rig in a run's record: its file, and the scene that virtual devices look at.
+    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
+        if let Some(scene) = &self.scene {
+            scene.describe(manifest);
+        }
+        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
+        manifest.scene = Some(SourceFile { path: (&self.file.path).into(), hash });
     }
 }

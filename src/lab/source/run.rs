@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::finding::Finding;
 use crate::image::Image;
-use crate::io::manifest::{self, Status};
+use crate::io::manifest::Status;
 use crate::journal::Journal;
 use crate::lab::layout::{RECORD, calibration_folder, journal_folder};
 use crate::lab::measured::{MeasuredRig, measured};
@@ -145,11 +145,6 @@ impl RunSource {
             direct: direct.map(|photo| photo.planes.into_iter().map(|plane| plane.values).collect()),
             ambient: measurement.ambient()?.to_image()?,
         })
-    }
-
-    pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
-        let SourceNote { path, hash, .. } = &self.note;
-        manifest.scene = Some(manifest::SourceFile { path: path.into(), hash: hash.clone() });
     }
 }
 

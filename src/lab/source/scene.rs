@@ -13,8 +13,8 @@ use crate::journal::Identity;
 use crate::lab::lock::lock;
 use crate::lab::settings::{Settings, View};
 use crate::lab::text::grouped;
-use crate::lab::traced::{report_matrix, report_trace, store};
-use crate::lab::{Log, SharedObserver, Truth, loading};
+use crate::lab::traced::{self, report_matrix, report_trace, store};
+use crate::lab::{Log, SharedObserver, Truth};
 use crate::measure::RunManifest;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::Scene;
@@ -95,10 +95,10 @@ impl SceneSource {
         settings: &Settings,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        let load = || loading::load(path, view.options(), observer);
+        let load = || traced::load(path, view.options(), observer);
         let (scene, mut tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
         share(&mut tracer, &scene, settings, observer)?;
-        loading::at(observer, 1.0)?;
+        traced::at(observer, 1.0)?;
         Self::new(scene, tracer, trace, settings, observer)
     }
 
@@ -182,16 +182,12 @@ impl SceneSource {
     }
 
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
-        let (scene, settings, adapter) = (&self.scene, &self.settings, &self.adapter);
+        let (settings, adapter) = (&self.settings, &self.adapter);
         manifest.seed = Some(u64::from(settings.seed));
         manifest.adapter = Some(manifest::Adapter {
             name: adapter.name.clone(),
             driver: format!("{} {}", adapter.driver, adapter.driver_version),
             backend: "vulkan".into(),
-        });
-        manifest.scene = Some(manifest::SourceFile {
-            path: (&scene.path).into(),
-            hash: blake3::Hash::from_bytes(scene.hash).to_string(),
         });
         manifest.samples_per_pixel = Some(settings.samples);
         manifest.max_bounces = Some(settings.max_bounces);

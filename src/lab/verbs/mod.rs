@@ -1,10 +1,5 @@
 //! The verbs of the command line as methods of a laboratory. Each takes a request, and returns an answer with arrays.
 
-mod machines;
-mod matrix;
-mod model;
 mod photo;
 
-pub use machines::{JoinedShards, Scaling, TracedShard, join_shards};
-pub use matrix::MatrixRequest;
 pub use photo::SinglePhoto;

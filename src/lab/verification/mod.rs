@@ -5,7 +5,7 @@
 //! the photos or of the frozen matrix that the answer was computed from, and the residuals that the answer states. A compensation on a rig
 //! adds the rounding of its pattern to the projector's levels.
 
-mod compensation;
+mod independent;
 
 use super::Lab;
 use super::source::Source;

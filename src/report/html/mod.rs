@@ -1,20 +1,15 @@
 //! `report.html`: one self-contained page with the results of a run. Scripts show values, zoom, flip and compare, but are not required.
 
-mod definitions;
-mod files;
 mod legend;
 mod page;
-mod sheet;
 mod values;
 
 use std::path::Path;
 
 use crate::error::Result;
 use crate::io::atomic;
-pub use files::FileLink;
 pub(super) use legend::brief;
 pub use legend::{Legend, Swatch};
-pub use sheet::{Frame, Sheet};
 pub use values::{Kind, MOST_BYTES, Values};
 
 /// A page. All text is plain text and is escaped.
@@ -206,6 +201,50 @@ pub struct RunCard {
     pub verdict: Verdict,
     /// Facts such as verb, source, photos and time.
     pub facts: Vec<(String, String)>,
+}
+
+/// Pictures on one sheet, with their positions.
+#[derive(Clone, Debug, Default)]
+pub struct Sheet {
+    /// Bytes of a PNG file.
+    pub png: Vec<u8>,
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// The frames in order.
+    pub frames: Vec<Frame>,
+}
+
+/// One frame: a pattern above its photo.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Frame {
+    /// Left, top, width and height of each picture on the sheet, and its description.
+    pub pictures: Vec<([usize; 4], String)>,
+    /// Number of the photo, from 1.
+    pub number: usize,
+    /// The value of the photo's brightest colour.
+    pub range: String,
+}
+
+/// A file of the run's folder.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FileLink {
+    /// The name, relative to the page.
+    pub name: String,
+    /// The content, such as `10 × 128 × 128, float64`; may be empty.
+    pub about: String,
+}
+
+impl FileLink {
+    /// A link to a file.
+    pub fn new(name: impl Into<String>, about: impl Into<String>) -> Self {
+        Self { name: name.into(), about: about.into() }
+    }
+
+    pub(super) fn address(&self) -> String {
+        page::address(&self.name)
+    }
 }
 
 impl Report {

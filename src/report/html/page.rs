@@ -1,11 +1,14 @@
 //! The page as HTML.
 
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
 use askama::Template;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use super::values::Embedded;
-use super::{Block, Legend, Number, Outcome, Report, definitions, files};
+use super::{Block, FileLink, Legend, Number, Outcome, Report};
 use crate::error::{Error, Result};
 use crate::report::text;
 use crate::report::web::{COLOR, FORMAT, Module, VALUES, VIEW, bundle};
@@ -75,11 +78,11 @@ impl Page<'_> {
     }
 
     fn numpy(&self) -> String {
-        files::numpy(&self.report.files)
+        numpy(&self.report.files)
     }
 
     fn address(&self, path: &str) -> String {
-        files::address(path)
+        address(path)
     }
 
     fn base64(&self, png: &[u8]) -> String {
@@ -116,11 +119,11 @@ impl Page<'_> {
     }
 
     fn meanings_of_facts(&self) -> Vec<(&'static str, &'static str)> {
-        definitions::definitions(self.report.facts.iter().map(|(name, _)| name.as_str()))
+        definitions(self.report.facts.iter().map(|(name, _)| name.as_str()))
     }
 
     fn meanings(&self, headers: &[String]) -> Vec<(&'static str, &'static str)> {
-        definitions::definitions(headers.iter().map(String::as_str))
+        definitions(headers.iter().map(String::as_str))
     }
 
     fn header<'a>(&self, headers: &'a [String], column: usize) -> &'a str {
@@ -142,4 +145,129 @@ fn is_number(cell: &str) -> bool {
     let normal = cell.trim().replace('\u{2212}', "-");
     let first = normal.split_whitespace().next().unwrap_or_default().trim_end_matches('%');
     matches!(first, "–" | "—") || (first.parse::<f64>().is_ok() && normal.split_whitespace().count() <= 2)
+}
+
+/// A relative path as an address. Each byte of a special character is written as `%` and its code.
+pub(super) fn address(path: &str) -> String {
+    path.bytes()
+        .map(|byte| match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'/' | b'~' => {
+                char::from(byte).to_string()
+            }
+            byte => format!("%{byte:02X}"),
+        })
+        .collect()
+}
+
+fn numpy(files: &[FileLink]) -> String {
+    let arrays: Vec<&FileLink> = files.iter().filter(|file| file.name.ends_with(".npy")).collect();
+    if arrays.is_empty() {
+        return String::new();
+    }
+    let mut lines = vec!["import json".to_owned(), "import numpy as np".to_owned(), String::new()];
+    for file in arrays {
+        let name = variable(file.name.trim_end_matches(".npy"));
+        let about = if file.about.is_empty() { String::new() } else { format!("  # {}", file.about) };
+        lines.push(format!("{name} = np.load(\"{}\"){about}", file.name));
+    }
+    if files.iter().any(|file| file.name == "run.json") {
+        lines.push("run = json.load(open(\"run.json\"))".to_owned());
+    }
+    lines.join("\n")
+}
+
+/// A valid Python name.
+fn variable(name: &str) -> String {
+    let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if plain.starts_with(|c: char| c.is_ascii_digit()) { format!("_{plain}") } else { plain }
+}
+
+/// The page of the guide with all definitions, in tables of two columns.
+const GLOSSARY: &str = include_str!("../../../guide/src/reference/glossary.md");
+
+static DEFINITIONS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
+    let rows =
+        GLOSSARY.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | "));
+    let terms = rows.filter(|(term, _)| !term.starts_with('`') && !term.starts_with("--"));
+    // Words of the field come last. If a column has the same name, the definition of the column wins.
+    let mut found = HashMap::new();
+    for (term, definition) in terms {
+        found.entry(term).or_insert_with(|| plain(definition));
+    }
+    found
+});
+
+/// The terms that have a definition, each once, with their definitions.
+fn definitions<'a>(terms: impl IntoIterator<Item = &'a str>) -> Vec<(&'static str, &'static str)> {
+    let mut found: Vec<(&str, &str)> = Vec::new();
+    for term in terms {
+        let known =
+            DEFINITIONS.get_key_value(term).or_else(|| DEFINITIONS.get_key_value(generic(term).as_str()));
+        if let Some((&term, definition)) = known
+            && !found.iter().any(|(other, _)| *other == term)
+        {
+            found.push((term, definition));
+        }
+    }
+    found
+}
+
+/// The general form of a term with numbers or letters: `from 3` becomes `from N`, `u7` becomes `uN`, and the pixel `C` becomes `A, B, …`.
+fn generic(term: &str) -> String {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    match term.strip_prefix('u') {
+        Some(rest) if is_number(rest) => "uN".into(),
+        _ if term.len() == 1 && term.bytes().all(|byte| byte.is_ascii_uppercase()) => "A, B, …".into(),
+        _ => {
+            let words = term.split(' ').map(|word| if is_number(word) { "N" } else { word });
+            words.collect::<Vec<_>>().join(" ")
+        }
+    }
+}
+
+/// Markdown as plain text. A link becomes its words.
+fn plain(markdown: &str) -> String {
+    let mut text = String::new();
+    let mut rest = markdown;
+    while let Some((before, after)) = rest.split_once("](") {
+        text += before;
+        rest = after.split_once(')').map_or("", |(_, rest)| rest);
+    }
+    (text + rest).replace(['[', '`', '*'], "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arrays_are_loaded_by_names_that_python_takes() {
+        let files = ["labels-2.npy", "white.png", "3d/model.npy", "run.json"]
+            .map(|name| FileLink::new(name, "2 × 2"));
+        let lines = numpy(&files);
+        assert!(
+            lines.contains("labels_2 = np.load(\"labels-2.npy\")  # 2 × 2\n_3d_model = np.load("),
+            "{lines}"
+        );
+        assert!(!lines.contains("png") && lines.ends_with("run = json.load(open(\"run.json\"))"));
+        assert_eq!(numpy(&files[1..2]), "");
+    }
+
+    #[test]
+    fn addresses_hold_no_letters_that_mean_something_else() {
+        assert_eq!(address("a b/ü#1.npy"), "a%20b/%C3%BC%231.npy");
+    }
+
+    #[test]
+    fn terms_with_numbers_are_defined_once() {
+        let found = definitions(["photos", "from 1", "from 2", "u3", "no such figure", "B"]);
+        let terms: Vec<&str> = found.iter().map(|(term, _)| *term).collect();
+        assert_eq!(terms, ["photos", "from N", "uN", "A, B, …"]);
+        assert_eq!(found[0].1, "photos that the row's answer took");
+    }
+
+    #[test]
+    fn links_keep_their_words() {
+        assert_eq!(plain("a [link](b.md#c) of `x` ([how](d.md))"), "a link of x (how)");
+    }
 }

@@ -75,30 +75,24 @@ impl Values {
         Self { size, kind: Kind::Label, planes: vec![plane], unit: String::new() }
     }
 
-    fn describe(&self) -> Value {
-        let mut about = json!({
-            "width": self.size.width,
-            "height": self.size.height,
-            "planes": self.planes.len(),
-            "unit": self.unit,
-        });
-        match self.kind {
-            Kind::Light { white } => {
-                about["kind"] = json!("light");
-                about["white"] = json!(white);
-            }
-            Kind::Number => about["kind"] = json!("number"),
+    /// The data about a figure with these values for the scripts, as a JSON object.
+    fn describe(&self, figure: &Figure) -> Value {
+        let mut about = match self.kind {
+            Kind::Light { white } => json!({ "kind": "light", "white": white }),
+            Kind::Number => json!({ "kind": "number" }),
             Kind::Eigenvector { eigenvalue, weight, range } => {
-                about["eigenvalue"] = json!(eigenvalue);
-                about["kind"] = json!("eigenvector");
-                about["weight"] = json!(weight);
-                about["range"] = json!(range);
+                json!({ "kind": "eigenvector", "eigenvalue": eigenvalue, "weight": weight, "range": range })
             }
-            Kind::Label => {
-                about["kind"] = json!("label");
-                about["masked"] = json!(MASKED_LABEL);
-            }
-        }
+            Kind::Label => json!({ "kind": "label", "masked": MASKED_LABEL }),
+        };
+        about["width"] = json!(self.size.width);
+        about["height"] = json!(self.size.height);
+        about["planes"] = json!(self.planes.len());
+        about["unit"] = json!(self.unit);
+        about["name"] = json!(figure.name);
+        about["file"] = json!(figure.file);
+        about["series"] = json!(figure.series);
+        about["flips"] = json!(figure.flips);
         about
     }
 }
@@ -138,17 +132,13 @@ impl Embedded {
         let mut embedded = Self::default();
         let mut bytes = 0;
         for ((at, figure, values), text) in values.into_iter().zip(texts) {
-            embedded.add(at, figure, values.describe(), text, &mut bytes);
+            embedded.add(at, values.describe(figure), text, &mut bytes);
         }
         embedded
     }
 
     /// Adds the values of a figure, packed as `text`. `about` describes the figure.
-    fn add(&mut self, at: [usize; 3], figure: &Figure, mut about: Value, text: String, bytes: &mut usize) {
-        about["name"] = json!(figure.name);
-        about["file"] = json!(figure.file);
-        about["series"] = json!(figure.series);
-        about["flips"] = json!(figure.flips);
+    fn add(&mut self, at: [usize; 3], mut about: Value, text: String, bytes: &mut usize) {
         if *bytes + text.len() <= MOST_BYTES {
             *bytes += text.len();
             let id = format!("values-{}", self.sections.len());

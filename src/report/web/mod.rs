@@ -75,8 +75,9 @@ pub fn deflated(bytes: &[u8], level: Compression) -> String {
 }
 
 /// JSON as the content of a script element. It contains nothing that could end the element.
-pub fn embedded_json(value: &serde_json::Value) -> String {
-    value.to_string().replace('<', "\\u003c")
+pub fn embedded_json(value: &impl serde::Serialize) -> String {
+    // Only a map with keys other than strings cannot be JSON.
+    serde_json::to_string(value).unwrap_or_default().replace('<', "\\u003c")
 }
 
 #[cfg(test)]

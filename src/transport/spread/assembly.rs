@@ -10,11 +10,12 @@ use crate::image::{Image, Resolution};
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::team::{Comm, Team, answer, from_bytes, garbled, read_answer, threads, to_bytes};
 use crate::transport::assembled::{Assembled, shape};
+use crate::transport::contributions::Share;
 use crate::transport::layer::{Bounces, Layer};
 use crate::transport::noise::{EntrySquares, Estimates, Noise, relative};
-use crate::transport::share::Share;
+use crate::transport::scaling::pilot;
 use crate::transport::wire::{self, unread};
-use crate::transport::{Channels, RigShape, TransportMatrix, from_planes, pilot};
+use crate::transport::{Channels, RigShape, TransportMatrix, from_planes};
 
 /// The leader's word after the trace: the processes go on, or they drop their shares.
 const GO_ON: u8 = 1;
@@ -251,7 +252,7 @@ fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> 
         return Ok(vec![all]);
     }
     let projector = tracer.projector_resolution(settings);
-    let pilot = pilot::of(settings);
+    let pilot = pilot(settings);
     let sizes = [pilot.resolution, tracer.projector_resolution(&pilot)];
     let mut rays = sizes.map(|size| vec![0_u64; size.height]);
     tracer.trace(&pilot, &mut |batch| {

@@ -9,10 +9,9 @@ use std::sync::atomic::{AtomicIsize, Ordering::SeqCst};
 
 use crate::image::Resolution;
 use crate::team::threads;
-use crate::transport::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
+use crate::transport::contributions::{Chunk, Chunks, Found, Key, Row, Term, Terms};
 use crate::transport::merging::{Merging, Pairs};
 use crate::transport::row_sums::{FixedSums, Scale, row_sums};
-use crate::transport::share::Found;
 use crate::transport::spread::{Combined, Steps, merge};
 use crate::transport::tiles::{CompressedRows, Entries, Fragment, Pages, Tiles, groups};
 use crate::transport::transpose::Sources;

@@ -189,12 +189,8 @@ pub(super) fn ssim(of: &Similarity) -> String {
 }
 
 impl Answer for Compensated {
-    fn verb(&self) -> &'static str {
-        Compensate::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "light transport compensation"
+    fn names(&self) -> [&'static str; 2] {
+        [Compensate::NAME, "light transport compensation"]
     }
 
     fn photos(&self) -> usize {
@@ -265,7 +261,7 @@ impl Answer for Compensated {
 
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         if let Some((name, unit)) = &self.model {
-            page.title = format!("{name} · {}", self.title());
+            page.title = format!("{name} · {}", self.names()[1]);
             page.unit.clone_from(unit);
             page.strip = None;
         }

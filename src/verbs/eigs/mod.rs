@@ -308,12 +308,8 @@ impl Spectrum {
 }
 
 impl Answer for Spectrum {
-    fn verb(&self) -> &'static str {
-        Eigs::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        self.inner().title()
+    fn names(&self) -> [&'static str; 2] {
+        self.inner().names()
     }
 
     fn photos(&self) -> usize {

@@ -88,12 +88,8 @@ impl Eigenpairs {
 }
 
 impl Answer for Eigenpairs {
-    fn verb(&self) -> &'static str {
-        Eigs::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "eigenpairs"
+    fn names(&self) -> [&'static str; 2] {
+        [Eigs::NAME, "eigenpairs"]
     }
 
     fn photos(&self) -> usize {

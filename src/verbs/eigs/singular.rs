@@ -73,12 +73,8 @@ impl SingularTriplets {
 }
 
 impl Answer for SingularTriplets {
-    fn verb(&self) -> &'static str {
-        Eigs::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "singular values"
+    fn names(&self) -> [&'static str; 2] {
+        [Eigs::NAME, "singular values"]
     }
 
     fn photos(&self) -> usize {

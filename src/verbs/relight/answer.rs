@@ -72,24 +72,24 @@ impl Relighting {
 
     fn arrays<'a>(&'a self, content: &mut Content<'a>) {
         for (index, relit) in self.relit.iter().enumerate() {
-            content.picture("relit", Some(index), &relit.relit);
+            content.picture("relit", &relit.relit).key = Some(index);
             if let Some(truth) = &relit.truth {
-                content.picture("truth", Some(index), truth);
+                content.picture("truth", truth).key = Some(index);
             }
         }
         for (index, dual) in self.duals.iter().enumerate() {
-            content.picture("duals", Some(index), &dual.image);
+            content.picture("duals", &dual.image).key = Some(index);
         }
         for (index, reduced) in self.reduced.iter().enumerate() {
-            content.picture("direct", Some(index), &reduced.direct);
+            content.picture("direct", &reduced.direct).key = Some(index);
         }
-        content.picture("ambient", None, &self.model.ambient);
+        content.picture("ambient", &self.model.ambient);
         let [projector, camera] = [self.model.projector, self.model.resolution].map(|size| size.pixels());
         for (channel, model) in self.model.channels.iter().enumerate() {
             for (name, rows, length) in
                 [("basis", model.basis(), projector), ("basis_photos", model.photos(), camera)]
             {
-                content.keyed_attribute(name, channel, &[rows.len(), length], rows.concat());
+                content.attribute(name, &[rows.len(), length], rows.concat()).key = Some(channel);
             }
         }
     }
@@ -150,12 +150,8 @@ impl Relighting {
 }
 
 impl Answer for Relighting {
-    fn verb(&self) -> &'static str {
-        Relight::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "low-rank light transport"
+    fn names(&self) -> [&'static str; 2] {
+        [Relight::NAME, "low-rank light transport"]
     }
 
     fn photos(&self) -> usize {
@@ -217,7 +213,7 @@ impl Answer for Relighting {
             ModelPlace::Folder(run, files) if folder.parent() == Some(run) => files.clone(),
             ModelPlace::Folder(..) | ModelPlace::Memory => self.model.write(folder)?,
         });
-        page.title = format!("{} · {}", self.model.source, self.title());
+        page.title = format!("{} · {}", self.model.source, self.names()[1]);
         page.unit.clone_from(&self.model.unit);
         page.strip.take_if(|_| self.photos == 0);
         self.show_on(page)

@@ -106,10 +106,10 @@ impl Segmented {
         content.array("eigenvectors", &[count, height, width], found.eigenvectors.concat());
         content.array("degree", &[height, width], &found.degree);
         for (groups, labels) in &found.labels {
-            content.keyed("labels", *groups, &[height, width], labels);
+            content.array("labels", &[height, width], labels).key = Some(*groups);
         }
         for (groups, confidence) in &found.confidence {
-            content.keyed("confidence", *groups, &[height, width], confidence);
+            content.array("confidence", &[height, width], confidence).key = Some(*groups);
         }
         if let Some(truth) = &self.truth {
             content.array("labels-true", &[height, width], &truth.labels);
@@ -118,7 +118,7 @@ impl Segmented {
             content.array("direct", &[height, width], &direct.direct);
         }
         for of in &self.evidence {
-            content.keyed("evidence", of.groups, &[of.groups, height, width], of.photos.concat());
+            content.array("evidence", &[of.groups, height, width], of.photos.concat()).key = Some(of.groups);
         }
         content.attribute("within", &[count], &found.embedding.within);
         content.attribute("weights", &[height, width], &found.weights);
@@ -269,12 +269,8 @@ impl Segmented {
 }
 
 impl Answer for Segmented {
-    fn verb(&self) -> &'static str {
-        Segment::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "light transport segmentation"
+    fn names(&self) -> [&'static str; 2] {
+        [Segment::NAME, "light transport segmentation"]
     }
 
     fn photos(&self) -> usize {

@@ -143,12 +143,8 @@ impl Separated {
 }
 
 impl Answer for Separated {
-    fn verb(&self) -> &'static str {
-        Separate::NAME
-    }
-
-    fn title(&self) -> &'static str {
-        "direct and global light"
+    fn names(&self) -> [&'static str; 2] {
+        [Separate::NAME, "direct and global light"]
     }
 
     /// The number of photos of the method and of the separation of near from far.

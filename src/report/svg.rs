@@ -5,7 +5,6 @@
 use std::fmt::Write;
 
 use super::axis::Axis;
-use super::notes::along;
 
 /// Appends formatted markup. Writing to a string cannot fail.
 macro_rules! draw {
@@ -13,12 +12,6 @@ macro_rules! draw {
         let _ = write!($target, $($format)*);
     };
 }
-
-mod notes;
-mod text;
-mod told;
-
-use text::{escape, rows};
 
 pub(super) struct Chart {
     pub x: Axis,
@@ -219,6 +212,108 @@ impl Chart {
         );
     }
 
+    /// Begins a curve whose values the page's scripts show. `points` are its values. Values without a place in the drawing are left out.
+    pub fn open_curve(&mut self, name: &str, color: &str, points: &[(f64, f64)]) {
+        let told = points.iter().filter_map(|&(x, y)| {
+            let (across, down) = self.place((x, y))?;
+            Some(format!("{:e} {:e} {across:.1} {down:.1}", x as f32, y as f32))
+        });
+        let told: Vec<String> = told.collect();
+        draw!(
+            self.body,
+            r#"<g data-name="{}" data-color="{color}" data-points="{}">"#,
+            escape(name),
+            told.join(",")
+        );
+    }
+
+    /// Begins points that stand for pixels.
+    pub fn open_pixels(&mut self, pixels: &[usize], axes: [usize; 2]) {
+        let pixels: Vec<String> = pixels.iter().map(usize::to_string).collect();
+        draw!(self.body, r#"<g data-axes="{},{}" data-pixels="{}">"#, axes[0], axes[1], pixels.join(" "));
+    }
+
+    /// Ends the curve or the points that were begun last.
+    pub fn close(&mut self) {
+        self.body.push_str("</g>");
+    }
+
+    /// A line behind the curves, without values for the scripts.
+    pub fn shadow(&mut self, points: &[(f64, f64)]) {
+        let path: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+        draw!(
+            self.body,
+            r#"<polyline points="{}" fill="none" stroke="currentColor" stroke-opacity="0.16"/>"#,
+            path.join(" ")
+        );
+    }
+
+    /// Writes names beside points. Each is placed where it covers no other name or marked point, if there is such a place.
+    pub fn names(&mut self, named: &[((f64, f64), &str)]) {
+        let points: Vec<(f64, f64)> = named.iter().map(|(at, _)| *at).collect();
+        let mut taken = Vec::new();
+        for ((x, y), name) in named {
+            let width = LETTER * name.chars().count() as f64 + 4.0;
+            let places: Vec<_> = [10.0, 20.0, 34.0]
+                .into_iter()
+                .flat_map(|away| {
+                    let lefts = [x + away, x - away - width, x - width / 2.0];
+                    let bases = [y - away + 2.0, y + away + 10.0, y + 5.0];
+                    lefts.into_iter().flat_map(move |left| bases.map(|base| (left, base)))
+                })
+                .map(|(left, base)| [left, base - FONT, left + width, base + 3.0])
+                .filter(|place| place[0] >= self.layout.left && place[2] <= self.layout.width)
+                .filter(|place| place[1] >= self.top - FONT && place[3] <= self.bottom())
+                .collect();
+            let Some(place) = clearest(&places, &points, &taken) else { continue };
+            taken.push(place);
+            draw!(
+                self.body,
+                r#"<text class="halo" x="{:.1}" y="{:.1}" font-weight="600">{}</text>"#,
+                place[0],
+                place[3] - 3.0,
+                escape(name)
+            );
+        }
+    }
+
+    /// Draws a dashed horizontal line over the full width. Its note is placed where no curve passes.
+    pub fn horizontal_mark(&mut self, value: f64, note: &str) {
+        let Some(y) = self.y.position(value).map(|along| self.down(along)) else { return };
+        let (left, right) = (self.layout.left, self.layout.right());
+        draw!(
+            self.body,
+            r#"<line x1="{left}" y1="{y:.1}" x2="{right}" y2="{y:.1}" stroke="currentColor" stroke-opacity="0.7" stroke-width="1.2" stroke-dasharray="2 4"/>"#
+        );
+        self.marks.push((y, note.to_owned()));
+    }
+
+    /// Writes the notes of the marks above or below their lines, as far left as possible without covering a curve or another note.
+    fn draw_notes(&mut self) {
+        let mut notes = Vec::new();
+        for (y, note) in std::mem::take(&mut self.marks) {
+            let (width, left, right) =
+                (LETTER * note.chars().count() as f64, self.layout.left, self.layout.right());
+            let lefts =
+                (0..9).map(|eighths| left + 8.0 + f64::from(eighths) / 8.0 * (right - left - 8.0 - width));
+            let places: Vec<_> = lefts
+                .flat_map(|left| {
+                    [y - 6.0, y + 16.0].map(|base| [left, base - FONT, left + width, base + 4.0])
+                })
+                .filter(|place| place[1] >= self.top - FONT && place[3] <= self.bottom())
+                .collect();
+            let Some(place) = clearest(&places, &self.drawn, &notes) else { continue };
+            notes.push(place);
+            draw!(
+                self.body,
+                r#"<text x="{:.1}" y="{:.1}" fill-opacity="0.75">{}</text>"#,
+                place[0],
+                place[3] - 4.0,
+                escape(&note)
+            );
+        }
+    }
+
     pub fn finish(mut self) -> String {
         self.draw_notes();
         let told = format!(
@@ -274,4 +369,92 @@ fn draw_legend(body: &mut String, layout: Layout, legend: &[(&str, &str, &str)])
 
 fn dash_attribute(dashes: &str) -> String {
     if dashes.is_empty() { String::new() } else { format!(r#" stroke-dasharray="{dashes}""#) }
+}
+
+/// Splits a text that is wider than `length` into two rows.
+fn rows(text: &str, length: f64) -> Vec<&str> {
+    let half = text.len() / 2;
+    let break_at = text.match_indices(' ').map(|(at, _)| at).min_by_key(|at| at.abs_diff(half));
+    match break_at {
+        Some(at) if LETTER * text.chars().count() as f64 > length => vec![&text[..at], &text[at + 1..]],
+        _ => vec![text],
+    }
+}
+
+fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            // XML forbids other control characters, even escaped ones.
+            character if character.is_control() => escaped.push(' '),
+            character => escaped.push(character),
+        }
+    }
+    escaped
+}
+
+/// A rectangle: left, top, right and bottom.
+type Frame = [f64; 4];
+
+/// The sampling distance along lines. Closer points are equivalent for the placement of notes.
+const STEP: f64 = 3.0;
+
+/// Points along the lines between `corners`, dense enough to detect every line through a note.
+fn along(corners: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
+    corners.windows(2).flat_map(|ends| {
+        let [(x, y), (to_x, to_y)] = [ends[0], ends[1]];
+        let steps = ((to_x - x).hypot(to_y - y) / STEP).ceil().max(1.0) as usize;
+        (0..=steps).map(move |step| {
+            let share = step as f64 / steps as f64;
+            (x + share * (to_x - x), y + share * (to_y - y))
+        })
+    })
+}
+
+/// The first of the places that cover the fewest points and notes; `None` without places.
+fn clearest(places: &[Frame], points: &[(f64, f64)], notes: &[Frame]) -> Option<Frame> {
+    let hidden = |place: &Frame| {
+        let inside =
+            |&&(x, y): &&(f64, f64)| (place[0]..=place[2]).contains(&x) && (place[1]..=place[3]).contains(&y);
+        let meets = |note: &&Frame| {
+            note[0] < place[2] && place[0] < note[2] && note[1] < place[3] && place[1] < note[3]
+        };
+        // Overlapping notes are unreadable, hence the large penalty.
+        points.iter().filter(inside).count() + 1000 * notes.iter().filter(meets).count()
+    };
+    places.iter().copied().min_by_key(hidden)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_note_stands_where_no_curve_passes_and_no_other_note_stands() {
+        let places = [[0.0, 0.0, 50.0, 10.0], [100.0, 0.0, 150.0, 10.0], [200.0, 0.0, 250.0, 10.0]];
+        let curve: Vec<_> = along(&[(0.0, -40.0), (40.0, 40.0)]).collect();
+        assert_eq!(clearest(&places, &[], &[]), Some(places[0]));
+        assert_eq!(clearest(&places, &curve, &[]), Some(places[1]));
+        assert_eq!(clearest(&places, &curve, &[[90.0, 5.0, 110.0, 15.0]]), Some(places[2]));
+        assert_eq!(clearest(&[], &curve, &[]), None);
+    }
+
+    #[test]
+    fn a_line_is_seen_all_along() {
+        let points: Vec<_> = along(&[(0.0, 0.0), (30.0, 40.0)]).collect();
+        assert!(points.windows(2).all(|pair| (pair[1].0 - pair[0].0).hypot(pair[1].1 - pair[0].1) <= STEP));
+        assert!(points.contains(&(0.0, 0.0)) && points.contains(&(30.0, 40.0)));
+    }
+
+    #[test]
+    fn a_label_longer_than_its_axis_takes_two_rows() {
+        assert_eq!(rows("relative residual", 260.0), ["relative residual"]);
+        let long = "relative error of global light, Frobenius norm";
+        assert_eq!(rows(long, 260.0), ["relative error of global", "light, Frobenius norm"]);
+        assert_eq!(rows("withoutanyspace", 10.0), ["withoutanyspace"]);
+    }
 }
