@@ -202,7 +202,7 @@ impl Lab {
                 (Some(_), Some(open)) => return Err(in_another_folder(&open)),
                 (folder, None) => {
                     let options = RunOptions { folder: folder.clone(), overwrite, resume: false };
-                    lab.begin_run(answer.kept().verb(), &options)?;
+                    lab.begin_run(answer.kept().names()[0], &options)?;
                 }
             }
             lab.finish(&**answer.kept()).map(|saved| saved.folder)

@@ -1,13 +1,13 @@
 //! `krylux plan`: what a verb will cost on a rig, or a scene on several machines.
 
 use super::Outcome;
-use super::asked::Framed;
+use super::asked::Asked;
 use super::console::Console;
 use super::opening::{Traced, tell};
 use crate::error::Result;
 use crate::verbs::Plan;
 
-pub(super) fn run(args: &Framed<Plan, Traced, ()>, console: &Console) -> Result<Outcome> {
+pub(super) fn run(args: &Asked<Plan, Traced, ()>, console: &Console) -> Result<Outcome> {
     args.request.check(&args.before.source.source)?;
     let lab = args.before.opening().channels(args.request.channels()).open(console)?;
     tell("plan", &args.request.ask(&lab)?, true, console)
