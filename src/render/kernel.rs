@@ -121,7 +121,7 @@ pub(super) struct GpuEndpoint {
 
 /// The parameters of a dispatch, in the layout of `Parameters` in `shaders/shared/parameters.wgsl`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Parameters {
     pub(super) start: GpuEndpoint,
     pub(super) end: GpuEndpoint,

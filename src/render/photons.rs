@@ -46,18 +46,12 @@ impl Default for Gather {
     }
 }
 
+#[derive(PartialEq)]
 pub(super) struct ChainRequest {
     pub(super) features: Features,
     pub(super) endpoint: GpuEndpoint,
     pub(super) gather: Gather,
     pub(super) base: Parameters,
-}
-
-impl PartialEq for ChainRequest {
-    fn eq(&self, other: &Self) -> bool {
-        (self.features, self.endpoint, self.gather) == (other.features, other.endpoint, other.gather)
-            && bytemuck::bytes_of(&self.base) == bytemuck::bytes_of(&other.base)
-    }
 }
 
 impl PhotonMap {

@@ -130,24 +130,16 @@ fn parameters(
     Parameters {
         start,
         end,
-        first_pixel: 0,
-        first_sample: 0,
-        paths: 0,
         samples,
         max_bounces: settings.max_bounces,
         // The paths of both endpoints use different random numbers.
         seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
-        mark: 0,
         end_to_start,
         // This factor converts an estimate per projector sample to one per camera sample. Lengths are in metres.
         scale: if from_camera { 1.0 } else { end_to_start },
-        gather_radius: 0.0,
-        inverse_cell: 0.0,
-        bucket_mask: 0,
-        stride: 0,
         sampling: settings.sampler.word(),
         paths_per_invocation: 1,
-        photons: 0,
+        ..bytemuck::Zeroable::zeroed()
     }
 }
 
@@ -200,11 +192,10 @@ impl Endpoints {
             up,
             focus: self.unit.length(endpoint.lens.focus),
             back,
-            padding: 0.0,
             position: self.unit.vector(position),
-            padding2: 0.0,
             tangent: [endpoint.tan_half_fov * shape, endpoint.tan_half_fov],
             resolution: [resolution.width as u32, resolution.height as u32],
+            ..bytemuck::Zeroable::zeroed()
         }
     }
 }
