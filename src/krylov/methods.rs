@@ -83,19 +83,19 @@ macro_rules! methods {
 #[rustfmt::skip]
 methods! {
     //                                 Aᵀ     A=Aᵀ               images   start/iteration
-    Minres         "minres"           [false, true]  None        [12, 0] [0, 1] |_, b, options| Minres::new(b, options);
-    Gmres          "gmres"            [false, false] None        [7, 1]  [0, 1] |_, b, options| Gmres::new(b, options);
+    Minres         "minres"           [false, true]  None        [12, 0] [0, 1] |_, b, options| Minres::solver(b, options);
+    Gmres          "gmres"            [false, false] None        [7, 1]  [0, 1] |_, b, options| Gmres::solver(b, options);
     Fgmres         "fgmres"           [false, false] None        [7, 2]  [0, 1] |_, b, options| Gmres::flexible(b, options);
-    Cg             "cg"               [false, true]  None        [7, 0]  [0, 1] |_, b, options| Cg::new(b, options);
-    Cgs            "cgs"              [false, false] None        [12, 0] [0, 2] |_, b, options| Cgs::new(b, options);
-    BiCgStab       "bicgstab"         [false, false] None        [9, 0]  [0, 2] |_, b, options| BiCgStab::new(b, options);
-    Lsqr           "lsqr"             [true, false]  None        [9, 0]  [1, 2] Lsqr::new;
-    Lsmr           "lsmr"             [true, false]  None        [10, 0] [1, 2] Lsmr::new;
-    Jacobi         "jacobi"           [false, false] Box         [7, 0]  [0, 1] |_, b, options| ProjectedJacobi::new(b, options);
-    Fista          "fista"            [true, false]  Box         [11, 0] [1, 2] |_, b, options| Fista::new(b, options);
-    KrylovBox      "krylov-box"       [false, false] Box         [14, 2] [0, 1] |_, b, options| KrylovBox::new(b, options);
-    Mrnsd          "mrnsd"            [true, false]  NonNegative [7, 0]  [1, 2] |_, b, options| Mrnsd::new(b, options);
-    Multiplicative "multiplicative"   [true, false]  NonNegative [8, 0]  [2, 2] |_, b, options| Multiplicative::new(b, options);
+    Cg             "cg"               [false, true]  None        [7, 0]  [0, 1] |_, b, options| Cg::solver(b, options);
+    Cgs            "cgs"              [false, false] None        [12, 0] [0, 2] |_, b, options| Cgs::solver(b, options);
+    BiCgStab       "bicgstab"         [false, false] None        [9, 0]  [0, 2] |_, b, options| BiCgStab::solver(b, options);
+    Lsqr           "lsqr"             [true, false]  None        [9, 0]  [1, 2] Lsqr::solver;
+    Lsmr           "lsmr"             [true, false]  None        [10, 0] [1, 2] Lsmr::solver;
+    Jacobi         "jacobi"           [false, false] Box         [7, 0]  [0, 1] |_, b, options| ProjectedJacobi::solver(b, options);
+    Fista          "fista"            [true, false]  Box         [11, 0] [1, 2] |_, b, options| Fista::solver(b, options);
+    KrylovBox      "krylov-box"       [false, false] Box         [14, 2] [0, 1] |_, b, options| KrylovBox::solver(b, options);
+    Mrnsd          "mrnsd"            [true, false]  NonNegative [7, 0]  [1, 2] |_, b, options| Mrnsd::solver(b, options);
+    Multiplicative "multiplicative"   [true, false]  NonNegative [8, 0]  [2, 2] |_, b, options| Multiplicative::solver(b, options);
 }
 
 impl Method {

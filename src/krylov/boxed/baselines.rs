@@ -32,7 +32,7 @@ impl ProjectedJacobi {
     /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ,
     /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
     /// preconditioner or an empty box.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let (system, boxed) = Boxed::new("projected Jacobi", b, options)?;
         Ok(Solver::new(system, Self { boxed, next: vec![0.0; b.len()] }))
     }
@@ -78,8 +78,8 @@ pub struct Mrnsd {
 impl Mrnsd {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
     /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
-    /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         let (system, boxed) = Boxed::new("MRNSD", b, &options)?;
         Ok(Solver::new(system, Self { boxed, s: vec![0.0; b.len()], gamma: 0.0, descend: false }))
@@ -154,8 +154,8 @@ pub struct Multiplicative {
 impl Multiplicative {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
     /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
-    /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         let (system, boxed) = Boxed::new("multiplicative updates", b, &options)?;
         let (numerator, image) = (Vec::new(), vec![0.0; b.len()]);

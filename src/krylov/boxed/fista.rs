@@ -41,8 +41,8 @@ pub struct Fista {
 impl Fista {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and
     /// `diagonal` of the options; without `diagonal` the first product is `A 1`. Fails with the errors of
-    /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let (system, boxed) = Boxed::new("FISTA", b, options)?;
         let [y, gradient, r_old, x_old, scratch] = [(); 5].map(|()| vec![0.0; b.len()]);
         let (lipschitz, t, forward, first) = (0.0, 1.0, true, true);

@@ -66,9 +66,9 @@ impl KrylovBox {
     /// photo.
     ///
     /// # Errors
-    /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new); [`Error::Dimension`] if the surrogate has
+    /// The errors of [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver); [`Error::Dimension`] if the surrogate has
     /// another size.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         if let Some(surrogate) = &options.surrogate {
             Error::check_size("the surrogate's rows and columns", b.len(), surrogate.size())?;
         }

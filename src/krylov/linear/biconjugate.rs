@@ -107,8 +107,8 @@ pub struct Cgs {
 
 impl Cgs {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the options. Fails with the errors
-    /// of [`Cg::new`](crate::krylov::linear::Cg::new), but accepts any preconditioner.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// of [`Cg::solver`](crate::krylov::linear::Cg::solver), but accepts any preconditioner.
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let [u, p, q, v, sum] = [(); 5].map(|()| vec![0.0; b.len()]);
         let recurrence = Self { shared: Shadowed::new(b.len()), u, p, q, v, sum, alpha: 0.0 };
         Ok(Solver::new(System::split("CGS", false, b.len(), b, options)?, recurrence))
@@ -168,8 +168,8 @@ pub struct BiCgStab {
 
 impl BiCgStab {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the options. Fails with the errors
-    /// of [`Cg::new`](crate::krylov::linear::Cg::new), but accepts any preconditioner.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// of [`Cg::solver`](crate::krylov::linear::Cg::solver), but accepts any preconditioner.
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let [p, v] = [(); 2].map(|()| vec![0.0; b.len()]);
         let recurrence = Self { shared: Shadowed::new(b.len()), p, v, alpha: 0.0, omega: 0.0 };
         Ok(Solver::new(System::split("BiCGStab", false, b.len(), b, options)?, recurrence))

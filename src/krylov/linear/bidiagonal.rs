@@ -143,8 +143,8 @@ pub struct Lsqr {
 impl Lsqr {
     /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
     /// and `preconditioner` of the options. Fails with the errors of
-    /// [`Cg::new`](crate::krylov::linear::Cg::new).
-    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSQR", true, cols, b, options)?;
         let recurrence = Self {
             process: Bidiagonal::new(cols, b.len(), options),
@@ -256,8 +256,8 @@ impl ResidualNorm {
 impl Lsmr {
     /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
     /// and `preconditioner` of the options. Fails with the errors of
-    /// [`Cg::new`](crate::krylov::linear::Cg::new).
-    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSMR", true, cols, b, options)?;
         let recurrence = Self {
             process: Bidiagonal::new(cols, b.len(), options),

@@ -42,12 +42,12 @@ const MEANINGLESS: f64 = 1e-9;
 
 impl Gmres {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and `restart` of the options.
-    /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), but accepts any preconditioner.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver), but accepts any preconditioner.
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         Ok(Self::build(System::new(b.len(), b, options)?, options, false))
     }
 
-    /// Makes FGMRES, with an `M` on the right that may change. Fails with the errors of [`Gmres::new`], and refuses a preconditioner on the
+    /// Makes FGMRES, with an `M` on the right that may change. Fails with the errors of [`Gmres::solver`], and refuses a preconditioner on the
     /// left.
     pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("FGMRES", false, b.len(), b, options)?;

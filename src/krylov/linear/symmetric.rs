@@ -36,7 +36,7 @@ impl Cg {
     /// # Errors
     /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ, [`Error::Numerical`](crate::Error::Numerical) for NaN,
     /// [`Error::Option`](crate::Error::Option) for a preconditioner that is not positive definite or an impossible option.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let n = b.len();
         let system = System::split("CG", true, n, b, options)?;
         let recurrence =
@@ -142,8 +142,8 @@ pub struct Minres {
 impl Minres {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to
     /// judge symmetry, `noise` of the options. Fails with the errors of
-    /// [`Cg::new`](crate::krylov::linear::Cg::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let zero = vec![0.0; b.len()];
         let system = System::split("MINRES", true, b.len(), b, options)?;
         let recurrence = Self {
