@@ -203,23 +203,19 @@ impl Error {
     /// The same error with a remedy. An error that has no remedy stays as it is.
     #[must_use]
     pub fn help(mut self, remedy: impl Into<String>) -> Self {
-        match &mut self {
-            Self::Scene { help, .. }
-            | Self::Data { help, .. }
-            | Self::Option { help, .. }
-            | Self::NoAdapter { help, .. }
-            | Self::Device { help, .. }
-            | Self::Rig { help, .. }
-            | Self::Saturated { help, .. }
-            | Self::Journal { help, .. }
-            | Self::NotTaken { help, .. }
-            | Self::UnfinishedPaths { help, .. }
-            | Self::Team { help, .. } => *help = remedy.into(),
-            Self::Read { .. }
-            | Self::Write { .. }
-            | Self::Interrupted
-            | Self::Dimension { .. }
-            | Self::Numerical(_) => {}
+        if let Self::Scene { help, .. }
+        | Self::Data { help, .. }
+        | Self::Option { help, .. }
+        | Self::NoAdapter { help, .. }
+        | Self::Device { help, .. }
+        | Self::Rig { help, .. }
+        | Self::Saturated { help, .. }
+        | Self::Journal { help, .. }
+        | Self::NotTaken { help, .. }
+        | Self::UnfinishedPaths { help, .. }
+        | Self::Team { help, .. } = &mut self
+        {
+            *help = remedy.into();
         }
         self
     }

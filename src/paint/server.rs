@@ -92,11 +92,13 @@ pub fn serve(
     go_on: impl FnMut() -> ControlFlow<()>,
     note: Arc<dyn Fn(&str) + Send + Sync>,
 ) -> Result<Ended> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.map_err(|reason| no_listener(options.listen, &reason))?;
-    let listener = runtime.block_on(TcpListener::bind(options.listen));
-    let listener = listener.map_err(|reason| no_listener(options.listen, &reason))?;
-    let address = listener.local_addr().map_err(|reason| no_listener(options.listen, &reason))?;
+    let no_listener = |reason: std::io::Error| {
+        Error::option("--listen", format!("{} cannot be listened on: {reason}", options.listen))
+            .help("give another port, or port 0 for any free one")
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(no_listener)?;
+    let listener = runtime.block_on(TcpListener::bind(options.listen)).map_err(no_listener)?;
+    let address = listener.local_addr().map_err(no_listener)?;
     let guard = Guard::new(address)?;
     let url = guard.url();
     let canvas = session.canvas();
@@ -182,11 +184,6 @@ async fn accept(
             }
         })
         .await
-}
-
-fn no_listener(address: SocketAddr, reason: &std::io::Error) -> Error {
-    Error::option("--listen", format!("{address} cannot be listened on: {reason}"))
-        .help("give another port, or port 0 for any free one")
 }
 
 /// The length of a token in bytes. It is long enough that the token cannot be guessed.

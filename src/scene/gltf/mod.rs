@@ -226,8 +226,7 @@ fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u
 }
 
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
-    let four = bytes.get(at..at + 4)?;
-    Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
+    bytes.get(at..)?.first_chunk().map(|&four| u32::from_le_bytes(four))
 }
 
 fn other_version(path: &Path, version: &str) -> Error {
